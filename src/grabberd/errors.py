@@ -1,0 +1,130 @@
+"""Every error that grabberd raises on purpose.
+
+    GrabberdError                 message and hint; nobody raises it bare
+    ├── ConfigError               the configuration cannot be used: all problems at once (exit 78)
+    ├── DeviceError               the grabber does not do what is asked of it
+    │   ├── DriverMissing         no such driver, or its dependency is not installed
+    │   ├── DeviceAbsent          it is not there (yet): worth trying again
+    │   ├── DeviceLost            it went away while it streamed: close, then open again
+    │   ├── DeviceRefused         it is there and says no (busy, rights, standard): a person has to act
+    │   └── StreamEnded           a recording has no further field; what came before is good
+    ├── InputError                a file or value from outside is not what it should be
+    │   ├── PictureError          a picture: missing, truncated, of another size
+    │   ├── CaptureFileError      a capture file: damaged, of another version, not a capture
+    │   └── CalibrationMismatch   a calibration that belongs to another picture size, glass or rig
+    ├── NotFound                  no capture, run, field or job of that name
+    ├── Conflict                  it cannot be done now
+    │   ├── CaptureRunning        a capture is running: carries its id
+    │   └── NotReady              the device does not stream, or there is no calibration
+    ├── StorageError              the disk is full, read-only or broken
+    └── MeasurementError          the data do not determine what is asked of them
+
+A class exists because somebody reacts differently to it. A message says what failed, on what, with which values;
+the hint says what to do.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class GrabberdError(Exception):
+    """What failed, on what, with which values; `hint` says what the operator can do."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong in a configuration."""
+
+    file: str
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.key}: {self.message}"
+
+
+class ConfigError(GrabberdError):
+    """The configuration cannot be used; `problems` has all of them."""
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        count = f"{len(problems)} problem" + ("" if len(problems) == 1 else "s")
+        listing = "\n".join(f"  {problem}" for problem in problems)
+        super().__init__(
+            f"the configuration has {count}:\n{listing}",
+            "mend these keys; 'grabberd check-config FILE' checks without starting anything",
+        )
+        self.problems = tuple(problems)
+
+
+class DeviceError(GrabberdError):
+    """The grabber does not do what is asked of it."""
+
+
+class DriverMissing(DeviceError):
+    """No such driver, or what it needs is not installed."""
+
+
+class DeviceAbsent(DeviceError):
+    """The grabber is not there (yet)."""
+
+
+class DeviceLost(DeviceError):
+    """The grabber went away while it streamed."""
+
+
+class DeviceRefused(DeviceError):
+    """The grabber is there and says no."""
+
+
+class StreamEnded(DeviceError):
+    """A recording has no further field."""
+
+
+class InputError(GrabberdError):
+    """A file or a value from outside is not what it should be."""
+
+
+class PictureError(InputError):
+    """A picture is missing, truncated or of another size."""
+
+
+class CaptureFileError(InputError):
+    """A capture file is damaged, of another version, or no capture at all."""
+
+
+class CalibrationMismatch(InputError):
+    """A calibration belongs to another picture size, glass or rig."""
+
+
+class NotFound(GrabberdError):
+    """No capture, run, field or job of that name."""
+
+
+class Conflict(GrabberdError):
+    """It cannot be done now."""
+
+
+class CaptureRunning(Conflict):
+    """A capture is running already; `capture_id` names it."""
+
+    def __init__(self, capture_id: str) -> None:
+        super().__init__(
+            f"capture {capture_id} is running", f"stop it first: POST /api/v1/captures/{capture_id}/stop"
+        )
+        self.capture_id = capture_id
+
+
+class NotReady(Conflict):
+    """The device does not stream, or there is no calibration."""
+
+
+class StorageError(GrabberdError):
+    """The disk is full, read-only or broken."""
+
+
+class MeasurementError(GrabberdError):
+    """The data do not determine what is asked of them."""

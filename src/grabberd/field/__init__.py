@@ -1,0 +1,23 @@
+"""One video field: its lines, its grey values, its bits (paper 3.3 and 3.4).
+
+A woven frame is split into two fields; the missing lines of a field may be interpolated; grey values are quantised
+to a few bits and packed. Every field carries `y0` and `y_step`, so that row `k` is frame line `y0 + k * y_step` and
+no later room needs to know of parity.
+"""
+
+from grabberd.field.field import BOTTOM, TOP, Field, split_frame
+from grabberd.field.lines import double_lines
+from grabberd.field.packed import BIT_DEPTHS, NumberedField, PackedField, quantise, unpack
+
+__all__ = [
+    "BIT_DEPTHS",
+    "BOTTOM",
+    "TOP",
+    "Field",
+    "NumberedField",
+    "PackedField",
+    "double_lines",
+    "quantise",
+    "split_frame",
+    "unpack",
+]

@@ -1,0 +1,76 @@
+"""One virtual camera: the numbers of the functional model."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+PARAMETERS = (
+    "f_mm",
+    "x0_px",
+    "y0_px",
+    "omega_rad",
+    "phi_rad",
+    "kappa_rad",
+    "X0_mm",
+    "Y0_mm",
+    "Z0_mm",
+    *(f"b{i}" for i in range(1, 10)),
+)
+"""The 18 parameters of a view that an adjustment may estimate, in the order of every vector and covariance."""
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A virtual camera: one half of the picture (paper eqs. 4–7, with b1 as an affinity and b8, b9 apart).
+
+    Attributes:
+        name: "left" or "right".
+        first_column: first frame column of its half; `end_column`: the one after its last.
+        pixel_x_mm: pixel pitch along a line; `pixel_y_mm`: from frame line to frame line.
+        handedness: +1, or -1 where an odd number of mirrors makes the virtual camera left-handed.
+        f_mm: focal length (principal distance).
+        x0_px: principal point, frame pixels; `y0_px` likewise.
+        omega_rad: rotation, R = Rκ·Rφ·Rω; `phi_rad`, `kappa_rad` likewise.
+        X0_mm: projection centre in the object's frame; `Y0_mm`, `Z0_mm` likewise.
+        b: b1…b9 in 1, 1, mm⁻², mm⁻⁴, mm⁻⁶, mm⁻¹, mm⁻¹, mm⁻², mm⁻².
+    """
+
+    name: str
+    first_column: int
+    end_column: int
+    pixel_x_mm: float
+    pixel_y_mm: float
+    handedness: int
+    f_mm: float
+    x0_px: float
+    y0_px: float
+    omega_rad: float
+    phi_rad: float
+    kappa_rad: float
+    X0_mm: float
+    Y0_mm: float
+    Z0_mm: float
+    b: tuple[float, ...] = (0.0,) * 9
+
+    def vector(self) -> NDArray[np.float64]:
+        """(18,) float64, the values of `PARAMETERS`."""
+        return np.array([*(getattr(self, name) for name in PARAMETERS[:9]), *self.b])
+
+    def with_vector(self, values: NDArray[np.float64]) -> "View":
+        """This view with other parameters; values (18,) in the order of `PARAMETERS`."""
+        numbers = [float(value) for value in values]
+        return replace(self, **dict(zip(PARAMETERS[:9], numbers, strict=False)), b=tuple(numbers[9:]))
+
+    @property
+    def center_mm(self) -> NDArray[np.float64]:
+        """(3,) float64, projection centre in the object's frame."""
+        return np.array([self.X0_mm, self.Y0_mm, self.Z0_mm])
+
+    def holds(self, xy_px: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) bool: which of the (N, 2) frame pixels lie in this view's half of the picture."""
+        x = xy_px[:, 0]
+        return (x >= self.first_column - 0.5) & (x < self.end_column - 0.5)
+
+
+FIELD_NAMES = tuple(f.name for f in fields(View))

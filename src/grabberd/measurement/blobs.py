@@ -1,0 +1,40 @@
+"""What is seen of targets in one field."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Blobs:
+    """N blobs located in one field, both views together, in the order of their first row and column.
+
+    Attributes:
+        xy_px: (N, 2) float64, frame pixels: x in columns, y in frame lines.
+        sigma_px: (N, 2) float64, standard deviation of `xy_px` from location alone, without line jitter.
+        area_px: (N,) float64, size above the threshold in square *frame* pixels (a row of an intact field counts 2).
+        width_px: (N,) float64, columns it spans; `height_px`: (N,) float64, frame lines it spans.
+        at_border: (N,) bool, it touches the edge of the field and so is cut off.
+    """
+
+    xy_px: NDArray[np.float64]
+    sigma_px: NDArray[np.float64]
+    area_px: NDArray[np.float64]
+    width_px: NDArray[np.float64]
+    height_px: NDArray[np.float64]
+    at_border: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        return len(self.xy_px)
+
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Blobs":
+        """The blobs that a mask or index array chooses."""
+        return Blobs(
+            self.xy_px[chosen],
+            self.sigma_px[chosen],
+            self.area_px[chosen],
+            self.width_px[chosen],
+            self.height_px[chosen],
+            self.at_border[chosen],
+        )

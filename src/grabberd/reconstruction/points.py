@@ -1,0 +1,44 @@
+"""A target's place in space at one field."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """N points of one field, in the object's frame, sorted by target.
+
+    Attributes:
+        target: (N,) int32, target ids, each at most once.
+        xyz_mm: (N, 3) float64.
+        covariance_mm2: (N, 3, 3) float64, from pointing and line jitter: independent from field to field.
+        calibration_covariance_mm2: (N, 3, 3) float64, from the calibration: common to all fields, reduced by no
+            averaging, and so kept apart.
+        image_px: (N, 2, 2) float64, frame pixels of the blobs it was intersected from: [point, view, (x, y)], view 0
+            left, 1 right.
+        residual_px: (N,) float64, root mean square of the four image residuals after intersection.
+    """
+
+    target: NDArray[np.int32]
+    xyz_mm: NDArray[np.float64]
+    covariance_mm2: NDArray[np.float64]
+    calibration_covariance_mm2: NDArray[np.float64]
+    image_px: NDArray[np.float64]
+    residual_px: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    @classmethod
+    def none(cls) -> "Points":
+        """No points at all."""
+        return cls(
+            np.empty(0, np.int32),
+            np.empty((0, 3)),
+            np.empty((0, 3, 3)),
+            np.empty((0, 3, 3)),
+            np.empty((0, 2, 2)),
+            np.empty(0),
+        )
