@@ -16,6 +16,7 @@
     ├── Conflict                  it cannot be done now
     │   ├── CaptureRunning        a capture is running: carries its id
     │   └── NotReady              the device does not stream, or there is no calibration
+    ├── RingOverrun               a reader that may miss nothing was overtaken: its capture ends
     ├── StorageError              the disk is full, read-only or broken
     └── MeasurementError          the data do not determine what is asked of them
 
@@ -120,6 +121,18 @@ class CaptureRunning(Conflict):
 
 class NotReady(Conflict):
     """The device does not stream, or there is no calibration."""
+
+
+class RingOverrun(GrabberdError):
+    """The ring has overtaken a reader that may miss nothing; `count` fields from `first_n` on are gone for it."""
+
+    def __init__(self, first_n: int, count: int) -> None:
+        super().__init__(
+            f"{count} fields from number {first_n} on were overwritten in the ring before they were read",
+            "the computer was too busy: lighten its load, use a longer ring, or capture with the policy 'count'",
+        )
+        self.first_n = first_n
+        self.count = count
 
 
 class StorageError(GrabberdError):

@@ -1,1 +1,37 @@
-"""."""
+"""From a grabber's buffers to numbered fields in the ring.
+
+`device` is the contract that every driver keeps, `registry` finds drivers by name. `numbering` tells which of the
+camera's fields a grabbed one is and what was lost before it, although timestamps jitter and drivers' counts cannot be
+trusted. The `ring` holds the newest packed fields for several readers, none of which can hold up the capture; the
+`ledger` accounts for every field that should have come. No threads are started here.
+"""
+
+from grabberd.acquisition.clock import Clock, SystemClock
+from grabberd.acquisition.device import FieldOrder, GrabbedField, Grabber, Signal, StreamInfo
+from grabberd.acquisition.ledger import Ledger, LedgerEntry, Outcome
+from grabberd.acquisition.numbering import FieldNumbering, Numbered
+from grabberd.acquisition.registry import available, create
+from grabberd.acquisition.repeats import RepeatCheck
+from grabberd.acquisition.ring import Policy, Ring, RingReader, Slot
+
+__all__ = [
+    "Clock",
+    "FieldNumbering",
+    "FieldOrder",
+    "GrabbedField",
+    "Grabber",
+    "Ledger",
+    "LedgerEntry",
+    "Numbered",
+    "Outcome",
+    "Policy",
+    "RepeatCheck",
+    "Ring",
+    "RingReader",
+    "Signal",
+    "Slot",
+    "StreamInfo",
+    "SystemClock",
+    "available",
+    "create",
+]

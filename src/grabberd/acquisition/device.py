@@ -1,7 +1,7 @@
 """The driver contract: what every frame grabber, real or simulated, offers to the capture thread.
 
 A driver is a package of its own, found by name through the entry point group `grabberd.drivers`. It is called with
-the options of its configuration (`Driver(**options)`), raising `ConfigError`-free `ValueError`s with a clear text for
+the options of its configuration (`Driver(**options)`), raising a `ValueError` with a clear text for
 options it cannot use; nothing is opened before `open()`. Only one thread uses a grabber at a time.
 """
 
@@ -43,7 +43,9 @@ class StreamInfo:
         field_order: see `FieldOrder`.
         pixel_format: e.g. "GREY".
         buffers: fields that the driver holds while nobody dequeues.
-        live: False for a recording, whose fields may repeat bit for bit and come as fast as they are read.
+        live: False for a recording, whose fields may repeat bit for bit.
+        waits_for_reader: fields come as fast as they are read and none is lost by reading late; the capture thread
+            then reads only while a capture takes them.
         counts_losses: `sequence` grows by more than one when a field is lost.
         tells_signal: `signal()` can be believed.
         time_sigma_ns: how nearly a field's time is the middle of its exposure.
@@ -63,6 +65,7 @@ class StreamInfo:
     counts_losses: bool
     tells_signal: bool
     time_sigma_ns: int
+    waits_for_reader: bool = False
     details: dict[str, str] = field(default_factory=dict)
 
 

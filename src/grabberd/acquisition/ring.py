@@ -1,9 +1,15 @@
 """The ring of packed fields between the capture thread and whoever reads them (paper 3.4: 32 of them)."""
 
-from typing import NamedTuple
+import threading
+from collections import deque
+from enum import StrEnum
+from typing import NamedTuple, Self
 
 from grabberd.acquisition.ledger import LedgerEntry, Outcome
+from grabberd.errors import RingOverrun
 from grabberd.field import NumberedField
+
+OVERRUN_REASON = "ring overrun"
 
 
 class Slot(NamedTuple):
@@ -13,7 +19,7 @@ class Slot(NamedTuple):
         numbered: the field; None where there is nothing to keep (no signal).
         n: its number.
         outcome: received, damaged or no_signal.
-        reason: None for a received field.
+        reason: None for a received field, unless its time had to be predicted: then why.
         lost_before: what never came between the field before it and this one.
     """
 
@@ -23,7 +29,155 @@ class Slot(NamedTuple):
     reason: str | None
     lost_before: tuple[LedgerEntry, ...]
 
+    @property
+    def first_n(self) -> int:
+        """The first number that this slot accounts for."""
+        return self.lost_before[0].first_n if self.lost_before else self.n
 
-# class Ring: __init__(slots: int = 32); put(slot) never blocks; depth/level; reader(policy, back=0) -> RingReader
-# class RingReader: take(timeout_s) -> Slot | None; close(); missed: int; policy count|stop;
-#   what it was overtaken by appears in the next slot's lost_before as LedgerEntry(…, OVERRUN, "ring overrun")
+
+class Policy(StrEnum):
+    """What a reader wants when the ring has overtaken it."""
+
+    COUNT = "count"
+    STOP = "stop"
+
+
+class Ring:
+    """The newest slots, for one writer and any number of readers, each with its own place.
+
+    `put` never waits for a reader: the lock is held by either side for a few assignments only. Slots are handed on by
+    reference; nobody changes a slot's arrays after it was put.
+    """
+
+    def __init__(self, slots: int = 32) -> None:
+        if slots < 1:
+            raise ValueError(f"a ring needs at least one slot, not {slots}")
+        self.slots = slots
+        self._kept: deque[Slot] = deque(maxlen=slots)
+        self._head = 0
+        self._first_n: int | None = None
+        self._closed = False
+        self._changed = threading.Condition(threading.Lock())
+
+    def put(self, slot: Slot) -> None:
+        """Appends a slot, over the oldest one where the ring is full; wakes the readers."""
+        with self._changed:
+            if self._first_n is None:
+                self._first_n = slot.first_n
+            self._kept.append(slot)
+            self._head += 1
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Says that nothing more will come; readers get what is left, then None."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    @property
+    def newest(self) -> Slot | None:
+        """The slot that was put last, or None."""
+        with self._changed:
+            return self._kept[-1] if self._kept else None
+
+    def reader(self, policy: Policy | str = Policy.COUNT, back: int = 0) -> "RingReader":
+        """A reader whose first slot is the next one to come, or the oldest of the `back` newest ones.
+
+        The slots before the trigger are set aside for it at once, so none of them can be overrun.
+        """
+        with self._changed:
+            before = list(self._kept)[-back:] if back > 0 else []
+            next_n = self._kept[-1].n + 1 if self._kept else None
+            return RingReader(self, Policy(policy), before, self._head, next_n)
+
+
+class RingReader:
+    """One reader's place in a ring; used by one thread.
+
+    Attributes:
+        policy: what happens when the ring has overtaken it: `count` tells so in the next slot's `lost_before`,
+            `stop` raises `RingOverrun`, at once and ever after.
+        missed: how many slots were overwritten before they could be taken.
+        deepest: the most slots of the ring that were ever waiting for this reader.
+    """
+
+    def __init__(self, ring: Ring, policy: Policy, before: list[Slot], head: int, next_n: int | None) -> None:
+        self.policy = policy
+        self.missed = 0
+        self.deepest = 0
+        self._ring = ring
+        # What was lost before the first pre-trigger slot was lost before the capture.
+        self._before = deque(
+            slot._replace(lost_before=()) if i == 0 else slot for i, slot in enumerate(before)
+        )
+        self._next = head
+        self._next_n = next_n
+        self._closed = False
+        self._overrun: RingOverrun | None = None
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more can be taken: closed, or the ring is and everything was taken."""
+        with self._ring._changed:
+            return self._closed or (self._ring._closed and not self._waiting)
+
+    def take(self, timeout_s: float) -> Slot | None:
+        """The next slot; None if none came in time, or none will come (`ended`).
+
+        Raises:
+            RingOverrun: the ring has overtaken a reader whose policy is `stop`.
+        """
+        if self._overrun:
+            raise self._overrun
+        with self._ring._changed:
+            self._ring._changed.wait_for(self._ready, timeout_s)
+            if self._closed or not self._waiting:
+                return None
+            slot, missed = self._advance()
+        if missed is None:
+            return slot
+        return slot._replace(lost_before=(missed, *slot.lost_before))
+
+    def close(self) -> None:
+        """Lets go of the ring; a `take` in another thread returns None. Safe twice."""
+        with self._ring._changed:
+            self._closed = True
+            self._before.clear()
+            self._ring._changed.notify_all()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def _waiting(self) -> int:
+        return len(self._before) + self._ring._head - self._next
+
+    def _ready(self) -> bool:
+        return self._closed or self._ring._closed or self._waiting > 0
+
+    def _advance(self) -> tuple[Slot, LedgerEntry | None]:
+        if self._before:
+            return self._before.popleft(), None
+        ring = self._ring
+        fill = ring._head - self._next
+        self.deepest = max(self.deepest, min(fill, ring.slots))
+        missed = self._skip(fill - ring.slots) if fill > ring.slots else None
+        slot = ring._kept[self._next - ring._head]
+        self._next += 1
+        self._next_n = slot.n + 1
+        return slot, missed
+
+    def _skip(self, overwritten: int) -> LedgerEntry:
+        """Passes over what was overwritten; losses among it count as overrun too, since nobody can tell any more."""
+        self.missed += overwritten
+        self._next += overwritten
+        first_n = self._next_n if self._next_n is not None else self._ring._first_n
+        assert first_n is not None  # something has been put
+        entry = LedgerEntry(first_n, self._ring._kept[0].first_n - first_n, Outcome.OVERRUN, OVERRUN_REASON)
+        if self.policy is Policy.STOP:
+            self._overrun = RingOverrun(entry.first_n, entry.count)
+            raise self._overrun
+        return entry

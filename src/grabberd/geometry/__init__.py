@@ -1,1 +1,49 @@
-"""."""
+"""The cameras in numbers: where a point of the object appears, and on which ray an image point lies (paper 3.6).
+
+A `View` is one virtual camera, a `Calibration` the two of them with their covariance as a document keeps it, a `Rig`
+the same views made ready for computing. The functional model is the paper's (4)–(7) with b1 as an affinity and b8
+and b9 apart; its derivatives are analytic, its inverse is iterated. Everything is in frame pixels and in millimetres
+of the object's frame; nothing here knows of fields, targets or adjustments.
+"""
+
+from grabberd.geometry.calibration import SCHEMA, Calibration
+from grabberd.geometry.distortion import distortion
+from grabberd.geometry.document import Reading
+from grabberd.geometry.epipolar import Approach, approach
+from grabberd.geometry.inverse import correct, correct_all, directions_all, rays
+from grabberd.geometry.model import (
+    linearise,
+    object_derivatives,
+    parameter_derivatives,
+    parameter_slopes,
+    project,
+    project_all,
+)
+from grabberd.geometry.rig import Rig
+from grabberd.geometry.rotation import rotation_angles, rotation_derivatives, rotation_matrix
+from grabberd.geometry.view import PARAMETERS, View
+
+__all__ = [
+    "PARAMETERS",
+    "SCHEMA",
+    "Approach",
+    "Calibration",
+    "Reading",
+    "Rig",
+    "View",
+    "approach",
+    "correct",
+    "correct_all",
+    "directions_all",
+    "distortion",
+    "linearise",
+    "object_derivatives",
+    "parameter_derivatives",
+    "parameter_slopes",
+    "project",
+    "project_all",
+    "rays",
+    "rotation_angles",
+    "rotation_derivatives",
+    "rotation_matrix",
+]

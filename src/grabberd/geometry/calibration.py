@@ -2,14 +2,34 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry.view import View
+from grabberd.errors import CalibrationMismatch
+from grabberd.geometry.document import Reading, is_number
+from grabberd.geometry.view import PARAMETERS, View
 
 SCHEMA = "grabberd/calibration/1"
+
+_KEYS = (
+    "schema",
+    "id",
+    "created_utc",
+    "source",
+    "image",
+    "views",
+    "covariance",
+    "sigma0_px",
+    "glass",
+    "details",
+)
+_EXTENT = ("first_column", "end_column", "pixel_x_mm", "pixel_y_mm", "handedness")
+_GLASS = ("thickness_mm", "refractive_index")
+_SIZE = 2 * len(PARAMETERS)
+_HINT = "mend the file, or calibrate again"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,10 +70,149 @@ class Calibration:
         """The calibration from a JSON document.
 
         Raises:
-            InputError: schema, key or value is not what it should be; the message names it.
+            InputError: schema, key or value is not what it should be; the message names all of them.
         """
-        raise NotImplementedError
+        reading = Reading("the calibration")
+        _check_schema(reading, document)
+        image, views = reading.mapping(document, "image"), reading.mapping(document, "views")
+        reading.keys("image.", image, ("columns", "lines"))
+        reading.keys("views.", views, ("left", "right"))
+        calibration = cls(
+            id=reading.text(document, "id"),
+            created_utc=_time(reading, document),
+            source=reading.text(document, "source"),
+            columns=reading.integer(image, "columns", "image.", least=1),
+            lines=reading.integer(image, "lines", "image.", least=1),
+            left=_view(reading, views, "left"),
+            right=_view(reading, views, "right"),
+            covariance=_covariance(reading, document.get("covariance")),
+            sigma0_px=reading.number(document, "sigma0_px")
+            if document.get("sigma0_px") is not None
+            else None,
+            glass=_glass(reading, document),
+            details=reading.mapping(document, "details") if document.get("details") is not None else {},
+        )
+        _check_halves(reading, calibration)
+        reading.finish(_HINT)
+        return calibration
 
     def to_document(self) -> dict[str, Any]:
         """The JSON document; `from_document` gives back the same calibration, bit for bit."""
-        raise NotImplementedError
+        return {
+            "schema": SCHEMA,
+            "id": self.id,
+            "created_utc": self.created_utc,
+            "source": self.source,
+            "image": {"columns": self.columns, "lines": self.lines},
+            "views": {view.name: _view_document(view) for view in self.views},
+            "covariance": self.covariance.tolist() if self.covariance.any() else None,
+            "sigma0_px": self.sigma0_px,
+            "glass": None if self.glass is None else dict(self.glass),
+            "details": dict(self.details),
+        }
+
+    def check_fits(self, columns: int, lines: int, glass: Mapping[str, float] | None) -> None:
+        """Whether pictures of this size, taken through this glass, may be measured with it.
+
+        Raises:
+            CalibrationMismatch: they may not; the message says what differs.
+        """
+        if (columns, lines) != (self.columns, self.lines):
+            raise CalibrationMismatch(
+                f"calibration {self.id} is for pictures of {self.columns} x {self.lines}, "
+                f"these are {columns} x {lines}",
+                "choose a calibration made with this grabber and size, or calibrate again",
+            )
+        if not _same_glass(self.glass, glass):
+            raise CalibrationMismatch(
+                f"calibration {self.id} was made {_through(self.glass)}, the rig is set up {_through(glass)}",
+                "the plate shifts the picture by a millimetre: calibrate with the glass that is in place",
+            )
+
+
+def _check_schema(reading: Reading, document: Mapping[str, Any]) -> None:
+    if document.get("schema") != SCHEMA:
+        reading.refuse("schema", document.get("schema"), repr(SCHEMA))
+    reading.keys("", document, _KEYS)
+
+
+def _time(reading: Reading, document: Mapping[str, Any]) -> str:
+    text = reading.text(document, "created_utc")
+    try:
+        datetime.fromisoformat(text or "2000-01-01")
+    except ValueError:
+        reading.refuse("created_utc", text, "a time in ISO 8601")
+    return text
+
+
+def _view(reading: Reading, views: Mapping[str, object], name: str) -> View:
+    where = f"views.{name}."
+    values = reading.mapping(views, name, "views.")
+    reading.keys(where, values, (*_EXTENT, *PARAMETERS[:9], "b"))
+    numbers = {key: reading.number(values, key, where, positive=key == "f_mm") for key in PARAMETERS[:9]}
+    handedness = reading.integer(values, "handedness", where)
+    if values.get("handedness") is not None and handedness not in {-1, 1}:
+        reading.refuse(where + "handedness", handedness, "1 or -1")
+    return View(
+        name=name,
+        first_column=reading.integer(values, "first_column", where, least=0),
+        end_column=reading.integer(values, "end_column", where, least=1),
+        pixel_x_mm=reading.number(values, "pixel_x_mm", where, positive=True),
+        pixel_y_mm=reading.number(values, "pixel_y_mm", where, positive=True),
+        handedness=handedness,
+        b=tuple(reading.numbers(values.get("b"), where + "b", (9,)).tolist()),
+        **numbers,
+    )
+
+
+def _view_document(view: View) -> dict[str, Any]:
+    return {**{key: getattr(view, key) for key in (*_EXTENT, *PARAMETERS[:9])}, "b": list(view.b)}
+
+
+def _covariance(reading: Reading, value: object) -> NDArray[np.float64]:
+    if value is None:
+        return np.zeros((_SIZE, _SIZE))
+    covariance = reading.numbers(value, "covariance", (_SIZE, _SIZE))
+    sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(sigma > 0, sigma, 1.0)
+    correlation = covariance / np.outer(scale, scale)
+    if np.abs(correlation - correlation.T).max() > 1e-9:
+        reading.problems.append("covariance: is not symmetric")
+    elif np.linalg.eigvalsh(correlation)[0] < -1e-6:
+        reading.problems.append("covariance: has a negative eigenvalue, so it is none")
+    return covariance
+
+
+def _glass(reading: Reading, document: Mapping[str, Any]) -> dict[str, float] | None:
+    if document.get("glass") is None:
+        return None
+    glass = reading.mapping(document, "glass")
+    reading.keys("glass.", glass, _GLASS)
+    return {key: reading.number(glass, key, "glass.", positive=True) for key in _GLASS}
+
+
+def _check_halves(reading: Reading, calibration: Calibration) -> None:
+    """Each half inside the picture, left left of right; not asked while there are nearer problems."""
+    left, right = calibration.views
+    if reading.problems:
+        return
+    for view in calibration.views:
+        if not view.first_column < view.end_column <= calibration.columns:
+            where = f"views.{view.name}: columns {view.first_column} to {view.end_column}"
+            reading.problems.append(f"{where} do not lie inside the picture's {calibration.columns}")
+    if left.end_column > right.first_column:
+        where = f"views: left ends at column {left.end_column}"
+        reading.problems.append(f"{where}, right begins at {right.first_column}: they overlap or are swapped")
+
+
+def _same_glass(mine: Mapping[str, float] | None, other: Mapping[str, float] | None) -> bool:
+    if mine is None or other is None:
+        return mine is other
+    values = [(mine[key], other.get(key)) for key in _GLASS]
+    return all(is_number(theirs) and abs(ours - theirs) <= 1e-6 for ours, theirs in values)
+
+
+def _through(glass: Mapping[str, float] | None) -> str:
+    if glass is None:
+        return "without glass"
+    return f"through {glass.get('thickness_mm')} mm of glass of index {glass.get('refractive_index')}"

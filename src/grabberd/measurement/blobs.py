@@ -13,7 +13,8 @@ class Blobs:
     Attributes:
         xy_px: (N, 2) float64, frame pixels: x in columns, y in frame lines.
         sigma_px: (N, 2) float64, standard deviation of `xy_px` from location alone, without line jitter.
-        area_px: (N,) float64, size above the threshold in square *frame* pixels (a row of an intact field counts 2).
+        area_px: (N,) float64, size above the threshold in square *frame* pixels (an intact field's rows
+            count 2).
         width_px: (N,) float64, columns it spans; `height_px`: (N,) float64, frame lines it spans.
         at_border: (N,) bool, it touches the edge of the field and so is cut off.
     """

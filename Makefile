@@ -1,0 +1,56 @@
+# One command each; every target sets up what it needs. System packages that are missing are named.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/ready
+STATE ?= .state
+
+.PHONY: help run test check pytest test-wheel bench soak format lock clean
+
+help:  ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
+
+run: $(READY)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
+	STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve
+
+test: check pytest test-wheel  ## every check and test that this machine can run
+
+check: $(READY)  ## ruff, mypy and the arrows between the rooms
+	$(BIN)/ruff format --check src drivers tests
+	$(BIN)/ruff check src drivers tests
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+pytest: $(READY)  ## the tests alone
+	$(BIN)/python -m pytest
+
+test-wheel: $(READY)  ## build the wheel, install it into an empty environment, run one capture there
+	bash tests/wheel/install_and_capture.sh "$(PYTHON)" "$(BIN)/python"
+
+bench: $(READY)  ## units of the work measured; prints tables
+	$(BIN)/python -m tests.bench $(BENCH)
+
+soak: $(READY)  ## ten minutes (or SECONDS=…) of capturing with clients beside it
+	$(BIN)/python -m tests.soak --seconds $(or $(DURATION),600)
+
+format: $(READY)  ## lay out the code
+	$(BIN)/ruff format src drivers tests
+	$(BIN)/ruff check --fix src drivers tests
+
+lock: $(READY)  ## write down the versions that the tests passed with
+	$(BIN)/pip freeze --exclude-editable | LC_ALL=C sort > constraints.txt
+
+clean:  ## remove what make made, but no captures
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache
+
+$(READY): pyproject.toml constraints.txt
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is missing: sudo apt-get install python3 python3-venv"; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is older than 3.11: sudo apt-get install python3.11"; exit 1; }
+	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "the venv module is missing: sudo apt-get install python3-venv"; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	touch $@

@@ -1,0 +1,209 @@
+"""Which field of the camera's endless count a grabbed field is, and what never came before it."""
+
+from typing import NamedTuple
+
+from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
+from grabberd.acquisition.field_clock import FieldClock
+from grabberd.acquisition.ledger import LedgerEntry, Outcome
+from grabberd.acquisition.sequence import SequenceSteps
+
+_TOLERANCE_STEPS = 0.75
+_FUTURE_NS = 100_000_000
+_SIGHTINGS = 3
+
+TIME_GAP = "time gap"
+SEQUENCE_GAP = "sequence gap"
+REPEATED_PARITY = "repeated parity"
+
+
+class Numbered(NamedTuple):
+    """A grabbed field's place.
+
+    Attributes:
+        n: nominal steps since the numbering began, lost fields included; the first field is 0.
+        time_ns: middle of the exposure, smoothed where the stream is live.
+        outcome: received, damaged or no_signal.
+        reason: of the outcome; for a received field None, or that its time is predicted and why.
+        lost_before: what never came between the field before and this one.
+    """
+
+    n: int
+    time_ns: int
+    outcome: Outcome
+    reason: str | None
+    lost_before: tuple[LedgerEntry, ...]
+
+
+class _Step(NamedTuple):
+    """Fields forward, what to call a loss on the way, and what is wrong with the timestamp or the parity."""
+
+    fields: int
+    gap: str
+    doubt: str | None = None
+    damage: str | None = None
+
+
+class FieldNumbering:
+    """Numbers fields by time first, by parity where it can tell, by the driver's count last.
+
+    Parity must agree with the steps: an even step keeps it, an odd one changes it. So a timestamp may be late or early
+    by three quarters of a period before a loss is seen where there is none. Timestamps that are zero, run backward or
+    are far off are not believed: the field is kept, its time predicted, and that is said. If they stay off but agree
+    among themselves, another clock has taken over: from then on they are used again, shifted to continue the old one.
+
+    Args:
+        info: what the driver granted. The times of a recording are taken as they are.
+        max_gap_s: a live stream that is silent for longer has been interrupted, and its user says so by `interrupt`;
+            a timestamp that tells of a longer gap is not believed.
+    """
+
+    def __init__(self, info: StreamInfo, max_gap_s: float = 10.0) -> None:
+        self._live = info.live
+        self._has_parity = info.field_order is not FieldOrder.ONE_PARITY
+        self._max_steps = max_gap_s * info.rate_hz if info.live else float("inf")
+        self._period_ns = 1e9 / info.rate_hz
+        self._clock = FieldClock(self._period_ns, exact=not info.live)
+        self._counts = info.counts_losses
+        self._sequence = SequenceSteps(info.field_order is FieldOrder.ALTERNATE)
+        self._n = -1
+        self._parity_of_zero: int | None = None
+        self._contradicted = False
+        self._interruption: str | None = None
+        self._offset_ns = 0
+        self._doubted: list[tuple[int, int]] = []
+
+    def interrupt(self, reason: str) -> None:
+        """The stream stopped, e.g. "unplugged": what is missing before the next field was lost for this reason."""
+        self._interruption = reason
+        self._sequence.forget()
+
+    def due_n(self, time_ns: int) -> int:
+        """The number after the last field that should have come by a time of the driver's clock."""
+        if not self._clock.locked:
+            return self._n + 1
+        return self._n + 1 + max(0, int(self._clock.steps_to(time_ns - self._offset_ns)))
+
+    def number(
+        self,
+        grabbed: GrabbedField,
+        signal: Signal = Signal.UNKNOWN,
+        damage: str | None = None,
+        now_ns: int | None = None,
+    ) -> Numbered:
+        """The field's place.
+
+        Args:
+            grabbed: its time, parity, sequence and damage are read, not its grey values.
+            signal: what the driver last said.
+            damage: what a look at its content found, beside what the driver says.
+            now_ns: when it arrived, by the clock that its time should be of: no field comes from the future.
+        """
+        parity, time_ns = grabbed.field.parity, grabbed.time_ns - self._offset_ns
+        step = self._step(grabbed, time_ns, now_ns)
+        first_lost = self._n + 1
+        self._n += step.fields
+        self._remember_parity(parity, step)
+        numbered_ns = self._come_to(time_ns, step, now_ns)
+        lost = self._lost_from(first_lost, self._interruption or step.gap)
+        self._interruption = None
+        outcome, reason = _outcome(signal, grabbed.damage or damage or step.damage, step.doubt)
+        return Numbered(self._n, numbered_ns, outcome, reason, lost)
+
+    def _lost_from(self, first_n: int, reason: str) -> tuple[LedgerEntry, ...]:
+        count = self._n - first_n
+        return (LedgerEntry(first_n, count, Outcome.LOST, reason),) if count else ()
+
+    def _step(self, grabbed: GrabbedField, time_ns: int, now_ns: int | None) -> _Step:
+        parity = grabbed.field.parity
+        count = self._sequence.step(grabbed.sequence, parity) if self._counts else None
+        doubt = self._doubt(time_ns, now_ns)
+        if self._n < 0:
+            return _Step(1, "", doubt)
+        if doubt or not self._clock.locked:
+            return self._step_without_time(parity, count, doubt)
+        return self._step_by_time(self._clock.steps_to(time_ns), parity, count)
+
+    def _step_by_time(self, steps: float, parity: int, count: int | None) -> _Step:
+        nearest = max(1, round(steps))
+        agreeing = self._agreeing(steps, parity)
+        if not self._has_parity and count is not None and abs(count - steps) <= _TOLERANCE_STEPS:
+            return _Step(count, TIME_GAP if count == nearest else SEQUENCE_GAP)
+        if abs(agreeing - steps) <= _TOLERANCE_STEPS or self._interruption:
+            return _Step(agreeing, TIME_GAP)
+        if count == agreeing:  # two against the time
+            return _Step(agreeing, SEQUENCE_GAP)
+        # The second contradiction in a row means that the camera's phase has changed.
+        return _Step(nearest, TIME_GAP, damage=None if self._contradicted else "parity contradicts time")
+
+    def _step_without_time(self, parity: int, count: int | None, doubt: str | None) -> _Step:
+        if count is not None and count <= self._max_steps and self._fits(count, parity):
+            return _Step(count, SEQUENCE_GAP, doubt)
+        return _Step(self._agreeing(1.0, parity), REPEATED_PARITY, doubt)
+
+    def _agreeing(self, steps: float, parity: int) -> int:
+        """The step nearest to the measured one that ends at this parity."""
+        nearest = max(1, round(steps))
+        if self._fits(nearest, parity):
+            return nearest
+        return nearest + 1 if steps >= nearest or nearest == 1 else nearest - 1
+
+    def _fits(self, step: int, parity: int) -> bool:
+        if not self._has_parity or self._parity_of_zero is None:
+            return True
+        return (self._n + step + self._parity_of_zero) % 2 == parity
+
+    def _remember_parity(self, parity: int, step: _Step) -> None:
+        self._contradicted = step.damage is not None
+        if not self._contradicted:
+            self._parity_of_zero = (parity + self._n) % 2
+
+    def _doubt(self, time_ns: int, now_ns: int | None) -> str | None:
+        """Why a timestamp is not believed, or None."""
+        stamp_ns = time_ns + self._offset_ns
+        if self._live and stamp_ns <= 0:
+            return "zero timestamp"
+        if now_ns is not None and time_ns > now_ns + _FUTURE_NS:
+            return "far-off timestamp"
+        steps = self._clock.steps_to(time_ns) if self._clock.locked else 1.0
+        if steps < 1 - _TOLERANCE_STEPS:
+            return "backward timestamp"
+        return "far-off timestamp" if steps > self._max_steps and not self._interruption else None
+
+    def _come_to(self, time_ns: int, step: _Step, now_ns: int | None) -> int:
+        """The field's time; the clock goes along."""
+        if step.doubt:
+            return self._come_by_prediction(time_ns, step.fields, now_ns)
+        self._doubted.clear()
+        if self._interruption or not self._clock.locked:
+            self._clock.lock(time_ns)
+            return time_ns
+        return self._clock.advance(step.fields, time_ns)
+
+    def _come_by_prediction(self, time_ns: int, fields: int, now_ns: int | None) -> int:
+        if self._clock.locked:
+            predicted_ns = self._clock.advance(fields)
+        elif now_ns is not None:
+            self._clock.lock(now_ns)
+            predicted_ns = now_ns
+        else:
+            return time_ns
+        self._watch_another_clock(time_ns, predicted_ns)
+        return predicted_ns
+
+    def _watch_another_clock(self, time_ns: int, predicted_ns: int) -> None:
+        if self._doubted:
+            n, before_ns = self._doubted[-1]
+            if abs((time_ns - before_ns) / self._period_ns - (self._n - n)) > 0.5:
+                self._doubted.clear()
+        self._doubted.append((self._n, time_ns))
+        if len(self._doubted) == _SIGHTINGS:
+            self._offset_ns += time_ns - predicted_ns
+            self._doubted.clear()
+
+
+def _outcome(signal: Signal, damage: str | None, doubt: str | None) -> tuple[Outcome, str | None]:
+    if signal is Signal.ABSENT:
+        return Outcome.NO_SIGNAL, "no signal"
+    if damage:
+        return Outcome.DAMAGED, damage
+    return Outcome.RECEIVED, f"time predicted ({doubt})" if doubt else None

@@ -1,0 +1,36 @@
+"""All commands together."""
+
+from typing import Annotated
+
+import typer
+
+from grabberd import __version__
+from grabberd.cli import accuracy, capture, check_config, devices, export, measure, serve, status
+
+app = typer.Typer(
+    name="grabberd",
+    help="A 50 Hz three-dimensional measuring instrument from a frame grabber and a camera behind mirrors.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"grabberd {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    pass
+
+
+for command in (serve, status, capture, measure, accuracy, export, devices, check_config):
+    command.register(app)

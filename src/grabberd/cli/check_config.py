@@ -1,0 +1,31 @@
+"""`grabberd check-config`: is everything in this file usable?"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from grabberd.cli.options import JsonOption, console, print_json
+from grabberd.config import load_config
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("check-config")(check_config)
+
+
+def check_config(
+    file: Annotated[Path, typer.Argument(help="Configuration file (YAML).")], json: JsonOption = False
+) -> None:
+    """Check a configuration without starting anything; all problems at once, exit code 78.
+
+    Example: grabberd check-config /etc/grabberd/grabberd.yaml
+    """
+    from grabberd.service.setup import set_up  # noqa: PLC0415
+
+    config = load_config(file)
+    devices = set_up(config, file)
+    if json:
+        print_json({"file": str(file), "devices": sorted(devices)})
+    else:
+        console.print(f"{file}: good; devices: {', '.join(sorted(devices))}", highlight=False)

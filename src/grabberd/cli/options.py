@@ -1,0 +1,46 @@
+"""Options that several commands share."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+
+from grabberd.config import Config, default_config_file, load_config
+from grabberd.errors import ConfigError, Problem
+
+ConfigOption = Annotated[
+    Path | None,
+    typer.Option("--config", "-c", help="Configuration file; without one, the simulated grabber.", show_default=False),
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of text.")]
+UrlOption = Annotated[str, typer.Option("--url", help="Address of the daemon.", envvar="GRABBERD_URL")]
+DEFAULT_URL = "http://127.0.0.1:8050"
+
+console = Console()
+"""Where results go."""
+progress_console = Console(stderr=True)
+"""Where progress goes, so that results can be piped."""
+
+
+def load(config: Path | None) -> Config:
+    """The configuration named on the command line, or the simulated grabber's."""
+    return load_config(config or default_config_file())
+
+
+def only_device(config: Config, name: str | None, file: Path | None) -> str:
+    """The device that is meant: the one named, or the only one."""
+    if name is None and len(config.devices) == 1:
+        return next(iter(config.devices))
+    if name in config.devices:
+        assert name is not None
+        return name
+    known = ", ".join(config.devices)
+    problem = f"no device {name!r}; it has {known}" if name else f"several devices, name one of them: {known}"
+    raise ConfigError([Problem(str(file or default_config_file()), "devices", problem)])
+
+
+def print_json(document: Any) -> None:
+    """JSON on standard output."""
+    typer.echo(json.dumps(document, indent=2, ensure_ascii=False))

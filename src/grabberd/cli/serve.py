@@ -1,0 +1,50 @@
+"""`grabberd serve`: the daemon."""
+
+import logging
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from grabberd.cli.options import ConfigOption, load
+from grabberd.config import default_config_file
+
+SWITCH_INTERVAL_S = 0.001
+"""The capture thread must not wait five milliseconds for the interpreter."""
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("serve")(serve)
+
+
+def serve(
+    config: ConfigOption = None,
+    host: Annotated[str | None, typer.Option(help="Address to listen on.", show_default=False)] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on.", show_default=False)] = None,
+) -> None:
+    """Run the daemon: the devices stream, the API serves.
+
+    Without a configuration it runs on the simulated grabber and needs nothing else.
+
+    Example: grabberd serve --config /etc/grabberd/grabberd.yaml
+    """
+    import uvicorn  # noqa: PLC0415
+
+    from grabberd.api import create_app  # noqa: PLC0415
+    from grabberd.service.service import Service  # noqa: PLC0415
+    from grabberd.service.setup import set_up  # noqa: PLC0415
+
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    settings = load(config)
+    file: Path = config or default_config_file()
+    service = Service.from_config(settings, set_up(settings, file))
+    uvicorn.run(
+        create_app(service),
+        host=host or settings.http.host,
+        port=settings.http.port if port is None else port,
+        log_level="warning",
+        timeout_graceful_shutdown=5,
+    )

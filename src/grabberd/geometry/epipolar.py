@@ -1,0 +1,50 @@
+"""How two rays of different views lie to one another."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Approach(NamedTuple):
+    """Where rays pass each other closest.
+
+    Attributes:
+        distance_mm: (…) shortest distance, signed: positive where the right ray passes on the side of
+            left direction × right direction.
+        middle_mm: (…, 3) the middle of the shortest connection.
+    """
+
+    distance_mm: Array
+    middle_mm: Array
+
+
+def approach(left_center: Array, left: Array, right_center: Array, right: Array) -> Approach:
+    """The closest approach of rays; directions broadcast, so (N, 1, 3) against (1, M, 3) compares every pair.
+
+    Args:
+        left_center: (3,) mm, object's frame; `right_center` likewise.
+        left: (…, 3) unit vectors; `right` likewise.
+
+    Returns:
+        distances and middles; NaN for parallel rays. The base being known, two rays of one point of the object
+        pass at distance 0: the epipolar condition in mm.
+    """
+    base = right_center - left_center
+    cosine = _dot(left, right)
+    along_left, along_right = _dot(left, base), _dot(right, base)
+    slenderness = 1.0 - cosine * cosine
+    slenderness = np.where(slenderness > 1e-12, slenderness, np.nan)
+    reach_left = (along_left - cosine * along_right) / slenderness
+    reach_right = (cosine * along_left - along_right) / slenderness
+    on_left = reach_left[..., np.newaxis] * left
+    on_right = reach_right[..., np.newaxis] * right
+    middle = left_center + 0.5 * (on_left + on_right + base)
+    return Approach(_dot(np.cross(left, right), base) / np.sqrt(slenderness), middle)
+
+
+def _dot(first: Array, second: Array) -> Array:
+    product: Array = (first * second).sum(axis=-1)
+    return product

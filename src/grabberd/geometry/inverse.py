@@ -1,0 +1,76 @@
+"""From frame pixels back to the ideal point and its ray (the inverse of paper eqs. 4–7)."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry.model import single
+from grabberd.geometry.rig import Rig
+from grabberd.geometry.view import View
+
+Array = NDArray[np.float64]
+
+TOLERANCE_MM = 1e-10
+"""An ideal point is found when the last step towards it was smaller than this."""
+_MOST_STEPS = 30
+
+
+def correct(view: View, xy_px: Array) -> Array:
+    """The ideal points of observed ones: distortion taken off, reduced to the principal point.
+
+    Newton's iteration, until its step is below `TOLERANCE_MM`; never a single step.
+
+    Args:
+        view: the view that they were observed in.
+        xy_px: (N, 2) float64, frame pixels.
+
+    Returns:
+        (N, 2) float64, mm, y up. NaN where the iteration does not settle or settles beyond the fold of the
+        distortion, where no point of the object can be seen; NaN in gives NaN out.
+    """
+    return correct_all(single(view), xy_px.T[:, np.newaxis])[:, 0].T
+
+
+def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
+    """The rays on which observed points lie.
+
+    Returns:
+        the projection centre (3,) in mm and unit vectors (N, 3) from it toward the object, both in the object's
+        frame; NaN where `correct` gives NaN.
+    """
+    directions = directions_all(single(view), correct_all(single(view), xy_px.T[:, np.newaxis]))
+    return view.center_mm, directions[0].T
+
+
+def correct_all(rig: Rig, xy_px: Array) -> Array:
+    """`correct` for all views of a rig at once: (2, V, N) frame pixels to (2, V, N) mm."""
+    observed = (xy_px - rig.origin_px) * rig.pixel_mm
+    ideal = observed.copy()
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for _ in range(_MOST_STEPS):
+            step, area = _newton_step(rig, ideal, observed)
+            ideal -= step
+            unsettled = ~(np.abs(step).max(axis=0) < TOLERANCE_MM)
+            if not (unsettled & np.isfinite(area)).any():
+                break
+        ideal[:, unsettled | ~(area > 0.0)] = np.nan
+    return ideal
+
+
+def directions_all(rig: Rig, ideal_mm: Array) -> Array:
+    """(V, 3, N) unit vectors in the object's frame through the ideal points (2, V, N), away from the camera."""
+    _, views, count = ideal_mm.shape
+    camera = np.empty((views, 3, count))
+    camera[:, :2] = ideal_mm.swapaxes(0, 1)
+    camera[:, 2] = -rig.f_mm
+    camera /= np.sqrt((camera * camera).sum(axis=1, keepdims=True))
+    turned: Array = rig.rotation.swapaxes(1, 2) @ camera
+    return turned
+
+
+def _newton_step(rig: Rig, ideal: Array, observed: Array) -> tuple[Array, Array]:
+    """The step (2, V, N), and the determinant (V, N) that is positive on this side of the fold."""
+    own, other = rig.distortion.slopes(ideal)
+    own += 1.0
+    excess = ideal + rig.distortion.at(ideal) - observed
+    area = own[0] * own[1] - other[0] * other[1]
+    return (excess * own[::-1] - other * excess[::-1]) / area, area

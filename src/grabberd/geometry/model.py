@@ -1,0 +1,123 @@
+"""The functional model: from a point of the object to frame pixels (paper eqs. 4–7).
+
+    x = −f·u/w + dx,  y = −f·v/w + dy,  (u, v, w) = R·(X − X0),  column = x0 + x/px,  line = y0 − y/py
+
+x and y are in mm, reduced to the principal point, y up. The camera looks along −z, so points in front have w < 0;
+what lies in or behind the plane of the projection centre gives NaN.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry.distortion import basis
+from grabberd.geometry.rig import Rig
+from grabberd.geometry.view import PARAMETERS, View
+
+Array = NDArray[np.float64]
+
+
+class _Ideal(NamedTuple):
+    """Undistorted images: xy_mm (2, V, N); `away_mm` (V, 3, N) from the centre; `closeness` (V, N), 1/mm = −1/w."""
+
+    xy_mm: Array
+    away_mm: Array
+    closeness: Array
+
+
+def project(view: View, xyz_mm: Array) -> Array:
+    """(N, 2) float64, frame pixels of N points (N, 3) in the object's frame; NaN for points behind the camera."""
+    return project_all(single(view), xyz_mm)[:, 0].T
+
+
+def project_all(rig: Rig, xyz_mm: Array) -> Array:
+    """(2, V, N) float64, frame pixels (x, y) in every view of N points (N, 3); NaN behind a camera."""
+    return _pixels(rig, _ideal(rig, xyz_mm).xy_mm)
+
+
+def object_derivatives(view: View, xyz_mm: Array) -> Array:
+    """(N, 2, 3) float64, derivatives of `project` by X, Y, Z, in px/mm."""
+    return linearise(single(view), xyz_mm)[1][:, 0].transpose(2, 0, 1)
+
+
+def parameter_derivatives(view: View, xyz_mm: Array) -> Array:
+    """(N, 2, 18) float64, derivatives of `project` by the view's `PARAMETERS`, in px per their unit."""
+    return parameter_slopes(single(view), xyz_mm)[:, 0].transpose(2, 0, 1)
+
+
+def linearise(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
+    """The projection of N points (N, 3) and its derivatives by X, Y, Z.
+
+    Returns:
+        (2, V, N) frame pixels and (2, V, 3, N) px/mm.
+    """
+    ideal = _ideal(rig, xyz_mm)
+    slopes = _through_distortion(rig, ideal.xy_mm, _object_slopes(rig, ideal))
+    return _pixels(rig, ideal.xy_mm), slopes
+
+
+def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
+    """(2, V, 18, N) float64, derivatives of the frame pixels by the `PARAMETERS` of the view they lie in."""
+    ideal = _ideal(rig, xyz_mm)
+    count = xyz_mm.shape[0]
+    slopes = np.zeros((2, len(rig.views), len(PARAMETERS), count))
+    slopes[0, :, 1] = slopes[1, :, 2] = 1.0
+    inner = np.concatenate(
+        [
+            (ideal.xy_mm / rig.f_mm)[:, :, np.newaxis],
+            _angle_slopes(rig, ideal),
+            -_object_slopes(rig, ideal),
+        ],
+        axis=2,
+    )
+    slopes[:, :, [0, *range(3, 9)]] = _through_distortion(rig, ideal.xy_mm, inner)
+    slopes[:, :, 9:] = basis(ideal.xy_mm) / rig.pixel_mm[:, :, np.newaxis]
+    return slopes
+
+
+@lru_cache(maxsize=64)
+def single(view: View) -> Rig:
+    """The rig of one view alone."""
+    return Rig.of_views([view])
+
+
+def _ideal(rig: Rig, xyz_mm: Array) -> _Ideal:
+    away = xyz_mm.T - rig.center_mm
+    camera = rig.rotation @ away
+    depth = camera[:, 2]
+    closeness = -1.0 / np.where(depth < 0.0, depth, np.nan)
+    return _Ideal(camera[:, :2].swapaxes(0, 1) * (rig.f_mm * closeness), away, closeness)
+
+
+def _pixels(rig: Rig, ideal_mm: Array) -> Array:
+    return rig.origin_px + (ideal_mm + rig.distortion.at(ideal_mm)) / rig.pixel_mm
+
+
+def _object_slopes(rig: Rig, ideal: _Ideal) -> Array:
+    """(2, V, 3, N): derivatives of the ideal coordinates by X, Y, Z."""
+    return _perspective_slopes(rig, ideal, rig.rotation[..., np.newaxis])
+
+
+def _angle_slopes(rig: Rig, ideal: _Ideal) -> Array:
+    """(2, V, 3, N): derivatives of the ideal coordinates by ω, φ, κ."""
+    turned = rig.rotation_rates @ ideal.away_mm
+    return _perspective_slopes(rig, ideal, turned.transpose(1, 2, 0, 3))
+
+
+def _perspective_slopes(rig: Rig, ideal: _Ideal, camera_slopes: Array) -> Array:
+    """The quotient rule of the perspective, from the slopes (V, 3, K, N) of the camera coordinates."""
+    sideways = camera_slopes[:, :2].swapaxes(0, 1) * rig.f_mm[:, :, np.newaxis]
+    inward = ideal.xy_mm[:, :, np.newaxis] * camera_slopes[:, 2]
+    return (sideways + inward) * ideal.closeness[:, np.newaxis]
+
+
+def _through_distortion(rig: Rig, ideal_mm: Array, slopes: Array) -> Array:
+    """Slopes (2, V, K, N) of the ideal coordinates in mm become slopes of the frame pixels."""
+    own, other = rig.distortion.slopes(ideal_mm)
+    own += 1.0
+    own /= rig.pixel_mm
+    other /= rig.pixel_mm
+    distorted: Array = own[:, :, np.newaxis] * slopes + other[:, :, np.newaxis] * slopes[::-1]
+    return distorted

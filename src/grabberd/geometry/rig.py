@@ -1,0 +1,78 @@
+"""Several views made ready for computing with all of them, and with many points, at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry.calibration import Calibration
+from grabberd.geometry.distortion import Distortion
+from grabberd.geometry.rotation import rotation_derivatives, rotation_matrix
+from grabberd.geometry.view import PARAMETERS, View
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """V views; every array broadcasts against (2, V, N): coordinate, view, point.
+
+    Attributes:
+        views: the views themselves.
+        rotation: (V, 3, 3), from the object's frame into the camera's, handedness included.
+        rotation_rates: (3, V, 3, 3), its derivatives by ω, φ, κ.
+        center_mm: (V, 3, 1), projection centres.
+        f_mm: (V, 1).
+        origin_px: (2, V, 1), x0 and y0.
+        pixel_mm: (2, V, 1), mm per frame pixel; negative in y, because y of the sensor points up.
+        distortion: b1…b9.
+        factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order, or None where C is
+            zero or not known.
+    """
+
+    views: tuple[View, ...]
+    rotation: Array
+    rotation_rates: Array
+    center_mm: Array
+    f_mm: Array
+    origin_px: Array
+    pixel_mm: Array
+    distortion: Distortion
+    factor: Array | None = None
+
+    @classmethod
+    def of_views(cls, views: Sequence[View], factor: Array | None = None) -> "Rig":
+        """A rig of any number of views."""
+        angles = [(view.omega_rad, view.phi_rad, view.kappa_rad) for view in views]
+        mirrors = np.array([np.diag([view.handedness, 1.0, 1.0]) for view in views])
+        rates = np.array([rotation_derivatives(*three) for three in angles])
+        return cls(
+            views=tuple(views),
+            rotation=mirrors @ np.array([rotation_matrix(*three) for three in angles]),
+            rotation_rates=mirrors @ rates.swapaxes(0, 1),
+            center_mm=np.array([view.center_mm for view in views])[:, :, np.newaxis],
+            f_mm=np.array([[view.f_mm] for view in views]),
+            origin_px=np.array([[[view.x0_px] for view in views], [[view.y0_px] for view in views]]),
+            pixel_mm=np.array(
+                [[[view.pixel_x_mm] for view in views], [[-view.pixel_y_mm] for view in views]]
+            ),
+            distortion=Distortion.of([view.b for view in views]),
+            factor=factor,
+        )
+
+    @classmethod
+    def of(cls, calibration: Calibration) -> "Rig":
+        """The two views of a calibration, left then right, with its covariance."""
+        return cls.of_views(calibration.views, _factor(calibration.covariance))
+
+
+def _factor(covariance: Array) -> Array | None:
+    """(2, 18, 36) L with L·Lᵀ = covariance; from its correlations, because its units span twenty decades."""
+    sigma = np.sqrt(np.diag(covariance))
+    if not sigma.any():
+        return None
+    scale = np.where(sigma > 0, sigma, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    factor = sigma[:, np.newaxis] * vectors * np.sqrt(np.maximum(values, 0.0))
+    return factor.reshape(2, len(PARAMETERS), -1)

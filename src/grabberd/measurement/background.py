@@ -1,0 +1,31 @@
+"""The background of a picture: its level and its noise."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+LEAST_NOISE = 12**-0.5
+"""What rounding to whole grey values alone leaves."""
+QUARTILE = 0.6745
+
+
+class Background(NamedTuple):
+    """What is behind the targets, in grey values: `level` and its standard deviation `noise`."""
+
+    level: float
+    noise: float
+
+
+def background_of(histogram: NDArray[np.integer]) -> Background:
+    """The background, from how often each of the 256 grey values occurs.
+
+    It has to be more than half of the picture. Targets brighten only the upper side, so the noise is taken
+    from the lower quartile; where black is clipped at 0, from the upper one.
+    """
+    cumulated = np.cumsum(histogram, dtype=np.float64)
+    quarters = cumulated[-1] * np.array([0.25, 0.5, 0.75])
+    lower, level, upper = np.interp(quarters, np.append(0.0, cumulated), np.arange(257) - 0.5)
+    clipped = histogram[0] > quarters[0]
+    noise = ((upper - level) if clipped else (level - lower)) / QUARTILE
+    return Background(max(0.0, float(level)), max(LEAST_NOISE, float(noise)))

@@ -1,0 +1,81 @@
+"""The recorder's own queue: what has been recorded and not yet been written or measured."""
+
+import threading
+from collections import deque
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Backlog(Generic[T]):
+    """An append-only list whose head is forgotten once it is on disk; indices count from the first item ever.
+
+    The writer must not fall behind by more than `capacity` items: then `append` refuses. The measuring worker may fall
+    behind as far as it likes: what has been forgotten meanwhile it reads from the file.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.deepest = 0
+        self._items: deque[T] = deque()
+        self._first = 0
+        self._written = 0
+        self._closed = False
+        self._changed = threading.Condition()
+
+    @property
+    def end(self) -> int:
+        """Index after the last item."""
+        with self._changed:
+            return self._first + len(self._items)
+
+    @property
+    def closed(self) -> bool:
+        """Whether nothing will be appended any more."""
+        return self._closed
+
+    def append(self, item: T) -> bool:
+        """Adds an item; False, and nothing added, when the writer is `capacity` items behind."""
+        with self._changed:
+            waiting = self._first + len(self._items) - self._written
+            if waiting >= self.capacity:
+                return False
+            self._items.append(item)
+            self.deepest = max(self.deepest, waiting + 1)
+            self._changed.notify_all()
+            return True
+
+    def close(self) -> None:
+        """Nothing will be appended any more; whoever waits is woken."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def unwritten(self, timeout_s: float) -> list[T]:
+        """What the writer has not taken yet; waits up to `timeout_s` for the first of it."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._written < self._end() or self._closed, timeout_s)
+            return list(self._items)[self._written - self._first :]
+
+    def written(self, count: int) -> None:
+        """The next `count` items are on disk; all but the latest `capacity` of them are forgotten."""
+        with self._changed:
+            self._written += count
+            while self._first < self._written and len(self._items) > self.capacity:
+                self._items.popleft()
+                self._first += 1
+
+    def at(self, index: int, timeout_s: float) -> T | None:
+        """The item at an index; None when it does not come in time or never will.
+
+        Raises:
+            LookupError: it has been forgotten; it is in the file.
+        """
+        with self._changed:
+            self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
+            if index < self._first:
+                raise LookupError(index)
+            return self._items[index - self._first] if index < self._end() else None
+
+    def _end(self) -> int:
+        return self._first + len(self._items)

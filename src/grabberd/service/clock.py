@@ -1,0 +1,34 @@
+"""The two clocks that the service reads; tests hand in their own."""
+
+import time
+from datetime import UTC, datetime
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Where the time comes from."""
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC, nanoseconds."""
+        ...
+
+    def utc_now(self) -> datetime:
+        """Coordinated universal time."""
+        ...
+
+
+class SystemClock:
+    """The machine's own clocks."""
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC, nanoseconds."""
+        return time.monotonic_ns()
+
+    def utc_now(self) -> datetime:
+        """Coordinated universal time."""
+        return datetime.now(UTC)
+
+
+def iso_utc(moment: datetime) -> str:
+    """ISO 8601 with milliseconds and Z."""
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

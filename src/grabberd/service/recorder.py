@@ -1,0 +1,128 @@
+"""From the ring into the recorder's own queue, with the ledger of one capture."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot
+from grabberd.service.backlog import Backlog
+from grabberd.service.clock import Clock
+
+GRACE_NS = 1_000_000_000
+"""How long after its due end a capture of given length waits for fields that do not come."""
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureRequest:
+    """What is asked for; a capture ends after `fields` nominal field times, or when it is stopped.
+
+    Attributes:
+        fields: length in fields, lost ones included; None: until stopped.
+        bits: bits a pixel; None: as the ring is armed.
+        lines: "doubled" or "field"; None: doubled at 1 bit, field otherwise.
+        pre_trigger_fields: how many fields before the request belong to it, as far as the ring has them.
+        note: for people; `labels`: cow, teat, liner, …
+    """
+
+    fields: int | None = None
+    bits: int | None = None
+    lines: str | None = None
+    pre_trigger_fields: int = 0
+    note: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict)
+
+
+class Recorder:
+    """Takes fields until the capture has its length or is stopped; numbers them from the capture's first."""
+
+    def __init__(
+        self, fields: int | None, backlog: Backlog[Slot], clock: Clock, period_ns: int, *, lossless: bool = False
+    ) -> None:
+        self.ledger = Ledger()
+        self.ended_because: str | None = None
+        self.first_time_ns: int | None = None
+        self._fields = fields
+        self._backlog = backlog
+        self._clock = clock
+        self._due_ns = None if fields is None or lossless else clock.now_ns() + fields * period_ns + GRACE_NS
+        self._first_n: int | None = None
+        self._refused: tuple[LedgerEntry, ...] = ()
+
+    @property
+    def recording(self) -> bool:
+        """Whether fields are still taken."""
+        return self.ended_because is None
+
+    def stop(self, because: str) -> None:
+        """Ends the recording; the first reason given stays."""
+        self.ended_because = self.ended_because or because
+
+    def run(self, reader: RingReader) -> None:
+        """Drains the ring until the recording ends; what lies in the ring at a stop still belongs to it."""
+        try:
+            while self.recording:
+                self._take_one(reader)
+            while self._wants_more and (slot := reader.take(0)) is not None:
+                self.take(slot)
+        finally:
+            reader.close()
+            self._backlog.close()
+
+    def take(self, slot: Slot) -> None:
+        """Enters one slot of the ring; a slot beyond the capture's length ends it."""
+        if self._first_n is None:
+            self._first_n = slot.n
+            slot = slot._replace(lost_before=())
+        slot = rebased(slot, self._first_n)
+        if self._fields is not None and slot.n >= self._fields:
+            self._close_at_length(slot)
+            return
+        self._enter(slot._replace(lost_before=(*self._refused, *slot.lost_before)))
+        if slot.n + 1 == self._fields:
+            self.stop("length reached")
+
+    @property
+    def _wants_more(self) -> bool:
+        return self._fields is None or self.ledger.end_n < self._fields
+
+    def _take_one(self, reader: RingReader) -> None:
+        slot = reader.take(0.1)
+        if slot is not None:
+            self.take(slot)
+        elif self._due_ns is not None and self._clock.now_ns() > self._due_ns:
+            self._end_short("nothing came")
+
+    def _close_at_length(self, slot: Slot) -> None:
+        reason = slot.lost_before[-1].reason if slot.lost_before else "time gap"
+        self._end_short(reason)
+
+    def _end_short(self, reason: str) -> None:
+        assert self._fields is not None
+        for entry in self._refused:
+            self.ledger.add(entry)
+        self._refused = ()
+        self.ledger.close(self._fields, reason)
+        self.stop("length reached")
+
+    def _enter(self, slot: Slot) -> None:
+        self._refused = ()
+        if slot.numbered is not None and self.first_time_ns is None:
+            self.first_time_ns = slot.numbered.time_ns
+        if self._backlog.append(slot):
+            self._account(slot)
+        else:
+            self._refused = (*slot.lost_before, LedgerEntry(slot.n, 1, Outcome.OVERRUN, "disk too slow"))
+
+    def _account(self, slot: Slot) -> None:
+        for entry in slot.lost_before:
+            self.ledger.add(entry)
+        if slot.outcome is Outcome.RECEIVED:
+            self.ledger.receive(slot.n)
+        else:
+            self.ledger.add(LedgerEntry(slot.n, 1, slot.outcome, slot.reason or ""))
+
+
+def rebased(slot: Slot, first_n: int) -> Slot:
+    """The slot with its numbers counted from the capture's first field."""
+    numbered = slot.numbered and slot.numbered._replace(n=slot.numbered.n - first_n)
+    lost = tuple(entry._replace(first_n=entry.first_n - first_n) for entry in slot.lost_before)
+    return slot._replace(numbered=numbered, n=slot.n - first_n, lost_before=lost)

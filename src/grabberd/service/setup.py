@@ -1,0 +1,120 @@
+"""From the configuration to what the instruments are made of; every problem of all devices at once."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from grabberd.acquisition import registry
+from grabberd.acquisition.device import Grabber
+from grabberd.config import Config, DeviceConfig, RigConfig
+from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
+from grabberd.geometry import Calibration
+from grabberd.measurement import LocationSettings
+from grabberd.processes.measure import MeasureSetup
+from grabberd.reconstruction import ObjectModel, TrackingSettings
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceSetup:
+    """What an instrument is made of.
+
+    Attributes:
+        name: of the device; `config`: its part of the configuration.
+        grabber: not opened yet.
+        measuring: what points are measured with, or None where there is no calibration or no object model.
+        documents: the calibration's and the object model's own documents, copied into every capture.
+    """
+
+    name: str
+    config: DeviceConfig
+    grabber: Grabber
+    measuring: MeasureSetup | None
+    documents: Mapping[str, Any]
+
+
+def set_up(config: Config, file: Path) -> dict[str, DeviceSetup]:
+    """Every device's setup, by name.
+
+    Raises:
+        ConfigError: with the problems of all devices.
+    """
+    problems: list[Problem] = []
+    setups = {name: _device(name, device, file, problems) for name, device in config.devices.items()}
+    if problems:
+        raise ConfigError(problems)
+    return {name: setup for name, setup in setups.items() if setup}
+
+
+def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]) -> DeviceSetup | None:
+    def attempt(key: str, make: Callable[[], T]) -> T | None:
+        try:
+            return make()
+        except (InputError, DriverMissing) as error:
+            message = f"{error.message}; {error.hint}"
+        except ValueError as error:
+            message = str(error)
+        problems.append(Problem(str(file), f"devices.{name}.{key}", message))
+        return None
+
+    grabber = attempt("options", lambda: registry.create(config.driver, config.options))
+    documents = attempt("calibration", lambda: read_documents(config.calibration, config.object))
+    measuring = attempt("calibration", lambda: _measuring(config, documents or {}))
+    if grabber is None or documents is None:
+        return None
+    return DeviceSetup(name, config, grabber, measuring, documents)
+
+
+def read_documents(calibration: Path | None, object_model: Path | None) -> dict[str, Any]:
+    """The documents in a calibration (JSON) and an object model (YAML) file, None where there is no file.
+
+    Raises:
+        InputError: a file is no JSON or YAML.
+    """
+    return {
+        "calibration": _read(calibration, json.loads),
+        "object": _read(object_model, yaml.safe_load),
+    }
+
+
+def _read(path: Path | None, parse: Callable[[str], Any]) -> Any:
+    if path is None:
+        return None
+    try:
+        return parse(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise InputError(f"{path} cannot be read: {error}", "name a file that grabberd wrote") from error
+
+
+def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSetup | None:
+    if not documents.get("calibration") or not documents.get("object"):
+        return None
+    calibration = Calibration.from_document(documents["calibration"])
+    calibration.check_fits(config.rig.columns, config.rig.lines, glass=calibration.glass)
+    _check_views(calibration, config.rig)
+    return measure_setup(documents, config.line_jitter_px)
+
+
+def measure_setup(documents: Mapping[str, Any], line_jitter_px: float) -> MeasureSetup:
+    """What points are measured with, from the documents as a capture file keeps them."""
+    return MeasureSetup(
+        calibration=Calibration.from_document(documents["calibration"]),
+        object_model=ObjectModel.from_document(documents["object"]),
+        location=LocationSettings(),
+        tracking=TrackingSettings(line_jitter_px=line_jitter_px),
+    )
+
+
+def _check_views(calibration: Calibration, rig: RigConfig) -> None:
+    for view, columns in zip(calibration.views, (rig.views.left, rig.views.right), strict=True):
+        has, wants = (view.first_column, view.end_column), (columns.first_column, columns.end_column)
+        if has != wants:
+            raise InputError(
+                f"the calibration's {view.name} view has columns {has[0]} to {has[1]}, the rig {wants[0]} to {wants[1]}",
+                "use the calibration of this rig, or mend rig.views",
+            )

@@ -1,0 +1,46 @@
+"""Pictures of blurred discs at known places, for the tests of location."""
+
+import cv2
+import numpy as np
+
+from grabberd.field import BOTTOM, TOP, Field
+
+FINE = 16
+HALF_PX = 12
+PITCH_PX = 24
+
+
+def disc(diameter_px, spread_px):
+    """A disc of brightness 1 through a Gaussian spread and a square pixel, sampled FINE times a pixel."""
+    size = 2 * (HALF_PX + 2) * FINE + 1
+    y, x = np.mgrid[:size, :size] - size // 2
+    picture = (np.hypot(x, y) <= diameter_px / 2 * FINE).astype(np.float32)
+    picture = cv2.GaussianBlur(picture, (0, 0), spread_px * FINE)
+    return cv2.blur(picture, (FINE + 1, FINE + 1))
+
+
+def grid_of_discs(rng, *, diameter_px=5.0, spread_px=0.7, background=30, contrast=180, noise=0.0, parity=TOP):
+    """An intact field of 28 by 22 discs at random sub-pixel places, and these places in frame pixels."""
+    fine = disc(diameter_px, spread_px)
+    frame_lines, columns = 576, 720
+    light = np.zeros((frame_lines // 2, columns))
+    places = []
+    for top in range(PITCH_PX, frame_lines - 2 * PITCH_PX, PITCH_PX):
+        for left in range(PITCH_PX, columns - 2 * PITCH_PX, PITCH_PX):
+            dx, dy = rng.integers(FINE, size=2)
+            patch = fine[FINE - dy :: FINE, FINE - dx :: FINE][: 2 * HALF_PX, : 2 * HALF_PX]
+            light[top // 2 : top // 2 + HALF_PX, left : left + 2 * HALF_PX] += patch[parity::2]
+            places.append((left + HALF_PX + 1 + dx / FINE, top + HALF_PX + 1 + dy / FINE))
+    grey = background + contrast * (light + rng.normal(0, noise, light.shape))
+    return Field.intact(np.clip(np.round(grey), 0, 255).astype(np.uint8), parity), np.array(places)
+
+
+def errors_px(blobs, places):
+    """(N, 2): of every place that has a blob within 3 px, the located minus the true one."""
+    distance = np.hypot(*(blobs.xy_px[:, None] - places[None]).transpose(2, 0, 1))
+    blob = distance.argmin(axis=0)
+    near = distance.min(axis=0) < 3
+    return blobs.xy_px[blob[near]] - places[near], blob[near]
+
+
+__all__ = ["BOTTOM", "TOP", "disc", "errors_px", "grid_of_discs"]

@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+# Builds the wheel, installs it into an empty environment away from the checkout, and runs one capture there,
+# so that a forgotten file or dependency shows.   usage: install_and_capture.sh PYTHON BUILDING_PYTHON
+set -euo pipefail
+python=$1 building_python=$2
+here=$(pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+"$building_python" -m build --wheel --outdir "$work/dist" "$here" >"$work/build.log" 2>&1 || { cat "$work/build.log"; exit 1; }
+"$python" -m venv "$work/venv"
+"$work/venv/bin/python" -m pip install --quiet --constraint "$here/constraints.txt" "$work"/dist/grabberd-*.whl
+cd "$work"
+unset PYTHONPATH
+"$work/venv/bin/grabberd" capture --fields 64 --out liner.grab
+"$work/venv/bin/grabberd" export liner.grab --format csv --out exported
+points=$(($(wc -l <exported/points.csv) - 1))
+test "$points" -gt 3000 || { echo "wheel: only $points points in 64 fields"; exit 1; }
+echo "wheel: installed into an empty environment, 64 fields gave $points points"
