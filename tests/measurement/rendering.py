@@ -20,17 +20,17 @@ def disc(diameter_px, spread_px):
 
 
 def grid_of_discs(rng, *, diameter_px=5.0, spread_px=0.7, background=30, contrast=180, noise=0.0, parity=TOP):
-    """An intact field of 28 by 22 discs at random sub-pixel places, and these places in frame pixels."""
+    """An intact field of discs, each random within a pixel and a row, and their places in frame pixels."""
     fine = disc(diameter_px, spread_px)
     frame_lines, columns = 576, 720
     light = np.zeros((frame_lines // 2, columns))
     places = []
     for top in range(PITCH_PX, frame_lines - 2 * PITCH_PX, PITCH_PX):
         for left in range(PITCH_PX, columns - 2 * PITCH_PX, PITCH_PX):
-            dx, dy = rng.integers(FINE, size=2)
-            patch = fine[FINE - dy :: FINE, FINE - dx :: FINE][: 2 * HALF_PX, : 2 * HALF_PX]
+            dx, dy = rng.integers((FINE, 2 * FINE))
+            patch = fine[2 * FINE - dy :: FINE, FINE - dx :: FINE][: 2 * HALF_PX, : 2 * HALF_PX]
             light[top // 2 : top // 2 + HALF_PX, left : left + 2 * HALF_PX] += patch[parity::2]
-            places.append((left + HALF_PX + 1 + dx / FINE, top + HALF_PX + 1 + dy / FINE))
+            places.append((left + HALF_PX + 1 + dx / FINE, top + HALF_PX + dy / FINE))
     grey = background + contrast * (light + rng.normal(0, noise, light.shape))
     return Field.intact(np.clip(np.round(grey), 0, 255).astype(np.uint8), parity), np.array(places)
 

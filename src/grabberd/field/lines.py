@@ -9,9 +9,9 @@ from grabberd.field.field import Field
 def double_lines(field: Field) -> Field:
     """The field with its missing lines interpolated linearly on the grey values, a picture of full height.
 
-    A missing line is the mean of its neighbours, rounded half up; beyond the outermost line its only neighbour is
-    repeated. A field whose lines are doubled already is returned as it is, so a recording of doubled fields passes
-    through unchanged.
+    A missing line is the mean of its neighbours, rounded half up; beyond the outermost line its only
+    neighbour is repeated. A field whose lines are doubled already is returned as it is, so a recording of
+    doubled fields passes through unchanged. A field has at least two rows.
     """
     if field.y_step == 1:
         return field

@@ -18,14 +18,15 @@ class PackedField:
 
     Attributes:
         data: uint8, C-contiguous. Up to 6 bits: (bits, rows, ceil(columns / 8)), one plane a bit, the most
-            significant first, eight pixels a byte with the leftmost in its highest bit. 8 bits: (1, rows, columns).
+            significant first, eight pixels a byte with the leftmost in its highest bit. 8 bits: (1, rows,
+            columns).
         bits: bits a pixel, one of `BIT_DEPTHS`.
         columns: pixels a row.
         parity: of the field that the camera delivered.
         y0: frame line of row 0.
         y_step: frame lines from row to row.
-        threshold: the grey value in force: at 1 bit a pixel is set where its luma exceeds it; with more bits it is
-            the level that separates target from background.
+        threshold: the grey value in force: at 1 bit a pixel is set where its luma exceeds it; with more bits
+            it is the level that separates target from background.
     """
 
     data: NDArray[np.uint8]
@@ -90,18 +91,23 @@ def _planes(luma: NDArray[np.uint8], bits: int, threshold: int) -> NDArray[np.ui
 def unpack(packed: PackedField) -> Field:
     """Grey values again: 0 and 255 at 1 bit, the middle of each level otherwise, the original luma at 8 bits.
 
-    Quantising the result again with the same number of bits (and any threshold from 0 to 254 at 1 bit) gives the
-    same planes.
+    At 8 bits the luma is a view into the packed data, otherwise it is new.
+
+    Quantising the result again with the same number of bits (and any threshold from 0 to 254 at 1 bit) gives
+    the same planes.
     """
     return Field(_levels(packed), packed.parity, packed.y0, packed.y_step)
 
 
 def _levels(packed: PackedField) -> NDArray[np.uint8]:
+    luma: NDArray[np.uint8]
     if packed.bits == 8:
-        return packed.data[0]
+        luma = packed.data[0]
+        return luma
     planes = np.unpackbits(packed.data, axis=2, count=packed.columns)
     if packed.bits == 1:
-        return planes[0] * np.uint8(255)
+        luma = planes[0] * np.uint8(255)
+        return luma
     luma = np.full(planes.shape[1:], 128 >> packed.bits, np.uint8)
     for plane, values in enumerate(planes):
         luma |= values << np.uint8(7 - plane)

@@ -5,9 +5,9 @@ With x, y reduced to the principal point and r² = x² + y²:
     dx = −b1 x + b2 y + x (b3 r² + b4 r⁴ + b5 r⁶) + b6 (r² + 2x²) + 2 b7 x y − b8 x y²
     dy = +b1 y + b2 x + y (b3 r² + b4 r⁴ + b5 r⁶) + 2 b6 x y + b7 (r² + 2y²) − b9 x² y
 
-b1 is an affinity (with the equal signs that the paper prints it would be a scale, which f is already) and b9 stands
-apart from b8. The two equations are one another's mirror image under x ↔ y, so each is computed once for both
-coordinates, on arrays whose first axis is (x, y).
+b1 is an affinity (with the equal signs that the paper prints it would be a scale, which f is already) and b9
+stands apart from b8. The two equations are one another's mirror image under x ↔ y, so each is computed once
+for both coordinates, on arrays whose first axis is (x, y).
 """
 
 from collections.abc import Sequence
@@ -60,7 +60,8 @@ class Distortion:
         proportion = r2 * (b3 + r2 * (b4 + r2 * b5)) + self.own
         proportion += 3.0 * self.decentering * xy_mm
         proportion += (2.0 * self.crosswise - self.mirror * swapped) * swapped
-        return xy_mm * proportion + swapped * (self.other + self.decentering * swapped)
+        added: Array = xy_mm * proportion + swapped * (self.other + self.decentering * swapped)
+        return added
 
     def slopes(self, xy_mm: Array) -> tuple[Array, Array]:
         """Derivatives of the distortion at the ideal points (2, V, N), each (2, V, N).
@@ -92,7 +93,8 @@ def basis(xy_mm: Array) -> Array:
 
 def distortion(b: Sequence[float], xy_mm: Array) -> Array:
     """(N, 2) float64, dx and dy in mm at N ideal points (N, 2) in mm; b holds b1…b9 (paper eqs. 6 and 7)."""
-    return Distortion.of([b]).at(xy_mm.T[:, np.newaxis])[:, 0].T
+    added = Distortion.of([b]).at(xy_mm.T[:, np.newaxis])
+    return added[:, 0].T
 
 
 def _squared_radius(xy_mm: Array) -> Array:

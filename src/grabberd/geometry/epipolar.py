@@ -25,12 +25,14 @@ def approach(left_center: Array, left: Array, right_center: Array, right: Array)
     """The closest approach of rays; directions broadcast, so (N, 1, 3) against (1, M, 3) compares every pair.
 
     Args:
-        left_center: (3,) mm, object's frame; `right_center` likewise.
-        left: (…, 3) unit vectors; `right` likewise.
+        left_center: (3,) mm, object's frame.
+        left: (…, 3) unit vectors from it.
+        right_center: (3,) mm.
+        right: (…, 3) unit vectors from it.
 
     Returns:
-        distances and middles; NaN for parallel rays. The base being known, two rays of one point of the object
-        pass at distance 0: the epipolar condition in mm.
+        distances and middles; NaN for parallel rays. Two rays of one point of the object pass at distance 0:
+        the epipolar condition in mm.
     """
     base = right_center - left_center
     cosine = _dot(left, right)

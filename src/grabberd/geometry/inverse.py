@@ -34,8 +34,8 @@ def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
     """The rays on which observed points lie.
 
     Returns:
-        the projection centre (3,) in mm and unit vectors (N, 3) from it toward the object, both in the object's
-        frame; NaN where `correct` gives NaN.
+        the projection centre (3,) in mm and unit vectors (N, 3) from it toward the object, both in the
+        object's frame; NaN where `correct` gives NaN.
     """
     directions = directions_all(single(view), correct_all(single(view), xy_px.T[:, np.newaxis]))
     return view.center_mm, directions[0].T
@@ -57,7 +57,7 @@ def correct_all(rig: Rig, xy_px: Array) -> Array:
 
 
 def directions_all(rig: Rig, ideal_mm: Array) -> Array:
-    """(V, 3, N) unit vectors in the object's frame through the ideal points (2, V, N), away from the camera."""
+    """(V, 3, N) unit vectors in the object's frame, from the cameras through the ideal points (2, V, N)."""
     _, views, count = ideal_mm.shape
     camera = np.empty((views, 3, count))
     camera[:, :2] = ideal_mm.swapaxes(0, 1)

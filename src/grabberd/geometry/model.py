@@ -2,8 +2,8 @@
 
     x = −f·u/w + dx,  y = −f·v/w + dy,  (u, v, w) = R·(X − X0),  column = x0 + x/px,  line = y0 − y/py
 
-x and y are in mm, reduced to the principal point, y up. The camera looks along −z, so points in front have w < 0;
-what lies in or behind the plane of the projection centre gives NaN.
+x and y are in mm, reduced to the principal point, y up. The camera looks along −z, so points in front have
+w < 0; what lies in or behind the plane of the projection centre gives NaN.
 """
 
 from functools import lru_cache
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class _Ideal(NamedTuple):
-    """Undistorted images: xy_mm (2, V, N); `away_mm` (V, 3, N) from the centre; `closeness` (V, N), 1/mm = −1/w."""
+    """Ideal points `xy_mm` (2, V, N), places `away_mm` (V, 3, N) from the centre, `closeness` −1/w (V, N)."""
 
     xy_mm: Array
     away_mm: Array
@@ -28,7 +28,7 @@ class _Ideal(NamedTuple):
 
 
 def project(view: View, xyz_mm: Array) -> Array:
-    """(N, 2) float64, frame pixels of N points (N, 3) in the object's frame; NaN for points behind the camera."""
+    """(N, 2) float64, frame pixels of N points (N, 3) of the object; NaN for points behind the camera."""
     return project_all(single(view), xyz_mm)[:, 0].T
 
 

@@ -27,8 +27,8 @@ class Rig:
         origin_px: (2, V, 1), x0 and y0.
         pixel_mm: (2, V, 1), mm per frame pixel; negative in y, because y of the sensor points up.
         distortion: b1…b9.
-        factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order, or None where C is
-            zero or not known.
+        factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order, or None where
+            C is zero or not known.
     """
 
     views: tuple[View, ...]
@@ -74,5 +74,5 @@ def _factor(covariance: Array) -> Array | None:
         return None
     scale = np.where(sigma > 0, sigma, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    factor = sigma[:, np.newaxis] * vectors * np.sqrt(np.maximum(values, 0.0))
+    factor: Array = sigma[:, np.newaxis] * vectors * np.sqrt(np.maximum(values, 0.0))
     return factor.reshape(2, len(PARAMETERS), -1)

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 def rotation_matrix(omega_rad: float, phi_rad: float, kappa_rad: float) -> NDArray[np.float64]:
     """R = Rκ·Rφ·Rω, the photogrammetric rotation of coordinates from the object's frame into the camera's.
 
-    A single-axis matrix turns the *axes* counterclockwise by its angle: Rω = [[1, 0, 0], [0, cos, sin], [0, −sin, cos]],
-    Rφ = [[cos, 0, −sin], [0, 1, 0], [sin, 0, cos]], Rκ = [[cos, sin, 0], [−sin, cos, 0], [0, 0, 1]].
+    A single-axis matrix turns the *axes* counterclockwise by its angle: Rω = [[1, 0, 0], [0, cos, sin],
+    [0, −sin, cos]], Rφ = [[cos, 0, −sin], [0, 1, 0], [sin, 0, cos]], Rκ = [[cos, sin, 0], [−sin, cos, 0],
+    [0, 0, 1]].
 
     Returns:
         (3, 3) float64, orthogonal with determinant +1.

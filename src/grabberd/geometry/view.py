@@ -1,6 +1,7 @@
 """One virtual camera: the numbers of the functional model."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ PARAMETERS = (
     "Z0_mm",
     *(f"b{i}" for i in range(1, 10)),
 )
-"""The 18 parameters of a view that an adjustment may estimate, in the order of every vector and covariance."""
+"""The 18 parameters of a view that an adjustment may estimate, in the order of vectors and covariances."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +61,8 @@ class View:
     def with_vector(self, values: NDArray[np.float64]) -> "View":
         """This view with other parameters; values (18,) in the order of `PARAMETERS`."""
         numbers = [float(value) for value in values]
-        return replace(self, **dict(zip(PARAMETERS[:9], numbers, strict=False)), b=tuple(numbers[9:]))
+        changes: dict[str, Any] = dict(zip(PARAMETERS[:9], numbers, strict=False))
+        return replace(self, **changes, b=tuple(numbers[9:]))
 
     @property
     def center_mm(self) -> NDArray[np.float64]:
@@ -71,6 +73,3 @@ class View:
         """(N,) bool: which of the (N, 2) frame pixels lie in this view's half of the picture."""
         x = xy_px[:, 0]
         return (x >= self.first_column - 0.5) & (x < self.end_column - 0.5)
-
-
-FIELD_NAMES = tuple(f.name for f in fields(View))

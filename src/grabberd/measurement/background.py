@@ -18,14 +18,14 @@ class Background(NamedTuple):
 
 
 def background_of(histogram: NDArray[np.integer]) -> Background:
-    """The background, from how often each of the 256 grey values occurs.
+    """The background, from how often each grey value (256 of them, or fewer coarse levels) occurs.
 
     It has to be more than half of the picture. Targets brighten only the upper side, so the noise is taken
     from the lower quartile; where black is clipped at 0, from the upper one.
     """
     cumulated = np.cumsum(histogram, dtype=np.float64)
     quarters = cumulated[-1] * np.array([0.25, 0.5, 0.75])
-    lower, level, upper = np.interp(quarters, np.append(0.0, cumulated), np.arange(257) - 0.5)
+    lower, level, upper = np.interp(quarters, np.append(0.0, cumulated), np.arange(len(histogram) + 1) - 0.5)
     clipped = histogram[0] > quarters[0]
     noise = ((upper - level) if clipped else (level - lower)) / QUARTILE
     return Background(max(0.0, float(level)), max(LEAST_NOISE, float(noise)))

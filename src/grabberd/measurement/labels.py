@@ -1,9 +1,26 @@
 """Which runs belong together: connected components (paper 3.5)."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.measurement.runs import Runs
+
+
+class _Above(NamedTuple):
+    """Of every run, what touches it in the row above.
+
+    Attributes:
+        first: (R,) int64, the first run that reaches as far right as its left neighbour column.
+        touches: (R,) bool, whether that one touches it.
+        several: (S,) int64, the few runs that further ones touch too; `touching`: (S,) int64, how many in all.
+    """
+
+    first: NDArray[np.int64]
+    touches: NDArray[np.bool_]
+    several: NDArray[np.int64]
+    touching: NDArray[np.int64]
 
 
 def label_runs(runs: Runs) -> tuple[NDArray[np.int64], int]:
@@ -15,24 +32,25 @@ def label_runs(runs: Runs) -> tuple[NDArray[np.int64], int]:
     Returns:
         (R,) int64 labels, and their number.
     """
-    above, count = _neighbours_above(runs)
-    own = np.arange(len(runs))
-    parent = _roots(np.where(count > 0, above, own))
-    several = np.flatnonzero(count > 1)
-    if several.size:
-        parent = _unite(parent, *_further_edges(several, above, count))
+    above = _neighbours_above(runs)
+    own = np.arange(len(runs.row))
+    parent = _roots(np.where(above.touches, above.first, own))
+    if above.several.size:
+        parent = _unite(parent, *_further_edges(above))
     is_root = parent == own
     return (np.cumsum(is_root) - 1)[parent], int(np.count_nonzero(is_root))
 
 
-def _neighbours_above(runs: Runs) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The first run that touches each run in the row above it, and how many follow one another there."""
+def _neighbours_above(runs: Runs) -> _Above:
     stride = int(runs.last.max(initial=0)) + 3
-    row_above = (runs.row - 1) * stride
+    before = (runs.row - 1) * stride
     start, end = runs.row * stride + runs.first, runs.row * stride + runs.last
-    first_touching = np.searchsorted(end, row_above + runs.first - 1)
-    beyond = np.searchsorted(start, row_above + runs.last + 1, side="right")
-    return first_touching, beyond - first_touching
+    reach = before + runs.last + 1
+    first = np.searchsorted(end, before + runs.first - 1)
+    start_or_none = np.append(start, np.iinfo(np.int64).max)
+    several = np.flatnonzero(start_or_none[first + 1] <= reach)
+    touching = np.searchsorted(start, reach[several], side="right") - first[several]
+    return _Above(first, start_or_none[first] <= reach, several, touching)
 
 
 def _roots(parent: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -44,14 +62,12 @@ def _roots(parent: NDArray[np.int64]) -> NDArray[np.int64]:
         parent = further
 
 
-def _further_edges(
-    several: NDArray[np.int64], above: NDArray[np.int64], count: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _further_edges(above: _Above) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """The edges to the second and later neighbours above."""
-    extra = count[several] - 1
-    lower = np.repeat(several, extra)
+    extra = above.touching - 1
+    lower = np.repeat(above.several, extra)
     ordinal = np.arange(len(lower)) - np.repeat(np.cumsum(extra) - extra, extra)
-    return lower, above[lower] + 1 + ordinal
+    return lower, above.first[lower] + 1 + ordinal
 
 
 def _unite(

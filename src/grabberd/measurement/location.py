@@ -77,12 +77,11 @@ def _located(
         return binary_centres(runs, label, count), binary_sigma_px(area, packed.y_step)
     centres, weight = grey_centres(packed, runs, label, count)
     background = _background(packed)
-    noise = background.noise if settings.noise_levels is None else settings.noise_levels
     sigma = grey_sigma_px(
         area,
         weight,
         packed.y_step,
-        noise=float(np.hypot(noise, (256 >> packed.bits) / 12**0.5)),
+        noise=background.noise if settings.noise_levels is None else settings.noise_levels,
         threshold_height=max(0.0, packed.threshold - background.level),
     )
     return centres, sigma
@@ -91,8 +90,10 @@ def _located(
 def _background(packed: PackedField) -> Background:
     """From some of the lines that the camera delivered; interpolated ones have less noise."""
     lines = packed.data[:, packed.parity :: SAMPLED_EVERY_PX // packed.y_step]
-    grey = unpack(replace(packed, data=lines)).luma
-    return background_of(np.bincount(grey.ravel(), minlength=256))
+    step = 256 >> packed.bits
+    levels = unpack(replace(packed, data=lines)).luma // step
+    level, noise = background_of(np.bincount(levels.ravel(), minlength=2**packed.bits))
+    return Background((level + 0.5) * step - 0.5, noise * step)
 
 
 def _area_px(packed: PackedField, shapes: Shapes) -> NDArray[np.float64]:

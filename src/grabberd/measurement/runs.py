@@ -20,9 +20,6 @@ class Runs(NamedTuple):
     first: NDArray[np.int64]
     last: NDArray[np.int64]
 
-    def __len__(self) -> int:
-        return len(self.row)
-
 
 def find_runs(bits: NDArray[np.uint8]) -> Runs:
     """The runs of a packed bit picture.

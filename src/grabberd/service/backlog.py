@@ -1,5 +1,6 @@
 """The recorder's own queue: what has been recorded and not yet been written or measured."""
 
+import itertools
 import threading
 from collections import deque
 from typing import Generic, TypeVar
@@ -27,7 +28,7 @@ class Backlog(Generic[T]):
     def end(self) -> int:
         """Index after the last item."""
         with self._changed:
-            return self._first + len(self._items)
+            return self._end()
 
     @property
     def closed(self) -> bool:
@@ -37,7 +38,7 @@ class Backlog(Generic[T]):
     def append(self, item: T) -> bool:
         """Adds an item; False, and nothing added, when the writer is `capacity` items behind."""
         with self._changed:
-            waiting = self._first + len(self._items) - self._written
+            waiting = self._end() - self._written
             if waiting >= self.capacity:
                 return False
             self._items.append(item)
@@ -51,11 +52,17 @@ class Backlog(Generic[T]):
             self._closed = True
             self._changed.notify_all()
 
-    def unwritten(self, timeout_s: float) -> list[T]:
-        """What the writer has not taken yet; waits up to `timeout_s` for the first of it."""
+    @property
+    def room(self) -> int:
+        """How many more items the writer may fall behind."""
         with self._changed:
-            self._changed.wait_for(lambda: self._written < self._end() or self._closed, timeout_s)
-            return list(self._items)[self._written - self._first :]
+            return self.capacity - (self._end() - self._written)
+
+    def from_index(self, index: int, timeout_s: float) -> list[T]:
+        """All items from an index on that is not forgotten; waits up to `timeout_s` for the first of them."""
+        with self._changed:
+            self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
+            return list(itertools.islice(self._items, index - self._first, None))
 
     def written(self, count: int) -> None:
         """The next `count` items are on disk; all but the latest `capacity` of them are forgotten."""
@@ -69,13 +76,24 @@ class Backlog(Generic[T]):
         """The item at an index; None when it does not come in time or never will.
 
         Raises:
-            LookupError: it has been forgotten; it is in the file.
+            LookupError: it has been forgotten; it is on disk.
         """
         with self._changed:
             self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
             if index < self._first:
-                raise LookupError(index)
+                raise LookupError(f"item {index} is forgotten, the oldest is {self._first}")
             return self._items[index - self._first] if index < self._end() else None
+
+    def oldest(self) -> tuple[int, T]:
+        """Index of the oldest item that is not forgotten, and the item.
+
+        Raises:
+            LookupError: nothing was ever appended.
+        """
+        with self._changed:
+            if not self._items:
+                raise LookupError("nothing was ever appended")
+            return self._first, self._items[0]
 
     def _end(self) -> int:
         return self._first + len(self._items)

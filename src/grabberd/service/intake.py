@@ -7,8 +7,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldNumbering, Outcome, Ring, Slot, StreamInfo
-from grabberd.acquisition.device import GrabbedField, Signal
+from grabberd.acquisition import (
+    FieldNumbering,
+    GrabbedField,
+    Numbered,
+    Outcome,
+    RepeatCheck,
+    Ring,
+    Signal,
+    Slot,
+    StreamInfo,
+)
 from grabberd.config import DeviceConfig
 from grabberd.errors import MeasurementError
 from grabberd.field import Field, NumberedField, double_lines, quantise
@@ -40,14 +49,15 @@ class Intake:
     def __init__(self, config: DeviceConfig) -> None:
         bits = config.ring.bits
         self._slots = config.ring.slots
-        self._rule = ThresholdRule(config.threshold.kind, config.threshold.value, spread_px=config.spread_px)
+        self._rule = _rule(config)
         self._arming = threading.Lock()
         self.armed = Armed(Ring(self._slots), bits, config.ring.lines or default_lines(bits))
-        self.threshold = config.threshold.value or UNDECIDED_THRESHOLD
+        self.threshold = UNDECIDED_THRESHOLD if self._rule.value is None else self._rule.value
         self.hold_threshold = False
         self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
         self._threshold_due_ns = 0
         self._numbering: FieldNumbering | None = None
+        self._repeats: RepeatCheck | None = None
 
     def arm(self, bits: int | None, lines: str | None) -> Armed:
         """The ring for captures of these bits and lines; a new one if it has others."""
@@ -63,30 +73,32 @@ class Intake:
         """The device streams (again); numbering goes on through the gap."""
         if self._numbering is None:
             self._numbering = FieldNumbering(info)
+        self._repeats = RepeatCheck() if info.live else None
 
     def interrupted(self, reason: str) -> None:
         """Fields that do not come from now on are lost for this reason."""
         if self._numbering is not None:
-            self._numbering.interrupted(reason)
+            self._numbering.interrupt(reason)
 
     def take(self, grabbed: GrabbedField, signal: Signal, now_ns: int) -> Slot:
         """Numbers, quantises and packs a field and puts it into the ring."""
-        assert self._numbering is not None
+        assert self._numbering is not None, "opened() comes first"
         self._choose_threshold(grabbed.field, now_ns)
-        number = self._numbering.number(grabbed, signal)
+        damage = self._repeats.damage(grabbed.field) if self._repeats else None
+        number = self._numbering.number(grabbed, signal, damage, now_ns)
         self.arrived_ns[number.n % ARRIVALS] = now_ns
         armed = self.armed
-        slot = Slot(self._packed(grabbed, number.n, number.time_ns, armed, number.outcome), *number.verdict)
+        packed = self._packed(grabbed, number, armed)
+        slot = Slot(packed, number.n, number.outcome, number.reason, number.lost_before)
         armed.ring.put(slot)
         return slot
 
-    def _packed(
-        self, grabbed: GrabbedField, n: int, time_ns: int, armed: Armed, outcome: Outcome
-    ) -> NumberedField | None:
-        if outcome is Outcome.NO_SIGNAL:
+    def _packed(self, grabbed: GrabbedField, number: Numbered, armed: Armed) -> NumberedField | None:
+        if number.outcome is Outcome.NO_SIGNAL:
             return None
         field = double_lines(grabbed.field) if armed.lines == "doubled" else grabbed.field
-        return NumberedField(n, time_ns, grabbed.sequence, quantise(field, armed.bits, self.threshold))
+        packed = quantise(field, armed.bits, self.threshold)
+        return NumberedField(number.n, number.time_ns, grabbed.sequence, packed)
 
     def _choose_threshold(self, field: Field, now_ns: int) -> None:
         if self._rule.kind == "fixed" or self.hold_threshold or now_ns < self._threshold_due_ns:
@@ -95,10 +107,14 @@ class Intake:
         try:
             self.threshold = choose_threshold(histogram(field), self._rule, self.armed.bits)
         except MeasurementError:
-            self.threshold = self.threshold or UNDECIDED_THRESHOLD
+            return  # nothing to choose by, e.g. a dark picture: the one in force stays
 
 
 def histogram(field: Field) -> NDArray[np.int64]:
     """(256,) int64, how often each grey value occurs."""
     counts = cv2.calcHist([field.luma], [0], None, [256], [0, 256])
     return counts.ravel().astype(np.int64)
+
+
+def _rule(config: DeviceConfig) -> ThresholdRule:
+    return ThresholdRule(config.threshold.kind, config.threshold.value, spread_px=config.spread_px)

@@ -82,7 +82,7 @@ class Recorder:
 
     @property
     def _wants_more(self) -> bool:
-        return self._fields is None or self.ledger.end_n < self._fields
+        return self._fields is None or (self.ledger.end_n or 0) < self._fields
 
     def _take_one(self, reader: RingReader) -> None:
         slot = reader.take(0.1)
@@ -113,12 +113,7 @@ class Recorder:
             self._refused = (*slot.lost_before, LedgerEntry(slot.n, 1, Outcome.OVERRUN, "disk too slow"))
 
     def _account(self, slot: Slot) -> None:
-        for entry in slot.lost_before:
-            self.ledger.add(entry)
-        if slot.outcome is Outcome.RECEIVED:
-            self.ledger.receive(slot.n)
-        else:
-            self.ledger.add(LedgerEntry(slot.n, 1, slot.outcome, slot.reason or ""))
+        self.ledger.enter(slot.n, slot.outcome, slot.reason, slot.lost_before)
 
 
 def rebased(slot: Slot, first_n: int) -> Slot:

@@ -1,0 +1,30 @@
+"""Jobs: the one pattern for what takes long."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path
+
+from grabberd.api.models import JobDocument, JobList
+from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
+
+router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS)
+
+JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$")]
+
+
+@router.get("", response_model=JobList)
+def list_jobs(service: ServiceOf) -> object:
+    """All jobs since the daemon started, the newest first."""
+    return {"jobs": [job_document(job) for job in service.jobs.list()]}
+
+
+@router.get("/{job_id}", response_model=JobDocument)
+def get_job(job_id: JobId, service: ServiceOf) -> object:
+    """How far a job is."""
+    return job_document(service.jobs.get(job_id))
+
+
+@router.delete("/{job_id}", response_model=JobDocument)
+def cancel_job(job_id: JobId, service: ServiceOf) -> object:
+    """Cancel a job that waits or runs; one that has ended stays as it is."""
+    return job_document(service.jobs.cancel(job_id))

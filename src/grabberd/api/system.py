@@ -1,0 +1,27 @@
+"""State and health."""
+
+from fastapi import APIRouter
+
+from grabberd import __version__
+from grabberd.api.models import DeviceDocument, HealthDocument, StateDocument
+from grabberd.api.of_service import PROBLEMS, ServiceOf
+
+router = APIRouter(tags=["system"])
+
+
+@router.get("/api/v1/state", response_model=StateDocument)
+def get_state(service: ServiceOf) -> object:
+    """Everything that a glance needs: devices, ring, newest points, storage."""
+    return service.state()
+
+
+@router.get("/api/v1/devices/{name}", response_model=DeviceDocument, responses=PROBLEMS)
+def get_device(name: str, service: ServiceOf) -> object:
+    """One device."""
+    return service.device_document(service.instrument(name))
+
+
+@router.get("/healthz", response_model=HealthDocument)
+def get_health() -> object:
+    """The daemon serves, whatever its devices do."""
+    return {"version": __version__}

@@ -1,0 +1,156 @@
+"""One grabber made into an instrument: its threads, its ring and at most one capture."""
+
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+from grabberd import __version__
+from grabberd.acquisition import Policy, Slot
+from grabberd.errors import CaptureRunning, Conflict, NotReady
+from grabberd.service.backlog import Backlog
+from grabberd.service.capture_thread import CaptureThread
+from grabberd.service.clock import Clock, iso_utc
+from grabberd.service.intake import Intake
+from grabberd.service.recorder import CaptureRequest, Recorder
+from grabberd.service.session import CaptureSession
+from grabberd.service.setup import DeviceSetup
+from grabberd.service.states import DeviceState
+from grabberd.service.status import StatusBoard
+from grabberd.service.worker import Worker
+from grabberd.storage import CaptureMeta, CaptureWriter
+
+ACCEPTS = frozenset({DeviceState.READY, DeviceState.NO_SIGNAL, DeviceState.CAPTURING})
+
+
+class Instrument:
+    """Streams and measures from start to stop; captures when asked.
+
+    Attributes:
+        name: of the device.
+        setup: what it is made of.
+        board: its status.
+        intake: its ring and threshold.
+        worker: its live points; None where there is no calibration or no object model.
+        session: the running or the last capture.
+    """
+
+    def __init__(
+        self,
+        setup: DeviceSetup,
+        clock: Clock,
+        *,
+        site: dict[str, str] | None = None,
+        queue_s: float = 10.0,
+        on_sealed: Callable[[CaptureSession], None] = lambda _: None,
+    ) -> None:
+        self.name = setup.name
+        self.setup = setup
+        self.board = StatusBoard(setup.name, clock)
+        self.intake = Intake(setup.config)
+        self.session: CaptureSession | None = None
+        self._clock = clock
+        self._site = site or {}
+        self._queue_s = queue_s
+        self._on_sealed = on_sealed
+        self._starting = threading.Lock()
+        self.worker = self._make_worker()
+        self._capture = CaptureThread(
+            self.name,
+            setup.grabber,
+            self.intake,
+            self.board,
+            clock,
+            has_room=lambda: self.running is not None and self.running.has_room,
+            is_capturing=lambda: self.running is not None,
+            on_end=self.stop_capture_quietly,
+        )
+
+    def _make_worker(self) -> Worker | None:
+        if self.setup.measuring is None:
+            return None
+        return Worker(self.name, self.setup.measuring, self.intake, lambda: self.session, self._clock)
+
+    def start(self) -> None:
+        """Starts streaming and measuring."""
+        self._capture.start()
+        if self.worker:
+            self.worker.start()
+
+    def stop(self, timeout_s: float = 20.0) -> None:
+        """Ends a running capture, seals its file and lets go of the device."""
+        session = self.session
+        if session is not None:
+            session.stop("the daemon stopped")
+            session.sealed.wait(timeout_s)
+        self._capture.stop()
+        if self.worker:
+            self.worker.stop()
+            self.worker.join(timeout_s)
+        self._capture.join(timeout_s)
+
+    @property
+    def running(self) -> CaptureSession | None:
+        """The capture that is recording, or None."""
+        session = self.session
+        return session if session is not None and session.recorder.recording else None
+
+    def start_capture(self, capture_id: str, request: CaptureRequest, part: Path) -> CaptureSession:
+        """Attaches a recorder; fields are taken from this moment on, or from the ring for a pre-trigger.
+
+        Raises:
+            CaptureRunning: one is being recorded or sealed.
+            NotReady: the device does not stream.
+            StorageError: the file cannot be created.
+        """
+        with self._starting:
+            self._check_free()
+            session = self._attach(capture_id, request, part)
+            self.session = session
+            self.intake.hold_threshold = True
+            session.start()
+        threading.Thread(target=self._when_sealed, args=(session,), daemon=True).start()
+        return session
+
+    def stop_capture(self, capture_id: str) -> None:
+        """Ends the recording of a capture; its file is sealed soon after.
+
+        Raises:
+            Conflict: it is not the running one.
+        """
+        session = self.session
+        if session is None or session.id != capture_id or session.sealed.is_set():
+            raise Conflict(f"capture {capture_id} is not running", "only a running capture can be stopped")
+        session.stop("stopped by the operator")
+
+    def stop_capture_quietly(self, because: str) -> None:
+        """Ends the recording of whatever capture is running."""
+        if self.running:
+            self.running.stop(because)
+
+    def _check_free(self) -> None:
+        if self.session is not None and not self.session.sealed.is_set():
+            raise CaptureRunning(self.session.id)
+        status = self.board.now
+        if status.state not in ACCEPTS or status.stream is None:
+            cause = f" ({status.cause})" if status.cause else ""
+            raise NotReady(
+                f"device {self.name} is {status.state}{cause}",
+                "wait until its state is ready: GET /api/v1/state",
+            )
+
+    def _attach(self, capture_id: str, request: CaptureRequest, part: Path) -> CaptureSession:
+        stream = self.board.now.stream
+        assert stream is not None
+        armed = self.intake.arm(request.bits, request.lines)
+        writer = CaptureWriter.create(part, self._meta(capture_id, request, armed.bits, armed.lines))
+        backlog: Backlog[Slot] = Backlog(capacity=round(self._queue_s * stream.rate_hz))
+        reader = armed.ring.reader(Policy.COUNT, back=request.pre_trigger_fields)
+        recorder = Recorder(
+            request.fields,
+            backlog,
+            self._clock,
+            round(1e9 / stream.rate_hz),
+            lossless=stream.waits_for_reader,
+        )
+        measured = self.worker is not None
+        return CaptureSession(capture_id, recorder, reader, writer, backlog, self._clock, measured=measured)

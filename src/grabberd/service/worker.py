@@ -1,0 +1,100 @@
+"""The worker: points of the newest fields for whoever watches, and of every field of a capture."""
+
+import logging
+import threading
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from grabberd.acquisition import Outcome, Policy
+from grabberd.field import NumberedField
+from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
+from grabberd.service.clock import Clock
+from grabberd.service.intake import ARRIVALS, Intake
+from grabberd.service.latency import Latency
+from grabberd.service.session import CaptureSession
+
+log = logging.getLogger(__name__)
+
+
+class Live(NamedTuple):
+    """The newest field that has been measured; `published_ns` by CLOCK_MONOTONIC."""
+
+    measured: MeasuredField
+    published_ns: int
+
+
+class Worker(threading.Thread):
+    """Measures the ring's fields, missing some when it is late; during a capture the recorded ones, missing none.
+
+    A capture's points begin afresh with its first field, so that measuring its file again gives the same points.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        setup: MeasureSetup,
+        intake: Intake,
+        session: Callable[[], CaptureSession | None],
+        clock: Clock,
+    ) -> None:
+        super().__init__(name=f"worker-{name}", daemon=True)
+        self.live: Live | None = None
+        self.latency = Latency()
+        self._setup = setup
+        self._intake = intake
+        self._session = session
+        self._clock = clock
+        self._stopping = threading.Event()
+        self._done: CaptureSession | None = None
+
+    def stop(self) -> None:
+        """Ends the thread; a capture that is being measured is finished first."""
+        self._stopping.set()
+
+    def run(self) -> None:
+        """Until stopped."""
+        while not self._stopping.is_set() or self._waiting_session():
+            session = self._waiting_session()
+            try:
+                self._measure_capture(session) if session else self._measure_ring()
+            except Exception:
+                log.exception("%s: measuring failed; it begins again", self.name)
+                self._stopping.wait(1.0)
+
+    def _waiting_session(self) -> CaptureSession | None:
+        """The running capture, unless it has been measured already."""
+        session = self._session()
+        return session if session is not None and session is not self._done else None
+
+    def _measure_capture(self, session: CaptureSession) -> None:
+        failure: str | None = "the program failed; the journal says how"
+        first_n = self._first_n_of(session)
+        try:
+            for measured in measure_fields(session.recorded(), self._setup):
+                session.add(measured)
+                self._publish(measured, first_n())
+            failure = None
+        finally:
+            self._done = session
+            session.measuring_ended(failure)
+
+    def _first_n_of(self, session: CaptureSession) -> Callable[[], int]:
+        return lambda: session.recorder.first_n or 0
+
+    def _measure_ring(self) -> None:
+        for measured in measure_fields(self._ring_fields(), self._setup):
+            self._publish(measured, 0)
+
+    def _ring_fields(self) -> Iterator[NumberedField]:
+        """The ring's good fields until a capture begins, the ring is exchanged or the worker is stopped."""
+        with self._intake.armed.ring.reader(Policy.COUNT) as reader:
+            while not (self._stopping.is_set() or self._waiting_session() or reader.ended):
+                slot = reader.take(0.1)
+                if slot is not None and slot.numbered is not None and slot.outcome is Outcome.RECEIVED:
+                    yield slot.numbered
+
+    def _publish(self, measured: MeasuredField, first_n: int) -> None:
+        now_ns = self._clock.now_ns()
+        self.live = Live(measured, now_ns)
+        arrived_ns = int(self._intake.arrived_ns[(measured.n + first_n) % ARRIVALS])
+        self.latency.add(now_ns - arrived_ns)
