@@ -93,8 +93,7 @@ class RigConfig(Section):
     def _views_inside_picture(self) -> Self:
         if self.views.right.end_column > self.columns:
             raise ValueError(
-                f"the right view ends at column {self.views.right.end_column}, "
-                f"the picture has {self.columns}"
+                f"the right view ends at column {self.views.right.end_column}, the picture has {self.columns}"
             )
         return self
 
@@ -163,7 +162,7 @@ class Config(Section):
 
 
 def default_state_directory() -> Path:
-    """systemd's state directory, else the user's own."""
+    """Systemd's state directory, else the user's own."""
     if systemd := os.environ.get("STATE_DIRECTORY"):
         return Path(systemd.split(":")[0])
     base = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
@@ -234,7 +233,9 @@ def _explain(details: ErrorDetails) -> str:
 
 def _did_you_mean(key: str, location: tuple[int | str, ...]) -> str:
     known = sorted(_known_keys(location))
-    near = [name for name in known if name.startswith(key + "_")] or difflib.get_close_matches(key, known, n=1)
+    near = [name for name in known if name.startswith(key + "_")] or difflib.get_close_matches(
+        key, known, n=1
+    )
     return f"; did you mean {near[0]}?" if near else f"; known here: {', '.join(known)}"
 
 

@@ -3,8 +3,8 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from geometry.rigs import calibration
 
+from geometry.rigs import calibration
 from grabberd.errors import CalibrationMismatch, InputError
 from grabberd.geometry import Calibration
 

@@ -1,7 +1,7 @@
 import numpy as np
-from geometry.rigs import aimed, places
 from hypothesis import given
 
+from geometry.rigs import aimed, places
 from grabberd.geometry import approach, project, rays
 
 LEFT = np.array([0.0, -10.0, 0.0])

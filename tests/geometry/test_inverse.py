@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometry.rigs import aimed, places, views
 from hypothesis import given
 
+from geometry.rigs import aimed, places, views
 from grabberd.geometry import correct, distortion, project, rays
 from grabberd.geometry.inverse import TOLERANCE_MM
 

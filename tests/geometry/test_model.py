@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometry.rigs import aimed, calibration, places, views
 from hypothesis import given, settings
 
+from geometry.rigs import aimed, calibration, places, views
 from grabberd.geometry import (
     PARAMETERS,
     Rig,

@@ -1,6 +1,6 @@
 import numpy as np
-from geometry.rigs import calibration
 
+from geometry.rigs import calibration
 from grabberd.geometry import Rig
 
 

@@ -1,7 +1,7 @@
 import numpy as np
-from geometry.rigs import aimed, views
 from hypothesis import given
 
+from geometry.rigs import aimed, views
 from grabberd.geometry import PARAMETERS
 
 

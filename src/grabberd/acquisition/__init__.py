@@ -1,9 +1,9 @@
 """From a grabber's buffers to numbered fields in the ring.
 
-`device` is the contract that every driver keeps, `registry` finds drivers by name. `numbering` tells which of the
-camera's fields a grabbed one is and what was lost before it, although timestamps jitter and drivers' counts cannot be
-trusted. The `ring` holds the newest packed fields for several readers, none of which can hold up the capture; the
-`ledger` accounts for every field that should have come. No threads are started here.
+`device` is the contract that every driver keeps, `registry` finds drivers by name. `numbering` tells which of
+the camera's fields a grabbed one is and what was lost before it, although timestamps jitter and drivers'
+counts cannot be trusted. The `ring` holds the newest packed fields for several readers, none of which can
+hold up the capture; the `ledger` accounts for every field that should have come. No threads are started here.
 """
 
 from grabberd.acquisition.clock import Clock, SystemClock

@@ -1,7 +1,7 @@
 """The driver contract: what every frame grabber, real or simulated, offers to the capture thread.
 
-A driver is a package of its own, found by name through the entry point group `grabberd.drivers`. It is called with
-the options of its configuration (`Driver(**options)`), raising a `ValueError` with a clear text for
+A driver is a package of its own, found by name through the entry point group `grabberd.drivers`. It is called
+with the options of its configuration (`Driver(**options)`), raising a `ValueError` with a clear text for
 options it cannot use; nothing is opened before `open()`. Only one thread uses a grabber at a time.
 """
 
@@ -44,8 +44,8 @@ class StreamInfo:
         pixel_format: e.g. "GREY".
         buffers: fields that the driver holds while nobody dequeues.
         live: False for a recording, whose fields may repeat bit for bit.
-        waits_for_reader: fields come as fast as they are read and none is lost by reading late; the capture thread
-            then reads only while a capture takes them.
+        waits_for_reader: fields come as fast as they are read and none is lost by reading late; the capture
+            thread then reads only while a capture takes them.
         counts_losses: `sequence` grows by more than one when a field is lost.
         tells_signal: `signal()` can be believed.
         time_sigma_ns: how nearly a field's time is the middle of its exposure.
@@ -100,8 +100,8 @@ class Grabber(Protocol):
     def dequeue(self, timeout_s: float) -> AbstractContextManager[Sequence[GrabbedField]]:
         """The fields that have come, the older first; waits up to `timeout_s` for the first of them.
 
-        The fields are views into the driver's buffer; leaving the block gives the buffer back. An empty sequence
-        means that nothing came in time.
+        The fields are views into the driver's buffer; leaving the block gives the buffer back. An empty
+        sequence means that nothing came in time.
 
         Raises:
             DeviceLost: it went away.

@@ -9,8 +9,8 @@ class FieldClock:
     """Predicts field times from the nominal period and a slow correction of phase and period.
 
     The gain starts as that of a running mean and falls to 1/50, so a jitter of 8 ms becomes some tenths of a
-    millisecond within a second and a half, and a camera's clock that is off by some 100 ppm is followed. The period
-    never leaves the nominal one by more than 1000 ppm.
+    millisecond within a second and a half, and a camera's clock that is off by some 100 ppm is followed. The
+    period never leaves the nominal one by more than 1000 ppm.
 
     Args:
         period_ns: nominal time from field to field.
@@ -42,7 +42,7 @@ class FieldClock:
         return (time_ns - self._base_ns - self._phase_ns) / self._period_ns
 
     def advance(self, steps: int, time_ns: int | None = None) -> int:
-        """Comes to the field `steps` later and returns its time, corrected by a measured one if there is any."""
+        """Comes to the field `steps` later; its time, corrected by a measured one if there is any."""
         due_ns = self._phase_ns + steps * self._period_ns
         late_ns = 0.0 if time_ns is None else time_ns - self._base_ns - due_ns
         if self._exact:

@@ -27,7 +27,7 @@ class LedgerEntry(NamedTuple):
     """
 
     first_n: int
-    count: int
+    count: int  # type: ignore[assignment]  # hides a method of tuple that nobody needs here
     outcome: Outcome
     reason: str
 
@@ -53,8 +53,8 @@ _LISTED = 5
 class Ledger:
     """The account of one capture: every number from `first_n` up to `end_n` is in it exactly once.
 
-    Fields are entered in order of their numbers. A number that was entered before is refused; numbers that are
-    skipped are entered as lost, not accounted for.
+    Fields are entered in order of their numbers. A number that was entered before is refused; numbers that
+    are skipped are entered as lost, not accounted for.
 
     Attributes:
         first_n: where the account begins; None until something is entered.
@@ -111,7 +111,7 @@ class Ledger:
             self.add(LedgerEntry(n, 1, outcome, reason or str(outcome)))
 
     def close(self, end_n: int, reason: str) -> None:
-        """Enters what is missing up to, and without, `end_n` as lost; does nothing where nothing is missing."""
+        """Enters what is missing before `end_n` as lost; does nothing where nothing is missing."""
         if self.first_n is None:
             self.first_n = 0
         first = self._end_n if self._end_n is not None else self.first_n
@@ -132,7 +132,7 @@ class Ledger:
         return self.received > 0 and not self.entries
 
     def in_words(self, rate_hz: float) -> str:
-        """The account for people, e.g. "3 fields lost at 12.40 s (time gap)"; seconds count from the first field."""
+        """For people, e.g. "3 fields lost at 12.40 s (time gap)"; seconds count from the first field."""
         if self.complete:
             return "complete"
         if not self.entries:

@@ -46,15 +46,16 @@ class _Step(NamedTuple):
 class FieldNumbering:
     """Numbers fields by time first, by parity where it can tell, by the driver's count last.
 
-    Parity must agree with the steps: an even step keeps it, an odd one changes it. So a timestamp may be late or early
-    by three quarters of a period before a loss is seen where there is none. Timestamps that are zero, run backward or
-    are far off are not believed: the field is kept, its time predicted, and that is said. If they stay off but agree
-    among themselves, another clock has taken over: from then on they are used again, shifted to continue the old one.
+    Parity must agree with the steps: an even step keeps it, an odd one changes it. So a timestamp may be late
+    or early by three quarters of a period before a loss is seen where there is none. Timestamps that are
+    zero, run backward or are far off are not believed: the field is kept, its time predicted, and that is
+    said. If they stay off but agree among themselves, another clock has taken over: from then on they are
+    used again, shifted to continue the old one.
 
     Args:
         info: what the driver granted. The times of a recording are taken as they are.
-        max_gap_s: a live stream that is silent for longer has been interrupted, and its user says so by `interrupt`;
-            a timestamp that tells of a longer gap is not believed.
+        max_gap_s: a live stream that is silent for longer has been interrupted, and its user says so by
+            `interrupt`; a timestamp that tells of a longer gap is not believed.
     """
 
     def __init__(self, info: StreamInfo, max_gap_s: float = 10.0) -> None:
@@ -73,7 +74,7 @@ class FieldNumbering:
         self._doubted: list[tuple[int, int]] = []
 
     def interrupt(self, reason: str) -> None:
-        """The stream stopped, e.g. "unplugged": what is missing before the next field was lost for this reason."""
+        """The stream stopped: what is missing before the next field was lost for this reason."""
         self._interruption = reason
         self._sequence.forget()
 
@@ -96,7 +97,8 @@ class FieldNumbering:
             grabbed: its time, parity, sequence and damage are read, not its grey values.
             signal: what the driver last said.
             damage: what a look at its content found, beside what the driver says.
-            now_ns: when it arrived, by the clock that its time should be of: no field comes from the future.
+            now_ns: when it arrived, by the clock that a live stream's times should be of: no field comes from
+                the future.
         """
         parity, time_ns = grabbed.field.parity, grabbed.time_ns - self._offset_ns
         step = self._step(grabbed, time_ns, now_ns)
@@ -162,7 +164,7 @@ class FieldNumbering:
         stamp_ns = time_ns + self._offset_ns
         if self._live and stamp_ns <= 0:
             return "zero timestamp"
-        if now_ns is not None and time_ns > now_ns + _FUTURE_NS:
+        if self._live and now_ns is not None and time_ns > now_ns + _FUTURE_NS:
             return "far-off timestamp"
         steps = self._clock.steps_to(time_ns) if self._clock.locked else 1.0
         if steps < 1 - _TOLERANCE_STEPS:

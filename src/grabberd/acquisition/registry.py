@@ -34,8 +34,8 @@ def _find(driver: str) -> EntryPoint:
         names = ", ".join(available()) or "none at all"
         raise DriverMissing(
             f"there is no driver '{driver}'; installed are: {names}",
-            f"correct the name, or install the package that has the entry point '{driver}' in the group '{GROUP}' "
-            "into the same Python environment",
+            f"correct the name, or install the package that offers '{driver}' in the entry point group "
+            f"'{GROUP}' into the same Python environment",
         )
     return found[0]
 

@@ -12,8 +12,8 @@ _EVERY_ROW = 8
 class RepeatCheck:
     """Compares every eighth row of a field with the field of the same parity before it.
 
-    The noise of an analog signal never comes twice, so an equal sample is an old picture. A sample without any
-    contrast tells nothing (black may be clipped) and is never called repeated. Not for recordings.
+    The noise of an analog signal never comes twice, so an equal sample is an old picture. A sample without
+    any contrast tells nothing (black may be clipped) and is never called repeated. Not for recordings.
     """
 
     def __init__(self) -> None:

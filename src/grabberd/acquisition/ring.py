@@ -45,8 +45,8 @@ class Policy(StrEnum):
 class Ring:
     """The newest slots, for one writer and any number of readers, each with its own place.
 
-    `put` never waits for a reader: the lock is held by either side for a few assignments only. Slots are handed on by
-    reference; nobody changes a slot's arrays after it was put.
+    `put` never waits for a reader: the lock is held by either side for a few assignments only. Slots are
+    handed on by reference; nobody changes a slot's arrays after it was put.
     """
 
     def __init__(self, slots: int = 32) -> None:
@@ -95,8 +95,8 @@ class RingReader:
     """One reader's place in a ring; used by one thread.
 
     Attributes:
-        policy: what happens when the ring has overtaken it: `count` tells so in the next slot's `lost_before`,
-            `stop` raises `RingOverrun`, at once and ever after.
+        policy: what happens when the ring has overtaken it: `count` tells so in the next slot's
+            `lost_before`, `stop` raises `RingOverrun`, at once and ever after.
         missed: how many slots were overwritten before they could be taken.
         deepest: the most slots of the ring that were ever waiting for this reader.
     """
@@ -120,6 +120,12 @@ class RingReader:
         """Whether nothing more can be taken: closed, or the ring is and everything was taken."""
         with self._ring._changed:
             return self._closed or (self._ring._closed and not self._waiting)
+
+    @property
+    def waiting(self) -> int:
+        """How many slots are waiting to be taken; more than the ring has where it has been overtaken."""
+        with self._ring._changed:
+            return self._waiting
 
     def take(self, timeout_s: float) -> Slot | None:
         """The next slot; None if none came in time, or none will come (`ended`).
@@ -152,6 +158,12 @@ class RingReader:
         self.close()
 
     @property
+    def waiting(self) -> int:
+        """How many slots it has not taken yet; more than the ring has, once it is overtaken."""
+        with self._ring._changed:
+            return self._waiting
+
+    @property
     def _waiting(self) -> int:
         return len(self._before) + self._ring._head - self._next
 
@@ -171,7 +183,7 @@ class RingReader:
         return slot, missed
 
     def _skip(self, overwritten: int) -> LedgerEntry:
-        """Passes over what was overwritten; losses among it count as overrun too, since nobody can tell any more."""
+        """Passes over what was overwritten; what was lost among it counts as overrun too."""
         self.missed += overwritten
         self._next += overwritten
         first_n = self._next_n if self._next_n is not None else self._ring._first_n

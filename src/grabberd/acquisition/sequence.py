@@ -6,8 +6,8 @@ _WRAP = 2**32
 class SequenceSteps:
     """Turns a driver's `sequence` into steps of fields.
 
-    Where fields come one a buffer, some drivers give both fields of a frame the same number and some count each. It is
-    learnt from the fields: until then, and after a restart of the count, there is no answer.
+    Where fields come one a buffer, some drivers give both fields of a frame the same number and some count
+    each. It is learnt from the fields: until then, and after a restart of the count, there is no answer.
 
     Args:
         alternate: fields come one a buffer, so either numbering may be met; otherwise fields are counted.

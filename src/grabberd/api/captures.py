@@ -14,7 +14,9 @@ from grabberd.storage import field_png, points_csv
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS)
 
 CaptureId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$")]
-RunNumber = Annotated[int | None, Query(ge=1, description="Which run's points; default: the latest that is done.")]
+RunNumber = Annotated[
+    int | None, Query(ge=1, description="Which run's points; default: the latest that is done.")
+]
 
 
 @router.post("", status_code=status.HTTP_202_ACCEPTED, response_model=CaptureDocument)
@@ -45,7 +47,9 @@ def stop_capture(capture_id: CaptureId, service: ServiceOf) -> object:
 
 
 @router.post("/{capture_id}/measure", status_code=status.HTTP_202_ACCEPTED, response_model=JobDocument)
-def measure_capture(capture_id: CaptureId, service: ServiceOf, request: Request, response: Response) -> object:
+def measure_capture(
+    capture_id: CaptureId, service: ServiceOf, request: Request, response: Response
+) -> object:
     """Measure a sealed capture again with the device's present calibration: a job that adds a run."""
     job = service.measure(capture_id)
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
@@ -63,7 +67,9 @@ def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = N
 @router.get(
     "/{capture_id}/fields/{n}.png", response_class=Response, responses={200: {"content": {"image/png": {}}}}
 )
-def get_field_png(capture_id: CaptureId, n: Annotated[int, Path(ge=0, le=2**53)], service: ServiceOf) -> Response:
+def get_field_png(
+    capture_id: CaptureId, n: Annotated[int, Path(ge=0, le=2**53)], service: ServiceOf
+) -> Response:
     """One field as a picture, as it was recorded."""
     return Response(field_png(service.archive.path(capture_id), n), media_type="image/png")
 

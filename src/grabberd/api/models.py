@@ -22,11 +22,17 @@ class CaptureOrder(Document):
     """A capture as it is asked for: so many fields, so many seconds, or until it is stopped."""
 
     device: str | None = Field(None, description="Name of the device; not needed where there is one.")
-    fields: int | None = Field(None, ge=1, le=10_000_000, description="Length in fields of 20 ms, lost ones included.")
+    fields: int | None = Field(
+        None, ge=1, le=10_000_000, description="Length in fields of 20 ms, lost ones included."
+    )
     duration_s: float | None = Field(None, gt=0, le=200_000, description="Length in seconds.")
     bits: BitDepth | None = Field(None, description="Bits a pixel; default: as the ring is armed.")
-    lines: Lines | None = Field(None, description="'doubled' (default at 1 bit) or 'field' (default for grey).")
-    pre_trigger_fields: int = Field(0, ge=0, le=4096, description="Fields before the request that belong to it.")
+    lines: Lines | None = Field(
+        None, description="'doubled' (default at 1 bit) or 'field' (default for grey)."
+    )
+    pre_trigger_fields: int = Field(
+        0, ge=0, le=4096, description="Fields before the request that belong to it."
+    )
     note: Annotated[str, StringConstraints(max_length=2000)] = ""
     labels: dict[Label, Label] = Field(default_factory=dict, max_length=32, description="Cow, teat, liner, …")
 
@@ -70,7 +76,9 @@ class CaptureDocument(Document):
 
     id: str
     device: str
-    state: Literal["recording", "sealing", "sealed", "damaged"]
+    state: Literal["recording", "sealing", "sealed", "unsealed", "damaged"] = Field(
+        description="'unsealed': the disk was too full to close it; it is sealed at the next start."
+    )
     verdict: Literal["complete", "incomplete"] | None = Field(description="None while it is recording.")
     ended_because: str | None
     created_utc: str

@@ -19,7 +19,8 @@ def _service(request: Request) -> Service:
 ServiceOf = Annotated[Service, Depends(_service)]
 
 PROBLEMS: dict[int | str, dict[str, Any]] = {
-    code: {"model": Problem, "content": {"application/problem+json": {}}} for code in (404, 409, 422, 503, 507)
+    code: {"model": Problem, "content": {"application/problem+json": {}}}
+    for code in (404, 409, 422, 503, 507)
 }
 
 

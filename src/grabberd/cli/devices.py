@@ -29,5 +29,3 @@ def devices(config: ConfigOption = None, json: JsonOption = False) -> None:
         table.add_row(name, device.driver, device.calibration.name if device.calibration else "none")
     console.print(f"installed drivers: {', '.join(drivers)}", highlight=False)
     console.print(table)
-
-

@@ -12,7 +12,9 @@ from grabberd.errors import ConfigError, Problem
 
 ConfigOption = Annotated[
     Path | None,
-    typer.Option("--config", "-c", help="Configuration file; without one, the simulated grabber.", show_default=False),
+    typer.Option(
+        "--config", "-c", help="Configuration file; without one, the simulated grabber.", show_default=False
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of text.")]
 UrlOption = Annotated[str, typer.Option("--url", help="Address of the daemon.", envvar="GRABBERD_URL")]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry.model import single
+from grabberd.geometry.model import image, single
 from grabberd.geometry.rig import Rig
 from grabberd.geometry.view import View
 
@@ -43,16 +43,16 @@ def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
 
 def correct_all(rig: Rig, xy_px: Array) -> Array:
     """`correct` for all views of a rig at once: (2, V, N) frame pixels to (2, V, N) mm."""
-    observed = (xy_px - rig.origin_px) * rig.pixel_mm
-    ideal = observed.copy()
+    ideal = (xy_px - rig.origin_px) * rig.pixel_mm
+    upright = np.sign(rig.pixel_mm[0] * rig.pixel_mm[1])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(_MOST_STEPS):
-            step, area = _newton_step(rig, ideal, observed)
+            step, area = _newton_step(rig, ideal, xy_px)
             ideal -= step
             unsettled = ~(np.abs(step).max(axis=0) < TOLERANCE_MM)
             if not (unsettled & np.isfinite(area)).any():
                 break
-        ideal[:, unsettled | ~(area > 0.0)] = np.nan
+        ideal[:, unsettled | ~(area * upright > 0.0)] = np.nan
     return ideal
 
 
@@ -67,10 +67,9 @@ def directions_all(rig: Rig, ideal_mm: Array) -> Array:
     return turned
 
 
-def _newton_step(rig: Rig, ideal: Array, observed: Array) -> tuple[Array, Array]:
-    """The step (2, V, N), and the determinant (V, N) that is positive on this side of the fold."""
-    own, other = rig.distortion.slopes(ideal)
-    own += 1.0
-    excess = ideal + rig.distortion.at(ideal) - observed
-    area = own[0] * own[1] - other[0] * other[1]
-    return (excess * own[::-1] - other * excess[::-1]) / area, area
+def _newton_step(rig: Rig, ideal: Array, observed_px: Array) -> tuple[Array, Array]:
+    """The step (2, V, N) in mm, and the determinant (V, N) of the slopes, whose sign tells the side of the fold."""
+    seen = image(rig, ideal)
+    excess = seen.pixels - observed_px
+    area = seen.own[0] * seen.own[1] - seen.other[0] * seen.other[1]
+    return (excess * seen.own[::-1] - seen.other * excess[::-1]) / area, area

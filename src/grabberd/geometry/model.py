@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry.distortion import basis
+from grabberd.geometry.distortion import basis, monomials
 from grabberd.geometry.rig import Rig
 from grabberd.geometry.view import PARAMETERS, View
 
@@ -27,6 +27,23 @@ class _Ideal(NamedTuple):
     closeness: Array
 
 
+class Image(NamedTuple):
+    """Ideal points as the frame shows them: `pixels` (2, V, N), and their slopes in px/mm.
+
+    `own` (2, V, N) is the slope of a coordinate by its own ideal coordinate, `other` that by the other one.
+    """
+
+    pixels: Array
+    own: Array
+    other: Array
+
+    def pixel_slopes(self, ideal_slopes: Array) -> Array:
+        """(2, V, K, N) slopes of the ideal coordinates become slopes of the frame pixels."""
+        direct = self.own[:, :, np.newaxis] * ideal_slopes
+        direct += self.other[:, :, np.newaxis] * ideal_slopes[::-1]
+        return direct
+
+
 def project(view: View, xyz_mm: Array) -> Array:
     """(N, 2) float64, frame pixels of N points (N, 3) of the object; NaN for points behind the camera."""
     return project_all(single(view), xyz_mm)[:, 0].T
@@ -34,7 +51,7 @@ def project(view: View, xyz_mm: Array) -> Array:
 
 def project_all(rig: Rig, xyz_mm: Array) -> Array:
     """(2, V, N) float64, frame pixels (x, y) in every view of N points (N, 3); NaN behind a camera."""
-    return _pixels(rig, _ideal(rig, xyz_mm).xy_mm)
+    return image(rig, _ideal(rig, xyz_mm).xy_mm).pixels
 
 
 def object_derivatives(view: View, xyz_mm: Array) -> Array:
@@ -54,8 +71,8 @@ def linearise(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
         (2, V, N) frame pixels and (2, V, 3, N) px/mm.
     """
     ideal = _ideal(rig, xyz_mm)
-    slopes = _through_distortion(rig, ideal.xy_mm, _object_slopes(rig, ideal))
-    return _pixels(rig, ideal.xy_mm), slopes
+    seen = image(rig, ideal.xy_mm)
+    return seen.pixels, seen.pixel_slopes(_object_slopes(rig, ideal))
 
 
 def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
@@ -72,9 +89,19 @@ def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
         ],
         axis=2,
     )
-    slopes[:, :, [0, *range(3, 9)]] = _through_distortion(rig, ideal.xy_mm, inner)
+    slopes[:, :, [0, *range(3, 9)]] = image(rig, ideal.xy_mm).pixel_slopes(inner)
     slopes[:, :, 9:] = basis(ideal.xy_mm) / rig.pixel_mm[:, :, np.newaxis]
     return slopes
+
+
+def image(rig: Rig, ideal_mm: Array) -> Image:
+    """The frame pixels of the ideal points (2, V, N), with their slopes (paper eqs. 4–7)."""
+    values = (rig.image @ monomials(ideal_mm)).reshape(len(rig.views), 4, 2, -1)
+    own, other, own_slope, other_slope = values.transpose(1, 2, 0, 3)
+    pixels = ideal_mm * own
+    pixels += ideal_mm[::-1] * other
+    pixels += rig.origin_px
+    return Image(pixels, own_slope, other_slope)
 
 
 @lru_cache(maxsize=64)
@@ -89,10 +116,6 @@ def _ideal(rig: Rig, xyz_mm: Array) -> _Ideal:
     depth = camera[:, 2]
     closeness = -1.0 / np.where(depth < 0.0, depth, np.nan)
     return _Ideal(camera[:, :2].swapaxes(0, 1) * (rig.f_mm * closeness), away, closeness)
-
-
-def _pixels(rig: Rig, ideal_mm: Array) -> Array:
-    return rig.origin_px + (ideal_mm + rig.distortion.at(ideal_mm)) / rig.pixel_mm
 
 
 def _object_slopes(rig: Rig, ideal: _Ideal) -> Array:
@@ -111,13 +134,3 @@ def _perspective_slopes(rig: Rig, ideal: _Ideal, camera_slopes: Array) -> Array:
     sideways = camera_slopes[:, :2].swapaxes(0, 1) * rig.f_mm[:, :, np.newaxis]
     inward = ideal.xy_mm[:, :, np.newaxis] * camera_slopes[:, 2]
     return (sideways + inward) * ideal.closeness[:, np.newaxis]
-
-
-def _through_distortion(rig: Rig, ideal_mm: Array, slopes: Array) -> Array:
-    """Slopes (2, V, K, N) of the ideal coordinates in mm become slopes of the frame pixels."""
-    own, other = rig.distortion.slopes(ideal_mm)
-    own += 1.0
-    own /= rig.pixel_mm
-    other /= rig.pixel_mm
-    distorted: Array = own[:, :, np.newaxis] * slopes + other[:, :, np.newaxis] * slopes[::-1]
-    return distorted

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry.calibration import Calibration
-from grabberd.geometry.distortion import Distortion
+from grabberd.geometry.distortion import polynomials
 from grabberd.geometry.rotation import rotation_derivatives, rotation_matrix
 from grabberd.geometry.view import PARAMETERS, View
 
@@ -26,7 +26,8 @@ class Rig:
         f_mm: (V, 1).
         origin_px: (2, V, 1), x0 and y0.
         pixel_mm: (2, V, 1), mm per frame pixel; negative in y, because y of the sensor points up.
-        distortion: b1…b9.
+        image: (V, 8, 15), `polynomials` of the views, in frame pixels and with the ideal point itself:
+            column, line = origin + own·P + other·Q, with S and T their slopes in px/mm.
         factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order, or None where
             C is zero or not known.
     """
@@ -38,7 +39,7 @@ class Rig:
     f_mm: Array
     origin_px: Array
     pixel_mm: Array
-    distortion: Distortion
+    image: Array
     factor: Array | None = None
 
     @classmethod
@@ -57,7 +58,7 @@ class Rig:
             pixel_mm=np.array(
                 [[[view.pixel_x_mm] for view in views], [[-view.pixel_y_mm] for view in views]]
             ),
-            distortion=Distortion.of([view.b for view in views]),
+            image=np.array([_image(view) for view in views]),
             factor=factor,
         )
 
@@ -65,6 +66,15 @@ class Rig:
     def of(cls, calibration: Calibration) -> "Rig":
         """The two views of a calibration, left then right, with its covariance."""
         return cls.of_views(calibration.views, _factor(calibration.covariance))
+
+
+def _image(view: View) -> Array:
+    """(8, 15): the distortion's polynomials become the image's."""
+    table = polynomials(view.b)
+    table[[0, 2], :, 0] += 1.0
+    table[:, 0] /= view.pixel_x_mm
+    table[:, 1] /= -view.pixel_y_mm
+    return table.reshape(8, -1)
 
 
 def _factor(covariance: Array) -> Array | None:

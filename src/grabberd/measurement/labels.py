@@ -14,7 +14,7 @@ class _Above(NamedTuple):
     Attributes:
         first: (R,) int64, the first run that reaches as far right as its left neighbour column.
         touches: (R,) bool, whether that one touches it.
-        several: (S,) int64, the few runs that further ones touch too; `touching`: (S,) int64, how many in all.
+        several: (S,) int64, the few that further runs touch too; `touching`: (S,) int64, how many in all.
     """
 
     first: NDArray[np.int64]

@@ -1,10 +1,28 @@
 """The prior knowledge of an object: where its targets nominally are, and which are neighbours."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from grabberd.geometry import Reading
+
+_KEYS = ("name", "target_diameter_mm", "sigma_mm", "targets")
+_TARGET_KEYS = ("id", "x_mm", "y_mm", "z_mm", "row", "column")
+_HINT = "mend the file; every target needs an id and a grid place of its own"
+
+
+class _Target(NamedTuple):
+    """One entry of the file."""
+
+    id: int
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    row: int
+    column: int
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,6 +54,76 @@ class ObjectModel:
         """The model from a YAML file's content.
 
         Raises:
-            InputError: a key is missing, unknown or of a wrong type, an id or grid place is given twice.
+            InputError: a key is missing, unknown or of a wrong type, an id or grid place is given twice; the
+                message names all problems.
         """
-        raise NotImplementedError
+        reading = Reading("the object file")
+        reading.keys("", document, _KEYS)
+        name = reading.text(document, "name")
+        diameter = reading.number(document, "target_diameter_mm", positive=True)
+        sigma = reading.number(document, "sigma_mm")
+        if sigma < 0:
+            reading.refuse("sigma_mm", sigma, "a number from 0")
+        targets = _targets(reading, document.get("targets"))
+        _check_unique(reading, "id", [(target.id,) for target in targets])
+        _check_unique(reading, "row, column", [(target.row, target.column) for target in targets])
+        reading.finish(_HINT)
+        columns = tuple(zip(*sorted(targets), strict=True))
+        return cls(
+            name=name,
+            target=np.array(columns[0], np.int32),
+            xyz_mm=np.array(columns[1:4], np.float64).T.copy(),
+            row=np.array(columns[4], np.int32),
+            column=np.array(columns[5], np.int32),
+            target_diameter_mm=diameter,
+            sigma_mm=sigma,
+        )
+
+    def neighbours(self) -> NDArray[np.intp]:
+        """(K, 2) indices of the pairs of targets next to each other on the grid, each pair once, sorted.
+
+        Next to each other are targets of the same row in adjoining columns, or of the same column in adjoining rows.
+        """
+        place = {(int(r), int(c)): i for i, (r, c) in enumerate(zip(self.row, self.column, strict=True))}
+        pairs = [
+            sorted((index, place[beside]))
+            for (row, column), index in place.items()
+            for beside in ((row + 1, column), (row, column + 1))
+            if beside in place
+        ]
+        return np.array(sorted(pairs), np.intp).reshape(-1, 2)
+
+
+def _targets(reading: Reading, entries: object) -> list[_Target]:
+    if isinstance(entries, str) or not isinstance(entries, Sequence) or not entries:
+        reading.refuse("targets", entries, "a list of targets")
+        return []
+    return [_target(reading, entry, f"targets[{index}]") for index, entry in enumerate(entries)]
+
+
+def _target(reading: Reading, entry: object, where: str) -> _Target:
+    if not isinstance(entry, Mapping):
+        reading.refuse(where, entry, f"a mapping of {', '.join(_TARGET_KEYS)}")
+        return _Target(-1, 0.0, 0.0, 0.0, 0, 0)
+    where += "."
+    reading.keys(where, entry, _TARGET_KEYS)
+    return _Target(
+        reading.integer(entry, "id", where, least=0),
+        reading.number(entry, "x_mm", where),
+        reading.number(entry, "y_mm", where),
+        reading.number(entry, "z_mm", where),
+        reading.integer(entry, "row", where),
+        reading.integer(entry, "column", where),
+    )
+
+
+def _check_unique(reading: Reading, key: str, values: Sequence[tuple[int, ...]]) -> None:
+    """Said only of values that were read: while one is missing, its stand-in proves nothing."""
+    if reading.problems:
+        return
+    seen: set[tuple[int, ...]] = set()
+    for index, value in enumerate(values):
+        if value in seen:
+            shown = ", ".join(map(str, value))
+            reading.problems.append(f"targets[{index}].{key}: {shown} is given twice")
+        seen.add(value)

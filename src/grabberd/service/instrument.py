@@ -2,7 +2,9 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from grabberd import __version__
 from grabberd.acquisition import Policy, Slot
@@ -10,7 +12,7 @@ from grabberd.errors import CaptureRunning, Conflict, NotReady
 from grabberd.service.backlog import Backlog
 from grabberd.service.capture_thread import CaptureThread
 from grabberd.service.clock import Clock, iso_utc
-from grabberd.service.intake import Intake
+from grabberd.service.intake import Armed, Intake
 from grabberd.service.recorder import CaptureRequest, Recorder
 from grabberd.service.session import CaptureSession
 from grabberd.service.setup import DeviceSetup
@@ -19,6 +21,7 @@ from grabberd.service.status import StatusBoard
 from grabberd.service.worker import Worker
 from grabberd.storage import CaptureMeta, CaptureWriter
 
+NOMINAL_RATE_HZ = 50.0
 ACCEPTS = frozenset({DeviceState.READY, DeviceState.NO_SIGNAL, DeviceState.CAPTURING})
 
 
@@ -89,6 +92,18 @@ class Instrument:
         self._capture.join(timeout_s)
 
     @property
+    def accepts(self) -> bool:
+        """Whether a capture could be started, were none running."""
+        status = self.board.now
+        return status.state in ACCEPTS and status.stream is not None
+
+    @property
+    def rate_hz(self) -> float:
+        """Fields a second, as granted; nominal while the device is not open."""
+        stream = self.board.now.stream
+        return stream.rate_hz if stream else NOMINAL_RATE_HZ
+
+    @property
     def running(self) -> CaptureSession | None:
         """The capture that is recording, or None."""
         session = self.session
@@ -108,7 +123,6 @@ class Instrument:
             self.session = session
             self.intake.hold_threshold = True
             session.start()
-        threading.Thread(target=self._when_sealed, args=(session,), daemon=True).start()
         return session
 
     def stop_capture(self, capture_id: str) -> None:
@@ -130,8 +144,8 @@ class Instrument:
     def _check_free(self) -> None:
         if self.session is not None and not self.session.sealed.is_set():
             raise CaptureRunning(self.session.id)
-        status = self.board.now
-        if status.state not in ACCEPTS or status.stream is None:
+        if not self.accepts:
+            status = self.board.now
             cause = f" ({status.cause})" if status.cause else ""
             raise NotReady(
                 f"device {self.name} is {status.state}{cause}",
@@ -142,7 +156,7 @@ class Instrument:
         stream = self.board.now.stream
         assert stream is not None
         armed = self.intake.arm(request.bits, request.lines)
-        writer = CaptureWriter.create(part, self._meta(capture_id, request, armed.bits, armed.lines))
+        writer = CaptureWriter.create(part, self._meta(capture_id, request, armed))
         backlog: Backlog[Slot] = Backlog(capacity=round(self._queue_s * stream.rate_hz))
         reader = armed.ring.reader(Policy.COUNT, back=request.pre_trigger_fields)
         recorder = Recorder(
@@ -153,4 +167,48 @@ class Instrument:
             lossless=stream.waits_for_reader,
         )
         measured = self.worker is not None
-        return CaptureSession(capture_id, recorder, reader, writer, backlog, self._clock, measured=measured)
+        if measured:
+            writer.begin_run(1, "live", iso_utc(self._clock.utc_now()), __version__, self.made_with)
+        return CaptureSession(
+            capture_id,
+            recorder,
+            reader,
+            writer,
+            backlog,
+            self._clock,
+            measured=measured,
+            on_sealed=self._sealed,
+        )
+
+    def _meta(self, capture_id: str, request: CaptureRequest, armed: Armed) -> CaptureMeta:
+        status = self.board.now
+        assert status.stream is not None
+        config = self.setup.config
+        return CaptureMeta(
+            id=capture_id,
+            created_utc=iso_utc(self._clock.utc_now()),
+            start_ns=self._clock.now_ns(),
+            device={
+                "name": self.name,
+                "driver": config.driver,
+                "options": config.options,
+                "stream": asdict(status.stream),
+            },
+            config=config.model_dump(mode="json"),
+            site=self._site,
+            labels=request.labels,
+            note=request.note,
+            bits=armed.bits,
+            lines=armed.lines,
+            rate_hz=status.stream.rate_hz,
+            version=__version__,
+        )
+
+    @property
+    def made_with(self) -> dict[str, Any]:
+        """The documents that points are made with, as a run keeps them."""
+        return {**self.setup.documents, "settings": {"line_jitter_px": self.setup.config.line_jitter_px}}
+
+    def _sealed(self, session: CaptureSession) -> None:
+        self.intake.hold_threshold = False
+        self._on_sealed(session)

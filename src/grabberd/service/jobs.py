@@ -101,7 +101,9 @@ class JobRunner:
         """
         with self._changed:
             if job_id not in self._orders:
-                raise NotFound(f"no job {job_id!r}", "GET /api/v1/jobs lists the jobs since the daemon started")
+                raise NotFound(
+                    f"no job {job_id!r}", "GET /api/v1/jobs lists the jobs since the daemon started"
+                )
             return self._orders[job_id].job
 
     def list(self) -> list[Job]:

@@ -32,19 +32,30 @@ class CaptureRequest:
 
 
 class Recorder:
-    """Takes fields until the capture has its length or is stopped; numbers them from the capture's first."""
+    """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
+
+    Attributes:
+        ledger: the account so far.
+        ended_because: None while it records.
+        first_n: the stream's number of the capture's first field, None before it came.
+    """
 
     def __init__(
-        self, fields: int | None, backlog: Backlog[Slot], clock: Clock, period_ns: int, *, lossless: bool = False
+        self,
+        fields: int | None,
+        backlog: Backlog[Slot],
+        clock: Clock,
+        period_ns: int,
+        *,
+        lossless: bool = False,
     ) -> None:
         self.ledger = Ledger()
         self.ended_because: str | None = None
-        self.first_time_ns: int | None = None
+        self.first_n: int | None = None
         self._fields = fields
         self._backlog = backlog
         self._clock = clock
         self._due_ns = None if fields is None or lossless else clock.now_ns() + fields * period_ns + GRACE_NS
-        self._first_n: int | None = None
         self._refused: tuple[LedgerEntry, ...] = ()
 
     @property
@@ -69,10 +80,10 @@ class Recorder:
 
     def take(self, slot: Slot) -> None:
         """Enters one slot of the ring; a slot beyond the capture's length ends it."""
-        if self._first_n is None:
-            self._first_n = slot.n
+        if self.first_n is None:
+            self.first_n = slot.n
             slot = slot._replace(lost_before=())
-        slot = rebased(slot, self._first_n)
+        slot = rebased(slot, self.first_n)
         if self._fields is not None and slot.n >= self._fields:
             self._close_at_length(slot)
             return
@@ -105,8 +116,6 @@ class Recorder:
 
     def _enter(self, slot: Slot) -> None:
         self._refused = ()
-        if slot.numbered is not None and self.first_time_ns is None:
-            self.first_time_ns = slot.numbered.time_ns
         if self._backlog.append(slot):
             self._account(slot)
         else:

@@ -1,7 +1,8 @@
 """One running capture: its recorder, its writer, and what the worker takes from both."""
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 from grabberd.acquisition import Outcome, RingReader, Slot
 from grabberd.errors import GrabberdError, StorageError
@@ -24,7 +25,7 @@ class CaptureSession:
         id: of the capture.
         recorder: the fields and their ledger.
         writing: the file and its points.
-        sealed: set when the file has been closed for good, or given up.
+        sealed: set when the file has been closed for good, or given up, and `on_sealed` has been told.
         failure: what kept the capture from being written whole, or None.
     """
 
@@ -38,6 +39,7 @@ class CaptureSession:
         clock: Clock,
         *,
         measured: bool,
+        on_sealed: Callable[["CaptureSession"], None],
     ) -> None:
         self.id = capture_id
         self.recorder = recorder
@@ -48,6 +50,7 @@ class CaptureSession:
         self._reader = reader
         self._writer = writer
         self._backlog = backlog
+        self._on_sealed = on_sealed
         if not measured:
             self.writing.all_measured.set()
 
@@ -59,6 +62,11 @@ class CaptureSession:
     def stop(self, because: str) -> None:
         """Ends the recording; returns at once, `sealed` says when the file is closed."""
         self.recorder.stop(because)
+
+    @property
+    def path(self) -> Path:
+        """The file as it is called now."""
+        return self._writer.path
 
     @property
     def failure(self) -> GrabberdError | None:
@@ -114,14 +122,20 @@ class CaptureSession:
     def _write(self) -> None:
         try:
             self.writing.run()
-            self._writer.seal(
-                self.recorder.ledger,
-                complete=self.complete,
-                ended_because=self.failure.message if self.failure else self.recorder.ended_because or "",
-                measuring_failure=self.measuring_failure,
-            )
+            self._seal()
         except StorageError as error:
             self.writing.failure = error
+            self._writer.close()
         finally:
             self.recorder.stop("storage failed")
+            self._on_sealed(self)
             self.sealed.set()
+
+    def _seal(self) -> None:
+        because = self.failure.message if self.failure else self.recorder.ended_because
+        self._writer.seal(
+            self.recorder.ledger,
+            complete=self.complete,
+            ended_because=because or "",
+            measuring_failure=self.measuring_failure,
+        )

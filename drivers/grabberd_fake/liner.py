@@ -1,0 +1,155 @@
+"""The liner: a tube that collapses elliptically about the middle of its length, once a pulsation.
+
+Its mathematics stands here and in `ellipse` alone. The middle surface of the wall is
+
+    S(x, s, t) = (x, y(s, d), axis_z + z(s, d)),        d(x, t) = deflection · profile(x) · closure(t)
+
+where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an ellipse of
+semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on the outer face, half a
+wall off along the normal, at constant x and s: their intervals along the middle surface never change round the wall.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd_fake import ellipse
+from grabberd_fake.options import LinerOptions
+from grabberd_fake.optics import Array
+from grabberd_fake.targets import Targets, grid_numbers
+
+_STEPS = 2048
+_FLATTEST = 0.7
+
+
+class Wall(NamedTuple):
+    """The middle surface at N places.
+
+    Attributes:
+        xyz_mm: (N, 3) the places.
+        along_s: (N, 3) unit tangent round the wall; `along_x`: (N, 3) tangent ∂S/∂x.
+        normal: (N, 3) unit normal, outward.
+    """
+
+    xyz_mm: Array
+    along_s: Array
+    along_x: Array
+    normal: Array
+
+
+class Liner:
+    """The scene `liner`."""
+
+    moves = True
+
+    def __init__(self, options: LinerOptions) -> None:
+        self._options = options
+        rows, columns = grid_numbers(options.rows, options.columns)
+        self.row, self.column = rows, columns
+        self.ids: NDArray[np.int32] = np.arange(1, len(rows) + 1, dtype=np.int32)
+        self._x_mm = (rows - (options.rows - 1) / 2) * options.pitch_mm
+        arcs_mm = (np.arange(options.columns) - (options.columns - 1) / 2) * options.pitch_mm
+        self._sections = Sections(options.radius_mm, tuple(float(arc) for arc in arcs_mm))
+        self._profile, self._profile_by_x = profile(self._x_mm, options.length_mm)
+
+    def targets(self, time_ns: int) -> Targets:
+        """Places on the outer face and normals."""
+        wall = self.wall(time_ns)
+        return Targets(wall.xyz_mm + wall.normal * (self._options.wall_mm / 2), wall.normal)
+
+    def nominal(self) -> Targets:
+        """The open liner: what the object model holds."""
+        wall = self._wall(0.0)
+        return Targets(wall.xyz_mm + wall.normal * (self._options.wall_mm / 2), wall.normal)
+
+    def wall(self, time_ns: int) -> Wall:
+        """The middle surface under the targets."""
+        return self._wall(closure(self._options, time_ns))
+
+    def _wall(self, closed: float) -> Wall:
+        depth = self._options.deflection_mm * closed
+        section = self._sections.at(depth * self._profile, self.column)
+        y, z, y_by_d, z_by_d, tangent_y, tangent_z = section
+        by_x = depth * self._profile_by_x
+        zero, one = np.zeros_like(y), np.ones_like(y)
+        along_s = np.stack([zero, tangent_y, tangent_z], axis=1)
+        along_x = np.stack([one, y_by_d * by_x, z_by_d * by_x], axis=1)
+        places = np.stack([self._x_mm, y, z + self._options.axis_z_mm], axis=1)
+        return Wall(places, along_s, along_x, _outward(along_s, along_x))
+
+
+def _outward(along_s: Array, along_x: Array) -> Array:
+    """Unit vectors along ∂S/∂x × ∂S/∂s, with the first component of `along_s` zero and of `along_x` one."""
+    (_, ty, tz), (_, a, b) = along_s.T, along_x.T
+    normal = np.stack([a * tz - b * ty, -tz, ty], axis=1)
+    return normal / np.sqrt((normal * normal).sum(axis=1, keepdims=True))
+
+
+def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
+    """Collapse along the length, 1 in the middle and smoothly 0 at and beyond the ends; and its derivative by x."""
+    inside = np.abs(x_mm) < length_mm / 2
+    angle = np.pi * x_mm / length_mm
+    value = np.where(inside, np.cos(angle) ** 2, 0.0)
+    return value, np.where(inside, -np.pi / length_mm * np.sin(2 * angle), 0.0)
+
+
+def closure(options: LinerOptions, time_ns: int) -> float:
+    """How far it is closed, 0 to 1: opening (a), open (b), closing (c), closed (d); a begins with each period.
+
+    The transitions are cubic, so the speed is continuous and at most 1.5 deflections in the transition's time.
+    """
+    period_ns = round(options.period_s * 1e9)
+    part = (time_ns % period_ns) / period_ns
+    if part < options.opening:
+        return 1.0 - _smooth(part / options.opening)
+    return _smooth((part - options.opening - options.open) / options.closing)
+
+
+def _smooth(part: float) -> float:
+    clipped = min(max(part, 0.0), 1.0)
+    return clipped * clipped * (3.0 - 2.0 * clipped)
+
+
+class Sections:
+    """The family of cross-sections of one perimeter, tabulated over the deflection at some arc lengths.
+
+    Linear interpolation over `_STEPS` steps leaves less than a micrometre's tenth.
+    """
+
+    def __init__(self, radius_mm: float, arcs_mm: tuple[float, ...]) -> None:
+        self._radius_mm = radius_mm
+        self._table = _unit_table(tuple(arc / radius_mm for arc in arcs_mm))
+
+    def at(self, deflection_mm: Array, column: NDArray[np.int32]) -> Array:
+        """(6, N): y, z in mm, their derivatives by the deflection, and the unit tangent's y and z.
+
+        Args:
+            deflection_mm: (N,) from 0 to .7 of the radius.
+            column: (N,) which of the arc lengths.
+        """
+        place = deflection_mm * (_STEPS / _FLATTEST / self._radius_mm)
+        step = np.minimum(place.astype(np.intp), _STEPS - 1)
+        part = (place - step)[:, np.newaxis]
+        values = self._table[step, column] * (1 - part) + self._table[step + 1, column] * part
+        values[:, :2] *= self._radius_mm
+        return values.T
+
+
+@lru_cache(maxsize=8)
+def _unit_table(arcs: tuple[float, ...]) -> Array:
+    """(_STEPS + 1, columns, 6) for radius 1: y, z, dy/dd, dz/dd, tangent y, tangent z."""
+    deflection = np.linspace(0.0, _FLATTEST, _STEPS + 1)
+    table = np.stack([_unit_sections(deflection, arc) for arc in arcs], axis=1)
+    slopes = np.gradient(table[:, :, :2], deflection, axis=0, edge_order=2)
+    return np.concatenate([table[:, :, :2], slopes, table[:, :, 2:]], axis=2)
+
+
+def _unit_sections(deflection: Array, arc: float) -> Array:
+    p = 1.0 - deflection
+    q = ellipse.widened(p)
+    theta = ellipse.eccentric_angle(p, q, np.full_like(p, arc))
+    tangent = np.stack([q * np.cos(theta), -p * np.sin(theta)], axis=1)
+    tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
+    return np.column_stack([q * np.sin(theta), p * np.cos(theta), tangent])

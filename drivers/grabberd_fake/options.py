@@ -1,0 +1,213 @@
+"""Every option of the simulated grabber, with its default and its range.
+
+    FakeGrabber(scene="liner", rig={"reflections": 1}, picture={"noise": 0.05}, faults=[{"at_s": 1, "kind": "lose"}])
+
+All of them have defaults: without any it is the reference rig before the pulsating liner. `rig`, `camera` and
+`liner` determine the truth; `picture` what the camera makes of it.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from grabberd_fake.faults import KINDS, Fault
+from grabberd_fake.reading import Group, ListOf, Number, OneOfKinds, choice, flag, group, integer, number, read, ruled
+
+
+@dataclass(frozen=True, slots=True)
+class CameraOptions:
+    """The one real camera.
+
+    Attributes:
+        f_mm: focal length (principal distance).
+        pixel_x_mm: pixel pitch along a line; `pixel_y_mm`: from frame line to frame line.
+        x0_px: principal point, column; `y0_px`: sensor line.
+        radial: k3, k5, k7 of dr = k3 r³ + k5 r⁵ + k7 r⁷ in mm⁻², mm⁻⁴, mm⁻⁶.
+        decentering: p1, p2 in mm⁻¹.
+    """
+
+    f_mm: float = number(8.0, 2, 100)
+    pixel_x_mm: float = number(0.0086, 0.002, 0.05)
+    pixel_y_mm: float = number(0.0083, 0.002, 0.05)
+    x0_px: float = number(363.2, 260, 460)
+    y0_px: float = number(284.6, 200, 375)
+    radial: tuple[float, ...] = ruled(ListOf(Number(-0.01, 0.01)), (-7e-4, 8e-6, 0.0))
+    decentering: tuple[float, ...] = ruled(ListOf(Number(-0.01, 0.01)), (8e-5, -6e-5))
+
+    def check(self) -> Iterator[str]:
+        """What is wrong across keys."""
+        if len(self.radial) != 3:
+            yield f"radial: {list(self.radial)} has not 3 numbers"
+        if len(self.decentering) != 2:
+            yield f"decentering: {list(self.decentering)} has not 2 numbers"
+
+
+@dataclass(frozen=True, slots=True)
+class RigOptions:
+    """Camera and mirrors.
+
+    Attributes:
+        base_mm: distance of the virtual projection centres, nominal.
+        distance_mm: their height above the object's origin, nominal.
+        reflections: mirrors a view: 2 (handedness +1) or 1 (handedness -1).
+        fold_mm: with two mirrors, how far before the camera the inner one folds the middle ray.
+        mirror_tilt_mrad: standard deviation of each mirror's misalignment about each axis.
+        mirror_shift_mm: of its misplacement along its normal.
+        camera_tilt_mrad: of the camera's misalignment about each axis.
+        camera_shift_mm: of its misplacement along each axis.
+        mirror_error_px: root mean square, over a half picture, of the mirrors' local unmodelled displacements.
+        seed: of the misalignments and of the mirrors' error: it makes one particular rig.
+    """
+
+    base_mm: float = number(128.0, 20, 400)
+    distance_mm: float = number(240.0, 60, 2000)
+    reflections: int = choice(2, 1)
+    fold_mm: float = number(20.0, 5, 60)
+    mirror_tilt_mrad: float = number(3.0, 0, 30)
+    mirror_shift_mm: float = number(0.3, 0, 5)
+    camera_tilt_mrad: float = number(4.0, 0, 30)
+    camera_shift_mm: float = number(0.5, 0, 5)
+    mirror_error_px: float = number(0.06, 0, 2)
+    seed: int = integer(1, 0, 2**32 - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class PictureOptions:
+    """What the camera makes of the scene. Grey values are those of the 8-bit picture before gamma and gain.
+
+    Attributes:
+        background: grey value of everything that is not a target; `contrast`: by how much targets are brighter.
+        noise: standard deviation of each pixel's noise in units of `contrast`, drawn anew for every field.
+        jitter_px: standard deviation of the shift that each field line has in common, over both halves.
+        spread_x_px: Gaussian spread (σ) of lens, sensor and video along a line, columns.
+        spread_y_px: across the lines, frame lines.
+        field_integration: row k of parity p collects sensor lines 2k+p and 2k+p+1; otherwise 2k+p alone.
+        exposure_ms: exposure time, centred on the field's time.
+        gamma: grey value out = 255 (grey value in / 255)^gamma.
+        agc_level: mean grey value that the automatic gain aims at; null: no gain control.
+        agc_fields: time constant of the gain control.
+        uneven_light: the light varies smoothly by ± this proportion over the picture.
+        stamp: field number and parity stand in the top left corner.
+    """
+
+    background: float = number(20.0, 0, 200)
+    contrast: float = number(190.0, 1, 300)
+    noise: float = number(0.02, 0, 0.5)
+    jitter_px: float = number(0.12, 0, 0.5)
+    spread_x_px: float = number(0.8, 0.3, 4)
+    spread_y_px: float = number(0.8, 0.3, 4)
+    field_integration: bool = flag(True)
+    exposure_ms: float = number(1.0, 0, 20)
+    gamma: float = number(1.0, 0.2, 3)
+    agc_level: float | None = number(None, 1, 254, optional=True)
+    agc_fields: float = number(12.0, 1, 1000)
+    uneven_light: float = number(0.0, 0, 0.6)
+    stamp: bool = flag(True)
+
+
+@dataclass(frozen=True, slots=True)
+class LinerOptions:
+    """The pulsating liner.
+
+    Attributes:
+        radius_mm: of the wall's middle surface, open; `wall_mm`: thickness; `length_mm`: between its clamped ends.
+        axis_z_mm: height of its axis in the object's frame.
+        deflection_mm: how far the middle of its length flattens towards the axis when closed.
+        period_s: one pulsation.
+        opening: proportion of the period that phase a takes; `open`: phase b; `closing`: phase c; d is the rest.
+        rows: targets along X; `columns`: round the wall; `pitch_mm`: between targets, along the middle surface.
+    """
+
+    radius_mm: float = number(12.5, 5, 30)
+    wall_mm: float = number(2.5, 0.5, 5)
+    length_mm: float = number(130.0, 20, 300)
+    axis_z_mm: float = number(-9.0, -100, 100)
+    deflection_mm: float = number(5.0, 0, 20)
+    period_s: float = number(1.0, 0.1, 60)
+    opening: float = number(0.15, 0.02, 0.9)
+    open: float = number(0.45, 0, 0.9)
+    closing: float = number(0.15, 0.02, 0.9)
+    rows: int = integer(18, 1, 60)
+    columns: int = integer(6, 1, 30)
+    pitch_mm: float = number(6.5, 1, 50)
+
+    def check(self) -> Iterator[str]:
+        """What is wrong across keys."""
+        if self.opening + self.open + self.closing > 1 + 1e-12:
+            yield "opening + open + closing: more than the whole period"
+        if self.deflection_mm > 0.7 * self.radius_mm:
+            yield f"deflection_mm: {self.deflection_mm:g} is more than .7 of the radius {self.radius_mm:g}"
+        if self.columns * self.pitch_mm > 2 * math.pi * self.radius_mm:
+            yield f"columns: {self.columns} columns of {self.pitch_mm:g} mm do not fit round the wall"
+        if (self.rows - 1) * self.pitch_mm > self.length_mm:
+            yield f"rows: {self.rows} rows of {self.pitch_mm:g} mm are longer than {self.length_mm:g} mm"
+
+
+@dataclass(frozen=True, slots=True)
+class PointOption:
+    """One target of the scene `points`; its disc faces along (nx, ny, nz), toward the cameras by default."""
+
+    id: int = ruled(Number(0, 2**31 - 1, whole=True))
+    x_mm: float = ruled(Number(-1000, 1000))
+    y_mm: float = ruled(Number(-1000, 1000))
+    z_mm: float = ruled(Number(-1000, 1000))
+    nx: float = number(0.0, -1, 1)
+    ny: float = number(0.0, -1, 1)
+    nz: float = number(1.0, -1, 1)
+
+    def check(self) -> Iterator[str]:
+        """What is wrong across keys."""
+        if self.nx == self.ny == self.nz == 0:
+            yield "nx, ny, nz: all zero"
+
+
+SCENES = ("liner", "calibration_frame", "accuracy_object", "blank", "points")
+"""What can stand before the camera."""
+
+
+@dataclass(frozen=True, slots=True)
+class FakeOptions:
+    """All of them.
+
+    Attributes:
+        scene: one of `SCENES`.
+        liner: see `LinerOptions`; `points`: the targets of the scene `points`.
+        target_diameter_mm: diameter of the discs.
+        grazing_limit_deg: a target is seen in a view up to this angle between its normal and the line of sight.
+        rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
+        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as the reader goes, their times 20 ms apart.
+        buffers: fields that wait while nobody dequeues; with all full, new ones are lost.
+        seed: of noise and jitter.
+        faults: the script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
+    """
+
+    scene: str = choice(*SCENES)
+    liner: LinerOptions = group(LinerOptions)
+    points: tuple[PointOption, ...] = ruled(ListOf(Group(PointOption)), ())
+    target_diameter_mm: float = number(1.5, 0.2, 10)
+    grazing_limit_deg: float = number(65.0, 10, 85)
+    rig: RigOptions = group(RigOptions)
+    camera: CameraOptions = group(CameraOptions)
+    picture: PictureOptions = group(PictureOptions)
+    pace: str = choice("real", "free")
+    buffers: int = integer(8, 2, 32)
+    seed: int = integer(0, 0, 2**32 - 1)
+    faults: tuple[Fault, ...] = ruled(ListOf(OneOfKinds(KINDS)), ())
+
+    @classmethod
+    def read(cls, values: Mapping[str, Any]) -> "FakeOptions":
+        """From what a configuration's `options` hold.
+
+        Raises:
+            ValueError: a line for every key that is unknown or whose value is not allowed.
+        """
+        return read(cls, values, "")
+
+    def check(self) -> Iterator[str]:
+        """What is wrong across keys."""
+        ids = [point.id for point in self.points]
+        if len(set(ids)) < len(ids):
+            yield "points: an id is given twice"
+        if self.points and self.scene != "points":
+            yield f"points: given, but the scene is {self.scene!r}"

@@ -1,0 +1,124 @@
+"""A folder of PNG pictures without a manifest as a recording."""
+
+import re
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+from grabberd.acquisition import FieldOrder, GrabbedField
+from grabberd.errors import DeviceRefused, PictureError
+from grabberd.field import BOTTOM, TOP
+from grabberd_replay.pictures import Pictures, fields_of, older_parity, recognise
+from grabberd_replay.png import Header, read_png
+from grabberd_replay.recording import Batch, Format
+
+_NUMBER = re.compile(r"^(.*?)(\d+)(\D*)$")
+
+
+class FolderRecording:
+    """The pictures of a folder in the order of their names, a field every 1 / rate_hz from time zero.
+
+    Raises:
+        DeviceRefused: there is no picture, or its height does not tell what it is.
+        PictureError: the first picture cannot be read.
+    """
+
+    def __init__(
+        self, directory: Path, pictures: Pictures, order: FieldOrder, first_parity: int, rate_hz: float
+    ) -> None:
+        self._paths = in_order(directory)
+        self._order = order
+        self._first_parity = first_parity
+        self._rate_hz = rate_hz
+        self._header, _ = read_png(self._paths[0])
+        self._pictures = self._recognise(pictures)
+        self.format = Format(
+            columns=self._header.columns,
+            field_rows=self._header.lines // (2 if self._pictures is Pictures.FRAMES else 1),
+            rate_hz=rate_hz,
+            field_order=order if self._pictures is Pictures.FRAMES else FieldOrder.ALTERNATE,
+            pixel_format="GREY",
+            counts_losses=True,
+            details=details_of(self._pictures, self._header),
+        )
+
+    def batches(self) -> Iterator[Batch]:
+        """One picture's fields at a time."""
+        n, missing = 0, missing_names(self._paths)
+        for path in self._paths:
+            if path.name in missing:
+                raise _missing(path.parent / missing[path.name], self._header)
+            _, luma = read_png(path, self._header)
+            fields = fields_of(luma, self._pictures, self._parity(n))
+            yield [GrabbedField(field, self._time_ns(n + i), n + i, None) for i, field in enumerate(fields)]
+            n += len(fields)
+
+    def close(self) -> None:
+        """Nothing is kept open."""
+
+    def _recognise(self, pictures: Pictures) -> Pictures:
+        try:
+            return recognise(pictures, self._header.lines)
+        except ValueError as error:
+            raise DeviceRefused(
+                f"{self._paths[0]}: {error}", "say by the option 'pictures' what they are, or scale them"
+            ) from error
+
+    def _parity(self, n: int) -> int:
+        if self._pictures is Pictures.FRAMES:
+            return older_parity(self._order)
+        return self._first_parity if n % 2 == 0 else TOP + BOTTOM - self._first_parity
+
+    def _time_ns(self, n: int) -> int:
+        return round(n * 1e9 / self._rate_hz)
+
+
+def in_order(directory: Path) -> list[Path]:
+    """The PNG files of a folder, by name; numbers in names by their value.
+
+    Raises:
+        DeviceRefused: there are none.
+    """
+    paths = [path for path in directory.iterdir() if path.suffix.lower() == ".png"]
+    if not paths:
+        raise DeviceRefused(
+            f"{directory} has no PNG pictures", "name a folder of PNG files or a capture file"
+        )
+    return sorted(paths, key=lambda path: [_piece(piece) for piece in re.split(r"(\d+)", path.name)])
+
+
+def _piece(text: str) -> tuple[int, str]:
+    return (int(text), text) if text.isdigit() else (-1, text)
+
+
+def missing_names(paths: Sequence[Path]) -> dict[str, str]:
+    """Where names are numbered: by the name of a picture, that of the missing one right before it.
+
+    The step from number to number is the smallest that occurs; names without numbers, or with different texts
+    about them, tell nothing.
+    """
+    matches = [_NUMBER.match(path.name) for path in paths]
+    found = [match.groups() for match in matches if match]
+    if len(found) < len(paths) or len({(before, after) for before, _, after in found}) != 1 or len(paths) < 3:
+        return {}
+    numbers = [int(number) for _, number, _ in found]
+    step = min(later - earlier for earlier, later in pairwise(numbers))
+    pairs = zip(found, numbers, found[1:], numbers[1:], strict=False)
+    return {
+        "".join(later): f"{before}{number + step:0{len(digits)}d}{after}"
+        for (before, digits, after), number, later, next_number in pairs
+        if next_number - number > step > 0
+    }
+
+
+def _missing(path: Path, header: Header) -> PictureError:
+    return PictureError(
+        f"{path} is missing; expected {header}, since the pictures before and after it are numbered",
+        "put it back, or number the pictures without gaps; what came before it is kept",
+    )
+
+
+def details_of(pictures: Pictures, header: Header) -> dict[str, str]:
+    """What a person may want to know of the pictures."""
+    colours = {"colours": "converted to luma by Rec. 601"} if header.coloured else {}
+    return {"pictures": str(pictures), "size": f"{header.columns}x{header.lines}", **colours}

@@ -1,0 +1,178 @@
+"""The replay driver."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+
+from grabberd.acquisition import Clock, FieldOrder, GrabbedField, Signal, StreamInfo, SystemClock
+from grabberd.errors import (
+    CaptureFileError,
+    DeviceAbsent,
+    DeviceLost,
+    DeviceRefused,
+    GrabberdError,
+    StreamEnded,
+)
+from grabberd_replay.capture import CaptureRecording
+from grabberd_replay.folder import FolderRecording
+from grabberd_replay.manifest import MANIFEST, ManifestRecording
+from grabberd_replay.pictures import Pictures, older_parity, parity_named
+from grabberd_replay.recording import Batch, Recording
+
+
+class Pace(StrEnum):
+    """How fast a recording is played."""
+
+    FREE = "free"
+    REAL = "real"
+
+
+class ReplayGrabber:
+    """Plays a capture file or a folder of PNG pictures.
+
+    Args:
+        path: of the capture file or the folder.
+        pictures: what the pictures are: "frames" (woven), "fields", "doubled", or "auto" by their height. A
+            capture file and a folder with a `fields.csv` know it themselves.
+        field_order: which field of a frame is the older: "top_first" (PAL) or "bottom_first".
+        first_parity: "top" or "bottom", of the first field where pictures are fields or doubled.
+        rate_hz: fields a second, where the recording does not know.
+        pace: "free" as fast as they are read, "real" when they are due.
+        clock: for the real pace; the computer's by default.
+
+    Raises:
+        ValueError: an option is not one of these.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        pictures: str = "auto",
+        field_order: str = "top_first",
+        first_parity: str = "top",
+        rate_hz: float = 50.0,
+        pace: str = "free",
+        clock: Clock | None = None,
+    ) -> None:
+        if not rate_hz > 0:
+            raise ValueError(f"rate_hz is the number of fields a second, not {rate_hz}")
+        self._path = Path(path)
+        self._pictures = Pictures(pictures)
+        self._order = FieldOrder(field_order)
+        older_parity(self._order)
+        self._first_parity = parity_named(first_parity)
+        self._rate_hz = float(rate_hz)
+        self._pace = Pace(pace)
+        self._clock: Clock = clock or SystemClock()
+        self._recording: Recording | None = None
+        self._batches: Iterator[Batch] = iter(())
+        self._next: Batch | None = None
+        self._failure: GrabberdError | None = None
+        self._shift_ns: int | None = None
+
+    def open(self) -> StreamInfo:
+        """Opens the recording from its beginning.
+
+        Raises:
+            DeviceAbsent: there is no such file or folder.
+            DeviceRefused: it is no recording.
+            PictureError: its first picture cannot be read.
+        """
+        self.close()
+        self._recording = self._open_recording()
+        self._batches = self._recording.batches()
+        self._next, self._failure, self._shift_ns = None, None, None
+        return self._info(self._recording)
+
+    @contextmanager
+    def dequeue(self, timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
+        """The next picture's fields; empty where they are not due within `timeout_s`.
+
+        Raises:
+            DeviceLost: it is not open.
+            StreamEnded: the recording has no further field.
+            PictureError: the next picture cannot be read; also whenever it is asked for again.
+        """
+        batch = self._peek()
+        if not self._wait_until_due(batch, timeout_s):
+            yield ()
+            return
+        self._next = None
+        yield batch
+
+    def signal(self) -> Signal:
+        """A recording has none."""
+        return Signal.UNKNOWN
+
+    def close(self) -> None:
+        """Lets go of the recording."""
+        if self._recording is not None:
+            self._recording.close()
+        self._recording, self._failure = None, None
+
+    def _open_recording(self) -> Recording:
+        if not self._path.exists():
+            hint = "name a capture file or a folder of PNG files"
+            raise DeviceAbsent(f"there is no recording {self._path}", hint)
+        if not self._path.is_dir():
+            return self._open_capture()
+        if (self._path / MANIFEST).exists():
+            return ManifestRecording(self._path, self._rate_hz)
+        return FolderRecording(self._path, self._pictures, self._order, self._first_parity, self._rate_hz)
+
+    def _open_capture(self) -> Recording:
+        try:
+            return CaptureRecording(self._path)
+        except CaptureFileError as error:
+            raise DeviceRefused(error.message, error.hint) from error
+
+    def _info(self, recording: Recording) -> StreamInfo:
+        form = recording.format
+        return StreamInfo(
+            driver="replay",
+            card=str(self._path),
+            standard="PAL" if form.rate_hz == 50.0 else "",
+            columns=form.columns,
+            field_rows=form.field_rows,
+            rate_hz=form.rate_hz,
+            field_order=form.field_order,
+            pixel_format=form.pixel_format,
+            buffers=2,
+            live=False,
+            counts_losses=form.counts_losses,
+            tells_signal=False,
+            time_sigma_ns=0,
+            waits_for_reader=self._pace is Pace.FREE,
+            details={**form.details, "times": "as recorded", "pace": str(self._pace)},
+        )
+
+    def _peek(self) -> Batch:
+        if self._failure is not None:
+            raise self._failure
+        if self._recording is None:
+            raise DeviceLost(f"the recording {self._path} is not open", "open it first")
+        if self._next is None:
+            self._next = self._read()
+        return self._next
+
+    def _read(self) -> Batch:
+        try:
+            return next(self._batches)
+        except StopIteration:
+            hint = "open it again to play it again"
+            self._failure = StreamEnded(f"the recording {self._path} has ended", hint)
+        except GrabberdError as error:
+            self._failure = error
+        raise self._failure
+
+    def _wait_until_due(self, batch: Batch, timeout_s: float) -> bool:
+        """In real time a picture comes when its last field is over, as from a grabber."""
+        if self._pace is Pace.FREE:
+            return True
+        now_ns, last_ns = self._clock.now_ns(), batch[-1].time_ns
+        if self._shift_ns is None:
+            self._shift_ns = now_ns - last_ns
+        wait_s = (last_ns + self._shift_ns - now_ns) / 1e9
+        self._clock.sleep(min(wait_s, timeout_s))
+        return wait_s <= timeout_s

@@ -1,0 +1,118 @@
+"""A folder of pictures that grabberd exported: its `fields.csv` says what each picture is and when it was."""
+
+import csv
+from collections.abc import Iterator, Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
+from grabberd.errors import DeviceRefused
+from grabberd.field import Field
+from grabberd_replay.folder import details_of
+from grabberd_replay.pictures import Pictures
+from grabberd_replay.png import read_png
+from grabberd_replay.recording import Batch, Format, counts_like_numbers
+
+MANIFEST = "fields.csv"
+
+
+class Row(NamedTuple):
+    """One field of the manifest."""
+
+    n: int
+    time_ns: int
+    sequence: int | None
+    parity: int
+    y0: int
+    y_step: int
+    outcome: Outcome
+    file: str
+
+
+class ManifestRecording:
+    """The fields that a manifest lists, with their own times, parities and gaps.
+
+    Raises:
+        DeviceRefused: the manifest lists nothing, or a row of it cannot be understood.
+        PictureError: the first picture cannot be read.
+    """
+
+    def __init__(self, directory: Path, rate_hz: float) -> None:
+        self._directory = directory
+        self._rows = read_manifest(directory / MANIFEST)
+        self._header, _ = read_png(directory / self._rows[0].file)
+        self._woven = self._rows[0].y_step == 2 and self._is_woven()
+        parities = {row.parity for row in self._rows}
+        self.format = Format(
+            columns=self._header.columns,
+            field_rows=self._header.lines // (2 if self._woven else 1),
+            rate_hz=rate_hz,
+            field_order=FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY,
+            pixel_format="GREY",
+            counts_losses=counts_like_numbers([r.sequence for r in self._rows], [r.n for r in self._rows]),
+            details=details_of(self._pictures, self._header),
+        )
+
+    def batches(self) -> Iterator[Batch]:
+        """One field at a time; both of a woven frame come from the same picture."""
+        name, luma = "", np.empty((0, 0), np.uint8)
+        for row in self._rows:
+            if row.file != name:
+                name, (_, luma) = row.file, read_png(self._directory / row.file, self._header)
+            damage = None if row.outcome is Outcome.RECEIVED else str(row.outcome)
+            yield (GrabbedField(self._field(luma, row), row.time_ns, row.sequence, damage),)
+
+    def close(self) -> None:
+        """Nothing is kept open."""
+
+    def _field(self, luma: NDArray[np.uint8], row: Row) -> Field:
+        return Field(luma[row.parity :: 2] if self._woven else luma, row.parity, row.y0, row.y_step)
+
+    def _is_woven(self) -> bool:
+        """Frames are listed once for each of their fields, or are higher than any field."""
+        return self._header.lines >= 480 or any(a.file == b.file for a, b in pairwise(self._rows))
+
+    @property
+    def _pictures(self) -> Pictures:
+        if self._woven:
+            return Pictures.FRAMES
+        return Pictures.DOUBLED if self._rows[0].y_step == 1 else Pictures.FIELDS
+
+
+def read_manifest(path: Path) -> list[Row]:
+    """The rows of a manifest.
+
+    Raises:
+        DeviceRefused: there are none, or one cannot be understood; the text names its line.
+    """
+    hint = "export the capture again"
+    with path.open(newline="", encoding="utf-8") as file:
+        rows = [_row(path, line, values) for line, values in enumerate(csv.DictReader(file), start=2)]
+    if not rows:
+        raise DeviceRefused(f"{path} lists no fields", hint)
+    if any(later.n <= earlier.n for earlier, later in pairwise(rows)):
+        raise DeviceRefused(f"{path}: the numbers n do not ascend", hint)
+    return rows
+
+
+def _row(path: Path, line: int, values: Mapping[str, str]) -> Row:
+    try:
+        return Row(
+            n=int(values["n"]),
+            time_ns=int(values["time_ns"]),
+            sequence=int(values["sequence"]) if values["sequence"] else None,
+            parity=int(values["parity"]),
+            y0=int(values["y0"]),
+            y_step=int(values["y_step"]),
+            outcome=Outcome(values["outcome"]),
+            file=Path(values["file"]).name,
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise DeviceRefused(
+            f"{path}, line {line} cannot be understood: {type(error).__name__} {error}",
+            "export the capture again",
+        ) from error

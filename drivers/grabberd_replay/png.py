@@ -1,0 +1,100 @@
+"""PNG pictures from outside: read whole or refused by name."""
+
+import struct
+import zlib
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import PictureError
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_GREY = (0, 4)
+
+
+class Header(NamedTuple):
+    """What a PNG says of itself; `coloured` is whether grey has to be computed from colours."""
+
+    lines: int
+    columns: int
+    coloured: bool
+
+    def __str__(self) -> str:
+        return f"{self.columns}x{self.lines} {'coloured' if self.coloured else 'grey'}"
+
+
+def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArray[np.uint8]]:
+    """Header and grey values of a picture; colours become luma by Rec. 601, as a grabber would make of them.
+
+    Args:
+        path: of the picture.
+        expected: what it should be, in size and colours.
+
+    Raises:
+        PictureError: it is missing, no PNG, truncated, damaged, of more than 8 bits, or not what was
+            expected.
+    """
+    data = _bytes(path, expected)
+    header = _header(path, data, expected)
+    _check_chunks(path, data, header)
+    if expected is not None and header != expected:
+        raise PictureError(
+            f"{path} is {header}, expected {expected} like the first picture",
+            "leave it out or bring it to the size and colours of the others",
+        )
+    mode = cv2.IMREAD_COLOR if header.coloured else cv2.IMREAD_GRAYSCALE
+    picture = cv2.imdecode(np.frombuffer(data, np.uint8), mode)
+    if picture is None:
+        raise _damaged(path, header, "its content cannot be decoded")
+    grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if header.coloured else picture
+    return header, np.asarray(grey, np.uint8)
+
+
+def _bytes(path: Path, expected: Header | None) -> bytes:
+    what = f"; expected {expected}" if expected else ""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError as error:
+        hint = "put it back; what came before it is kept"
+        raise PictureError(f"{path} is missing{what}", hint) from error
+    except OSError as error:
+        hint = "mend the file's rights"
+        raise PictureError(f"{path} cannot be read: {error.strerror}{what}", hint) from error
+
+
+def _header(path: Path, data: bytes, expected: Header | None) -> Header:
+    if data[:8] != _SIGNATURE or len(data) < 33:
+        what = f"{expected} as " if expected else ""
+        kind = "truncated in its head" if _SIGNATURE.startswith(data[:8]) else "no PNG"
+        hint = "copy it again, or export it as PNG"
+        raise PictureError(f"{path} is {kind} ({len(data)} bytes), expected {what}PNG", hint)
+    columns, lines, depth, colour = struct.unpack(">IIBB", data[16:26])
+    if depth > 8:
+        raise PictureError(
+            f"{path} has {depth} bits a sample, expected at most 8",
+            "convert it to 8 bits; grabbers give no more",
+        )
+    return Header(lines, columns, colour not in _GREY)
+
+
+def _check_chunks(path: Path, data: bytes, header: Header) -> None:
+    """Walks the chunks to the last one, since a decoder fills up a truncated picture without a word."""
+    at = 8
+    while at + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, at)
+        end = at + 12 + length
+        if end > len(data):
+            break
+        if zlib.crc32(data[at + 4 : end - 4]) != struct.unpack_from(">I", data, end - 4)[0]:
+            raise _damaged(path, header, f"the checksum at byte {end - 4} is wrong")
+        if data[at + 4 : at + 8] == b"IEND":
+            return
+        at = end
+    raise _damaged(path, header, f"it is truncated after {len(data)} bytes")
+
+
+def _damaged(path: Path, header: Header, why: str) -> PictureError:
+    return PictureError(f"{path}: {why}; expected a whole picture of {header}", "copy or export it again")

@@ -1,0 +1,50 @@
+"""What every kind of recording is to the driver."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from grabberd.acquisition import FieldOrder, GrabbedField
+
+Batch = Sequence[GrabbedField]
+"""The fields of one picture, the older first."""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """How a recording's fields come; the terms are those of `StreamInfo`."""
+
+    columns: int
+    field_rows: int
+    rate_hz: float
+    field_order: FieldOrder
+    pixel_format: str
+    counts_losses: bool
+    details: dict[str, str] = field(default_factory=dict)
+
+
+class Recording(Protocol):
+    """An opened recording."""
+
+    format: Format
+
+    def batches(self) -> Iterator[Batch]:
+        """Every picture's fields in order of time.
+
+        Raises:
+            PictureError, CaptureFileError: the next one cannot be read; the ones before it were given.
+        """
+        ...
+
+    def close(self) -> None:
+        """Lets go of it; safe twice."""
+        ...
+
+
+def counts_like_numbers(sequences: Sequence[int | None], numbers: Sequence[int]) -> bool:
+    """Whether a driver's count grew like the numbers of the fields, and so told of every loss."""
+    if not sequences or None in sequences:
+        return False
+    first = sequences[0]
+    assert first is not None
+    return all(s is not None and s - first == n - numbers[0] for s, n in zip(sequences, numbers, strict=True))

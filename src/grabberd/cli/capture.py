@@ -1,0 +1,189 @@
+"""`grabberd capture`: a capture into a file, without a daemon, or through the one that holds the device."""
+
+import contextlib
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from grabberd.cli.options import (
+    ConfigOption,
+    JsonOption,
+    console,
+    load,
+    only_device,
+    print_json,
+    progress_console,
+)
+from grabberd.config import Config, DeviceConfig, default_config_file
+from grabberd.errors import DeviceAbsent, StorageError
+
+if TYPE_CHECKING:
+    from grabberd.service.instrument import Instrument
+    from grabberd.service.recorder import CaptureRequest
+    from grabberd.service.session import CaptureSession
+
+POLL_S = 0.05
+OPEN_TIMEOUT_S = 10.0
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("capture")(capture)
+
+
+def capture(  # noqa: PLR0913 - a command has as many parameters as it has options
+    out: Annotated[Path, typer.Option("--out", "-o", help="The capture file to write, NAME.grab.")],
+    config: ConfigOption = None,
+    device: Annotated[
+        str | None, typer.Option(help="A configured device, or replay:PATH to play a recording in its place.")
+    ] = None,
+    fields: Annotated[int | None, typer.Option(min=1, help="Length in fields of 20 ms.")] = None,
+    duration: Annotated[
+        float | None, typer.Option("--duration-s", min=0.02, help="Length in seconds.")
+    ] = None,
+    bits: Annotated[int | None, typer.Option(min=1, max=8, help="Bits a pixel: 1 to 6, or 8.")] = None,
+    lines: Annotated[str | None, typer.Option(help="doubled or field (intact).")] = None,
+    note: Annotated[str, typer.Option(help="A note that stays with the capture.")] = "",
+    label: Annotated[list[str] | None, typer.Option(help="KEY=VALUE, e.g. cow=112; may be repeated.")] = None,
+    url: Annotated[
+        str | None, typer.Option("--url", help="Let the daemon at this address do it.", envvar="GRABBERD_URL")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Record fields and measure them into one file; Ctrl-C ends a capture without a length.
+
+    Example: grabberd capture --config configs/fake.yaml --fields 64 --out liner.grab
+    """
+    order = _order(fields, duration, bits, lines, note, label or [])
+    if out.exists():
+        raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
+    if url:
+        from grabberd.cli.remote import capture_through  # noqa: PLC0415
+
+        document = capture_through(url, device, order, out)
+    else:
+        document = _capture_here(load(config), config, device, order, out)
+    if json:
+        print_json(document)
+    else:
+        words = document["ledger"]["in_words"]
+        console.print(f"{out}: {document['fields']} fields, {words}", highlight=False)
+
+
+def _order(
+    fields: int | None,
+    duration_s: float | None,
+    bits: int | None,
+    lines: str | None,
+    note: str,
+    labels: list[str],
+) -> dict[str, Any]:
+    """The capture as the API takes it, with what is wrong said in the command line's words."""
+    from pydantic import ValidationError  # noqa: PLC0415
+
+    from grabberd.api.models import CaptureOrder  # noqa: PLC0415
+
+    pairs = [label.partition("=") for label in labels]
+    if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
+        raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
+    values = {"fields": fields, "duration_s": duration_s, "bits": bits, "lines": lines, "note": note}
+    values["labels"] = {key: value for key, _, value in pairs}
+    try:
+        return CaptureOrder.model_validate(values).model_dump(exclude_none=True)
+    except ValidationError as error:
+        faults = "; ".join(
+            f"{'.'.join(str(part) for part in fault['loc']) or 'capture'}: {fault['msg']}"
+            for fault in error.errors()
+        )
+        raise typer.BadParameter(faults) from None
+
+
+def _capture_here(
+    config: Config, file: Path | None, device: str | None, order: dict[str, Any], out: Path
+) -> dict[str, Any]:
+    from grabberd.service.archive import describe  # noqa: PLC0415
+    from grabberd.service.clock import SystemClock  # noqa: PLC0415
+    from grabberd.service.instrument import Instrument  # noqa: PLC0415
+    from grabberd.service.setup import set_up  # noqa: PLC0415
+
+    sys.setswitchinterval(0.001)
+    chosen = _with_device(config, file, device)
+    setup = next(iter(set_up(chosen, file or default_config_file()).values()))
+    instrument = Instrument(setup, SystemClock(), site=dict(config.site), queue_s=config.storage.queue_s)
+    instrument.start()
+    try:
+        _wait_until(lambda: instrument.accepts, instrument)
+        rate_hz = instrument.rate_hz
+        with tempfile.TemporaryDirectory(dir=out.parent or Path(), prefix=".grabberd-") as folder:
+            session = instrument.start_capture(
+                out.stem, _request(order, rate_hz), Path(folder) / f"{out.name}.part"
+            )
+            _follow(session, order, rate_hz)
+            _keep(session, out)
+    finally:
+        instrument.stop()
+    return describe(out)
+
+
+def _with_device(config: Config, file: Path | None, device: str | None) -> Config:
+    """The configuration with the one device that is meant, replay:PATH in the place of the configured driver."""
+    driver, colon, path = (device or "").partition(":")
+    name = only_device(config, None if colon else device, file)
+    chosen: DeviceConfig = config.devices[name]
+    if colon:
+        chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})
+    return config.model_copy(update={"devices": {name: chosen}})
+
+
+def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
+    from grabberd.service.recorder import CaptureRequest  # noqa: PLC0415
+
+    values = dict(order)
+    duration_s = values.pop("duration_s", None)
+    if duration_s is not None:
+        values["fields"] = max(1, round(duration_s * rate_hz))
+    return CaptureRequest(**values)
+
+
+def _wait_until(done: Callable[[], bool], instrument: "Instrument") -> None:
+    until = time.monotonic() + OPEN_TIMEOUT_S
+    while not done():
+        status = instrument.board.now
+        if time.monotonic() > until:
+            raise DeviceAbsent(
+                f"device {instrument.name} is {status.state} after {OPEN_TIMEOUT_S:.0f} s: {status.cause}",
+                "check the grabber and the configuration; 'grabberd devices' lists what there is",
+            )
+        time.sleep(POLL_S)
+
+
+def _follow(session: "CaptureSession", order: dict[str, Any], rate_hz: float) -> None:
+    """Shows how far the capture is until its file is sealed; Ctrl-C ends the recording."""
+    wanted = order.get("fields") or round(order.get("duration_s", 0) * rate_hz) or None
+    columns = (
+        TextColumn("recording"),
+        BarColumn(),
+        TextColumn("{task.completed} fields"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=progress_console, transient=True) as progress:
+        task = progress.add_task("", total=wanted)
+        while not session.sealed.is_set():
+            with contextlib.suppress(KeyboardInterrupt):
+                progress.update(task, completed=session.recorder.ledger.total)
+                session.sealed.wait(POLL_S)
+                continue
+            session.stop("stopped by the operator")
+
+
+def _keep(session: "CaptureSession", out: Path) -> None:
+    """Gives the file its name, whole or not; what kept it from being whole is raised."""
+    session.path.rename(out)
+    if session.failure is not None:
+        raise session.failure

@@ -1,0 +1,41 @@
+"""`grabberd measure`: points of a recorded capture, again or for the first time."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+
+from grabberd.cli.options import JsonOption, console, print_json, progress_console
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("measure")(measure)
+
+
+def measure(
+    capture: Annotated[Path, typer.Argument(help="A capture file, NAME.grab.")],
+    calibration: Annotated[Path, typer.Option(help="Calibration (JSON).")],
+    object_model: Annotated[Path, typer.Option("--object", help="Object model (YAML).")],
+    line_jitter: Annotated[float, typer.Option("--line-jitter-px", min=0, max=2)] = 0.12,
+    json: JsonOption = False,
+) -> None:
+    """Measure a capture with a calibration; the points become a further run in the file.
+
+    Example: grabberd measure liner.grab --calibration configs/fake.calibration.json --object configs/objects/liner.yaml
+    """
+    from grabberd.service.measuring import measure_file  # noqa: PLC0415
+    from grabberd.service.setup import read_documents  # noqa: PLC0415
+
+    made_with = {**read_documents(calibration, object_model), "settings": {"line_jitter_px": line_jitter}}
+    with Progress(console=progress_console, transient=True) as progress:
+        task = progress.add_task("measuring", total=1.0)
+        result = measure_file(
+            lambda share: progress.update(task, completed=share), path=capture, made_with=made_with
+        )
+    if json:
+        print_json(result)
+    else:
+        words = f"run {result['run']}, {result['points']} points in {result['fields']} fields"
+        console.print(f"{capture}: {words}", highlight=False)

@@ -1,0 +1,38 @@
+"""What reconstruction takes of the blobs of one view: where they are, and how well that is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewBlobs:
+    """N blobs of one view.
+
+    Attributes:
+        xy_px: (N, 2) float64, frame pixels.
+        sigma_px: (N, 2) float64, above 0: standard deviation of `xy_px` from location alone, without line jitter.
+
+    Raises:
+        MeasurementError: a place or a standard deviation is not a number, or a standard deviation not above 0.
+    """
+
+    xy_px: NDArray[np.float64]
+    sigma_px: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if not ((self.sigma_px > 0.0).all() and np.isfinite(self.xy_px).all()):
+            raise MeasurementError(
+                f"of {len(self)} blobs some have no place or no standard deviation above 0",
+                "this is a fault of the location method: choose another, and report it",
+            )
+
+    def __len__(self) -> int:
+        return len(self.xy_px)
+
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "ViewBlobs":
+        """The blobs that a mask or index array chooses."""
+        return ViewBlobs(self.xy_px[chosen], self.sigma_px[chosen])

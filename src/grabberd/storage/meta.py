@@ -1,0 +1,64 @@
+"""What a capture file says of itself."""
+
+import json
+import sqlite3
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureMeta:
+    """Stored in the table `meta`, a JSON value for each key.
+
+    Attributes:
+        id: of the capture.
+        created_utc: ISO 8601; `start_ns` is the same moment by CLOCK_MONOTONIC.
+        device: its name, driver, options and, as `stream`, what the driver granted.
+        config: the device's part of the configuration.
+        site: of the configuration, e.g. the barn; `labels` and `note`: the operator's.
+        bits: bits a pixel; `lines`: "doubled" or "field".
+        rate_hz: nominal fields a second.
+        version: of the program that wrote it.
+        state: "recording", then "sealed".
+        complete: None while recording, then whether nothing is lost or damaged.
+        ended_because: why it ended.
+    """
+
+    id: str
+    created_utc: str
+    start_ns: int
+    device: Mapping[str, Any]
+    config: Mapping[str, Any]
+    site: Mapping[str, str]
+    labels: Mapping[str, str]
+    note: str
+    bits: int
+    lines: str
+    rate_hz: float
+    version: str
+    state: str = "recording"
+    complete: bool | None = None
+    ended_because: str | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> None:
+    """Writes some keys, within the caller's transaction."""
+    rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
+    connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
+
+
+def write_all_meta(connection: sqlite3.Connection, meta: CaptureMeta) -> None:
+    """Writes every key."""
+    write_meta(connection, asdict(meta))
+
+
+def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
+    """The meta data of a file.
+
+    Raises:
+        KeyError: a key is missing.
+    """
+    stored = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM meta")}
+    return CaptureMeta(**{f.name: stored[f.name] for f in fields(CaptureMeta)})

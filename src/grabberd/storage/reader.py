@@ -1,0 +1,220 @@
+"""Reading a capture file, also while it is being written: never more than fifty fields under one lock."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple, Self
+
+from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.errors import CaptureFileError, NotFound
+from grabberd.field import NumberedField, PackedField
+from grabberd.reconstruction import Points
+from grabberd.storage.codec import decode_field, decode_points
+from grabberd.storage.meta import CaptureMeta, read_meta
+from grabberd.storage.schema import connect, reading_errors
+
+FIELDS_AT_ONCE = 50
+
+_COLUMNS = (
+    "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, codec, data, outcome, reason"
+)
+
+
+class RunInfo(NamedTuple):
+    """A run without its points; `made_with` has the documents calibration, object and settings."""
+
+    run: int
+    kind: str
+    created_utc: str
+    version: str
+    state: str
+    reason: str | None
+    made_with: dict[str, Any]
+
+
+class RecordedField(NamedTuple):
+    """A field of the file and what became of it."""
+
+    numbered: NumberedField
+    outcome: Outcome
+    reason: str | None
+
+
+class CaptureReader:
+    """A capture file; each method sees it as it is at that moment, and holds no lock afterwards.
+
+    Raises:
+        CaptureFileError: from any method: missing, no capture, damaged, or of a later version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection = connect(path)
+        with reading_errors(path):
+            self.meta = self._read_meta()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Lets go of the file."""
+        self._connection.close()
+
+    @property
+    def ledger(self) -> Ledger:
+        """The account, from the fields that are there and the entries of those that are not."""
+        kept = "SELECT n, outcome, reason FROM fields ORDER BY n"
+        with reading_errors(self.path):
+            fields = self._connection.execute(kept).fetchall()
+            entries = self._connection.execute("SELECT * FROM ledger ORDER BY first_n").fetchall()
+        listed = [LedgerEntry(n, count, Outcome(outcome), reason) for n, count, outcome, reason in entries]
+        covered = {n for entry in listed for n in range(entry.first_n, entry.end_n)}
+        received = [n for n, outcome, _ in fields if outcome == Outcome.RECEIVED]
+        damaged = [
+            LedgerEntry(n, 1, Outcome(outcome), reason or outcome)
+            for n, outcome, reason in fields
+            if outcome != Outcome.RECEIVED and n not in covered
+        ]
+        return Ledger.restore(received, [*listed, *damaged])
+
+    @property
+    def field_count(self) -> int:
+        """How many fields are in the file, damaged ones too."""
+        with reading_errors(self.path):
+            count: int = self._connection.execute("SELECT count(*) FROM fields").fetchone()[0]
+            return count
+
+    @property
+    def runs(self) -> list[RunInfo]:
+        """All runs in order."""
+        with reading_errors(self.path):
+            rows = self._connection.execute("SELECT * FROM runs ORDER BY run").fetchall()
+            return [_run(row) for row in rows]
+
+    def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
+        """The fields with first_n ≤ n < end_n in order, fifty at a time."""
+        while True:
+            rows = self._rows(first_n, end_n)
+            for row in rows:
+                yield self._field(row)
+            if len(rows) < FIELDS_AT_ONCE:
+                return
+            first_n = rows[-1][0] + 1
+
+    def received(self, first_n: int = 0, end_n: int | None = None) -> Iterator[NumberedField]:
+        """Only the fields that came whole."""
+        for recorded in self.fields(first_n, end_n):
+            if recorded.outcome is Outcome.RECEIVED:
+                yield recorded.numbered
+
+    def field(self, n: int) -> RecordedField:
+        """One field.
+
+        Raises:
+            NotFound: it is not in the file.
+        """
+        rows = self._rows(n, n + 1)
+        if not rows:
+            raise NotFound(f"capture {self.meta.id} has no field {n}", "its ledger says what became of it")
+        return self._field(rows[0])
+
+    def latest_run(self) -> RunInfo:
+        """The newest run that has points.
+
+        Raises:
+            NotFound: the capture has not been measured.
+        """
+        if not self.runs:
+            raise NotFound(f"capture {self.meta.id} has no points", "measure it with a calibration first")
+        return self.runs[-1]
+
+    def run(self, run: int | None) -> RunInfo:
+        """A run by number, or the newest.
+
+        Raises:
+            NotFound: there is none.
+        """
+        if run is None:
+            return self.latest_run()
+        found = [info for info in self.runs if info.run == run]
+        if not found:
+            known = ", ".join(str(info.run) for info in self.runs) or "none"
+            raise NotFound(f"capture {self.meta.id} has no run {run}", f"its runs are: {known}")
+        return found[0]
+
+    def points(self, run: int | None = None) -> Iterator[tuple[int, Points]]:
+        """(n, points) of a run in order of n, fifty fields at a time.
+
+        Raises:
+            NotFound: there is no such run.
+        """
+        number, first_n = self.run(run).run, -1
+        query = "SELECT n, data FROM points WHERE run = ? AND n > ? ORDER BY n LIMIT ?"
+        while True:
+            with reading_errors(self.path):
+                rows = self._connection.execute(query, (number, first_n, FIELDS_AT_ONCE)).fetchall()
+            for n, data in rows:
+                yield n, self._points(n, data)
+            if len(rows) < FIELDS_AT_ONCE:
+                return
+            first_n = rows[-1][0]
+
+    def times_ns(self) -> dict[int, int]:
+        """Time of every field in the file, by its number."""
+        with reading_errors(self.path):
+            return dict(self._connection.execute("SELECT n, time_ns FROM fields"))
+
+    def _read_meta(self) -> CaptureMeta:
+        try:
+            return read_meta(self._connection)
+        except (KeyError, ValueError) as error:
+            self._connection.close()
+            hint = "it was cut off before its first second; nothing is in it"
+            raise CaptureFileError(f"{self.path} does not say what it is: {error}", hint) from error
+
+    def _rows(self, first_n: int, end_n: int | None) -> list[tuple[Any, ...]]:
+        query = f"SELECT {_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
+        with reading_errors(self.path):
+            return self._connection.execute(query, (first_n, end_n or 2**62, FIELDS_AT_ONCE)).fetchall()
+
+    def _field(self, row: tuple[Any, ...]) -> RecordedField:
+        (
+            n,
+            time_ns,
+            sequence,
+            parity,
+            y0,
+            y_step,
+            rows,
+            columns,
+            bits,
+            threshold,
+            codec,
+            data,
+            outcome,
+            reason,
+        ) = row
+        try:
+            planes = decode_field(codec, data, rows, columns, bits)
+        except ValueError as error:
+            raise CaptureFileError(
+                f"{self.path}: field {n}: {error}", "the other fields can be read"
+            ) from error
+        packed = PackedField(planes, bits, columns, parity, y0, y_step, threshold)
+        return RecordedField(NumberedField(n, time_ns, sequence, packed), Outcome(outcome), reason)
+
+    def _points(self, n: int, data: bytes) -> Points:
+        try:
+            return decode_points(data)
+        except ValueError as error:
+            raise CaptureFileError(
+                f"{self.path}: points of field {n}: {error}", "measure the capture again"
+            ) from error
+
+
+def _run(row: tuple[Any, ...]) -> RunInfo:
+    documents = dict(zip(("calibration", "object", "settings"), map(json.loads, row[6:9]), strict=True))
+    return RunInfo(*row[:6], documents)

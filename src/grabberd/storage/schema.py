@@ -1,0 +1,121 @@
+"""The tables of a capture file, and how it is opened."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from grabberd.errors import CaptureFileError, StorageError
+
+APPLICATION_ID = 0x67726162
+"""The letters `grab` in the database's header, by which `file` and we know a capture."""
+VERSION = 1
+
+PART = ".part"
+"""What a capture's name ends with until it is sealed."""
+DAMAGED = ".damaged"
+
+TABLES = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE fields (
+    n INTEGER PRIMARY KEY, time_ns INTEGER NOT NULL, sequence INTEGER, parity INTEGER NOT NULL,
+    y0 INTEGER NOT NULL, y_step INTEGER NOT NULL, rows INTEGER NOT NULL, columns INTEGER NOT NULL,
+    bits INTEGER NOT NULL, threshold INTEGER NOT NULL, outcome TEXT NOT NULL, reason TEXT,
+    codec TEXT NOT NULL, data BLOB NOT NULL);
+CREATE TABLE ledger (
+    first_n INTEGER PRIMARY KEY, count INTEGER NOT NULL, outcome TEXT NOT NULL, reason TEXT NOT NULL);
+CREATE TABLE runs (
+    run INTEGER PRIMARY KEY, kind TEXT NOT NULL, created_utc TEXT NOT NULL, version TEXT NOT NULL,
+    state TEXT NOT NULL, reason TEXT, calibration TEXT NOT NULL, object TEXT NOT NULL, settings TEXT NOT NULL);
+CREATE TABLE points (
+    run INTEGER NOT NULL, n INTEGER NOT NULL, count INTEGER NOT NULL, data BLOB NOT NULL,
+    PRIMARY KEY (run, n)) WITHOUT ROWID;
+CREATE TABLE reserve (data BLOB NOT NULL);
+"""
+RESERVE_BYTES = 256 * 1024
+"""Set aside at the start and given back at the end, so that a full disk still lets a capture be sealed."""
+
+
+def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
+    """A new capture file; `max_pages` limits its size, for tests of a full disk.
+
+    Raises:
+        StorageError: it exists, or cannot be written.
+    """
+    with storage_errors(path):
+        if path.exists():
+            raise StorageError(f"{path.name} exists already", "give the capture another name")
+        connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+        connection.execute("PRAGMA journal_mode = TRUNCATE")
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.execute("PRAGMA busy_timeout = 10000")
+        connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
+        if max_pages is not None:
+            connection.execute(f"PRAGMA max_page_count = {max_pages:d}")
+        connection.executescript("BEGIN;" + TABLES)
+        connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (RESERVE_BYTES,))
+        connection.execute("COMMIT")
+        return connection
+
+
+def connect(path: Path, *, writable: bool = False) -> sqlite3.Connection:
+    """An existing capture file, checked to be one.
+
+    Raises:
+        CaptureFileError: it is missing, no capture, damaged, or of a later version.
+    """
+    if not path.is_file():
+        raise CaptureFileError(
+            f"no capture file {path}", "check the name; a running capture ends in .grab.part"
+        )
+    try:
+        connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
+        connection.execute("PRAGMA synchronous = FULL")
+        if not writable:
+            connection.execute("PRAGMA query_only = ON")
+        _check(connection, path)
+    except sqlite3.DatabaseError as error:
+        raise _damaged(path, error) from error
+    return connection
+
+
+def _check(connection: sqlite3.Connection, path: Path) -> None:
+    application = connection.execute("PRAGMA application_id").fetchone()[0]
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if application != APPLICATION_ID:
+        connection.close()
+        raise CaptureFileError(f"{path} is a database, but no capture", "name a file that grabberd wrote")
+    if version > VERSION:
+        connection.close()
+        raise CaptureFileError(
+            f"{path} is of version {version}, this program reads up to {VERSION}", "use a newer grabberd"
+        )
+
+
+def _damaged(path: Path, error: Exception) -> CaptureFileError:
+    return CaptureFileError(
+        f"{path} cannot be read as a capture: {error}",
+        "if it was copied, copy it again; the sqlite3 program's .recover may save what is left",
+    )
+
+
+@contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Turns what SQLite and the system say of a disk into `StorageError`."""
+    try:
+        yield
+    except (sqlite3.OperationalError, OSError) as error:
+        raise StorageError(
+            f"{path.name} cannot be written: {error}",
+            "make room or mend the disk; what was written before is kept and readable",
+        ) from error
+
+
+@contextmanager
+def reading_errors(path: Path) -> Iterator[None]:
+    """Turns what SQLite and the codecs say of damaged content into `CaptureFileError`."""
+    try:
+        yield
+    except sqlite3.DatabaseError as error:
+        raise _damaged(path, error) from error

@@ -1,0 +1,206 @@
+"""Writing a capture file; one thread, the caller decides when to commit."""
+
+import json
+import os
+import sqlite3
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+from grabberd.acquisition import Ledger, LedgerEntry, Slot
+from grabberd.field import NumberedField
+from grabberd.reconstruction import Points
+from grabberd.storage.codec import encode_field, encode_points
+from grabberd.storage.meta import CaptureMeta, write_all_meta, write_meta
+from grabberd.storage.schema import PART, connect, create, storage_errors
+
+RUNNING = "running"
+DONE = "done"
+FAILED = "failed"
+
+_FIELD = "INSERT INTO fields VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+_RUN = "INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+
+
+class CaptureWriter:
+    """A capture while it is recorded.
+
+    Attributes:
+        path: `NAME.grab.part` until it is sealed, then `NAME.grab`.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self.path = path
+        self._connection = connection
+        self._begun = False
+
+    @classmethod
+    def create(cls, path: Path, meta: CaptureMeta, max_pages: int | None = None) -> Self:
+        """A new file; path ends with `.grab.part`, `max_pages` limits its size for tests of a full disk.
+
+        Raises:
+            StorageError: it exists, or cannot be written.
+        """
+        connection = create(path, max_pages)
+        writer = cls(path, connection)
+        with storage_errors(path):
+            writer._begin()
+            write_all_meta(connection, meta)
+            writer.commit()
+        return writer
+
+    def begin_run(
+        self, run: int, kind: str, created_utc: str, version: str, made_with: Mapping[str, Any]
+    ) -> None:
+        """Opens a run; `made_with` has the documents `calibration`, `object` and `settings`."""
+        with storage_errors(self.path):
+            self._begin()
+            self._connection.execute(_RUN, _run_row(run, kind, created_utc, version, RUNNING, made_with))
+
+    def append(self, slots: Iterable[Slot]) -> None:
+        """Adds fields, and what became of those that did not come; in the file with the next commit."""
+        with storage_errors(self.path):
+            for slot in slots:
+                self._begin()
+                self._append(slot)
+
+    def append_points(self, run: int, n: int, points: Points) -> None:
+        """Adds one field's points; in the file with the next commit."""
+        with storage_errors(self.path):
+            self._begin()
+            _insert_points(self._connection, run, n, points)
+
+    def commit(self) -> None:
+        """Everything added so far survives a crash from here on."""
+        if self._begun:
+            with storage_errors(self.path):
+                self._connection.execute("COMMIT")
+            self._begun = False
+
+    def seal(
+        self, ledger: Ledger, *, complete: bool, ended_because: str, measuring_failure: str | None = None
+    ) -> Path:
+        """Writes ledger and verdict, closes the file and gives it its final name.
+
+        What was added and cannot be committed any more (a full disk) is given up; the rest is kept.
+
+        Raises:
+            StorageError: not even that is possible; the file stays as `.grab.part` and is sealed at the next start.
+        """
+        self._roll_back()
+        with storage_errors(self.path):
+            self._connection.execute("BEGIN IMMEDIATE")
+            self._connection.execute("DELETE FROM reserve")
+            write_ledger(self._connection, ledger)
+            state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
+            self._connection.execute(
+                "UPDATE runs SET state = ?, reason = ? WHERE state = ?", (state, reason, RUNNING)
+            )
+            verdict = {"state": "sealed", "complete": complete, "ended_because": ended_because}
+            write_meta(self._connection, verdict)
+            self._connection.execute("COMMIT")
+            self._connection.close()
+            self.path = publish(self.path)
+        return self.path
+
+    def close(self) -> None:
+        """Lets go of the file without sealing it; what was not committed is lost."""
+        self._connection.close()
+
+    def _begin(self) -> None:
+        if not self._begun:
+            self._connection.execute("BEGIN")
+            self._begun = True
+
+    def _roll_back(self) -> None:
+        if self._connection.in_transaction:
+            self._connection.execute("ROLLBACK")
+        self._begun = False
+
+    def _append(self, slot: Slot) -> None:
+        for entry in slot.lost_before:
+            insert_entry(self._connection, entry)
+        if slot.numbered is not None:
+            self._connection.execute(_FIELD, _field_row(slot.numbered, str(slot.outcome), slot.reason))
+        else:
+            insert_entry(
+                self._connection, LedgerEntry(slot.n, 1, slot.outcome, slot.reason or str(slot.outcome))
+            )
+
+
+def publish(part: Path) -> Path:
+    """Gives a sealed capture its final name, for good."""
+    final = part.with_name(part.name.removesuffix(PART))
+    if final != part:
+        os.rename(part, final)
+        _sync_directory(final.parent)
+    return final
+
+
+def _sync_directory(directory: Path) -> None:
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def write_ledger(connection: sqlite3.Connection, ledger: Ledger) -> None:
+    """Replaces what stands in the table `ledger`."""
+    connection.execute("DELETE FROM ledger")
+    for entry in ledger.entries:
+        insert_entry(connection, entry)
+
+
+def insert_entry(connection: sqlite3.Connection, entry: LedgerEntry) -> None:
+    """Adds one entry of the ledger."""
+    row = (entry.first_n, entry.count, str(entry.outcome), entry.reason)
+    connection.execute("INSERT INTO ledger VALUES (?, ?, ?, ?)", row)
+
+
+def append_run(
+    path: Path,
+    kind: str,
+    created_utc: str,
+    version: str,
+    made_with: Mapping[str, Any],
+    points: Sequence[tuple[int, Points]],
+) -> int:
+    """Adds a run to a sealed capture, whole or not at all; returns its number.
+
+    Raises:
+        CaptureFileError: no capture, or damaged.
+        StorageError: it cannot be written.
+    """
+    connection = connect(path, writable=True)
+    try:
+        with storage_errors(path), connection:
+            connection.execute("BEGIN IMMEDIATE")
+            run: int = connection.execute("SELECT coalesce(max(run), 0) + 1 FROM runs").fetchone()[0]
+            connection.execute(_RUN, _run_row(run, kind, created_utc, version, DONE, made_with))
+            for n, field_points in points:
+                _insert_points(connection, run, n, field_points)
+            return run
+    finally:
+        connection.close()
+
+
+def _insert_points(connection: sqlite3.Connection, run: int, n: int, points: Points) -> None:
+    connection.execute("INSERT INTO points VALUES (?, ?, ?, ?)", (run, n, len(points), encode_points(points)))
+
+
+def _run_row(
+    run: int, kind: str, created_utc: str, version: str, state: str, made_with: Mapping[str, Any]
+) -> tuple[object, ...]:
+    documents = [
+        json.dumps(made_with.get(key), ensure_ascii=False) for key in ("calibration", "object", "settings")
+    ]
+    return (run, kind, created_utc, version, state, None, *documents)
+
+
+def _field_row(numbered: NumberedField, outcome: str, reason: str | None) -> tuple[object, ...]:
+    packed = numbered.packed
+    codec, data = encode_field(packed)
+    where = (numbered.n, numbered.time_ns, numbered.sequence, packed.parity, packed.y0, packed.y_step)
+    what = (packed.rows, packed.columns, packed.bits, packed.threshold)
+    return (*where, *what, outcome, reason, codec, data)

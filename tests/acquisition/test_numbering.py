@@ -1,0 +1,263 @@
+"""Which field a grabbed field is, through jitter, losses and lies."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.streams import PERIOD_NS, START_NS, grab, info
+from grabberd.acquisition.device import FieldOrder, Signal
+from grabberd.acquisition.ledger import LedgerEntry, Outcome
+from grabberd.acquisition.numbering import FieldNumbering
+
+MS = 1_000_000
+
+
+def numbers(grabbed, stream=None):
+    numbering = FieldNumbering(stream or info())
+    return [numbering.number(field) for field in grabbed]
+
+
+def lost(entry_or_entries):
+    return [(entry.first_n, entry.count, entry.reason) for entry in entry_or_entries]
+
+
+# --- steady streams ---
+
+
+def test_fields_without_losses_are_numbered_from_zero():
+    found = numbers(grab(n) for n in range(100, 150))
+    assert [field.n for field in found] == list(range(50))
+    assert all(field.outcome is Outcome.RECEIVED and field.reason is None for field in found)
+    assert all(field.lost_before == () for field in found)
+
+
+def test_steady_times_are_handed_on_unchanged():
+    found = numbers(grab(n) for n in range(50))
+    assert [field.time_ns for field in found] == [START_NS + n * PERIOD_NS for n in range(50)]
+
+
+def test_the_times_of_a_recording_are_handed_on_as_they_are():
+    found = numbers([grab(n, late_ns=n % 3 * MS) for n in range(30)], info(live=False))
+    assert [field.time_ns for field in found] == [START_NS + n * PERIOD_NS + n % 3 * MS for n in range(30)]
+
+
+def test_a_recording_may_begin_at_zero_and_pause_for_an_hour():
+    found = numbers([grab(n, time_ns=n * PERIOD_NS) for n in (0, 1, 2, 180_000)], info(live=False))
+    assert [field.n for field in found] == [0, 1, 2, 180_000]
+    assert found[-1].reason is None
+
+
+def test_one_parity_alone_comes_at_half_the_rate():
+    stream = info(FieldOrder.ONE_PARITY, rate_hz=25.0)
+    found = numbers([grab(2 * n) for n in (0, 1, 2, 5, 6)], stream)
+    assert [field.n for field in found] == [0, 1, 2, 5, 6]
+
+
+# --- losses ---
+
+
+def test_a_gap_in_time_tells_of_lost_fields():
+    found = numbers([grab(0), grab(1), grab(5)])
+    assert found[-1].n == 5
+    assert found[-1].lost_before == (LedgerEntry(2, 3, Outcome.LOST, "time gap"),)
+
+
+def test_a_late_field_of_the_due_parity_is_not_a_loss():
+    found = numbers([grab(0), grab(1), grab(2, late_ns=14 * MS), grab(3)])
+    assert [field.n for field in found] == [0, 1, 2, 3]
+
+
+def test_a_field_that_comes_early_after_a_loss_is_told_by_its_parity():
+    found = numbers([grab(0), grab(1), grab(3, late_ns=-14 * MS)])
+    assert lost(found[-1].lost_before) == [(2, 1, "time gap")]
+
+
+def test_the_count_decides_where_time_is_between_two_steps_and_parity_cannot_tell():
+    stream = info(FieldOrder.ONE_PARITY, rate_hz=25.0, counts_losses=True)
+    late = 18 * MS
+    found = numbers([grab(0, sequence=0), grab(2, sequence=1), grab(4, late_ns=late, sequence=3)], stream)
+    assert lost(found[-1].lost_before) == [(2, 1, "sequence gap")]
+
+
+def test_count_and_parity_together_overrule_the_time():
+    stream = info(FieldOrder.TOP_FIRST, counts_losses=True)
+    fields = [grab(0, sequence=0), grab(1, sequence=1), grab(2, parity=1, sequence=3)]
+    assert lost(numbers(fields, stream)[-1].lost_before) == [(2, 1, "sequence gap")]
+
+
+def test_a_count_that_does_not_count_losses_is_not_listened_to():
+    found = numbers([grab(n, sequence=10 * n) for n in range(5)])
+    assert [field.n for field in found] == [0, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("sequence", [lambda n: n, lambda n: n // 2])
+def test_either_numbering_of_alternating_fields_is_understood(sequence):
+    kept = [0, 1, 2, 3, 4, 7, 8, 10]
+    fields = [grab(n, sequence=sequence(n)) for n in kept]
+    assert [field.n for field in numbers(fields, info(counts_losses=True))] == kept
+
+
+def test_what_is_missing_after_an_interruption_is_lost_for_its_reason():
+    numbering = FieldNumbering(info(counts_losses=True))
+    for n in range(10):
+        numbering.number(grab(n, sequence=n))
+    numbering.interrupt("unplugged")
+    found = numbering.number(grab(3010, late_ns=9 * MS, sequence=0))
+    assert lost(found.lost_before) == [(10, 3000, "unplugged")]
+    assert lost(numbering.number(grab(3012, sequence=2)).lost_before) == [(3011, 1, "time gap")]
+
+
+def test_an_interruption_that_cost_nothing_leaves_no_entry():
+    numbering = FieldNumbering(info())
+    numbering.number(grab(0))
+    numbering.interrupt("stalled")
+    assert numbering.number(grab(1)).lost_before == ()
+
+
+def test_the_number_due_at_a_time_includes_what_has_not_come():
+    numbering = FieldNumbering(info())
+    assert numbering.due_n(START_NS) == 0
+    numbering.number(grab(0))
+    assert numbering.due_n(START_NS + PERIOD_NS // 2) == 1
+    assert numbering.due_n(START_NS + 64 * PERIOD_NS + 1) == 65
+
+
+# --- outcomes ---
+
+
+def test_damage_that_the_driver_or_the_content_tells_of_is_entered():
+    numbering = FieldNumbering(info())
+    by_driver = numbering.number(grab(0, damage="short buffer"))
+    by_content = numbering.number(grab(1), damage="repeated")
+    assert (by_driver.outcome, by_driver.reason) == (Outcome.DAMAGED, "short buffer")
+    assert (by_content.outcome, by_content.reason) == (Outcome.DAMAGED, "repeated")
+
+
+def test_fields_without_a_signal_are_numbered_but_not_received():
+    numbering = FieldNumbering(info())
+    found = [numbering.number(grab(n), signal) for n, signal in enumerate(Signal)]
+    assert [field.outcome for field in found] == [Outcome.RECEIVED, Outcome.NO_SIGNAL, Outcome.RECEIVED]
+
+
+def test_a_single_field_of_the_wrong_parity_is_damaged_and_moves_nothing():
+    found = numbers([grab(0), grab(1), grab(2), grab(3, parity=0), grab(4), grab(5)])
+    assert [field.n for field in found] == [0, 1, 2, 3, 4, 5]
+    assert found[3].outcome is Outcome.DAMAGED
+    assert found[3].reason == "parity contradicts time"
+    assert [field.outcome for field in found[4:]] == [Outcome.RECEIVED] * 2
+
+
+def test_a_camera_that_comes_back_in_the_other_phase_is_followed():
+    turned = [grab(n, parity=1 - n % 2) for n in range(4, 10)]
+    found = numbers([grab(n) for n in range(4)] + turned)
+    assert [field.n for field in found] == list(range(10))
+    assert [field.outcome for field in found].count(Outcome.DAMAGED) == 1
+
+
+# --- timestamps that are not believed ---
+
+
+@pytest.mark.parametrize(
+    ("time_ns", "doubt"),
+    [
+        (0, "zero timestamp"),
+        (START_NS - 40 * MS, "backward timestamp"),
+        (START_NS + 3_600_000 * MS, "far-off timestamp"),
+    ],
+)
+def test_a_bad_timestamp_is_replaced_by_the_predicted_time_and_named(time_ns, doubt):
+    found = numbers([grab(0), grab(1), grab(2, time_ns=time_ns), grab(3)])
+    assert [field.n for field in found] == [0, 1, 2, 3]
+    assert found[2].time_ns == START_NS + 2 * PERIOD_NS
+    assert (found[2].outcome, found[2].reason) == (Outcome.RECEIVED, f"time predicted ({doubt})")
+    assert found[3].reason is None
+
+
+def test_a_timestamp_out_of_the_future_is_not_believed_even_where_it_could_be_a_gap():
+    numbering = FieldNumbering(info())
+    numbering.number(grab(0), now_ns=START_NS)
+    found = numbering.number(grab(1, late_ns=1_000 * MS), now_ns=START_NS + PERIOD_NS)
+    assert (found.n, found.time_ns) == (1, START_NS + PERIOD_NS)
+    assert found.reason == "time predicted (far-off timestamp)"
+
+
+def test_a_field_that_really_came_late_tells_of_a_gap():
+    numbering = FieldNumbering(info())
+    numbering.number(grab(0), now_ns=START_NS)
+    assert numbering.number(grab(51), now_ns=START_NS + 51 * PERIOD_NS).n == 51
+
+
+def test_without_time_the_count_tells_of_losses():
+    stream = info(FieldOrder.TOP_FIRST, counts_losses=True)
+    fields = [grab(n, sequence=n, time_ns=None if n < 2 else 0) for n in (0, 1, 4)]
+    found = numbers(fields, stream)[-1]
+    assert (found.n, lost(found.lost_before)) == (4, [(2, 2, "sequence gap")])
+    assert found.time_ns == START_NS + 4 * PERIOD_NS
+
+
+def test_without_time_and_count_a_repeated_parity_tells_of_a_loss():
+    found = numbers([grab(0), grab(1), grab(3, time_ns=0)])[-1]
+    assert (found.n, lost(found.lost_before)) == (3, [(2, 1, "repeated parity")])
+
+
+def test_a_device_that_never_tells_the_time_is_numbered_by_parity():
+    numbering = FieldNumbering(info())
+    found = [numbering.number(grab(n, time_ns=0), now_ns=START_NS + n * PERIOD_NS) for n in range(20)]
+    assert [field.n for field in found] == list(range(20))
+    assert found[-1].time_ns == START_NS + 19 * PERIOD_NS
+    assert all(field.reason == "time predicted (zero timestamp)" for field in found)
+
+
+@pytest.mark.parametrize("jump_ns", [-3_600_000 * MS, 3_600_000 * MS])
+def test_times_of_another_clock_are_shifted_to_continue_the_first(jump_ns):
+    fields = [grab(n) for n in range(5)] + [grab(n, late_ns=jump_ns) for n in range(5, 20)]
+    found = numbers(fields)
+    assert [field.n for field in found] == list(range(20))
+    assert [field.time_ns for field in found] == [START_NS + n * PERIOD_NS for n in range(20)]
+    assert [field.reason is None for field in found] == [True] * 5 + [False] * 3 + [True] * 12
+
+
+# --- properties ---
+
+gaps = st.lists(st.integers(0, 6), min_size=1, max_size=120)
+orders = st.sampled_from([FieldOrder.ALTERNATE, FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST])
+
+
+def kept_fields(gaps_between):
+    n, kept = 0, [0]
+    for gap in gaps_between:
+        n += 1 + gap
+        kept.append(n)
+    return kept
+
+
+@settings(max_examples=200)
+@given(gaps, orders, st.integers(0, 14 * MS), st.floats(-200e-6, 200e-6), st.randoms(use_true_random=False))
+def test_random_losses_are_recovered_exactly_through_jitter_and_drift(
+    gaps_between, order, pp_ns, drift, random
+):
+    kept = kept_fields(gaps_between)
+    fields = [grab(n, late_ns=random.randint(0, pp_ns) + round(n * PERIOD_NS * drift)) for n in kept]
+    found = numbers(fields, info(order))
+    assert [field.n for field in found] == kept
+    missing = [n for field in found for entry in field.lost_before for n in range(entry.first_n, entry.end_n)]
+    assert missing == sorted(set(range(kept[-1])) - set(kept))
+
+
+@given(st.integers(0, 2**32 - 1), gaps, st.booleans(), st.randoms(use_true_random=False))
+def test_losses_are_recovered_when_timestamps_fail_but_the_driver_counts(start, gaps_between, shared, random):
+    kept = [*range(6), *(n + 6 for n in kept_fields(gaps_between))]
+    counts = [(start + n // (1 + shared)) % 2**32 for n in kept]
+    fields = [
+        grab(n, sequence=count, time_ns=0 if n > 6 and random.random() < 0.3 else None)
+        for n, count in zip(kept, counts, strict=True)
+    ]
+    assert [field.n for field in numbers(fields, info(counts_losses=True))] == kept
+
+
+def test_an_hour_of_jittered_fields_ends_at_the_right_time():
+    numbering = FieldNumbering(info())
+    for n in range(180_000):
+        found = numbering.number(grab(n, late_ns=(n * 7919) % 8 * MS))
+    assert found.n == 179_999
+    assert abs(found.time_ns - START_NS - 179_999 * PERIOD_NS - 3.5 * MS) < MS
