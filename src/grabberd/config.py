@@ -33,7 +33,7 @@ Millimetres = Annotated[float, Field(allow_inf_nan=False)]
 
 
 def _existing_file(path: Path, info: ValidationInfo) -> Path:
-    directory = (info.context or {}).get("directory", Path())
+    directory: Path = (info.context or {}).get("directory", Path())
     resolved = (directory / path.expanduser()).resolve()
     if not resolved.is_file():
         raise ValueError(f"no file {resolved}")

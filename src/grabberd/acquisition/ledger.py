@@ -160,15 +160,30 @@ class Ledger:
         return cls(document["first_n"], document["received"], entries, document["end_n"])
 
     @classmethod
-    def restore(cls, received_n: Sequence[int], entries: Sequence[LedgerEntry]) -> "Ledger":
+    def restore(
+        cls,
+        received_n: Sequence[int],
+        entries: Sequence[LedgerEntry],
+        *,
+        first_n: int | None = None,
+        gap: str = UNACCOUNTED,
+    ) -> "Ledger":
         """The account from the numbers that were received (ascending) and the entries, as a file keeps them.
+
+        Args:
+            received_n: numbers of received fields.
+            entries: what became of others.
+            first_n: where the account begins, if earlier than any of them.
+            gap: reason of the fields that neither speaks of.
 
         Raises:
             ValueError: a field is counted twice.
         """
-        ledger = cls()
+        ledger = cls(first_n)
         events = [(n, None) for n in received_n] + [(entry.first_n, entry) for entry in entries]
         for n, entry in sorted(events, key=lambda event: event[0]):
+            if ledger.end_n is not None:
+                ledger.close(n, gap)
             ledger.receive(n) if entry is None else ledger.add(entry)
         return ledger
 

@@ -121,12 +121,6 @@ class RingReader:
         with self._ring._changed:
             return self._closed or (self._ring._closed and not self._waiting)
 
-    @property
-    def waiting(self) -> int:
-        """How many slots are waiting to be taken; more than the ring has where it has been overtaken."""
-        with self._ring._changed:
-            return self._waiting
-
     def take(self, timeout_s: float) -> Slot | None:
         """The next slot; None if none came in time, or none will come (`ended`).
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response, status
-from fastapi.responses import StreamingResponse
+from fastapi.responses import FileResponse, StreamingResponse
 
 from grabberd.api.models import CaptureDocument, CaptureList, CaptureOrder, JobDocument
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
@@ -54,6 +54,13 @@ def measure_capture(
     job = service.measure(capture_id)
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)
+
+
+@router.get("/{capture_id}/file", response_class=FileResponse)
+def get_capture_file(capture_id: CaptureId, service: ServiceOf) -> FileResponse:
+    """The whole sealed capture: one SQLite file."""
+    path = service.archive.sealed_path(capture_id)
+    return FileResponse(path, media_type="application/vnd.sqlite3", filename=path.name)
 
 
 @router.get("/{capture_id}/points.csv", response_class=StreamingResponse)

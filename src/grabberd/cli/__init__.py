@@ -1,6 +1,7 @@
 """The command line: one file a command; what they do stands in the rooms below.
 
-Exit codes: 0 done; 1 it failed, the message says why; 2 the command line is wrong; 78 the configuration is wrong.
+Exit codes: 0 done; 1 it failed, the message says why; 2 the command line is wrong; 78 the configuration is
+wrong.
 """
 
 import sys

@@ -26,7 +26,7 @@ def accuracy(
 ) -> None:
     """Compare a capture's points with the truth: RMSE and precision in X, Y, Z and XYZ; nothing is fitted.
 
-    Example: python -m grabberd_fake truth liner.grab > truth.csv; grabberd accuracy liner.grab --truth truth.csv
+    Example: grabberd accuracy liner.grab --truth truth.csv
     """
     from grabberd.processes.accuracy import Coordinates  # noqa: PLC0415
     from grabberd.processes.accuracy import accuracy as compare  # noqa: PLC0415

@@ -37,7 +37,7 @@ def register(app: typer.Typer) -> None:
     app.command("capture")(capture)
 
 
-def capture(  # noqa: PLR0913 - a command has as many parameters as it has options
+def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it has options
     out: Annotated[Path, typer.Option("--out", "-o", help="The capture file to write, NAME.grab.")],
     config: ConfigOption = None,
     device: Annotated[
@@ -92,7 +92,8 @@ def _order(
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
         raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
-    values = {"fields": fields, "duration_s": duration_s, "bits": bits, "lines": lines, "note": note}
+    values: dict[str, Any] = {"fields": fields, "duration_s": duration_s, "bits": bits, "lines": lines,
+        "note": note}
     values["labels"] = {key: value for key, _, value in pairs}
     try:
         return CaptureOrder.model_validate(values).model_dump(exclude_none=True)
@@ -120,7 +121,7 @@ def _capture_here(
     try:
         _wait_until(lambda: instrument.accepts, instrument)
         rate_hz = instrument.rate_hz
-        with tempfile.TemporaryDirectory(dir=out.parent or Path(), prefix=".grabberd-") as folder:
+        with tempfile.TemporaryDirectory(dir=out.parent, prefix=".grabberd-") as folder:
             session = instrument.start_capture(
                 out.stem, _request(order, rate_hz), Path(folder) / f"{out.name}.part"
             )
@@ -132,9 +133,9 @@ def _capture_here(
 
 
 def _with_device(config: Config, file: Path | None, device: str | None) -> Config:
-    """The configuration with the one device that is meant, replay:PATH in the place of the configured driver."""
-    driver, colon, path = (device or "").partition(":")
-    name = only_device(config, None if colon else device, file)
+    """The configuration with the one device that is meant, replay:PATH in the place of the configured
+    driver.""" driver, colon, path = (device or "").partition(":") name = only_device(config, None if colon
+    else device, file)
     chosen: DeviceConfig = config.devices[name]
     if colon:
         chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})

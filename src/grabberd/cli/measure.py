@@ -23,7 +23,7 @@ def measure(
 ) -> None:
     """Measure a capture with a calibration; the points become a further run in the file.
 
-    Example: grabberd measure liner.grab --calibration configs/fake.calibration.json --object configs/objects/liner.yaml
+    Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner.yaml
     """
     from grabberd.service.measuring import measure_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents  # noqa: PLC0415

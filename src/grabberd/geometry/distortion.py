@@ -8,7 +8,7 @@ With x, y reduced to the principal point and r² = x² + y²:
 b1 is an affinity (with the equal signs that the paper prints it would be a scale, which f is already) and b9
 stands apart from b8. For speed the equations and their slopes are kept as a table over fifteen monomials:
 
-    dx = x·P + y·Q,  dy = y·P + x·Q;  ∂dx/∂x, ∂dy/∂y = S;  ∂dx/∂y, ∂dy/∂x = T      (each of them for x and for y)
+    dx = x·P + y·Q,  dy = y·P + x·Q;  ∂dx/∂x, ∂dy/∂y = S;  ∂dx/∂y, ∂dy/∂x = T   (each for x and for y)
 
 so that a few products and one matrix multiplication give everything for all points of all views.
 """
@@ -74,11 +74,18 @@ def distortion(b: Sequence[float], xy_mm: Array) -> Array:
 def basis(xy_mm: Array) -> Array:
     """(2, V, 9, N): derivatives of dx and dy by b1…b9 at the ideal points (2, V, N) in mm."""
     x, y = xy_mm
-    r2 = x * x + y * y
-    zero = np.zeros_like(x)
-    in_x = (-x, y, x * r2, x * r2**2, x * r2**3, r2 + 2 * x * x, 2 * x * y, -x * y * y, zero)
-    in_y = (y, x, y * r2, y * r2**2, y * r2**3, 2 * x * y, r2 + 2 * y * y, zero, -x * x * y)
-    return np.stack([np.stack(in_x, axis=1), np.stack(in_y, axis=1)])
+    xx, yy, xy = x * x, y * y, x * y
+    r2 = xx + yy
+    table = np.zeros((*xy_mm.shape[:2], 9, xy_mm.shape[2]))
+    table[0, :, 0], table[1, :, 0] = -x, y
+    table[:, :, 1] = xy_mm[::-1]
+    table[:, :, 2] = xy_mm * r2
+    table[:, :, 3] = table[:, :, 2] * r2
+    table[:, :, 4] = table[:, :, 3] * r2
+    table[0, :, 5], table[1, :, 6] = r2 + 2 * xx, r2 + 2 * yy
+    table[1, :, 5] = table[0, :, 6] = 2 * xy
+    table[0, :, 7], table[1, :, 8] = -x * yy, -xx * y
+    return table
 
 
 def _steep(square: int, fourth: int, sixth: int, b: Sequence[float]) -> dict[int, float]:

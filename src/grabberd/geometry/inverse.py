@@ -68,7 +68,7 @@ def directions_all(rig: Rig, ideal_mm: Array) -> Array:
 
 
 def _newton_step(rig: Rig, ideal: Array, observed_px: Array) -> tuple[Array, Array]:
-    """The step (2, V, N) in mm, and the determinant (V, N) of the slopes, whose sign tells the side of the fold."""
+    """The step (2, V, N) in mm; the determinant (V, N) of the slopes, whose sign tells the fold's side."""
     seen = image(rig, ideal)
     excess = seen.pixels - observed_px
     area = seen.own[0] * seen.own[1] - seen.other[0] * seen.other[1]

@@ -78,18 +78,12 @@ def linearise(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
 def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
     """(2, V, 18, N) float64, derivatives of the frame pixels by the `PARAMETERS` of the view they lie in."""
     ideal = _ideal(rig, xyz_mm)
-    count = xyz_mm.shape[0]
-    slopes = np.zeros((2, len(rig.views), len(PARAMETERS), count))
+    seen = image(rig, ideal.xy_mm)
+    slopes = np.zeros((2, len(rig.views), len(PARAMETERS), len(xyz_mm)))
+    slopes[:, :, :1] = seen.pixel_slopes((ideal.xy_mm / rig.f_mm)[:, :, np.newaxis])
     slopes[0, :, 1] = slopes[1, :, 2] = 1.0
-    inner = np.concatenate(
-        [
-            (ideal.xy_mm / rig.f_mm)[:, :, np.newaxis],
-            _angle_slopes(rig, ideal),
-            -_object_slopes(rig, ideal),
-        ],
-        axis=2,
-    )
-    slopes[:, :, [0, *range(3, 9)]] = image(rig, ideal.xy_mm).pixel_slopes(inner)
+    slopes[:, :, 3:6] = seen.pixel_slopes(_angle_slopes(rig, ideal))
+    slopes[:, :, 6:9] = -seen.pixel_slopes(_object_slopes(rig, ideal))
     slopes[:, :, 9:] = basis(ideal.xy_mm) / rig.pixel_mm[:, :, np.newaxis]
     return slopes
 

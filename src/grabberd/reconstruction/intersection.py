@@ -114,11 +114,9 @@ def _calibration_share(rig: Rig, whitening: Whitening, adjusted: _Adjusted) -> A
     count = adjusted.xyz.shape[1]
     if rig.factor is None:
         return np.zeros((count, 3, 3))
-    slopes = parameter_slopes(rig, adjusted.xyz.T)
-    moved = (slopes.swapaxes(2, 3) @ rig.factor).swapaxes(2, 3)
-    design = adjusted.slopes.transpose(2, 1, 0)
+    moved = rig.factor.swapaxes(1, 2) @ parameter_slopes(rig, adjusted.xyz.T)
     image = whitening.of_slopes(moved).reshape(4, -1, count).transpose(2, 0, 1)
-    root = adjusted.inverse.transpose(2, 0, 1) @ design @ image
+    root = adjusted.inverse.transpose(2, 0, 1) @ (adjusted.slopes.transpose(2, 1, 0) @ image)
     share: Array = root @ root.swapaxes(1, 2)
     return share
 

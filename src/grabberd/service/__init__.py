@@ -1,6 +1,7 @@
 """The running instrument: threads, clocks and files round the pure rooms.
 
-An `Instrument` owns one grabber: a capture thread that alone touches the device, the ring, a worker that measures, and
-at most one capture session with its recorder and writer. The `Service` holds all instruments, the archive of captures
-and the job process. Nothing here is module state, so a process may hold as many as it likes.
+An `Instrument` owns one grabber: a capture thread that alone touches the device, the ring, a worker that
+measures, and at most one capture session with its recorder and writer. The `Service` holds all instruments,
+the archive of captures and the job process. Nothing here is module state, so a process may hold as many as
+it likes.
 """

@@ -11,8 +11,8 @@ T = TypeVar("T")
 class Backlog(Generic[T]):
     """An append-only list whose head is forgotten once it is on disk; indices count from the first item ever.
 
-    The writer must not fall behind by more than `capacity` items: then `append` refuses. The measuring worker may fall
-    behind as far as it likes: what has been forgotten meanwhile it reads from the file.
+    The writer must not fall behind by more than `capacity` items: then `append` refuses. The measuring
+    worker may fall behind as far as it likes: what has been forgotten meanwhile it reads from the file.
     """
 
     def __init__(self, capacity: int) -> None:

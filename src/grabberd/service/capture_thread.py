@@ -23,7 +23,8 @@ ROOM_POLL_S = 0.001
 class CaptureThread(threading.Thread):
     """Opens the device, takes its fields into the ring, and begins again when it is gone.
 
-    It never waits for anybody, but for a source that waits for its reader: that is read only while `has_room` says so.
+    It never waits for anybody, but for a source that waits for its reader: that is read only while
+    `has_room` says so.
     """
 
     def __init__(

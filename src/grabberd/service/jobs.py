@@ -1,7 +1,9 @@
-"""What takes long runs in one niced process of its own, one job after the other, never in the daemon's threads.
+"""What takes long runs in one niced process of its own, one job after the other, never in the daemon's
+threads.
 
-A job is a function at module level, `function(progress, **arguments) -> result`, both picklable; it reports with
-`progress(share)`, share from 0 to 1. It must be safe to kill: cancelling a running job ends its process.
+A job is a function at module level, `function(progress, **arguments) -> result`, both picklable; it reports
+with `progress(share)`, share from 0 to 1. It must be safe to kill: cancelling a running job ends its
+process.
 """
 
 import itertools

@@ -115,6 +115,7 @@ def _check_views(calibration: Calibration, rig: RigConfig) -> None:
         has, wants = (view.first_column, view.end_column), (columns.first_column, columns.end_column)
         if has != wants:
             raise InputError(
-                f"the calibration's {view.name} view has columns {has[0]} to {has[1]}, the rig {wants[0]} to {wants[1]}",
+                f"the calibration's {view.name} view has columns {has[0]} to {has[1]}, "
+                f"the rig's {wants[0]} to {wants[1]}",
                 "use the calibration of this rig, or mend rig.views",
             )

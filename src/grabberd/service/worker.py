@@ -24,9 +24,11 @@ class Live(NamedTuple):
 
 
 class Worker(threading.Thread):
-    """Measures the ring's fields, missing some when it is late; during a capture the recorded ones, missing none.
+    """Measures the ring's fields, missing some when it is late; during a capture the recorded ones, missing
+    none.
 
-    A capture's points begin afresh with its first field, so that measuring its file again gives the same points.
+    A capture's points begin afresh with its first field, so that measuring its file again gives the same
+    points.
     """
 
     def __init__(

@@ -21,7 +21,8 @@ class Writing:
     Attributes:
         committed: how many slots are in the file for good.
         points: how many points have been written.
-        all_measured: set by the worker when it has measured the last recorded field, or will not measure at all.
+        all_measured: set by the worker when it has measured the last recorded field, or will not measure at
+            all.
         failure: why writing ended early, or None.
     """
 

@@ -1,11 +1,11 @@
 """Captures on disk: one SQLite database a capture, an index over many, and what is exported from them.
 
-A capture file is crash-safe and readable from anything that reads SQLite; `docs/reference/capture-file.md` describes it.
-It is `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
+A capture file is crash-safe and readable from anything that reads SQLite; `docs/reference/capture-file.md`
+describes it. It is `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
 """
 
 from grabberd.storage.codec import decode_points, encode_points
-from grabberd.storage.export import field_png, points_csv
+from grabberd.storage.export import export_csv, export_png, field_png, points_csv
 from grabberd.storage.index import CaptureIndex
 from grabberd.storage.meta import CaptureMeta
 from grabberd.storage.reader import CaptureReader, RecordedField, RunInfo
@@ -22,6 +22,8 @@ __all__ = [
     "append_run",
     "decode_points",
     "encode_points",
+    "export_csv",
+    "export_png",
     "field_png",
     "points_csv",
     "recover",

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from grabberd.field import PackedField
 from grabberd.field.packed import packed_shape
-from grabberd.reconstruction import Points
+from grabberd.reconstruction.points import Points
 
 ZLIB = "zlib"
 ZSTD = "zstd"

@@ -2,16 +2,17 @@
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
-from grabberd.errors import CaptureFileError, StorageError
-from grabberd.field import PackedField, unpack
-from grabberd.reconstruction import Points
+from grabberd.errors import InputError, StorageError
+from grabberd.field import BOTTOM, TOP, PackedField, unpack
+from grabberd.reconstruction.points import Points
 from grabberd.storage.meta import CaptureMeta
 from grabberd.storage.reader import CaptureReader, RecordedField
 from grabberd.storage.schema import storage_errors
@@ -58,31 +59,28 @@ def points_csv(path: Path, run: int | None = None) -> Iterator[str]:
 def _points_text(reader: CaptureReader, run: int) -> Iterator[str]:
     with reader:
         yield ",".join(POINT_COLUMNS) + "\r\n"
-        times, meta = reader.times_ns(), reader.meta
-        for n, points in reader.points(run):
+        first_ns, meta = reader.first_time_ns or 0, reader.meta
+        for n, time_ns, points in reader.timed_points(run):
             text = io.StringIO()
-            csv.writer(text).writerows(_point_rows(n, times[n], points, meta))
+            when = (n, _utc(time_ns, meta), f"{(time_ns - first_ns) / 1e9:.6f}")
+            csv.writer(text).writerows((*when, *row) for row in _point_rows(points))
             yield text.getvalue()
 
 
-def _point_rows(n: int, time_ns: int, points: Points, meta: CaptureMeta) -> Iterator[tuple[object, ...]]:
-    since_start = timedelta(microseconds=(time_ns - meta.start_ns) / 1000)
-    utc = (datetime.fromisoformat(meta.created_utc).astimezone(UTC) + since_start).isoformat(
-        timespec="milliseconds"
-    )
+def _utc(time_ns: int, meta: CaptureMeta) -> str:
+    """ISO 8601 with milliseconds; empty where the times are those of a recording, by a clock that has
+    passed.""" if not meta.device.get("stream", {}).get("live", True): return "" moment =
+    datetime.fromisoformat(meta.created_utc) + timedelta(microseconds=(time_ns - meta.start_ns) / 1000)
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _point_rows(points: Points) -> Iterator[tuple[object, ...]]:
     sigma = np.sqrt(np.diagonal(points.covariance_mm2, axis1=1, axis2=2))
     calibration = np.sqrt(np.diagonal(points.calibration_covariance_mm2, axis1=1, axis2=2))
     for i in range(len(points)):
         place = (repr(float(value)) for value in points.xyz_mm[i])
         rest = (*sigma[i], *calibration[i], points.residual_px[i], *points.image_px[i].ravel())
-        yield (
-            n,
-            utc.replace("+00:00", "Z"),
-            f"{(time_ns - meta.start_ns) / 1e9:.6f}",
-            int(points.target[i]),
-            *place,
-            *(f"{value:.6g}" for value in rest),
-        )
+        yield (int(points.target[i]), *place, *(f"{value:.6g}" for value in rest))
 
 
 def field_png(path: Path, n: int) -> bytes:
@@ -92,42 +90,71 @@ def field_png(path: Path, n: int) -> bytes:
         CaptureFileError, NotFound: no such file or field.
     """
     with CaptureReader(path) as reader:
-        return _png(reader.field(n).numbered.packed)
+        return _png(unpack(reader.field(n).numbered.packed).luma)
 
 
-def _png(packed: PackedField) -> bytes:
-    good, data = cv2.imencode(".png", unpack(packed).luma, [cv2.IMWRITE_PNG_COMPRESSION, 1])
-    if not good:
-        raise CaptureFileError("a field cannot be made a picture", "please report this")
-    return data.tobytes()
+def _png(luma: NDArray[np.uint8]) -> bytes:
+    return bytes(cv2.imencode(".png", luma, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1])
 
 
-def export_png(path: Path, directory: Path) -> int:
-    """A folder of pictures, one a field, and `fields.csv`, which says what each is; returns how many.
+def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
+    """A folder of pictures, and `fields.csv`, which says what each field is; returns how many pictures.
 
-    The folder can be played again by the replay driver, with the same times, parities and gaps.
+    A picture is a field, or, `woven`, a frame of a top field and the bottom field after it; the rows of one
+    that is not in the file stay black, and the manifest does not list it. The folder can be played again by
+    the replay driver, with the same times, parities and gaps.
 
     Raises:
         CaptureFileError: no capture.
+        InputError: doubled fields cannot be woven.
         StorageError: the folder cannot be written, or has something in it.
     """
-    _make_empty(directory)
-    with CaptureReader(path) as reader, storage_errors(directory):
-        with (directory / MANIFEST).open("w", newline="", encoding="utf-8") as file:
+    with CaptureReader(path) as reader:
+        if woven and reader.meta.lines == "doubled":
+            raise InputError(f"the lines of {path} are doubled, so they cannot be woven", "export its fields")
+        _make_empty(directory)
+        with storage_errors(directory), (directory / MANIFEST).open("w", newline="", encoding="utf-8") as file:
             manifest = csv.writer(file)
             manifest.writerow(MANIFEST_COLUMNS)
             count = 0
-            for recorded in reader.fields():
-                manifest.writerow(_write_picture(recorded, directory))
+            for picture in _frames(reader.fields()) if woven else ((field,) for field in reader.fields()):
+                manifest.writerows(_write_picture(picture, directory, "frame" if woven else "field"))
                 count += 1
     return count
 
 
-def _write_picture(recorded: RecordedField, directory: Path) -> tuple[object, ...]:
-    n, time_ns, sequence, packed = recorded.numbered
-    name = f"field-{n:08d}.png"
-    (directory / name).write_bytes(_png(packed))
-    return (n, time_ns, sequence, packed.parity, packed.y0, packed.y_step, str(recorded.outcome), name)
+def _frames(fields: Iterable[RecordedField]) -> Iterator[tuple[RecordedField, ...]]:
+    """Top fields with the bottom field after them; others alone."""
+    frame: tuple[RecordedField, ...] = ()
+    for field in fields:
+        n, parity = field.numbered.n, field.numbered.packed.parity
+        if frame and (parity == TOP or n != frame[0].numbered.n + 1):
+            yield frame
+            frame = ()
+        frame = (*frame, field)
+        if parity == BOTTOM:
+            yield frame
+            frame = ()
+    if frame:
+        yield frame
+
+
+def _write_picture(
+    picture: Sequence[RecordedField], directory: Path, what: str
+) -> Iterator[tuple[object, ...]]:
+    name = f"{what}-{picture[0].numbered.n:08d}.png"
+    packed = [field.numbered.packed for field in picture]
+    (directory / name).write_bytes(_png(_weave(packed) if what == "frame" else unpack(packed[0]).luma))
+    for field in picture:
+        n, time_ns, sequence, p = field.numbered
+        yield (n, time_ns, sequence, p.parity, p.y0, p.y_step, str(field.outcome), name)
+
+
+def _weave(fields: Sequence[PackedField]) -> NDArray[np.uint8]:
+    frame = np.zeros((2 * fields[0].rows, fields[0].columns), np.uint8)
+    for field in fields:
+        frame[field.parity :: 2] = unpack(field).luma
+    return frame
 
 
 def export_csv(path: Path, directory: Path, run: int | None = None) -> int:

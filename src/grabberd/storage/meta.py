@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
+RECORDING = "recording"
+SEALED = "sealed"
+
 
 @dataclass(frozen=True, slots=True)
 class CaptureMeta:
@@ -37,7 +40,7 @@ class CaptureMeta:
     lines: str
     rate_hz: float
     version: str
-    state: str = "recording"
+    state: str = RECORDING
     complete: bool | None = None
     ended_because: str | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)

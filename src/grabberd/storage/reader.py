@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField, PackedField
-from grabberd.reconstruction import Points
+from grabberd.reconstruction.points import Points
 from grabberd.storage.codec import decode_field, decode_points
 from grabberd.storage.meta import CaptureMeta, read_meta
 from grabberd.storage.schema import connect, reading_errors
@@ -146,26 +146,42 @@ class CaptureReader:
         return found[0]
 
     def points(self, run: int | None = None) -> Iterator[tuple[int, Points]]:
-        """(n, points) of a run in order of n, fifty fields at a time.
+        """(n, points) of a run in order of n, of fields that are in the file.
+
+        Raises:
+            NotFound: there is no such run.
+        """
+        for n, _, points in self.timed_points(run):
+            yield n, points
+
+    def timed_points(self, run: int | None = None) -> Iterator[tuple[int, int, Points]]:
+        """(n, time_ns, points) of a run in order of n, fifty fields at a time.
+
+        A crash may have left points whose field was not written yet: they are passed over.
 
         Raises:
             NotFound: there is no such run.
         """
         number, first_n = self.run(run).run, -1
-        query = "SELECT n, data FROM points WHERE run = ? AND n > ? ORDER BY n LIMIT ?"
+        query = (
+            "SELECT p.n, f.time_ns, p.data FROM points AS p JOIN fields AS f ON f.n = p.n "
+            "WHERE p.run = ? AND p.n > ? ORDER BY p.n LIMIT ?"
+        )
         while True:
             with reading_errors(self.path):
                 rows = self._connection.execute(query, (number, first_n, FIELDS_AT_ONCE)).fetchall()
-            for n, data in rows:
-                yield n, self._points(n, data)
+            for n, time_ns, data in rows:
+                yield n, time_ns, self._points(n, data)
             if len(rows) < FIELDS_AT_ONCE:
                 return
             first_n = rows[-1][0]
 
-    def times_ns(self) -> dict[int, int]:
-        """Time of every field in the file, by its number."""
+    @property
+    def first_time_ns(self) -> int | None:
+        """Time of the first field, or None where there is none."""
         with reading_errors(self.path):
-            return dict(self._connection.execute("SELECT n, time_ns FROM fields"))
+            row = self._connection.execute("SELECT time_ns FROM fields ORDER BY n LIMIT 1").fetchone()
+            return None if row is None else int(row[0])
 
     def _read_meta(self) -> CaptureMeta:
         try:
@@ -178,7 +194,9 @@ class CaptureReader:
     def _rows(self, first_n: int, end_n: int | None) -> list[tuple[Any, ...]]:
         query = f"SELECT {_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
         with reading_errors(self.path):
-            return self._connection.execute(query, (first_n, end_n or 2**62, FIELDS_AT_ONCE)).fetchall()
+            return self._connection.execute(
+                query, (first_n, 2**62 if end_n is None else end_n, FIELDS_AT_ONCE)
+            ).fetchall()
 
     def _field(self, row: tuple[Any, ...]) -> RecordedField:
         (

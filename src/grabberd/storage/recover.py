@@ -5,31 +5,34 @@ from pathlib import Path
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError
-from grabberd.storage.meta import write_meta
+from grabberd.storage.meta import SEALED, write_meta
 from grabberd.storage.reader import CaptureReader
 from grabberd.storage.schema import DAMAGED, connect, storage_errors
 from grabberd.storage.writer import FAILED, RUNNING, publish, write_ledger
 
+JOURNAL = "-journal"
 INTERRUPTED = "the program ended while it was recording"
 
 
 def recover(part: Path) -> Path:
     """Seals a `.grab.part` file that nobody writes any more; returns its final path.
 
-    The database rolls an unfinished commit back by itself when it is opened. The capture is marked incomplete: how much
-    is missing at its end, at most the last second, nobody can know. A file that cannot be read is renamed
-    `NAME.grab.damaged`, with the reason in `NAME.grab.damaged.txt`.
+    The database rolls an unfinished commit back by itself when it is opened. The capture is marked
+    incomplete: how much is missing at its end, at most the last second, nobody can know. A file that cannot
+    be read is renamed `NAME.grab.damaged`, with the reason in `NAME.grab.damaged.txt`.
 
     Raises:
         StorageError: the disk does not let it be written.
     """
     try:
         with CaptureReader(part) as reader:
-            ledger = reader.ledger
+            ledger, sealed = reader.ledger, reader.meta.state == SEALED
     except CaptureFileError as error:
         return set_aside(part, error.message)
-    _seal(part, ledger)
+    if not sealed:  # otherwise only its name was still missing
+        _seal(part, ledger)
     with storage_errors(part):
+        part.with_name(part.name + JOURNAL).unlink(missing_ok=True)  # empty: its transaction has ended
         return publish(part)
 
 
@@ -42,7 +45,7 @@ def _seal(part: Path, ledger: Ledger) -> None:
             write_ledger(connection, _with_cut(ledger))
             change = "UPDATE runs SET state = ?, reason = ? WHERE state = ?"
             connection.execute(change, (FAILED, INTERRUPTED, RUNNING))
-            write_meta(connection, {"state": "sealed", "complete": False, "ended_because": INTERRUPTED})
+            write_meta(connection, {"state": SEALED, "complete": False, "ended_because": INTERRUPTED})
     finally:
         connection.close()
 
@@ -57,6 +60,14 @@ def set_aside(path: Path, reason: str) -> Path:
     """Renames a file that cannot be read, and writes the reason beside it."""
     with storage_errors(path):
         aside = path.with_name(path.name.removesuffix(".part") + DAMAGED)
+        _rename_journal(path, aside)
         aside.with_name(aside.name + ".txt").write_text(reason + "\n", encoding="utf-8")
         os.rename(path, aside)
     return aside
+
+
+def _rename_journal(path: Path, aside: Path) -> None:
+    """The journal that may hold what an unfinished commit has overwritten goes with its file."""
+    journal = path.with_name(path.name + JOURNAL)
+    if journal.exists():
+        os.rename(journal, aside.with_name(aside.name + JOURNAL))

@@ -26,12 +26,21 @@ CREATE TABLE ledger (
     first_n INTEGER PRIMARY KEY, count INTEGER NOT NULL, outcome TEXT NOT NULL, reason TEXT NOT NULL);
 CREATE TABLE runs (
     run INTEGER PRIMARY KEY, kind TEXT NOT NULL, created_utc TEXT NOT NULL, version TEXT NOT NULL,
-    state TEXT NOT NULL, reason TEXT, calibration TEXT NOT NULL, object TEXT NOT NULL, settings TEXT NOT NULL);
+    state TEXT NOT NULL, reason TEXT, calibration TEXT NOT NULL, object TEXT NOT NULL,
+    settings TEXT NOT NULL);
 CREATE TABLE points (
     run INTEGER NOT NULL, n INTEGER NOT NULL, count INTEGER NOT NULL, data BLOB NOT NULL,
     PRIMARY KEY (run, n)) WITHOUT ROWID;
 CREATE TABLE reserve (data BLOB NOT NULL);
 """
+_NOT_THE_FILES_FAULT = (
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_LOCKED,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_FULL,
+)
 RESERVE_BYTES = 256 * 1024
 """Set aside at the start and given back at the end, so that a full disk still lets a capture be sealed."""
 
@@ -43,8 +52,9 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
         StorageError: it exists, or cannot be written.
     """
     with storage_errors(path):
-        if path.exists():
-            raise StorageError(f"{path.name} exists already", "give the capture another name")
+        for taken in (path, sealed_path(path)):
+            if taken.exists():
+                raise StorageError(f"{taken} exists already", "give the capture another name")
         connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         connection.execute("PRAGMA journal_mode = TRUNCATE")
         connection.execute("PRAGMA synchronous = FULL")
@@ -59,24 +69,32 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
         return connection
 
 
+def sealed_path(part: Path) -> Path:
+    """`NAME.grab` for `NAME.grab.part`; a name without that ending stays as it is."""
+    return part.with_name(part.name.removesuffix(PART))
+
+
 def connect(path: Path, *, writable: bool = False) -> sqlite3.Connection:
     """An existing capture file, checked to be one.
 
     Raises:
         CaptureFileError: it is missing, no capture, damaged, or of a later version.
+        StorageError: the disk or another program keeps it from being read.
     """
     if not path.is_file():
         raise CaptureFileError(
             f"no capture file {path}", "check the name; a running capture ends in .grab.part"
         )
-    try:
+    with reading_errors(path):
         connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
-        connection.execute("PRAGMA synchronous = FULL")
-        if not writable:
-            connection.execute("PRAGMA query_only = ON")
-        _check(connection, path)
-    except sqlite3.DatabaseError as error:
-        raise _damaged(path, error) from error
+        try:
+            connection.execute("PRAGMA synchronous = FULL")
+            if not writable:
+                connection.execute("PRAGMA query_only = ON")
+            _check(connection, path)
+        except BaseException:
+            connection.close()
+            raise
     return connection
 
 
@@ -84,10 +102,8 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
     application = connection.execute("PRAGMA application_id").fetchone()[0]
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if application != APPLICATION_ID:
-        connection.close()
         raise CaptureFileError(f"{path} is a database, but no capture", "name a file that grabberd wrote")
     if version > VERSION:
-        connection.close()
         raise CaptureFileError(
             f"{path} is of version {version}, this program reads up to {VERSION}", "use a newer grabberd"
         )
@@ -114,8 +130,8 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def reading_errors(path: Path) -> Iterator[None]:
-    """Turns what SQLite and the codecs say of damaged content into `CaptureFileError`."""
-    try:
-        yield
-    except sqlite3.DatabaseError as error:
-        raise _damaged(path, error) from error
+    """Turns what SQLite says of damaged content into `CaptureFileError`, of the disk or a lock into
+    `StorageError`.""" try: yield except sqlite3.DatabaseError as error: # The low byte is the primary code;
+    an error of the module itself has none. if getattr(error, "sqlite_errorcode", 0) & 0xFF in
+    _NOT_THE_FILES_FAULT: raise StorageError( f"{path} cannot be read now: {error}", "see whether another
+    program holds it, and mend the disk", ) from error raise _damaged(path, error) from error

@@ -3,20 +3,22 @@
 import json
 import os
 import sqlite3
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Self
 
-from grabberd.acquisition import Ledger, LedgerEntry, Slot
+from grabberd.acquisition import Ledger, LedgerEntry, Outcome, Slot
+from grabberd.errors import StorageError
 from grabberd.field import NumberedField
-from grabberd.reconstruction import Points
+from grabberd.reconstruction.points import Points
 from grabberd.storage.codec import encode_field, encode_points
-from grabberd.storage.meta import CaptureMeta, write_all_meta, write_meta
-from grabberd.storage.schema import PART, connect, create, storage_errors
+from grabberd.storage.meta import SEALED, CaptureMeta, write_all_meta, write_meta
+from grabberd.storage.schema import connect, create, sealed_path, storage_errors
 
 RUNNING = "running"
 DONE = "done"
 FAILED = "failed"
+NOT_WRITTEN = "not written to disk"
 
 _FIELD = "INSERT INTO fields VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
 _RUN = "INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
@@ -32,7 +34,6 @@ class CaptureWriter:
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self.path = path
         self._connection = connection
-        self._begun = False
 
     @classmethod
     def create(cls, path: Path, meta: CaptureMeta, max_pages: int | None = None) -> Self:
@@ -72,33 +73,35 @@ class CaptureWriter:
 
     def commit(self) -> None:
         """Everything added so far survives a crash from here on."""
-        if self._begun:
+        if self._connection.in_transaction:
             with storage_errors(self.path):
                 self._connection.execute("COMMIT")
-            self._begun = False
 
     def seal(
         self, ledger: Ledger, *, complete: bool, ended_because: str, measuring_failure: str | None = None
     ) -> Path:
         """Writes ledger and verdict, closes the file and gives it its final name.
 
-        What was added and cannot be committed any more (a full disk) is given up; the rest is kept.
+        What was added and cannot be committed any more (a full disk) is given up and entered as lost; the
+        rest is kept.
 
         Raises:
-            StorageError: not even that is possible; the file stays as `.grab.part` and is sealed at the next start.
+            StorageError: not even that is possible; the file stays as `.grab.part` and is sealed at the
+                next start.
         """
-        self._roll_back()
+        self._commit_what_fits()
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
             self._connection.execute("DELETE FROM reserve")
-            write_ledger(self._connection, ledger)
+            write_ledger(self._connection, _as_far_as_written(self._connection, ledger))
             state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
             self._connection.execute(
                 "UPDATE runs SET state = ?, reason = ? WHERE state = ?", (state, reason, RUNNING)
             )
-            verdict = {"state": "sealed", "complete": complete, "ended_because": ended_because}
+            verdict = {"state": SEALED, "complete": complete, "ended_because": ended_because}
             write_meta(self._connection, verdict)
             self._connection.execute("COMMIT")
+            self._connection.execute("PRAGMA journal_mode = DELETE")  # leaves no file beside the sealed one
             self._connection.close()
             self.path = publish(self.path)
         return self.path
@@ -108,14 +111,15 @@ class CaptureWriter:
         self._connection.close()
 
     def _begin(self) -> None:
-        if not self._begun:
+        if not self._connection.in_transaction:
             self._connection.execute("BEGIN")
-            self._begun = True
 
-    def _roll_back(self) -> None:
-        if self._connection.in_transaction:
-            self._connection.execute("ROLLBACK")
-        self._begun = False
+    def _commit_what_fits(self) -> None:
+        try:
+            self.commit()
+        except StorageError:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
 
     def _append(self, slot: Slot) -> None:
         for entry in slot.lost_before:
@@ -129,9 +133,17 @@ class CaptureWriter:
 
 
 def publish(part: Path) -> Path:
-    """Gives a sealed capture its final name, for good."""
-    final = part.with_name(part.name.removesuffix(PART))
+    """Gives a sealed capture its final name, for good.
+
+    Raises:
+        StorageError: another capture has that name; nothing is overwritten.
+    """
+    final = sealed_path(part)
     if final != part:
+        if final.exists():
+            raise StorageError(
+                f"{final} exists already", f"move it away, then start again to seal {part.name}"
+            )
         os.rename(part, final)
         _sync_directory(final.parent)
     return final
@@ -143,6 +155,17 @@ def _sync_directory(directory: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def _as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger:
+    """The ledger, but for fields that were received and are not in the file: they are lost."""
+    rows = connection.execute("SELECT n FROM fields WHERE outcome = ? ORDER BY n", (str(Outcome.RECEIVED),))
+    written = [n for (n,) in rows]
+    if len(written) == ledger.received:
+        return ledger
+    kept = Ledger.restore(written, ledger.entries, first_n=ledger.first_n, gap=NOT_WRITTEN)
+    kept.close(ledger.end_n or 0, NOT_WRITTEN)
+    return kept
 
 
 def write_ledger(connection: sqlite3.Connection, ledger: Ledger) -> None:
@@ -164,9 +187,12 @@ def append_run(
     created_utc: str,
     version: str,
     made_with: Mapping[str, Any],
-    points: Sequence[tuple[int, Points]],
+    points: Iterable[tuple[int, Points]],
 ) -> int:
     """Adds a run to a sealed capture, whole or not at all; returns its number.
+
+    The points may be measured while they are taken: until the end nothing but memory is written, and
+    readers are not kept waiting.
 
     Raises:
         CaptureFileError: no capture, or damaged.
@@ -175,6 +201,7 @@ def append_run(
     connection = connect(path, writable=True)
     try:
         with storage_errors(path), connection:
+            connection.execute("PRAGMA cache_spill = OFF")
             connection.execute("BEGIN IMMEDIATE")
             run: int = connection.execute("SELECT coalesce(max(run), 0) + 1 FROM runs").fetchone()[0]
             connection.execute(_RUN, _run_row(run, kind, created_utc, version, DONE, made_with))
