@@ -9,8 +9,8 @@ _ANGLES = np.arange(_SAMPLES) * (2 * np.pi / _SAMPLES)
 
 
 def perimeter(p: Array, q: Array) -> Array:
-    """(N,) perimeters of ellipses with semi-axes p, q (N,); the trapezoidal rule is exact to rounding
-    here.""" return _speed(p, q).mean(axis=1) * (2 * np.pi)
+    """(N,) perimeters of ellipses with semi-axes p, q (N,); the trapezoidal rule is exact to rounding here."""
+    return _speed(p, q).mean(axis=1) * (2 * np.pi)
 
 
 def widened(p: Array) -> Array:

@@ -4,10 +4,9 @@ Its mathematics stands here and in `ellipse` alone. The middle surface of the wa
 
     S(x, s, t) = (x, y(s, d), axis_z + z(s, d)),        d(x, t) = deflection · profile(x) · closure(t)
 
-where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an
-ellipse of semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on
-the outer face, half a wall off along the normal, at constant x and s: their intervals along the middle
-surface never change round the wall.
+where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an ellipse of
+semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on the outer face, half a
+wall off along the normal, at constant x and s: their intervals along the middle surface never change round the wall.
 """
 
 from functools import lru_cache
@@ -89,17 +88,17 @@ def _outward(along_s: Array, along_x: Array) -> Array:
 
 
 def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
-    """Collapse along the length, 1 in the middle and smoothly 0 at and beyond the ends; and its derivative
-    by x.""" inside = np.abs(x_mm) < length_mm / 2 angle = np.pi * x_mm / length_mm value = np.where(inside,
-    np.cos(angle) ** 2, 0.0) return value, np.where(inside, -np.pi / length_mm * np.sin(2 * angle), 0.0)
+    """Collapse along the length, 1 in the middle and smoothly 0 at and beyond the ends; and its derivative by x."""
+    inside = np.abs(x_mm) < length_mm / 2
+    angle = np.pi * x_mm / length_mm
+    value = np.where(inside, np.cos(angle) ** 2, 0.0)
+    return value, np.where(inside, -np.pi / length_mm * np.sin(2 * angle), 0.0)
 
 
 def closure(options: LinerOptions, time_ns: int) -> float:
-    """How far it is closed, 0 to 1: opening (a), open (b), closing (c), closed (d); a begins with each
-    period.
+    """How far it is closed, 0 to 1: opening (a), open (b), closing (c), closed (d); a begins with each period.
 
-    The transitions are cubic, so the speed is continuous and at most 1.5 deflections in the transition's
-    time.
+    The transitions are cubic, so the speed is continuous and at most 1.5 deflections in the transition's time.
     """
     period_ns = round(options.period_s * 1e9)
     part = (time_ns % period_ns) / period_ns

@@ -1,8 +1,7 @@
-"""Options out of a nested mapping: every key, type and range is checked, and everything wrong is said at
-once.
+"""Options out of a nested mapping: every key, type and range is checked, and everything wrong is said at once.
 
-A dataclass's fields declare what they allow through `number`, `integer`, `choice`, `flag` and `group`;
-`read` makes an instance of it from what a YAML file holds.
+A dataclass's fields declare what they allow through `number`, `integer`, `choice`, `flag` and `group`; `read` makes
+an instance of it from what a YAML file holds.
 """
 
 import math

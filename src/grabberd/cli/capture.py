@@ -92,8 +92,13 @@ def _order(
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
         raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
-    values: dict[str, Any] = {"fields": fields, "duration_s": duration_s, "bits": bits, "lines": lines,
-        "note": note}
+    values: dict[str, Any] = {
+        "fields": fields,
+        "duration_s": duration_s,
+        "bits": bits,
+        "lines": lines,
+        "note": note,
+    }
     values["labels"] = {key: value for key, _, value in pairs}
     try:
         return CaptureOrder.model_validate(values).model_dump(exclude_none=True)
@@ -133,9 +138,9 @@ def _capture_here(
 
 
 def _with_device(config: Config, file: Path | None, device: str | None) -> Config:
-    """The configuration with the one device that is meant, replay:PATH in the place of the configured
-    driver.""" driver, colon, path = (device or "").partition(":") name = only_device(config, None if colon
-    else device, file)
+    """The configuration with the one device that is meant; replay:PATH in place of the configured driver."""
+    driver, colon, path = (device or "").partition(":")
+    name = only_device(config, None if colon else device, file)
     chosen: DeviceConfig = config.devices[name]
     if colon:
         chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})

@@ -18,7 +18,7 @@ NOISE_MARGIN = 4.0
 """A threshold is at least so many standard deviations above the background."""
 SURELY_BRIGHT = 6.0
 """Pixels more standard deviations above the background than this are not noise."""
-PLATEAU_QUANTILE = 0.9
+PLATEAU_QUANTILE = 0.85
 """Of the bright pixels: above it they are a target's inside, below it its blurred edge."""
 LEAST_BRIGHT_SHARE = 5e-5
 """Of the picture: a lone target of 5 px has .0001 of it."""

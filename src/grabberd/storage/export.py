@@ -68,9 +68,12 @@ def _points_text(reader: CaptureReader, run: int) -> Iterator[str]:
 
 
 def _utc(time_ns: int, meta: CaptureMeta) -> str:
-    """ISO 8601 with milliseconds; empty where the times are those of a recording, by a clock that has
-    passed.""" if not meta.device.get("stream", {}).get("live", True): return "" moment =
-    datetime.fromisoformat(meta.created_utc) + timedelta(microseconds=(time_ns - meta.start_ns) / 1000)
+    """ISO 8601 with milliseconds; empty for a recording played again, whose clock has passed."""
+    if not meta.device.get("stream", {}).get("live", True):
+        return ""
+    moment = datetime.fromisoformat(meta.created_utc) + timedelta(
+        microseconds=(time_ns - meta.start_ns) / 1000
+    )
     return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
@@ -113,7 +116,10 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
         if woven and reader.meta.lines == "doubled":
             raise InputError(f"the lines of {path} are doubled, so they cannot be woven", "export its fields")
         _make_empty(directory)
-        with storage_errors(directory), (directory / MANIFEST).open("w", newline="", encoding="utf-8") as file:
+        with (
+            storage_errors(directory),
+            (directory / MANIFEST).open("w", newline="", encoding="utf-8") as file,
+        ):
             manifest = csv.writer(file)
             manifest.writerow(MANIFEST_COLUMNS)
             count = 0

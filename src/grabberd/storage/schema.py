@@ -130,8 +130,16 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 @contextmanager
 def reading_errors(path: Path) -> Iterator[None]:
-    """Turns what SQLite says of damaged content into `CaptureFileError`, of the disk or a lock into
-    `StorageError`.""" try: yield except sqlite3.DatabaseError as error: # The low byte is the primary code;
-    an error of the module itself has none. if getattr(error, "sqlite_errorcode", 0) & 0xFF in
-    _NOT_THE_FILES_FAULT: raise StorageError( f"{path} cannot be read now: {error}", "see whether another
-    program holds it, and mend the disk", ) from error raise _damaged(path, error) from error
+    """Turns damaged content into `CaptureFileError`, a broken disk or a lock into `StorageError`."""
+    try:
+        yield
+    except sqlite3.DatabaseError as error:
+        if _primary_code(error) in _NOT_THE_FILES_FAULT:
+            hint = "see whether another program holds it, and mend the disk"
+            raise StorageError(f"{path} cannot be read now: {error}", hint) from error
+        raise _damaged(path, error) from error
+
+
+def _primary_code(error: sqlite3.Error) -> int:
+    """The low byte; an error of the Python module itself has none."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF

@@ -1,0 +1,92 @@
+"""Pictures of discs: what of each target lies where on the picture, as ellipses."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd_fake.optics import Array, View
+from grabberd_fake.targets import Targets
+
+_BOUNDARY = 8
+_ANGLES = np.arange(_BOUNDARY) * (2 * np.pi / _BOUNDARY)
+_COSINES, _SINES = np.cos(_ANGLES), np.sin(_ANGLES)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Ellipses:
+    """N ellipses in frame pixels: center + a cos t + b sin t, each of an own weight.
+
+    Attributes:
+        center: (N, 2); `a`, `b`: (N, 2) conjugate half axes.
+        weight: (N,) share of the exposure for which the target stood there.
+    """
+
+    center: Array
+    a: Array
+    b: Array
+    weight: Array
+
+    def __len__(self) -> int:
+        return len(self.center)
+
+
+def disc_images(view: View, targets: Targets, diameter_mm: float) -> Ellipses:
+    """The discs' pictures through all of the optics, perspective eccentricity included, to second order of their size.
+
+    The middle of a disc's boundary lies half as far from the picture of its centre as the ellipse's centre does.
+    """
+    around = _rim(targets, diameter_mm / 2)
+    count = len(targets.xyz_mm)
+    points = view.ideal_image(around.reshape(-1, 3)).reshape(count, _BOUNDARY + 1, 2)
+    rim, middle = points[:, 1:], points[:, 0]
+    center = 2 * rim.mean(axis=1) - middle
+    a = np.einsum("nkx,k->nx", rim, _COSINES * (2 / _BOUNDARY))
+    b = np.einsum("nkx,k->nx", rim, _SINES * (2 / _BOUNDARY))
+    return Ellipses(center + view.displacement(center), a, b, np.ones(count))
+
+
+def _rim(targets: Targets, radius_mm: float) -> Array:
+    """(N, 1 + _BOUNDARY, 3): the centre, then points of the boundary."""
+    u, v = _in_plane(targets.normal)
+    spokes = np.concatenate([[[0.0, 0.0]], np.column_stack([_COSINES, _SINES])]) * radius_mm
+    basis = np.stack([u, v], axis=1)
+    around: Array = targets.xyz_mm[:, np.newaxis] + spokes @ basis
+    return around
+
+
+def _in_plane(normal: Array) -> tuple[Array, Array]:
+    """Two unit vectors (N, 3) that span the plane of each unit normal (N, 3)."""
+    x, y, z = normal.T
+    sign = np.copysign(1.0, z)
+    scale = -1.0 / (sign + z)
+    cross = x * y * scale
+    first = np.stack([1 + sign * x * x * scale, sign * cross, -sign * x], axis=1)
+    return first, np.stack([cross, sign + y * y * scale, -y], axis=1)
+
+
+def facing(view: View, targets: Targets, grazing_limit_deg: float) -> NDArray[np.bool_]:
+    """(N,) whether a view looks at the front of a disc, less obliquely than the limit."""
+    sight = view.center_mm() - targets.xyz_mm
+    along = np.einsum("nx,nx->n", sight, targets.normal)
+    return along > np.cos(np.radians(grazing_limit_deg)) * np.sqrt(np.einsum("nx,nx->n", sight, sight))
+
+
+def smeared(ellipses: Ellipses, start: Array, end: Array, step_px: float) -> Ellipses:
+    """The ellipses over an exposure, as many copies of each as its way needs.
+
+    Args:
+        ellipses: in the middle of the exposure.
+        start: (N, 2) where the targets' centres appear when it begins, relative to the middle; `end`: when it ends.
+        step_px: the longest way for one copy. The way is a parabola through start, middle and end.
+    """
+    way = np.hypot(*start.T) + np.hypot(*end.T)
+    copies = np.maximum(np.ceil(way / step_px), 1).astype(np.intp)
+    if copies.max(initial=1) == 1:
+        return ellipses
+    which = np.repeat(np.arange(len(ellipses)), copies)
+    number = np.arange(len(which)) - np.repeat(np.cumsum(copies) - copies, copies)
+    time = ((2 * number + 1) / copies[which] - 1)[:, np.newaxis]
+    moved = (end - start)[which] * (time / 2) + (end + start)[which] * (time * time / 2)
+    weight = (1.0 / copies)[which]
+    return Ellipses(ellipses.center[which] + moved, ellipses.a[which], ellipses.b[which], weight)

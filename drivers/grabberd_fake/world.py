@@ -1,0 +1,102 @@
+"""The simulated world: what the camera sees at any time, and what is true of it.
+
+The camera runs freely on the clock: field k is exposed around k · 20 ms, and the even ones are top fields. So a
+field's picture and its truth follow from the options and its time alone, whoever looks on and whatever was lost
+(with automatic gain, the picture also from the fields before).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd_fake.discs import Ellipses, disc_images, facing, smeared
+from grabberd_fake.faults import PERIOD_NS
+from grabberd_fake.optics import Array, View
+from grabberd_fake.options import FakeOptions
+from grabberd_fake.render import ROWS, Renderer
+from grabberd_fake.rig import build_views
+from grabberd_fake.scenes import build_scene
+from grabberd_fake.sensor import Sensor
+from grabberd_fake.stamp import Stamp, write_stamp
+from grabberd_fake.targets import Targets
+
+_COPY_EVERY_PX = 0.25
+
+
+class Truth(NamedTuple):
+    """What is true of N targets at one time.
+
+    Attributes:
+        ids: (N,) int32, ascending.
+        xyz_mm: (N, 3), object's frame; `normals`: (N, 3) unit vectors, outward.
+        left_px: (N, 2) frame pixels of the middle of each target's picture in the left view, where a perfect locator
+            that takes row k of parity p as y = 2k + p finds it: perspective eccentricity and the mirrors' local
+            errors included, line jitter not. `right_px` likewise. Also for targets that are not seen.
+        visible_left: (N,) bool, faces the view and lies in its half of the picture; `visible_right` likewise.
+    """
+
+    ids: NDArray[np.int32]
+    xyz_mm: Array
+    normals: Array
+    left_px: Array
+    right_px: Array
+    visible_left: NDArray[np.bool_]
+    visible_right: NDArray[np.bool_]
+
+
+class World:
+    """Scene, optics and camera of some options."""
+
+    def __init__(self, options: FakeOptions) -> None:
+        self._options = options
+        self.views = build_views(options)
+        self.scene = build_scene(options)
+        self._renderer = Renderer(options.picture)
+        self._sensor = Sensor(options.picture)
+
+    def truth(self, time_ns: int) -> Truth:
+        """What is true at a time."""
+        targets = self.scene.targets(time_ns)
+        left, right = (disc_images(view, targets, self._options.target_diameter_mm) for view in self.views)
+        seen = [
+            self._facing(view, targets) & view.holds(images.center)
+            for view, images in zip(self.views, (left, right), strict=True)
+        ]
+        return Truth(self.scene.ids, targets.xyz_mm, targets.normal, left.center, right.center, seen[0], seen[1])
+
+    def picture(self, field: int, out: NDArray[np.uint8]) -> None:
+        """Writes the luma of the camera's field number `field` into `out` (288, 720)."""
+        parity = field % 2
+        rng = self.random(field)
+        shift_px = rng.normal(0, self._options.picture.jitter_px, ROWS)
+        canvas = self._renderer.draw(self._exposed(field * PERIOD_NS), parity, shift_px)
+        self._sensor.expose(canvas, rng, out)
+        if self._options.picture.stamp:
+            write_stamp(out, Stamp(field, parity))
+
+    def random(self, field: int) -> np.random.Generator:
+        """The random numbers of a field."""
+        return np.random.Generator(np.random.SFC64([self._options.seed, field]))
+
+    def _exposed(self, time_ns: int) -> tuple[Ellipses, Ellipses]:
+        targets = self.scene.targets(time_ns)
+        half_ns = round(self._options.picture.exposure_ms * 0.5e6)
+        ends = None
+        if self.scene.moves and half_ns > 0:
+            ends = self.scene.targets(time_ns - half_ns), self.scene.targets(time_ns + half_ns)
+        left, right = (self._seen(view, targets, ends) for view in self.views)
+        return left, right
+
+    def _seen(self, view: View, targets: Targets, ends: tuple[Targets, Targets] | None) -> Ellipses:
+        seen = self._facing(view, targets)
+        targets = Targets(targets.xyz_mm[seen], targets.normal[seen])
+        images = disc_images(view, targets, self._options.target_diameter_mm)
+        if ends is None or not len(images):
+            return images
+        middle = view.ideal_image(targets.xyz_mm)
+        start, end = (view.ideal_image(moved.xyz_mm[seen]) - middle for moved in ends)
+        return smeared(images, start, end, _COPY_EVERY_PX)
+
+    def _facing(self, view: View, targets: Targets) -> NDArray[np.bool_]:
+        return facing(view, targets, self._options.grazing_limit_deg)

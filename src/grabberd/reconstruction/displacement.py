@@ -1,0 +1,97 @@
+"""How far an object's targets are from their nominal places: a smooth field over the object.
+
+Neighbouring targets move alike, and that is all that is assumed: the displacements are a Gaussian random field with
+a Matérn 5/2 covariance over the targets' nominal distances, the same in X, Y and Z. What some targets show then says
+where the others are, and how surely (kriging). This is the prior knowledge that decides correspondence where the
+epipolar geometry cannot.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.reconstruction.object_model import ObjectModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothness:
+    """What is known of an object's deformation beforehand.
+
+    Attributes:
+        sigma_mm: standard deviation of a displacement in each of X, Y, Z.
+        reach_mm: correlation length: targets much nearer than this move alike.
+        noise_mm: standard deviation of a measured displacement around the smooth field.
+    """
+
+    sigma_mm: float = 3.0
+    reach_mm: float = 25.0
+    noise_mm: float = 0.15
+
+
+class Expected(NamedTuple):
+    """What the *other* seen targets say of each target, its own measurement left out.
+
+    Attributes:
+        displacement_mm: (M, 3) the displacement that they make it have.
+        sigma_mm: (M,) its standard deviation in each coordinate, without the noise of the target's own measurement.
+    """
+
+    displacement_mm: Array
+    sigma_mm: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DisplacementField:
+    """The field of an object of M targets.
+
+    Attributes:
+        nominal_mm: (M, 3) the targets' nominal places.
+        precision: (M, M), inverse of the covariance of measured displacements, in 1/mm².
+        noise_mm: see `Smoothness`.
+    """
+
+    nominal_mm: Array
+    precision: Array
+    noise_mm: float
+
+    @classmethod
+    def of(cls, model: ObjectModel, smoothness: Smoothness) -> "DisplacementField":
+        """The field of this object."""
+        apart = np.linalg.norm(model.xyz_mm[:, np.newaxis] - model.xyz_mm, axis=2) / smoothness.reach_mm
+        scaled = np.sqrt(5.0) * apart
+        covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
+        covariance[np.diag_indices(len(model))] += smoothness.noise_mm**2
+        return cls(model.xyz_mm, np.linalg.inv(covariance), smoothness.noise_mm)
+
+    def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
+        """What the seen targets say of all: of an unseen one all of them, of a seen one all but itself.
+
+        Args:
+            seen: (M,) which targets have been measured.
+            displacement_mm: (M, 3) their displacements; what stands at unseen ones is not looked at.
+        """
+        inside, outside = np.flatnonzero(seen), np.flatnonzero(~seen)
+        cross = self.precision[outside[:, np.newaxis], inside]
+        hidden = np.linalg.inv(self.precision[outside[:, np.newaxis], outside])
+        measured = displacement_mm[inside]
+        guessed = hidden @ (cross @ -measured)
+        weight = np.diag(self.precision)[inside] - (cross * (hidden @ cross)).sum(axis=0)
+        pull = self.precision[inside[:, np.newaxis], inside] @ measured + cross.T @ guessed
+        expected = np.empty_like(displacement_mm)
+        variance = np.empty(len(seen))
+        expected[inside] = measured - pull / weight[:, np.newaxis]
+        expected[outside] = guessed
+        variance[inside], variance[outside] = 1.0 / weight, np.diag(hidden)
+        return Expected(expected, np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0)))
+
+    def smooth(self, displacement_mm: Array) -> Array:
+        """(M, 3) the field without the noise of the measured displacements (M, 3).
+
+        Expected displacements of unseen targets pass unchanged.
+        """
+        smoothed: Array = displacement_mm - self.noise_mm**2 * (self.precision @ displacement_mm)
+        return smoothed

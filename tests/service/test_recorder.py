@@ -1,0 +1,147 @@
+"""The recorder: which fields belong to a capture, and what its ledger says."""
+
+from slots import PERIOD_NS, ManualClock, damaged, slot, without_signal
+
+from grabberd.acquisition import LedgerEntry, Outcome, Ring, Slot
+from grabberd.service.backlog import Backlog
+from grabberd.service.recorder import GRACE_NS, Recorder
+
+
+def recorder(
+    fields: int | None = None, capacity: int = 500, clock: ManualClock | None = None, *, lossless: bool = False
+) -> tuple[Recorder, Backlog[Slot]]:
+    backlog: Backlog[Slot] = Backlog(capacity)
+    return Recorder(fields, backlog, clock or ManualClock(), PERIOD_NS, lossless=lossless), backlog
+
+
+def recorded(backlog: Backlog[Slot]) -> list[int]:
+    return [one.n for one in backlog.from_index(0, 0)]
+
+
+def test_fields_are_numbered_from_the_captures_first() -> None:
+    one, backlog = recorder(3)
+    for n in (1000, 1001, 1002):
+        one.take(slot(n))
+    assert recorded(backlog) == [0, 1, 2]
+    assert [entry.numbered.n for entry in backlog.from_index(0, 0) if entry.numbered] == [0, 1, 2]
+    assert one.first_n == 1000
+
+
+def test_it_ends_with_the_last_field_of_its_length() -> None:
+    one, _ = recorder(2)
+    one.take(slot(7))
+    assert one.recording
+    one.take(slot(8))
+    assert not one.recording
+    assert one.ended_because == "length reached"
+    assert one.ledger.complete
+
+
+def test_what_was_lost_before_the_first_field_is_not_the_captures() -> None:
+    one, _ = recorder(1)
+    one.take(slot(10, lost_before=5))
+    assert one.ledger.complete
+
+
+def test_lost_fields_count_for_the_length() -> None:
+    one, backlog = recorder(5)
+    one.take(slot(0))
+    one.take(slot(4, lost_before=3))
+    assert not one.recording
+    assert recorded(backlog) == [0, 4]
+    assert one.ledger.entries == [LedgerEntry(1, 3, Outcome.LOST, "time gap")]
+
+
+def test_a_gap_beyond_its_length_is_cut_there() -> None:
+    one, backlog = recorder(5)
+    one.take(slot(0))
+    one.take(slot(9, lost_before=8, reason="unplugged"))
+    assert recorded(backlog) == [0]
+    assert one.ledger.entries == [LedgerEntry(1, 4, Outcome.LOST, "unplugged")]
+    assert one.ledger.total == 5
+
+
+def test_damaged_fields_and_those_without_signal_are_in_the_ledger() -> None:
+    one, _ = recorder()
+    for entry in (slot(0), damaged(1), without_signal(2), slot(3)):
+        one.take(entry)
+    assert one.ledger.counts() == {
+        Outcome.RECEIVED: 2,
+        Outcome.LOST: 0,
+        Outcome.DAMAGED: 1,
+        Outcome.NO_SIGNAL: 1,
+        Outcome.OVERRUN: 0,
+    }
+
+
+def test_fields_that_a_slow_disk_leaves_no_room_for_are_overrun_and_it_goes_on() -> None:
+    one, backlog = recorder(capacity=2)
+    for n in range(4):
+        one.take(slot(n))
+    backlog.written(2)
+    one.take(slot(4))
+    assert recorded(backlog) == [0, 1, 4]
+    assert one.ledger.entries == [LedgerEntry(2, 2, Outcome.OVERRUN, "disk too slow")]
+
+
+def test_it_drains_a_ring_until_its_length() -> None:
+    ring = Ring()
+    one, backlog = recorder(4)
+    reader = ring.reader()
+    for n in range(6):
+        ring.put(slot(n))
+    one.run(reader)
+    assert recorded(backlog) == [0, 1, 2, 3]
+    assert backlog.closed
+    assert one.ledger.complete
+
+
+def test_the_slots_before_the_trigger_belong_to_it() -> None:
+    ring = Ring()
+    for n in range(10):
+        ring.put(slot(n))
+    one, backlog = recorder(5)
+    reader = ring.reader(back=3)
+    for n in range(10, 14):
+        ring.put(slot(n))
+    one.run(reader)
+    assert one.first_n == 7
+    assert recorded(backlog) == [0, 1, 2, 3, 4]
+
+
+def test_a_stop_keeps_what_is_in_the_ring_already() -> None:
+    ring = Ring()
+    one, backlog = recorder()
+    reader = ring.reader()
+    for n in range(3):
+        ring.put(slot(n))
+    one.stop("stopped by the operator")
+    one.run(reader)
+    assert recorded(backlog) == [0, 1, 2]
+    assert one.ended_because == "stopped by the operator"
+
+
+def test_the_first_reason_to_end_stays() -> None:
+    one, _ = recorder()
+    one.stop("stopped by the operator")
+    one.stop("the daemon stopped")
+    assert one.ended_because == "stopped by the operator"
+
+
+def test_a_capture_of_given_length_ends_although_nothing_comes_any_more() -> None:
+    clock = ManualClock()
+    one, _ = recorder(10, clock=clock)
+    ring = Ring()
+    reader = ring.reader()
+    ring.put(slot(0))
+    clock.ns += 10 * PERIOD_NS + GRACE_NS + 1
+    one.run(reader)
+    assert one.ledger.entries == [LedgerEntry(1, 9, Outcome.LOST, "nothing came")]
+
+
+def test_a_source_that_waits_for_its_reader_is_given_its_time() -> None:
+    clock = ManualClock()
+    one, _ = recorder(10, clock=clock, lossless=True)
+    clock.advance(1000)
+    one.take(slot(0))
+    assert one.recording

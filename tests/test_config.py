@@ -1,0 +1,123 @@
+"""The configuration: what is accepted, and how everything that is wrong is said at once."""
+
+from pathlib import Path
+
+import pytest
+
+from grabberd.config import default_config_file, default_state_directory, load_config, shipped_configs
+from grabberd.errors import ConfigError
+
+MINIMAL = "devices: {one: {driver: fake}}\n"
+
+
+def problems_of(folder: Path, text: str) -> dict[str, str]:
+    file = folder / "grabberd.yaml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    assert all(problem.file == str(file) for problem in caught.value.problems)
+    return {problem.key: problem.message for problem in caught.value.problems}
+
+
+def test_every_shipped_configuration_loads() -> None:
+    files = sorted(shipped_configs().glob("*.yaml"))
+    assert default_config_file() in files
+    for file in files:
+        assert load_config(file).devices
+
+
+def test_one_device_with_a_driver_is_enough(tmp_path: Path) -> None:
+    file = tmp_path / "grabberd.yaml"
+    file.write_text(MINIMAL)
+    device = load_config(file).devices["one"]
+    assert (device.ring.slots, device.ring.bits, device.threshold.kind) == (32, 1, "automatic")
+
+
+def test_relative_paths_count_from_the_file(tmp_path: Path) -> None:
+    (tmp_path / "rig.json").write_text("{}")
+    file = tmp_path / "grabberd.yaml"
+    file.write_text("devices: {one: {driver: fake, calibration: rig.json}}")
+    assert load_config(file).devices["one"].calibration == (tmp_path / "rig.json").resolve()
+
+
+def test_all_problems_are_named_at_once(tmp_path: Path) -> None:
+    found = problems_of(
+        tmp_path,
+        """
+devices:
+  one:
+    driver: fake
+    focal: 3
+    calibration: nowhere.json
+    rig:
+      distance: 240
+      base_mm: 0.128
+      views: {left: {first_column: 0, end_column: 400}, right: {first_column: 360, end_column: 720}}
+http: {port: hello}
+""",
+    )
+    assert set(found) == {
+        "devices.one.focal",
+        "devices.one.calibration",
+        "devices.one.rig.distance",
+        "devices.one.rig.base_mm",
+        "devices.one.rig.views",
+        "http.port",
+    }
+
+
+def test_an_unknown_key_is_answered_with_the_nearest_known_one(tmp_path: Path) -> None:
+    found = problems_of(tmp_path, "devices: {one: {driver: fake, rig: {distance: 240}}}")
+    assert found["devices.one.rig.distance"] == "unknown key; did you mean distance_mm?"
+
+
+def test_a_value_in_the_wrong_unit_is_answered_with_the_right_one(tmp_path: Path) -> None:
+    found = problems_of(tmp_path, "devices: {one: {driver: fake, rig: {base_mm: 0.128}}}")
+    assert "this key is in millimetres" in found["devices.one.rig.base_mm"]
+
+
+@pytest.mark.parametrize(
+    ("views", "says"),
+    [
+        ("left: {first_column: 0, end_column: 400}", "overlap"),
+        ("left: {first_column: 300, end_column: 300}", "has no columns"),
+        ("right: {first_column: 360, end_column: 800}", "the picture has 720"),
+    ],
+)
+def test_impossible_views_are_refused(tmp_path: Path, views: str, says: str) -> None:
+    found = problems_of(tmp_path, f"devices: {{one: {{driver: fake, rig: {{views: {{{views}}}}}}}}}")
+    assert any(says in message for message in found.values())
+
+
+def test_a_missing_calibration_is_named_with_its_full_path(tmp_path: Path) -> None:
+    found = problems_of(tmp_path, "devices: {one: {driver: fake, calibration: nowhere.json}}")
+    assert str(tmp_path / "nowhere.json") in found["devices.one.calibration"]
+
+
+def test_a_fixed_threshold_needs_its_value_and_no_other_has_one(tmp_path: Path) -> None:
+    for threshold in ("{kind: fixed}", "{kind: automatic, value: 60}"):
+        found = problems_of(tmp_path, f"devices: {{one: {{driver: fake, threshold: {threshold}}}}}")
+        assert "'value' belongs to kind fixed" in found["devices.one.threshold"]
+
+
+@pytest.mark.parametrize("text", ["devices: [", "devices: {one: {driver: fake, driver: replay}}", "\x00"])
+def test_what_is_no_yaml_or_says_a_thing_twice_is_refused(tmp_path: Path, text: str) -> None:
+    assert set(problems_of(tmp_path, text)) == {"(file)"}
+
+
+def test_a_missing_file_is_a_problem_like_any_other(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="No such file"):
+        load_config(tmp_path / "nowhere.yaml")
+
+
+@pytest.mark.parametrize("text", ["", "[]", "devices: {}", "devices: {'B B': {driver: fake}}"])
+def test_a_configuration_without_usable_devices_is_refused(tmp_path: Path, text: str) -> None:
+    assert problems_of(tmp_path, text)
+
+
+def test_the_state_directory_is_systemds_then_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/grabberd:/var/lib/other")
+    assert default_state_directory() == Path("/var/lib/grabberd")
+    monkeypatch.delenv("STATE_DIRECTORY")
+    monkeypatch.setenv("XDG_STATE_HOME", "/home/somebody/state")
+    assert default_state_directory() == Path("/home/somebody/state/grabberd")
