@@ -31,11 +31,11 @@ pytest: $(READY)  ## the tests alone
 test-wheel: $(READY)  ## build the wheel, install it into an empty environment, run one capture there
 	bash tests/wheel/install_and_capture.sh "$(PYTHON)" "$(BIN)/python"
 
-bench: $(READY)  ## units of the work measured; prints tables
-	$(BIN)/python -m tests.bench $(BENCH)
+bench: $(READY)  ## units of the work measured, into docs/measured.md
+	$(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
 
-soak: $(READY)  ## ten minutes (or SECONDS=…) of capturing with clients beside it
-	$(BIN)/python -m tests.soak --seconds $(or $(DURATION),600)
+soak: $(READY)  ## ten minutes (or DURATION=… seconds) of capturing with requests beside it
+	$(BIN)/python -m tests.bench live --seconds $(or $(DURATION),600) --write docs/measured.md
 
 format: $(READY)  ## lay out the code
 	$(BIN)/ruff format src drivers tests

@@ -1,8 +1,9 @@
 """The simulated grabber: a camera behind mirrors that looks at a scene of its own (driver `fake`).
 
-It has its own optics: one real camera with a lens, plane mirrors by reflection. So it can be asked for the truth of
-what it shows, in space and in the picture, and shares no formula with the program that measures it. The world runs on
-a clock that can be injected; noise, jitter and rig follow from seeds; faults follow a script.
+It has its own optics: one real camera with a lens, plane mirrors by reflection. So it can be asked for the
+    truth of
+what it shows, in space and in the picture, and shares no formula with the program that measures it. The world
+runs on a clock that can be injected; noise, jitter and rig follow from seeds; faults follow a script.
 
     FakeGrabber(**options)                      the driver; `FakeOptions` lists the options
     truth_at(options, time_ns) -> Truth         what is true at a field's time
@@ -20,12 +21,12 @@ from grabberd_fake.truth import truth_at
 from grabberd_fake.world import Truth, World
 
 NOT_SIMULATED = """\
-Self-occlusion (a target is seen wherever it faces a view and the grazing limit allows), partly covered targets,
-a target's brightness by angle or distance, stray light and reflections, mirror edges and the light that a mirror
-loses, depth of field, vignetting, the glass plate, rolling or half-open shutters, charge smear, colour, sub-carrier
-and comb artefacts, ringing and DC restoration of the video signal, a sampling clock that drifts, fixed-pattern noise,
-noise that grows with the light or is correlated between pixels, the teat, and a liner that moves otherwise than by
-flattening.
+Self-occlusion (a target is seen wherever it faces a view and the grazing limit allows), partly covered
+targets, a target's brightness by angle or distance, stray light and reflections, mirror edges and the light
+that a mirror loses, depth of field, vignetting, the glass plate, rolling or half-open shutters, charge smear,
+colour, sub-carrier and comb artefacts, ringing and DC restoration of the video signal, a sampling clock that
+drifts, fixed-pattern noise, noise that grows with the light or is correlated between pixels, the teat, and a
+liner that moves otherwise than by flattening.
 """
 """What this driver leaves out; a test that passes on it says nothing about these."""
 

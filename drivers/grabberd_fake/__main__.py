@@ -49,7 +49,9 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(dest="command", required=True)
-    calibration = commands.add_parser("calibration", help="the exact calibration document of its optics, JSON")
+    calibration = commands.add_parser(
+        "calibration", help="the exact calibration document of its optics, JSON"
+    )
     scene = commands.add_parser("object", help="the object model of a scene, YAML")
     scene.add_argument("scene", choices=SCENES)
     for command in (calibration, scene):

@@ -1,5 +1,7 @@
 """Pictures of discs: what of each target lies where on the picture, as ellipses."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,11 +32,27 @@ class Ellipses:
     def __len__(self) -> int:
         return len(self.center)
 
+    def select(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> "Ellipses":
+        """Those that a mask or index array chooses."""
+        return Ellipses(self.center[which], self.a[which], self.b[which], self.weight[which])
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Ellipses]") -> "Ellipses":
+        """All of them, in order."""
+        return cls(
+            np.concatenate([part.center for part in parts]),
+            np.concatenate([part.a for part in parts]),
+            np.concatenate([part.b for part in parts]),
+            np.concatenate([part.weight for part in parts]),
+        )
+
 
 def disc_images(view: View, targets: Targets, diameter_mm: float) -> Ellipses:
-    """The discs' pictures through all of the optics, perspective eccentricity included, to second order of their size.
+    """The discs' pictures through all of the optics, perspective eccentricity included, to second order of
+    their size.
 
-    The middle of a disc's boundary lies half as far from the picture of its centre as the ellipse's centre does.
+    The middle of a disc's boundary lies half as far from the picture of its centre as the ellipse's centre
+    does.
     """
     around = _rim(targets, diameter_mm / 2)
     count = len(targets.xyz_mm)
@@ -69,7 +87,9 @@ def facing(view: View, targets: Targets, grazing_limit_deg: float) -> NDArray[np
     """(N,) whether a view looks at the front of a disc, less obliquely than the limit."""
     sight = view.center_mm() - targets.xyz_mm
     along = np.einsum("nx,nx->n", sight, targets.normal)
-    return along > np.cos(np.radians(grazing_limit_deg)) * np.sqrt(np.einsum("nx,nx->n", sight, sight))
+    limit = math.cos(math.radians(grazing_limit_deg))
+    faces: NDArray[np.bool_] = along > limit * np.sqrt(np.einsum("nx,nx->n", sight, sight))
+    return faces
 
 
 def smeared(ellipses: Ellipses, start: Array, end: Array, step_px: float) -> Ellipses:
@@ -77,7 +97,8 @@ def smeared(ellipses: Ellipses, start: Array, end: Array, step_px: float) -> Ell
 
     Args:
         ellipses: in the middle of the exposure.
-        start: (N, 2) where the targets' centres appear when it begins, relative to the middle; `end`: when it ends.
+        start: (N, 2) where the targets' centres appear when it begins, relative to the middle.
+        end: (N, 2) likewise when it ends.
         step_px: the longest way for one copy. The way is a parabola through start, middle and end.
     """
     way = np.hypot(*start.T) + np.hypot(*end.T)
@@ -88,5 +109,5 @@ def smeared(ellipses: Ellipses, start: Array, end: Array, step_px: float) -> Ell
     number = np.arange(len(which)) - np.repeat(np.cumsum(copies) - copies, copies)
     time = ((2 * number + 1) / copies[which] - 1)[:, np.newaxis]
     moved = (end - start)[which] * (time / 2) + (end + start)[which] * (time * time / 2)
-    weight = (1.0 / copies)[which]
-    return Ellipses(ellipses.center[which] + moved, ellipses.a[which], ellipses.b[which], weight)
+    copied = ellipses.select(which)
+    return Ellipses(copied.center + moved, copied.a, copied.b, (1.0 / copies)[which])

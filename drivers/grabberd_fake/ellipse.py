@@ -9,8 +9,11 @@ _ANGLES = np.arange(_SAMPLES) * (2 * np.pi / _SAMPLES)
 
 
 def perimeter(p: Array, q: Array) -> Array:
-    """(N,) perimeters of ellipses with semi-axes p, q (N,); the trapezoidal rule is exact to rounding here."""
-    return _speed(p, q).mean(axis=1) * (2 * np.pi)
+    """(N,) perimeters of ellipses with semi-axes p, q (N,); the trapezoidal rule is exact to rounding
+    here.
+    """
+    around: Array = _speed(p, q).mean(axis=1) * (2 * np.pi)
+    return around
 
 
 def widened(p: Array) -> Array:
@@ -40,7 +43,8 @@ def eccentric_angle(p: Array, q: Array, arc: Array) -> Array:
 
 
 def _speed(p: Array, q: Array) -> Array:
-    return np.hypot(np.multiply.outer(q, np.cos(_ANGLES)), np.multiply.outer(p, np.sin(_ANGLES)))
+    speed: Array = np.hypot(np.multiply.outer(q, np.cos(_ANGLES)), np.multiply.outer(p, np.sin(_ANGLES)))
+    return speed
 
 
 def _perimeter_by_q(p: Array, q: Array) -> Array:

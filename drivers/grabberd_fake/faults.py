@@ -1,7 +1,7 @@
 """What a grabber does wrong, by script.
 
-A fault holds for a window of camera fields, counted from the first field after the first `open`; the script runs
-once, however often the grabber is opened again. A new kind is a dataclass and a line in `KINDS`.
+A fault holds for a window of camera fields, counted from the first field after the first `open`; the script
+runs once, however often the grabber is opened again. A new kind is a dataclass and a line in `KINDS`.
 """
 
 import math
@@ -184,7 +184,9 @@ class Script:
         return all(fault.delivers or not fault.holds(number) for fault in self._faults)
 
     def uncounted(self, number: int) -> int:
-        """How many fields before this one the driver's sequence passed over; windows that overlap count once."""
+        """How many fields before this one the driver's sequence passed over; windows that overlap count
+        once.
+        """
         return sum(last - first for first, last in self._silent_windows(number))
 
     def _silent_windows(self, number: int) -> Iterator[tuple[int, int]]:

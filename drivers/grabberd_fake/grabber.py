@@ -26,18 +26,19 @@ _REPLUG = "plug the grabber in again; it is tried again by itself"
 
 
 class FakeGrabber:
-    """A camera before a simulated scene, ALTERNATE, 50 fields a second; see `FakeOptions` for what it can be told.
+    """A camera before a simulated scene, ALTERNATE, 50 fields a second; see `FakeOptions` for what it can be
+    told.
 
-    Without options it is the reference rig before the pulsating liner, at real pace. `NOT_SIMULATED` says what it
-    leaves out.
+    Without options it is the reference rig before the pulsating liner, at real pace. `NOT_SIMULATED` says
+    what it leaves out.
     """
 
     def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
         """Checks the options; nothing is opened.
 
         Args:
-            clock: what the world runs on; the machine's monotonic clock by default. With `pace: free` it gives the
-                start only, and time passes with every field that is read.
+            clock: what the world runs on; the machine's monotonic clock by default. With `pace: free` it
+                gives the start only, and time passes with every field that is read.
             options: see `FakeOptions`.
 
         Raises:
@@ -194,7 +195,9 @@ class _Stream:
         self._free += 1
 
     def _sequence(self, field: int) -> int:
-        passed = self._script.uncounted(field - self._origin) - self._script.uncounted(self._first - self._origin)
+        passed = self._script.uncounted(field - self._origin) - self._script.uncounted(
+            self._first - self._origin
+        )
         return (field - self._first - passed) % 2**32
 
     def _draw(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:

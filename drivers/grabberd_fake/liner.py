@@ -4,9 +4,10 @@ Its mathematics stands here and in `ellipse` alone. The middle surface of the wa
 
     S(x, s, t) = (x, y(s, d), axis_z + z(s, d)),        d(x, t) = deflection · profile(x) · closure(t)
 
-where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an ellipse of
-semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on the outer face, half a
-wall off along the normal, at constant x and s: their intervals along the middle surface never change round the wall.
+where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an ellipse
+of semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on the outer
+face, half a wall off along the normal, at constant x and s: their intervals along the middle surface never
+    change round the wall.
 """
 
 from functools import lru_cache
@@ -16,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_fake import ellipse
-from grabberd_fake.options import LinerOptions
 from grabberd_fake.optics import Array
+from grabberd_fake.options import LinerOptions
 from grabberd_fake.targets import Targets, grid_numbers
 
 _STEPS = 2048
@@ -49,7 +50,7 @@ class Liner:
         rows, columns = grid_numbers(options.rows, options.columns)
         self.row, self.column = rows, columns
         self.ids: NDArray[np.int32] = np.arange(1, len(rows) + 1, dtype=np.int32)
-        self._x_mm = (rows - (options.rows - 1) / 2) * options.pitch_mm
+        self._x_mm = (rows.astype(np.float64) - (options.rows - 1) / 2) * options.pitch_mm
         arcs_mm = (np.arange(options.columns) - (options.columns - 1) / 2) * options.pitch_mm
         self._sections = Sections(options.radius_mm, tuple(float(arc) for arc in arcs_mm))
         self._profile, self._profile_by_x = profile(self._x_mm, options.length_mm)
@@ -84,11 +85,14 @@ def _outward(along_s: Array, along_x: Array) -> Array:
     """Unit vectors along ∂S/∂x × ∂S/∂s, with the first component of `along_s` zero and of `along_x` one."""
     (_, ty, tz), (_, a, b) = along_s.T, along_x.T
     normal = np.stack([a * tz - b * ty, -tz, ty], axis=1)
-    return normal / np.sqrt((normal * normal).sum(axis=1, keepdims=True))
+    unit: Array = normal / np.sqrt((normal * normal).sum(axis=1, keepdims=True))
+    return unit
 
 
 def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
-    """Collapse along the length, 1 in the middle and smoothly 0 at and beyond the ends; and its derivative by x."""
+    """Collapse along the length, 1 in the middle and smoothly 0 at and beyond the ends; and its derivative by
+    x.
+    """
     inside = np.abs(x_mm) < length_mm / 2
     angle = np.pi * x_mm / length_mm
     value = np.where(inside, np.cos(angle) ** 2, 0.0)
@@ -96,9 +100,11 @@ def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
 
 
 def closure(options: LinerOptions, time_ns: int) -> float:
-    """How far it is closed, 0 to 1: opening (a), open (b), closing (c), closed (d); a begins with each period.
+    """How far it is closed, 0 to 1: opening (a), open (b), closing (c), closed (d); a begins with each
+    period.
 
-    The transitions are cubic, so the speed is continuous and at most 1.5 deflections in the transition's time.
+    The transitions are cubic, so the speed is continuous and at most 1.5 deflections in the transition's
+    time.
     """
     period_ns = round(options.period_s * 1e9)
     part = (time_ns % period_ns) / period_ns
@@ -134,7 +140,8 @@ class Sections:
         part = (place - step)[:, np.newaxis]
         values = self._table[step, column] * (1 - part) + self._table[step + 1, column] * part
         values[:, :2] *= self._radius_mm
-        return values.T
+        rows: Array = values.T
+        return rows
 
 
 @lru_cache(maxsize=8)

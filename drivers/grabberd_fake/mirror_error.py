@@ -1,4 +1,6 @@
-"""The local unevenness of cheap mirrors: smooth displacements that no global parameter describes (paper, 4)."""
+"""The local unevenness of cheap mirrors: smooth displacements that no global parameter describes (paper,
+4).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +15,8 @@ _SHORTEST_PX, _LONGEST_PX = 60.0, 180.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalError:
-    """A sum of plane waves; of mean zero and the wanted root mean square, in each coordinate, over a half picture.
+    """A sum of plane waves; of mean zero and the wanted root mean square, in each coordinate, over a half
+    picture.
 
     Attributes:
         wave: (2, W) rad per pixel; `phase`: (W,) rad; `amplitude`: (W, 2) px; `mean`: (2,) px, taken off.
@@ -42,5 +45,7 @@ class LocalError:
 
 
 def _half_picture(first_column: int) -> Array:
-    columns, lines = np.meshgrid(np.arange(first_column, first_column + HALF, 6.0), np.arange(0.0, LINES, 6.0))
+    columns, lines = np.meshgrid(
+        np.arange(first_column, first_column + HALF, 6.0), np.arange(0.0, LINES, 6.0)
+    )
     return np.column_stack([columns.ravel(), lines.ravel()])

@@ -20,10 +20,13 @@ def normal_distribution(z: Array) -> Array:
 
 def normal_integral(z: Array) -> Array:
     """∫ Φ from −∞ to z, to 1e-6: z Φ(z) + φ(z)."""
-    return z * normal_distribution(z) + np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+    integral: Array = z * normal_distribution(z) + np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+    return integral
 
 
 @lru_cache(maxsize=1)
 def normal_quantiles() -> NDArray[np.float64]:
-    """(65536,) the quantiles of (i + ½)/65536: indexed by random 16-bit numbers, they are normal random numbers."""
+    """(65536,) the quantiles of (i + ½)/65536: indexed by random 16-bit numbers, they are normal random
+    numbers.
+    """
     return np.interp((np.arange(65536) + 0.5) / 65536, _DISTRIBUTION, _GRID)

@@ -1,12 +1,14 @@
 """One real camera and plane mirrors: where a point of the object appears in the picture.
 
-Nothing here knows of virtual cameras: a point is reflected in every mirror its light meets, the one nearest to the
-object first, and the real camera sees the last of these images. Frame pixels are those of the whole program, see
-`View.image`.
+Nothing here knows of virtual cameras: a point is reflected in every mirror its light meets, the one nearest
+    to the
+object first, and the real camera sees the last of these images. Frame pixels are those of the whole program,
+see `View.image`.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +35,10 @@ class Mirror:
 
     def reflect(self, xyz_mm: Array) -> Array:
         """(N, 3) or (3,): X' = X − 2 n (n·X − d)."""
-        return xyz_mm - 2 * np.multiply.outer(xyz_mm @ self.normal - self.distance_mm, self.normal)
+        reflected: Array = xyz_mm - 2 * np.multiply.outer(
+            xyz_mm @ self.normal - self.distance_mm, self.normal
+        )
+        return reflected
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,27 +53,31 @@ class Camera:
     axes: Array
 
     def project(self, xyz_mm: Array) -> Array:
-        """(N, 2) sensor pixels (column, sensor line) of points (N, 3); NaN for points not before the camera."""
-        along = (xyz_mm - self.center_mm) @ self.axes.T
-        depth = np.where(along[:, 2] < -1e-6, -along[:, 2], np.nan)
-        return self._to_pixels(self._distort(self.options.f_mm * along[:, 0] / depth, self.options.f_mm * along[:, 1] / depth))
+        """(N, 2) sensor pixels (column, sensor line) of points (N, 3); NaN for points not before the
+        camera.
+        """
+        return self.to_pixels(self.axes @ (xyz_mm - self.center_mm).T)
+
+    def to_pixels(self, along_mm: Array) -> Array:
+        """(N, 2) sensor pixels of points given along the camera's axes, (3, N)."""
+        options = self.options
+        scale = options.f_mm / np.where(along_mm[2] < -1e-6, -along_mm[2], np.nan)
+        x, y = self._distort(along_mm[0] * scale, along_mm[1] * scale)
+        pixels = np.empty((len(x), 2))
+        pixels[:, 0] = options.x0_px + x / options.pixel_x_mm
+        pixels[:, 1] = options.y0_px - y / options.pixel_y_mm
+        return pixels
 
     def _distort(self, x: Array, y: Array) -> tuple[Array, Array]:
         k3, k5, k7 = self.options.radial
         p1, p2 = self.options.decentering
-        r2 = x * x + y * y
+        x2, y2, cross = x * x, y * y, 2 * x * y
+        r2 = x2 + y2
         radial = 1 + r2 * (k3 + r2 * (k5 + r2 * k7))
-        cross = 2 * x * y
-        return x * radial + p1 * (r2 + 2 * x * x) + p2 * cross, y * radial + p1 * cross + p2 * (r2 + 2 * y * y)
-
-    def _to_pixels(self, xy_mm: tuple[Array, Array]) -> Array:
-        x, y = xy_mm
-        column = self.options.x0_px + x / self.options.pixel_x_mm
-        line = self.options.y0_px - y / self.options.pixel_y_mm
-        return np.stack([column, line], axis=-1)
+        return x * radial + p1 * (r2 + 2 * x2) + p2 * cross, y * radial + p1 * cross + p2 * (r2 + 2 * y2)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class View:
     """One half of the picture: the camera through this half's mirrors.
 
@@ -77,7 +86,8 @@ class View:
         camera: the real camera, the same for both.
         mirrors: in the order in which light from the object meets them.
         displacement: (N, 2) pixels → (N, 2) pixels that the mirrors' local errors add there.
-        line_offset: what a frame line that a row stands for lies above the middle of the sensor lines it collects.
+        line_offset: what a frame line that a row stands for lies above the middle of the sensor lines it
+            collects.
     """
 
     name: str
@@ -101,7 +111,9 @@ class View:
         return center
 
     def axes(self) -> Array:
-        """(3, 3) the camera's axes as rows, as seen from the object; determinant −1 after an odd number of mirrors."""
+        """(3, 3) the camera's axes as rows, as seen from the object; determinant −1 after an odd number of
+        mirrors.
+        """
         axes = self.camera.axes
         for mirror in reversed(self.mirrors):
             axes = axes - 2 * np.multiply.outer(axes @ mirror.normal, mirror.normal)
@@ -110,12 +122,23 @@ class View:
     def ideal_image(self, xyz_mm: Array) -> Array:
         """(N, 2) frame pixels of points (N, 3) through perfect mirrors.
 
-        A perfect locator that takes row k of parity p as y = 2k + p finds a target there: with field integration a
-        row collects sensor lines 2k + p and 2k + p + 1, so every y is half a line less than on the sensor.
+        A perfect locator that takes row k of parity p as y = 2k + p finds a target there: with field
+        integration a row collects sensor lines 2k + p and 2k + p + 1, so every y is half a line less than on
+        the sensor.
         """
-        image = self.camera.project(self.reflected(xyz_mm))
+        turn, shift = self._into_camera
+        image = self.camera.to_pixels(turn @ xyz_mm.T + shift)
         image[:, 1] += self.line_offset
         return image
+
+    @cached_property
+    def _into_camera(self) -> tuple[Array, Array]:
+        """(3, 3) and (3, 1): all reflections and the camera's axes are affine, so what they do to four points
+        is all.
+        """
+        corners = np.vstack([np.zeros(3), np.eye(3)])
+        origin, *units = (self.reflected(corners) - self.camera.center_mm) @ self.camera.axes.T
+        return np.stack([unit - origin for unit in units], axis=1), origin[:, np.newaxis]
 
     def image(self, xyz_mm: Array) -> Array:
         """`ideal_image` with the mirrors' local errors."""

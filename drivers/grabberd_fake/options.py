@@ -1,6 +1,7 @@
 """Every option of the simulated grabber, with its default and its range.
 
-    FakeGrabber(scene="liner", rig={"reflections": 1}, picture={"noise": 0.05}, faults=[{"at_s": 1, "kind": "lose"}])
+    FakeGrabber(scene="liner", rig={"reflections": 1}, picture={"noise": 0.05}, faults=[{"at_s": 1, "kind":
+    "lose"}])
 
 All of them have defaults: without any it is the reference rig before the pulsating liner. `rig`, `camera` and
 `liner` determine the truth; `picture` what the camera makes of it.
@@ -12,7 +13,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from grabberd_fake.faults import KINDS, Fault
-from grabberd_fake.reading import Group, ListOf, Number, OneOfKinds, choice, flag, group, integer, number, read, ruled
+from grabberd_fake.reading import (
+    Group,
+    ListOf,
+    Number,
+    OneOfKinds,
+    choice,
+    flag,
+    integer,
+    number,
+    read,
+    ruled,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +68,8 @@ class RigOptions:
         mirror_shift_mm: of its misplacement along its normal.
         camera_tilt_mrad: of the camera's misalignment about each axis.
         camera_shift_mm: of its misplacement along each axis.
-        mirror_error_px: root mean square, over a half picture, of the mirrors' local unmodelled displacements.
+        mirror_error_px: root mean square, over a half picture, of the mirrors' local unmodelled
+            displacements.
         seed: of the misalignments and of the mirrors' error: it makes one particular rig.
     """
 
@@ -77,7 +90,8 @@ class PictureOptions:
     """What the camera makes of the scene. Grey values are those of the 8-bit picture before gamma and gain.
 
     Attributes:
-        background: grey value of everything that is not a target; `contrast`: by how much targets are brighter.
+        background: grey value of everything that is not a target; `contrast`: by how much targets are
+            brighter.
         noise: standard deviation of each pixel's noise in units of `contrast`, drawn anew for every field.
         jitter_px: standard deviation of the shift that each field line has in common, over both halves.
         spread_x_px: Gaussian spread (σ) of lens, sensor and video along a line, columns.
@@ -111,12 +125,15 @@ class LinerOptions:
     """The pulsating liner.
 
     Attributes:
-        radius_mm: of the wall's middle surface, open; `wall_mm`: thickness; `length_mm`: between its clamped ends.
+        radius_mm: of the wall's middle surface, open; `wall_mm`: thickness; `length_mm`: between its clamped
+            ends.
         axis_z_mm: height of its axis in the object's frame.
         deflection_mm: how far the middle of its length flattens towards the axis when closed.
         period_s: one pulsation.
-        opening: proportion of the period that phase a takes; `open`: phase b; `closing`: phase c; d is the rest.
-        rows: targets along X; `columns`: round the wall; `pitch_mm`: between targets, along the middle surface.
+        opening: proportion of the period that phase a takes; `open`: phase b; `closing`: phase c; d is the
+            rest.
+        rows: targets along X; `columns`: round the wall; `pitch_mm`: between targets, along the middle
+            surface.
     """
 
     radius_mm: float = number(12.5, 5, 30)
@@ -174,22 +191,24 @@ class FakeOptions:
         scene: one of `SCENES`.
         liner: see `LinerOptions`; `points`: the targets of the scene `points`.
         target_diameter_mm: diameter of the discs.
-        grazing_limit_deg: a target is seen in a view up to this angle between its normal and the line of sight.
+        grazing_limit_deg: a target is seen in a view up to this angle between its normal and the line of
+            sight.
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
-        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as the reader goes, their times 20 ms apart.
+        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as the reader goes, their times 20 ms
+            apart.
         buffers: fields that wait while nobody dequeues; with all full, new ones are lost.
         seed: of noise and jitter.
         faults: the script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
     """
 
     scene: str = choice(*SCENES)
-    liner: LinerOptions = group(LinerOptions)
+    liner: LinerOptions = ruled(Group(LinerOptions), LinerOptions())
     points: tuple[PointOption, ...] = ruled(ListOf(Group(PointOption)), ())
     target_diameter_mm: float = number(1.5, 0.2, 10)
     grazing_limit_deg: float = number(65.0, 10, 85)
-    rig: RigOptions = group(RigOptions)
-    camera: CameraOptions = group(CameraOptions)
-    picture: PictureOptions = group(PictureOptions)
+    rig: RigOptions = ruled(Group(RigOptions), RigOptions())
+    camera: CameraOptions = ruled(Group(CameraOptions), CameraOptions())
+    picture: PictureOptions = ruled(Group(PictureOptions), PictureOptions())
     pace: str = choice("real", "free")
     buffers: int = integer(8, 2, 32)
     seed: int = integer(0, 0, 2**32 - 1)

@@ -1,7 +1,8 @@
-"""Options out of a nested mapping: every key, type and range is checked, and everything wrong is said at once.
+"""Options out of a nested mapping: every key, type and range is checked, and everything wrong is said at
+once.
 
-A dataclass's fields declare what they allow through `number`, `integer`, `choice`, `flag` and `group`; `read` makes
-an instance of it from what a YAML file holds.
+A dataclass's fields declare what they allow through `number`, `integer`, `choice`, `flag` and `ruled`; `read`
+makes an instance of it from what a YAML file holds.
 """
 
 import math
@@ -69,7 +70,9 @@ class Group(Rule):
 
     def read(self, key: str, value: Any, problems: list[str]) -> Any:
         """An instance of the dataclass; one that was made already passes."""
-        return value if isinstance(value, self.made_into) else _read(self.made_into, value, f"{key}.", problems)
+        return (
+            value if isinstance(value, self.made_into) else _read(self.made_into, value, f"{key}.", problems)
+        )
 
 
 class ListOf(Rule):
@@ -126,11 +129,6 @@ def choice(default: Any, *others: Any) -> Any:
 def flag(default: bool) -> Any:
     """A field that is true or false."""
     return ruled(Choice((True, False)), default)
-
-
-def group(made_into: type) -> Any:
-    """A field that holds a dataclass of its own, its defaults by default."""
-    return field(metadata={"rule": Group(made_into)}, default_factory=made_into)
 
 
 def read(made_into: type[T], values: Mapping[str, Any], owner: str) -> T:

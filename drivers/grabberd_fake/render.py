@@ -1,9 +1,11 @@
-"""Ellipses into grey values: spread, pixels, field integration and line jitter, exactly but for their quadrature.
+"""Ellipses into grey values: spread, pixels, field integration and line jitter, exactly but for their
+quadrature.
 
-An ellipse is a stack of chords. At the height h sin t over its centre a chord is 2 w cos t wide, so with dy = h cos t dt
-the integral over the stack is that of a smooth function of period π, and a few equidistant t give it to rounding.
-A chord's profile along the line is the difference of two edges, spread and integrated over the pixel; its weights down
-the rows are the spread integrated over the lines that a row collects. Both come out of tables.
+An ellipse is a stack of chords. At the height h sin t over its centre a chord is 2 w cos t wide, so with dy =
+h cos t dt the integral over the stack is that of a smooth function of period π, and a few equidistant t give
+it to rounding. A chord's profile along the line is the difference of two edges, spread and integrated over
+the pixel; its weights down the rows are the spread integrated over the lines that a row collects. Both come
+out of tables.
 """
 
 from functools import lru_cache
@@ -30,7 +32,9 @@ Canvas = NDArray[np.int16]
 
 
 class _Windows(NamedTuple):
-    """Where the pieces of canvas lie that M ellipses touch: `row`, `column` (M,) of their corners, and their size."""
+    """Where the pieces of canvas lie that M ellipses touch: `row`, `column` (M,) of their corners, and their
+    size.
+    """
 
     row: NDArray[np.intp]
     column: NDArray[np.intp]
@@ -46,7 +50,7 @@ class Renderer:
         self._lines_a_row = 2.0 if picture.field_integration else 1.0
         self._margin_x = _REACH * picture.spread_x_px + 0.5
         self._margin_y = _REACH * picture.spread_y_px + self._lines_a_row / 2
-        self._padded = np.zeros((ROWS + 2 * _PAD, 2, HALF + 2 * _PAD), np.int16)
+        self._padded = np.zeros((ROWS + 2 * _PAD, 2 * (HALF + 2 * _PAD)), np.int16)
 
     def draw(self, halves: tuple[Ellipses, Ellipses], parity: int, shift_px: Array) -> Canvas:
         """(288, 2, 360) int16 in units of 1/32 grey value above the background; valid until the next call.
@@ -54,25 +58,23 @@ class Renderer:
         Args:
             halves: left and right ellipses, frame pixels; each is clipped to its half.
             parity: of the field.
-            shift_px: (288,) by how much each row's targets lie too far right: line jitter, common to both halves.
+            shift_px: (288,) by how much each row's targets lie too far right: line jitter, common to both
+                halves.
         """
         self._padded[:] = 0
-        taps = _shift_taps(shift_px)
-        for half, ellipses in enumerate(halves):
-            inside = _near(ellipses, half)
-            if inside.any():
-                self._draw_half(_chosen(ellipses, inside), half, parity, taps)
-        return self._padded[_PAD:-_PAD, :, _PAD:-_PAD]
+        ellipses, half = _near_their_half(halves)
+        if len(ellipses):
+            self._add(ellipses, half, parity, _shift_taps(shift_px))
+        return self._padded.reshape(-1, 2, HALF + 2 * _PAD)[_PAD:-_PAD, :, _PAD:-_PAD]
 
-    def _draw_half(self, ellipses: Ellipses, half: int, parity: int, taps: Single) -> None:
-        x = ellipses.center[:, 0] - HALF * half
-        row = (ellipses.center[:, 1] - parity) / 2
+    def _add(self, ellipses: Ellipses, half: NDArray[np.intp], parity: int, taps: Single) -> None:
+        x = ellipses.center[:, 0] + half * (2 * _PAD) + _PAD
+        row = (ellipses.center[:, 1] - parity) / 2 + _PAD
         windows = self._windows(ellipses, x, row)
-        across = x - windows.column, (row - windows.row) * 2
-        values = self._values(ellipses, across, windows)
+        values = self._values(ellipses, (x - windows.column, (row - windows.row) * 2), windows)
         if taps.any():
-            values = _jittered(values, taps[windows.row[:, np.newaxis] + np.arange(windows.rows) + _PAD])
-        _add(self._padded[:, half], values, windows)
+            values = _jittered(values, taps[windows.row[:, np.newaxis] + np.arange(windows.rows)])
+        _add_windows(self._padded, values, windows)
 
     def _windows(self, ellipses: Ellipses, x: Array, row: Array) -> _Windows:
         wide = np.sqrt(ellipses.a[:, 0] ** 2 + ellipses.b[:, 0] ** 2).max() + self._margin_x + _TAPS
@@ -86,7 +88,9 @@ class Renderer:
         )
 
     def _values(self, ellipses: Ellipses, across: tuple[Array, Array], windows: _Windows) -> Single:
-        """(M, rows, columns) grey values; `across`: (x, y) of the centres from the windows' corners, y in lines."""
+        """(M, rows, columns) grey values; `across`: (x, y) of the centres from the windows' corners, y in
+        lines.
+        """
         (ax, ay), (bx, by) = ellipses.a.T, ellipses.b.T
         height2 = ay * ay + by * by
         height, lean = np.sqrt(height2), (ax * ay + bx * by) / height2
@@ -108,17 +112,16 @@ class Renderer:
         return max(8, int(np.ceil(2.2 * height / min(self._picture.spread_y_px, self._picture.spread_x_px))))
 
 
-def _near(ellipses: Ellipses, half: int) -> NDArray[np.bool_]:
-    """Which ellipses are so near to their half that their window still lies on the padded canvas; NaN is not."""
-    x, y = ellipses.center[:, 0] - HALF * half, ellipses.center[:, 1]
+def _near_their_half(halves: tuple[Ellipses, Ellipses]) -> tuple[Ellipses, NDArray[np.intp]]:
+    """The ellipses whose windows lie on the padded canvas, and the half of each; those without a place are
+    not.
+    """
+    both = Ellipses.joined(halves)
+    half = np.repeat(np.arange(2), [len(ellipses) for ellipses in halves])
+    x, y = both.center[:, 0] - HALF * half, both.center[:, 1]
     reach = _PAD / 2
-    return (x > -reach) & (x < HALF + reach) & (y > -reach) & (y < LINES + reach)
-
-
-def _chosen(ellipses: Ellipses, which: NDArray[np.bool_]) -> Ellipses:
-    if which.all():
-        return ellipses
-    return Ellipses(ellipses.center[which], ellipses.a[which], ellipses.b[which], ellipses.weight[which])
+    near = (x > -reach) & (x < HALF + reach) & (y > -reach) & (y < LINES + reach)
+    return (both, half) if near.all() else (both.select(near), half[near])
 
 
 @lru_cache(maxsize=64)
@@ -128,14 +131,18 @@ def _nodes(count: int) -> tuple[Array, Array]:
 
 
 def _looked_up(table: Single, place: Array) -> Single:
-    """(M, Q, columns of the table): its rows for places (M, Q) in pixels or lines from the window's corner."""
+    """(M, Q, columns of the table): its rows for places (M, Q) in pixels or lines from the window's
+    corner.
+    """
     found: Single = table.take((place * _PER_PX + 0.5).astype(np.intp), axis=0, mode="clip")
     return found
 
 
 @lru_cache(maxsize=64)
 def _edge_table(spread: float, columns: int) -> Single:
-    """(columns · 256 + 1, columns): what pixel j collects of the bright side of an edge at i/256 px; bright to the right."""
+    """(columns · 256 + 1, columns): what pixel j collects of the bright side of an edge at i/256 px; bright
+    to the right.
+    """
     edge = np.arange(columns * _PER_PX + 1)[:, np.newaxis] / _PER_PX
     left = np.arange(columns) - 0.5 - edge
     collected = normal_integral((left + 1) / spread) - normal_integral(left / spread)
@@ -144,7 +151,9 @@ def _edge_table(spread: float, columns: int) -> Single:
 
 @lru_cache(maxsize=64)
 def _row_table(spread: float, lines_a_row: float, rows: int) -> Single:
-    """(2 · rows · 256 + 1, rows): the share of a line of light at i/256 frame lines that row k (at 2k) collects."""
+    """(2 · rows · 256 + 1, rows): the share of a line of light at i/256 frame lines that row k (at 2k)
+    collects.
+    """
     light = np.arange(2 * rows * _PER_PX + 1)[:, np.newaxis] / _PER_PX
     above = 2.0 * np.arange(rows) - lines_a_row / 2 - light
     share = normal_distribution((above + lines_a_row) / spread) - normal_distribution(above / spread)
@@ -152,19 +161,29 @@ def _row_table(spread: float, lines_a_row: float, rows: int) -> Single:
 
 
 def _shift_taps(shift_px: Array) -> Single:
-    """(padded rows, 5): weights of the columns −2 … 2 that shift a row right by that much (Lagrange, quartic)."""
+    """(padded rows, 5): weights of the columns −2 … 2 that shift a row right by that much (Lagrange,
+    quartic).
+    """
     s = np.zeros(ROWS + 2 * _PAD)
     s[_PAD:-_PAD] = np.clip(-shift_px, -_TAPS, _TAPS)
     if not s.any():
         return np.zeros((len(s), 0), np.float32)
     minus, plus = (s - 1) * s, (s + 1) * s
     outer, inner = (s * s - 1), (s * s - 4)
-    weights = [s * (s - 2) * outer / 24, -minus * inner / 6, outer * inner / 4, -plus * inner / 6, s * (s + 2) * outer / 24]
+    weights = [
+        s * (s - 2) * outer / 24,
+        -minus * inner / 6,
+        outer * inner / 4,
+        -plus * inner / 6,
+        s * (s + 2) * outer / 24,
+    ]
     return np.stack(weights, axis=1).astype(np.float32)
 
 
 def _jittered(values: Single, taps: Single) -> Single:
-    """(M, rows, columns) with every row shifted; taps (M, rows, 5). Two columns at either end are empty anyway."""
+    """(M, rows, columns) with every row shifted; taps (M, rows, 5). Two columns at either end are empty
+    anyway.
+    """
     columns = values.shape[2] - 2 * _TAPS
     shifted = np.zeros_like(values)
     inner = shifted[:, :, _TAPS:-_TAPS]
@@ -173,10 +192,9 @@ def _jittered(values: Single, taps: Single) -> Single:
     return shifted
 
 
-def _add(canvas: Canvas, values: Single, windows: _Windows) -> None:
+def _add_windows(canvas: Canvas, values: Single, windows: _Windows) -> None:
     rounded = np.rint(values).astype(np.int16)
-    corners = zip((windows.row + _PAD).tolist(), (windows.column + _PAD).tolist(), strict=True)
-    for window, (row, column) in zip(rounded, corners, strict=True):
-        canvas[row : row + windows.rows, column : column + windows.columns] += window
-
-
+    rows, columns = windows.rows, windows.columns
+    for window, row, column in zip(rounded, windows.row.tolist(), windows.column.tolist(), strict=True):
+        piece = canvas[row : row + rows, column : column + columns]
+        piece += window

@@ -1,8 +1,10 @@
-"""Where camera and mirrors stand: the reference rig from its base and distance, and what a workshop makes of it.
+"""Where camera and mirrors stand: the reference rig from its base and distance, and what a workshop makes of
+it.
 
-Nominally everything lies in the plane of Y and Z: the camera on the Z axis, looking down; for each half of the
-picture one or two mirrors. They are placed so that the virtual centre is at (0, ∓base/2, distance) and the middle
-ray of the half goes through the object's origin.
+Nominally everything lies in the plane of Y and Z: the camera on the Z axis, looking down; for each half of
+    the
+picture one or two mirrors. They are placed so that the virtual centre is at (0, ∓base/2, distance) and the
+middle ray of the half goes through the object's origin.
 """
 
 import math
@@ -59,8 +61,8 @@ def _mirrors_of(rig: RigOptions, side: float, half_angle: float) -> tuple[float,
     into_object = -center / np.linalg.norm(center)
     inner = _wedge(ray, side, rig.fold_mm) if rig.reflections == 2 else None
     image, folded = (_reflected_origin(inner), np.array([0.0, side, 0.0])) if inner else (np.zeros(3), ray)
-    # The outer mirror turns the folded ray into the one to the object and carries the camera's image to the centre:
-    # centre − (camera + image) is parallel to its normal, which is linear in the camera's height.
+    # The outer mirror turns the folded ray into the one to the object and carries the camera's image to the
+    # centre: centre − (camera + image) is parallel to its normal, which is linear in the camera's height.
     normal = into_object - folded
     height = center[2] - image[2] - (center[1] - image[1]) * normal[2] / normal[1]
     camera = np.array([0.0, 0.0, height])

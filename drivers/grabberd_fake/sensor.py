@@ -27,7 +27,9 @@ class Sensor:
         self._gain = 1.0
 
     def expose(self, canvas: Canvas, rng: np.random.Generator, out: NDArray[np.uint8]) -> None:
-        """Writes the field's luma into `out` (288, 720); `canvas` (288, 2, 360) is what `Renderer.draw` gave."""
+        """Writes the field's luma into `out` (288, 720); `canvas` (288, 2, 360) is what `Renderer.draw`
+        gave.
+        """
         random = rng.bit_generator.random_raw(ROWS * COLUMNS // 4).view(np.uint16)
         np.take(self._noise, random.reshape(ROWS, COLUMNS), out=self._drawn, mode="clip")
         self._add_light(canvas)
@@ -40,9 +42,10 @@ class Sensor:
         if self._light is None:
             halves += canvas
             return
-        even = canvas.reshape(ROWS, COLUMNS) + np.int16(self._picture.background * SCALE)
-        uneven = cv2.multiply(even, self._light, dtype=cv2.CV_16S) - np.int16(self._picture.background * SCALE)
-        halves += uneven.reshape(ROWS, 2, HALF)
+        background = np.int16(self._picture.background * SCALE)
+        even = canvas.reshape(ROWS, COLUMNS) + background
+        lit = np.asarray(cv2.multiply(even, self._light, dtype=cv2.CV_16S), np.int16)
+        halves += (lit - background).reshape(ROWS, 2, HALF)
 
     def _follow(self, luma: NDArray[np.uint8]) -> None:
         if self._picture.agc_level is None:
@@ -52,7 +55,9 @@ class Sensor:
 
 
 def _light(uneven: float) -> NDArray[np.float32] | None:
-    """(288, 720) factors between 1 − uneven and 1 + uneven: brighter at the top left, darker at the bottom right."""
+    """(288, 720) factors between 1 − uneven and 1 + uneven: brighter at the top left, darker at the bottom
+    right.
+    """
     if uneven == 0:
         return None
     down = np.cos(np.linspace(0, np.pi, ROWS))[:, np.newaxis]

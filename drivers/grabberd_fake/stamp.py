@@ -1,6 +1,8 @@
-"""Field number and parity in the top left corner of a picture, so that a test can tell order and loss from pixels.
+"""Field number and parity in the top left corner of a picture, so that a test can tell order and loss from
+pixels.
 
-Forty cells of 4 columns by 8 field rows, white for 1: a 1 and a 0 to know it by, 32 bits of the field number with the
+Forty cells of 4 columns by 8 field rows, white for 1: a 1 and a 0 to know it by, 32 bits of the field number
+    with the
 highest first, the parity, and five bits of check sum.
 """
 

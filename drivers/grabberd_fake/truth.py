@@ -34,7 +34,8 @@ def _world(options: FakeOptions) -> World:
 
 
 def capture_truth(path: Path) -> Iterator[str]:
-    """CSV lines, the header first: every target's place at every field of a capture, whether it was seen or not.
+    """CSV lines, the header first: every target's place at every field of a capture, whether it was seen or
+    not.
 
     Raises:
         CaptureFileError: it is no capture, or one that another driver made.
@@ -63,6 +64,7 @@ def _read_capture(path: Path) -> tuple[FakeOptions, list[tuple[int, int]]]:
 def _options_of(path: Path, device: Mapping[str, Any]) -> FakeOptions:
     if device.get("driver") != "fake":
         raise CaptureFileError(
-            f"{path}: made with driver {device.get('driver')!r}, not 'fake'", "only a simulated scene's truth is known"
+            f"{path}: made with driver {device.get('driver')!r}, not 'fake'",
+            "only a simulated scene's truth is known",
         )
     return FakeOptions.read(device.get("options") or {})

@@ -1,8 +1,9 @@
 """The simulated world: what the camera sees at any time, and what is true of it.
 
-The camera runs freely on the clock: field k is exposed around k · 20 ms, and the even ones are top fields. So a
-field's picture and its truth follow from the options and its time alone, whoever looks on and whatever was lost
-(with automatic gain, the picture also from the fields before).
+The camera runs freely on the clock: field k is exposed around k · 20 ms, and the even ones are top fields. So
+    a
+field's picture and its truth follow from the options and its time alone, whoever looks on and whatever was
+lost (with automatic gain, the picture also from the fields before).
 """
 
 from typing import NamedTuple
@@ -30,9 +31,10 @@ class Truth(NamedTuple):
     Attributes:
         ids: (N,) int32, ascending.
         xyz_mm: (N, 3), object's frame; `normals`: (N, 3) unit vectors, outward.
-        left_px: (N, 2) frame pixels of the middle of each target's picture in the left view, where a perfect locator
-            that takes row k of parity p as y = 2k + p finds it: perspective eccentricity and the mirrors' local
-            errors included, line jitter not. `right_px` likewise. Also for targets that are not seen.
+        left_px: (N, 2) frame pixels of the middle of each target's picture in the left view, where a perfect
+            locator that takes row k of parity p as y = 2k + p finds it: perspective eccentricity and the
+            mirrors' local errors included, line jitter not. `right_px` likewise. Also for targets that are
+            not seen.
         visible_left: (N,) bool, faces the view and lies in its half of the picture; `visible_right` likewise.
     """
 
@@ -63,7 +65,9 @@ class World:
             self._facing(view, targets) & view.holds(images.center)
             for view, images in zip(self.views, (left, right), strict=True)
         ]
-        return Truth(self.scene.ids, targets.xyz_mm, targets.normal, left.center, right.center, seen[0], seen[1])
+        return Truth(
+            self.scene.ids, targets.xyz_mm, targets.normal, left.center, right.center, seen[0], seen[1]
+        )
 
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
         """Writes the luma of the camera's field number `field` into `out` (288, 720)."""

@@ -1,27 +1,43 @@
 """Fields in, points out: location, correspondence and intersection (paper figures 4 and 10)."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from grabberd.field import NumberedField
-from grabberd.geometry.calibration import Calibration
-from grabberd.measurement.blobs import Blobs
-from grabberd.reconstruction.object_model import ObjectModel
-from grabberd.reconstruction.points import Points
+from grabberd.geometry import Calibration, Rig, View
+from grabberd.measurement import Blobs, LocationSettings, measure
+from grabberd.reconstruction import (
+    ImageNoise,
+    ObjectModel,
+    Points,
+    Track,
+    Tracker,
+    TrackingSettings,
+    ViewBlobs,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class MeasureSetup:
-    """What a measurement is made with; the same setup and fields give the same points, bit for bit."""
+    """What a measurement is made with; the same setup and fields give the same points, bit for bit.
+
+    Attributes:
+        calibration: both virtual cameras.
+        object_model: where the targets nominally are.
+        line_jitter_px: standard deviation of the shift that all pixels of a field line have in common.
+        location: how blobs are located; `tracking`: how targets are identified and followed.
+    """
 
     calibration: Calibration
     object_model: ObjectModel
-    # location: LocationSettings; tracking: TrackingSettings
+    line_jitter_px: float = 0.12
+    location: LocationSettings = field(default_factory=LocationSettings)
+    tracking: TrackingSettings = field(default_factory=TrackingSettings)
 
 
 class MeasuredField(NamedTuple):
-    """One field's blobs and points."""
+    """One field's blobs, of both views together, and its points."""
 
     n: int
     time_ns: int
@@ -30,8 +46,49 @@ class MeasuredField(NamedTuple):
 
 
 def measure_fields(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[MeasuredField]:
-    """Points of every field, in order; state (identities, velocities) is carried from field to field.
+    """Points of every field, in order; identities and velocities are carried from field to field.
 
     Yields one result for each field as soon as it has taken it, so the fields may be endless.
     """
-    raise NotImplementedError
+    step: _Step | None = None
+    for numbered in fields:
+        if step is None or step.y_step != numbered.packed.y_step:
+            step = _Step(setup, numbered.packed.y_step)
+        yield step.measure(numbered)
+
+
+class _Step:
+    """What is carried from field to field."""
+
+    def __init__(self, setup: MeasureSetup, y_step: int) -> None:
+        self.y_step = y_step
+        self._setup = setup
+        rig = Rig.of(setup.calibration)
+        noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
+        self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
+        self._track: Track = self._tracker.start()
+        self._last_ns: int | None = None
+
+    def measure(self, numbered: NumberedField) -> MeasuredField:
+        dt_s = 0.0 if self._last_ns is None else (numbered.time_ns - self._last_ns) / 1e9
+        self._last_ns = numbered.time_ns
+        windows = self._tracker.windows(self._track, dt_s)
+        blobs = measure(numbered.packed, windows, self._setup.location)
+        left, right = (_of_view(blobs, view) for view in self._setup.calibration.views)
+        self._track, points = self._tracker.step(self._track, left, right, dt_s)
+        if windows is not None and not len(points):
+            return self._measure_anew(numbered)
+        return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
+
+    def _measure_anew(self, numbered: NumberedField) -> MeasuredField:
+        """Nothing was where it was looked for: the whole field is looked at."""
+        blobs = measure(numbered.packed, None, self._setup.location)
+        left, right = (_of_view(blobs, view) for view in self._setup.calibration.views)
+        self._track, points = self._tracker.step(self._tracker.start(), left, right, 0.0)
+        return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
+
+
+def _of_view(blobs: Blobs, view: View) -> ViewBlobs:
+    """The whole blobs in a view's half of the picture; one that is cut off at the edge has no true centre."""
+    own = view.holds(blobs.xy_px) & ~blobs.at_border
+    return ViewBlobs(blobs.xy_px[own], blobs.sigma_px[own])

@@ -1,26 +1,32 @@
 """Which blob of the left view, and which of the right, is which target (paper 3.7: identification by prior knowledge).
 
-On a regular grid the epipolar geometry alone is ambiguous, so the object model decides: pairs of blobs whose rays
-meet near the object are *candidates*; a candidate taken for a target near it is a *hypothesis*. From the surest one
+On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. From the surest hypothesis
 the identification grows over the object: whoever has been identified says where the others must be, and how surely,
 because neighbours move alike. What stays doubtful is left out; a wrong target is worse than a missing one.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry import Rig, approach, rays
-from grabberd.reconstruction.displacement import DisplacementField, Smoothness
+from grabberd.geometry import Rig
+from grabberd.reconstruction.displacement import DisplacementField, Expected, Smoothness
+from grabberd.reconstruction.hypotheses import Hypotheses, hypotheses
 from grabberd.reconstruction.image_noise import ImageNoise
-from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_MOST_STARTS = 3
+_LEAST_SUPPORT = 3
+_AROUND = 1.6
+"""Support comes from within this many pitches: the eight around a target of a square grid."""
+_TORN = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +37,16 @@ class CorrespondenceSettings:
         farthest_mm: no target is farther than this from its nominal place.
         gate: a place is believed within this many standard deviations.
         margin: the next best hypothesis must be worse by this much, as a difference of χ².
-        trust_mm: a target is identified only where its neighbours predict it better than this; a small part of the
-            targets' pitch.
+        trust: a target is identified only where the others predict it better than this share of the targets' pitch.
         stretch: neighbours' distances differ from nominal by no more than this share.
         unmodelled_px: what the calibration does not know of the picture (local errors of the mirrors).
         smoothness: of the object's deformation.
     """
 
     farthest_mm: float = 9.0
-    gate: float = 4.0
+    gate: float = 3.7
     margin: float = 6.0
-    trust_mm: float = 1.3
+    trust: float = 0.2
     stretch: float = 0.35
     unmodelled_px: float = 0.1
     smoothness: Smoothness = field(default_factory=Smoothness)
@@ -58,3 +63,166 @@ class Matches(NamedTuple):
     target: Indices
     left: Indices
     right: Indices
+
+
+class Correspondence:
+    """The identification of one object's targets before one rig.
+
+    Attributes:
+        rig: left and right view.
+        model: the object.
+        noise: line jitter.
+        settings: what is believed.
+        field: the smooth field of the targets' displacements.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        model: ObjectModel,
+        noise: ImageNoise,
+        settings: CorrespondenceSettings | None = None,
+    ) -> None:
+        self.rig = rig
+        self.model = model
+        self.noise = noise
+        self.settings = settings or CorrespondenceSettings()
+        self.field = DisplacementField.of(model, self.settings.smoothness)
+        self._neighbours = model.neighbours()
+        self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
+        self._pitch_mm = float(np.median(self._apart_mm)) if len(self._apart_mm) else np.inf
+
+    def identify(self, left: ViewBlobs, right: ViewBlobs) -> Matches:
+        """The targets that are seen in both views, whatever was seen before.
+
+        Args:
+            left: the blobs of the left view, targets and others, in any order.
+            right: those of the right view.
+
+        Returns:
+            whoever could be identified without doubt; none, where nothing agrees with the object model.
+        """
+        known = self._hypotheses(left, right)
+        best = np.empty(0, np.intp)
+        starts = self._starts(known)
+        for _ in range(_MOST_STARTS):
+            if not len(starts):
+                break
+            found = self._agreeing(known, starts[:1])
+            best = max(best, found, key=lambda chosen: _worth(known, chosen))
+            against = _far(known, self._expected(known, found)) > self.settings.gate**2
+            starts = starts[1:][against[starts[1:]]]
+        chosen = known.select(np.sort(best))
+        return Matches(chosen.target, chosen.left, chosen.right)
+
+    def blurred(self, blobs: ViewBlobs) -> ViewBlobs:
+        """The blobs with all in their σ that their places may be wrong by, for deciding what belongs together."""
+        return replace(blobs, sigma_px=np.hypot(blobs.sigma_px, self.settings.unmodelled_px))
+
+    def _hypotheses(self, left: ViewBlobs, right: ViewBlobs) -> Hypotheses:
+        blobs = (self.blurred(left), self.blurred(right))
+        limits = (self.settings.gate, self.settings.farthest_mm)
+        return hypotheses(self.rig, self.model, blobs, self.noise, *limits)
+
+    def _starts(self, known: Hypotheses) -> Indices:
+        """Hypotheses to start from, the surest first: near the nominal place, and agreed to by neighbours."""
+        away = np.linalg.norm(known.displacement_mm, axis=1)
+        near = np.flatnonzero(away <= 0.5 * self._pitch_mm)
+        few = known.select(near)
+        agree = _between(few.displacement_mm) <= self.settings.trust * self._pitch_mm
+        agree &= _between(self.model.xyz_mm[few.target]) <= _AROUND * self._pitch_mm
+        for own in (few.target, few.left, few.right):
+            agree &= own[:, np.newaxis] != own
+        supported = near[agree.sum(axis=1) >= _LEAST_SUPPORT]
+        return supported[np.argsort(away[supported], kind="stable")]
+
+    def _agreeing(self, known: Hypotheses, start: Indices) -> Indices:
+        """The hypotheses that agree with a start and with one another: grown, checked, and grown again."""
+        allowed = np.ones(len(known), np.bool_)
+        chosen = start
+        while True:
+            chosen = self._grown(known, chosen, allowed)
+            worst = self._disagreeing(known, chosen)
+            if worst is None:
+                return chosen
+            allowed[worst] = False
+            chosen = chosen[chosen != worst]
+
+    def _grown(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> Indices:
+        """Wave by wave, whoever is predicted well enough by those that have been chosen."""
+        while more := self._wave(known, chosen, allowed):
+            chosen = np.append(chosen, more)
+        return chosen
+
+    def _wave(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> list[int]:
+        expected = self._expected(known, chosen)
+        far = _far(known, expected)
+        free = allowed & (far <= self.settings.gate**2)
+        free &= expected.sigma_mm[known.target] <= self.settings.trust * self._pitch_mm
+        for own in (known.target, known.left, known.right):
+            free &= ~np.isin(own, own[chosen])
+        return _undoubted(known, far, np.flatnonzero(free), self.settings.margin)
+
+    def _disagreeing(self, known: Hypotheses, chosen: Indices) -> int | None:
+        """The chosen hypothesis that agrees least with the others, if it does not agree with them."""
+        if not len(chosen):
+            return None
+        far = _far(known, self._expected(known, chosen))[chosen]
+        far = far + _TORN * self._torn(known, chosen)
+        worst = int(far.argmax())
+        return int(chosen[worst]) if far[worst] > self.settings.gate**2 else None
+
+    def _torn(self, known: Hypotheses, chosen: Indices) -> Mask:
+        """Which of the chosen are too near to a neighbour, or too far from it."""
+        places = np.full_like(self.model.xyz_mm, np.nan)
+        places[known.target[chosen]] = known.displacement_mm[chosen]
+        lengths = _lengths(self.model.xyz_mm + places, self._neighbours)
+        wrong = np.abs(lengths - self._apart_mm) > self.settings.stretch * self._apart_mm
+        return np.isin(known.target[chosen], self._neighbours[wrong])
+
+    def _expected(self, known: Hypotheses, chosen: Indices) -> Expected:
+        seen = np.zeros(len(self.model), np.bool_)
+        displacement = np.zeros_like(self.model.xyz_mm)
+        seen[known.target[chosen]] = True
+        displacement[known.target[chosen]] = known.displacement_mm[chosen]
+        return self.field.expect(seen, displacement)
+
+
+def _far(known: Hypotheses, expected: Expected) -> Array:
+    """(H,) χ² of every hypothesis against what is expected of its target."""
+    off = known.displacement_mm - expected.displacement_mm[known.target]
+    variance = known.variance_mm2 + expected.sigma_mm[known.target, np.newaxis] ** 2
+    far: Array = (off * off / variance).sum(axis=1)
+    return far
+
+
+def _undoubted(known: Hypotheses, far: Array, free: Indices, margin: float) -> list[int]:
+    """The best hypotheses, where the next best of the same target is clearly worse; each blob once."""
+    order = free[np.argsort(far[free], kind="stable")]
+    best: dict[int, int] = {}
+    doubtful: set[int] = set()
+    for index in order.tolist():
+        first = best.setdefault(int(known.target[index]), index)
+        if first != index and far[index] - far[first] < margin:
+            doubtful.add(first)
+    chosen: list[int] = []
+    taken: set[tuple[str, int]] = set()
+    for index in best.values():
+        own = {("left", int(known.left[index])), ("right", int(known.right[index]))}
+        if index not in doubtful and not own & taken:
+            chosen.append(index)
+            taken |= own
+    return chosen
+
+
+def _worth(known: Hypotheses, chosen: Indices) -> tuple[int, float]:
+    """More targets are better, and as many with smaller displacements."""
+    return len(chosen), -float((known.displacement_mm[chosen] ** 2).sum())
+
+
+def _between(places: Array) -> Array:
+    return np.linalg.norm(places[:, np.newaxis] - places, axis=2)
+
+
+def _lengths(places: Array, pairs: Indices) -> Array:
+    return np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)

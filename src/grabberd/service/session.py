@@ -84,6 +84,16 @@ class CaptureSession:
         in_ring = self._reader.waiting
         return self.recorder.recording and in_ring < ROOM_SLOTS and self._backlog.room > ROOM_SLOTS
 
+    @property
+    def deepest_ring(self) -> int:
+        """The most slots of the ring that ever waited for the recorder."""
+        return self._reader.deepest
+
+    @property
+    def deepest_backlog(self) -> int:
+        """The most fields that ever waited for the writer."""
+        return self._backlog.deepest
+
     def recorded(self) -> Iterator[NumberedField]:
         """Every good field in order, from memory or, where that has moved on, from the file."""
         index, next_n = 0, 0

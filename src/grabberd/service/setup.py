@@ -13,9 +13,8 @@ from grabberd.acquisition.device import Grabber
 from grabberd.config import Config, DeviceConfig, RigConfig
 from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
 from grabberd.geometry import Calibration
-from grabberd.measurement import LocationSettings
 from grabberd.processes.measure import MeasureSetup
-from grabberd.reconstruction import ObjectModel, TrackingSettings
+from grabberd.reconstruction import ObjectModel
 
 T = TypeVar("T")
 
@@ -105,8 +104,7 @@ def measure_setup(documents: Mapping[str, Any], line_jitter_px: float) -> Measur
     return MeasureSetup(
         calibration=Calibration.from_document(documents["calibration"]),
         object_model=ObjectModel.from_document(documents["object"]),
-        location=LocationSettings(),
-        tracking=TrackingSettings(line_jitter_px=line_jitter_px),
+        line_jitter_px=line_jitter_px,
     )
 
 

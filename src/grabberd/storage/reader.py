@@ -235,4 +235,5 @@ class CaptureReader:
 
 def _run(row: tuple[Any, ...]) -> RunInfo:
     documents = dict(zip(("calibration", "object", "settings"), map(json.loads, row[6:9]), strict=True))
-    return RunInfo(*row[:6], documents)
+    run, kind, created_utc, version, state, reason = row[:6]
+    return RunInfo(run, kind, created_utc, version, state, reason, documents)

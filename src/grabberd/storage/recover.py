@@ -1,5 +1,6 @@
 """What a crash left: sealed as far as it goes, or set aside with a reason; never deleted."""
 
+import itertools
 import os
 from pathlib import Path
 
@@ -7,7 +8,7 @@ from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError
 from grabberd.storage.meta import SEALED, write_meta
 from grabberd.storage.reader import CaptureReader
-from grabberd.storage.schema import DAMAGED, connect, storage_errors
+from grabberd.storage.schema import DAMAGED, PART, connect, storage_errors
 from grabberd.storage.writer import FAILED, RUNNING, publish, write_ledger
 
 JOURNAL = "-journal"
@@ -59,15 +60,15 @@ def _with_cut(ledger: Ledger) -> Ledger:
 def set_aside(path: Path, reason: str) -> Path:
     """Renames a file that cannot be read, and writes the reason beside it."""
     with storage_errors(path):
-        aside = path.with_name(path.name.removesuffix(".part") + DAMAGED)
-        _rename_journal(path, aside)
+        aside = _free_name(path)
         aside.with_name(aside.name + ".txt").write_text(reason + "\n", encoding="utf-8")
         os.rename(path, aside)
     return aside
 
 
-def _rename_journal(path: Path, aside: Path) -> None:
-    """The journal that may hold what an unfinished commit has overwritten goes with its file."""
-    journal = path.with_name(path.name + JOURNAL)
-    if journal.exists():
-        os.rename(journal, aside.with_name(aside.name + JOURNAL))
+def _free_name(path: Path) -> Path:
+    """`NAME.grab.damaged`, or `NAME-2.grab.damaged` and so on where there is one already."""
+    name, dot, rest = path.name.removesuffix(PART).partition(".")
+    names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
+    candidates = (path.with_name(f"{free}{dot}{rest}{DAMAGED}") for free in names)
+    return next(candidate for candidate in candidates if not candidate.exists())

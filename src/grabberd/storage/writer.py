@@ -228,6 +228,8 @@ def _run_row(
 def _field_row(numbered: NumberedField, outcome: str, reason: str | None) -> tuple[object, ...]:
     packed = numbered.packed
     codec, data = encode_field(packed)
-    where = (numbered.n, numbered.time_ns, numbered.sequence, packed.parity, packed.y0, packed.y_step)
-    what = (packed.rows, packed.columns, packed.bits, packed.threshold)
+    sequence = None if numbered.sequence is None else int(numbered.sequence)
+    # numpy's integers would be stored as blobs
+    where = (int(numbered.n), int(numbered.time_ns), sequence, packed.parity, packed.y0, packed.y_step)
+    what = (packed.rows, packed.columns, packed.bits, int(packed.threshold))
     return (*where, *what, outcome, reason, codec, data)

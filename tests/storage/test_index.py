@@ -1,0 +1,65 @@
+"""The index over many captures can always be made again from the files."""
+
+import pytest
+
+from grabberd.errors import NotFound
+from grabberd.storage import CaptureIndex
+from storage.captures import slots, write
+
+
+@pytest.fixture
+def archive(tmp_path):
+    for day in (3, 1, 2):
+        write(tmp_path, slots(2), name=f"c{day}", id=f"c{day}", created_utc=f"2026-03-0{day}T09:00:00.000Z")
+    return tmp_path
+
+
+def test_it_is_made_from_the_files(archive):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert [entry.id for entry in index.list()] == ["c3", "c2", "c1"]
+    assert index.get("c2").device == "teatcup"
+    assert index.file_of("c2") == archive / "c2.grab"
+
+
+def test_making_it_again_forgets_what_is_gone(archive):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    (archive / "c2.grab").unlink()
+    index.rebuild()
+    assert [entry.id for entry in index.list()] == ["c3", "c1"]
+
+
+def test_a_sealed_capture_is_added_once(archive):
+    index = CaptureIndex(archive)
+    for _ in range(2):
+        index.add(archive / "c1.grab")
+    assert [entry.id for entry in index.list()] == ["c1"]
+
+
+def test_damaged_files_are_listed_as_damaged_and_never_fatal(archive):
+    (archive / "c1.grab").write_bytes(b"garbage")
+    (archive / "old.grab.damaged").write_bytes(b"garbage")
+    index = CaptureIndex(archive)
+    index.rebuild()
+    states = {entry.id: entry.state for entry in index.list()}
+    assert states == {"c3": "sealed", "c2": "sealed", "c1": "damaged", "old": "damaged"}
+
+
+def test_a_damaged_index_is_made_again(archive):
+    (archive / "index.sqlite").write_bytes(b"garbage " * 1000)
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert len(index.list()) == 3
+
+
+def test_captures_that_are_being_written_are_not_in_it(archive):
+    (archive / "c1.grab").rename(archive / "c1.grab.part")
+    index = CaptureIndex(archive)
+    index.rebuild()
+    assert [entry.id for entry in index.list()] == ["c3", "c2"]
+
+
+def test_an_unknown_capture_is_not_found(tmp_path):
+    with pytest.raises(NotFound, match="no capture 'c9'"):
+        CaptureIndex(tmp_path / "new").get("c9")
