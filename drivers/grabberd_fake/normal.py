@@ -15,7 +15,8 @@ _DISTRIBUTION = np.array([0.5 * math.erfc(-z / math.sqrt(2)) for z in _GRID])
 
 def normal_distribution(z: Array) -> Array:
     """Φ(z), to 1e-7."""
-    return np.interp(z, _GRID, _DISTRIBUTION)
+    below: Array = np.interp(z, _GRID, _DISTRIBUTION)
+    return below
 
 
 def normal_integral(z: Array) -> Array:
@@ -26,7 +27,5 @@ def normal_integral(z: Array) -> Array:
 
 @lru_cache(maxsize=1)
 def normal_quantiles() -> NDArray[np.float64]:
-    """(65536,) the quantiles of (i + ½)/65536: indexed by random 16-bit numbers, they are normal random
-    numbers.
-    """
+    """(65536,) the quantiles of (i + ½)/65536: indexed by random 16-bit numbers, normal noise."""
     return np.interp((np.arange(65536) + 0.5) / 65536, _DISTRIBUTION, _GRID)

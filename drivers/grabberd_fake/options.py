@@ -9,7 +9,7 @@ All of them have defaults: without any it is the reference rig before the pulsat
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from grabberd_fake.faults import KINDS, Fault
@@ -18,6 +18,7 @@ from grabberd_fake.reading import (
     ListOf,
     Number,
     OneOfKinds,
+    by,
     choice,
     flag,
     integer,
@@ -202,13 +203,13 @@ class FakeOptions:
     """
 
     scene: str = choice(*SCENES)
-    liner: LinerOptions = ruled(Group(LinerOptions), LinerOptions())
+    liner: LinerOptions = field(default_factory=LinerOptions, metadata=by(Group(LinerOptions)))
     points: tuple[PointOption, ...] = ruled(ListOf(Group(PointOption)), ())
     target_diameter_mm: float = number(1.5, 0.2, 10)
     grazing_limit_deg: float = number(65.0, 10, 85)
-    rig: RigOptions = ruled(Group(RigOptions), RigOptions())
-    camera: CameraOptions = ruled(Group(CameraOptions), CameraOptions())
-    picture: PictureOptions = ruled(Group(PictureOptions), PictureOptions())
+    rig: RigOptions = field(default_factory=RigOptions, metadata=by(Group(RigOptions)))
+    camera: CameraOptions = field(default_factory=CameraOptions, metadata=by(Group(CameraOptions)))
+    picture: PictureOptions = field(default_factory=PictureOptions, metadata=by(Group(PictureOptions)))
     pace: str = choice("real", "free")
     buffers: int = integer(8, 2, 32)
     seed: int = integer(0, 0, 2**32 - 1)

@@ -108,7 +108,12 @@ class OneOfKinds(Rule):
 
 def ruled(rule: Rule, default: Any = _NOTHING) -> Any:
     """A dataclass field with a rule; without a default it must be given."""
-    return field(metadata={"rule": rule}, **({} if default is _NOTHING else {"default": default}))
+    return field(metadata=by(rule), **({} if default is _NOTHING else {"default": default}))
+
+
+def by(rule: Rule) -> dict[str, Rule]:
+    """The metadata of a dataclass field with a rule."""
+    return {"rule": rule}
 
 
 def number(default: float | None, low: float, high: float, optional: bool = False) -> Any:

@@ -98,9 +98,9 @@ class World:
         images = disc_images(view, targets, self._options.target_diameter_mm)
         if ends is None or not len(images):
             return images
-        middle = view.ideal_image(targets.xyz_mm)
-        start, end = (view.ideal_image(moved.xyz_mm[seen]) - middle for moved in ends)
-        return smeared(images, start, end, _COPY_EVERY_PX)
+        way_mm = [targets.xyz_mm, *(moved.xyz_mm[seen] for moved in ends)]
+        middle, start, end = view.ideal_image(np.concatenate(way_mm)).reshape(3, -1, 2)
+        return smeared(images, start - middle, end - middle, _COPY_EVERY_PX)
 
     def _facing(self, view: View, targets: Targets) -> NDArray[np.bool_]:
         return facing(view, targets, self._options.grazing_limit_deg)

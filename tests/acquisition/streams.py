@@ -10,7 +10,7 @@ START_NS = 5_000_000_000_000
 _LUMA = np.zeros((4, 8), np.uint8)
 
 
-def info(field_order=FieldOrder.ALTERNATE, rate_hz=50.0, live=True, counts_losses=False):
+def info(field_order=FieldOrder.ALTERNATE, rate_hz=50.0, live=True, counts_losses=False, waits=False):
     return StreamInfo(
         driver="test",
         card="test",
@@ -25,6 +25,7 @@ def info(field_order=FieldOrder.ALTERNATE, rate_hz=50.0, live=True, counts_losse
         counts_losses=counts_losses,
         tells_signal=True,
         time_sigma_ns=1_000_000,
+        waits_for_reader=waits,
     )
 
 

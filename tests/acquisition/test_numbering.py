@@ -181,6 +181,13 @@ def test_a_timestamp_out_of_the_future_is_not_believed_even_where_it_could_be_a_
     assert found.reason == "time predicted (far-off timestamp)"
 
 
+def test_a_world_that_runs_ahead_of_our_clock_is_believed():
+    numbering = FieldNumbering(info(waits=True))
+    found = [numbering.number(grab(n), now_ns=START_NS) for n in (0, 1, 2, 50, 51)]
+    assert [field.n for field in found] == [0, 1, 2, 50, 51]
+    assert all(field.reason is None for field in found)
+
+
 def test_a_field_that_really_came_late_tells_of_a_gap():
     numbering = FieldNumbering(info())
     numbering.number(grab(0), now_ns=START_NS)

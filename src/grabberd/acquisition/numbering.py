@@ -60,6 +60,7 @@ class FieldNumbering:
 
     def __init__(self, info: StreamInfo, max_gap_s: float = 10.0) -> None:
         self._live = info.live
+        self._keeps_pace = info.live and not info.waits_for_reader
         self._has_parity = info.field_order is not FieldOrder.ONE_PARITY
         self._max_steps = max_gap_s * info.rate_hz if info.live else float("inf")
         self._period_ns = 1e9 / info.rate_hz
@@ -164,7 +165,7 @@ class FieldNumbering:
         stamp_ns = time_ns + self._offset_ns
         if self._live and stamp_ns <= 0:
             return "zero timestamp"
-        if self._live and now_ns is not None and time_ns > now_ns + _FUTURE_NS:
+        if self._keeps_pace and now_ns is not None and time_ns > now_ns + _FUTURE_NS:
             return "far-off timestamp"
         steps = self._clock.steps_to(time_ns) if self._clock.locked else 1.0
         if steps < 1 - _TOLERANCE_STEPS:

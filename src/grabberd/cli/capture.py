@@ -3,8 +3,6 @@
 import contextlib
 import sys
 import tempfile
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -124,7 +122,7 @@ def _capture_here(
     instrument = Instrument(setup, SystemClock(), site=dict(config.site), queue_s=config.storage.queue_s)
     instrument.start()
     try:
-        _wait_until(lambda: instrument.accepts, instrument)
+        _wait_until_it_accepts(instrument)
         rate_hz = instrument.rate_hz
         with tempfile.TemporaryDirectory(dir=out.parent, prefix=".grabberd-") as folder:
             session = instrument.start_capture(
@@ -157,16 +155,15 @@ def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
     return CaptureRequest(**values)
 
 
-def _wait_until(done: Callable[[], bool], instrument: "Instrument") -> None:
-    until = time.monotonic() + OPEN_TIMEOUT_S
-    while not done():
-        status = instrument.board.now
-        if time.monotonic() > until:
-            raise DeviceAbsent(
-                f"device {instrument.name} is {status.state} after {OPEN_TIMEOUT_S:.0f} s: {status.cause}",
-                "check the grabber and the configuration; 'grabberd devices' lists what there is",
-            )
-        time.sleep(POLL_S)
+def _wait_until_it_accepts(instrument: "Instrument") -> None:
+    board = instrument.board
+    with board.changed:
+        board.changed.wait_for(lambda: instrument.accepts, OPEN_TIMEOUT_S)
+    if not instrument.accepts:
+        raise DeviceAbsent(
+            f"device {instrument.name} is {board.now.state} after {OPEN_TIMEOUT_S:.0f} s: {board.now.cause}",
+            "check the grabber and the configuration; 'grabberd devices' lists what there is",
+        )
 
 
 def _follow(session: "CaptureSession", order: dict[str, Any], rate_hz: float) -> None:

@@ -1,9 +1,26 @@
-"""From blobs of two views to the points of an object's targets (paper 3.7)."""
+"""From blobs of two views to the points of an object's targets (paper 3.7).
 
+Which blob is which target is decided by the object model and the calibration (`correspondence`), then from field to
+field by prediction (`tracking`); where the rays of both views meet, with its covariance, is `intersection`'s.
+"""
+
+from grabberd.reconstruction.correspondence import CorrespondenceSettings
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.track import Track
+from grabberd.reconstruction.tracking import Tracker, TrackingSettings
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
-__all__ = ["ImageNoise", "ObjectModel", "Points", "ViewBlobs", "intersect"]
+__all__ = [
+    "CorrespondenceSettings",
+    "ImageNoise",
+    "ObjectModel",
+    "Points",
+    "Track",
+    "Tracker",
+    "TrackingSettings",
+    "ViewBlobs",
+    "intersect",
+]

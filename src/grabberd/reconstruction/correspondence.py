@@ -115,6 +115,23 @@ class Correspondence:
         chosen = known.select(np.sort(best))
         return Matches(chosen.target, chosen.left, chosen.right)
 
+    def consistent(self, known: Hypotheses, chosen: Indices) -> tuple[Indices, Expected]:
+        """The chosen hypotheses without those that the others contradict, the worst dropped first.
+
+        Args:
+            known: hypotheses.
+            chosen: (K,) indices of some of them, of different targets and blobs.
+
+        Returns:
+            indices of those that stay, and what they make of all targets.
+        """
+        while True:
+            expected = self._expected(known, chosen)
+            far = _far(known, expected)[chosen] + _TORN * self._torn(known, chosen)
+            if not (far > self.settings.gate**2).any():
+                return chosen, expected
+            chosen = np.delete(chosen, far.argmax())
+
     def blurred(self, blobs: ViewBlobs) -> ViewBlobs:
         """The blobs with all in their σ that their places may be wrong by, for deciding what belongs together."""
         return replace(blobs, sigma_px=np.hypot(blobs.sigma_px, self.settings.unmodelled_px))
@@ -141,12 +158,11 @@ class Correspondence:
         allowed = np.ones(len(known), np.bool_)
         chosen = start
         while True:
-            chosen = self._grown(known, chosen, allowed)
-            worst = self._disagreeing(known, chosen)
-            if worst is None:
+            grown = self._grown(known, chosen, allowed)
+            chosen, _ = self.consistent(known, grown)
+            if len(chosen) == len(grown):
                 return chosen
-            allowed[worst] = False
-            chosen = chosen[chosen != worst]
+            allowed[np.setdiff1d(grown, chosen, assume_unique=True)] = False
 
     def _grown(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> Indices:
         """Wave by wave, whoever is predicted well enough by those that have been chosen."""
@@ -163,14 +179,6 @@ class Correspondence:
             free &= ~np.isin(own, own[chosen])
         return _undoubted(known, far, np.flatnonzero(free), self.settings.margin)
 
-    def _disagreeing(self, known: Hypotheses, chosen: Indices) -> int | None:
-        """The chosen hypothesis that agrees least with the others, if it does not agree with them."""
-        if not len(chosen):
-            return None
-        far = _far(known, self._expected(known, chosen))[chosen]
-        far = far + _TORN * self._torn(known, chosen)
-        worst = int(far.argmax())
-        return int(chosen[worst]) if far[worst] > self.settings.gate**2 else None
 
     def _torn(self, known: Hypotheses, chosen: Indices) -> Mask:
         """Which of the chosen are too near to a neighbour, or too far from it."""

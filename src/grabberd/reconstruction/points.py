@@ -31,6 +31,17 @@ class Points:
     def __len__(self) -> int:
         return len(self.target)
 
+    def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
+        """The points that a mask or ascending index array chooses."""
+        return Points(
+            self.target[chosen],
+            self.xyz_mm[chosen],
+            self.covariance_mm2[chosen],
+            self.calibration_covariance_mm2[chosen],
+            self.image_px[chosen],
+            self.residual_px[chosen],
+        )
+
     @classmethod
     def none(cls) -> "Points":
         """No points at all."""

@@ -1,27 +1,32 @@
 """The same targets from field to field (paper 3.7): predicted, found again, or identified anew.
 
-Every target has a predicted place, seen or not: with the velocity of the smooth field of displacements, which
-neighbours carry along, so a target that comes back from behind the curve is expected where it comes. Near its
-predicted image in either view the nearest blob is its own, if both agree with one another and with the neighbours.
+Every target has a predicted place, seen or not: neighbours carry each other along, so one that comes back from
+behind the curve is expected where it comes. Near its predicted image the nearest blob is its own, if left and right
+agree with one another and the place with the neighbours.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry import Rig, linearise
+from grabberd.geometry import Rig
 from grabberd.reconstruction.correspondence import Correspondence, CorrespondenceSettings, Matches
 from grabberd.reconstruction.displacement import Expected
+from grabberd.reconstruction.hypotheses import Hypotheses
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.prediction import Prediction
+from grabberd.reconstruction.track import Track
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
+
+_UNKNOWN_PX = 0.5
+"""Standard deviation of a blob that has not been located yet."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +34,10 @@ class TrackingSettings:
     """How an object moves, and when it is lost.
 
     Attributes:
-        speed_mm_s: standard deviation of a velocity of which nothing is known: just identified.
+        speed_mm_s: standard deviation of a velocity of which nothing is known, after identification.
         acceleration_mm_s2: standard deviation of the acceleration.
         longest_gap_s: after longer without a field that could be followed, targets are identified anew.
-        least_share: so are they where fewer are found than this share of those that were, or of the blobs.
+        least_share: so are they where fewer are found than this share of those before, or of the blobs.
         correspondence: gates, and the object's deformation.
     """
 
@@ -43,40 +48,19 @@ class TrackingSettings:
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Track:
-    """What is known of M targets after a field; never changed, each step makes a new one.
+class _Sighting(NamedTuple):
+    """Targets found in a field: their points, their places in the model, and what each makes of the others."""
 
-    Attributes:
-        target: (M,) int32, ids, ascending: all of the object model.
-        xyz_mm: (M, 3) places, smoothed over the object; of unseen targets as their neighbours say.
-        sigma_mm: (M,) standard deviation of a place in each coordinate.
-        velocity_mm_s: (M, 3).
-        speed_sigma_mm_s: standard deviation of a velocity in each coordinate.
-        unseen_s: (M,) since a target was last seen; infinite where it never was.
-        age_s: since the field that places and velocities belong to; infinite where nothing is tracked.
-        found: how many targets were found in that field.
-    """
-
-    target: NDArray[np.int32]
-    xyz_mm: Array
-    sigma_mm: Array
-    velocity_mm_s: Array
-    speed_sigma_mm_s: float
-    unseen_s: Array
-    age_s: float
-    found: int
+    points: Points
+    known: Hypotheses
+    expected: Expected
 
 
 class Tracker:
     """The rules by which one object is tracked before one rig; all that changes is in the `Track`."""
 
     def __init__(
-        self,
-        rig: Rig,
-        model: ObjectModel,
-        noise: ImageNoise,
-        settings: TrackingSettings | None = None,
+        self, rig: Rig, model: ObjectModel, noise: ImageNoise, settings: TrackingSettings | None = None
     ) -> None:
         self.rig = rig
         self.model = model
@@ -85,17 +69,8 @@ class Tracker:
         self.correspondence = Correspondence(rig, model, noise, self.settings.correspondence)
 
     def start(self) -> Track:
-        """Nothing seen yet."""
-        return Track(
-            target=self.model.target,
-            xyz_mm=self.model.xyz_mm,
-            sigma_mm=np.full(len(self.model), self.settings.correspondence.smoothness.sigma_mm),
-            velocity_mm_s=np.zeros((len(self.model), 3)),
-            speed_sigma_mm_s=self.settings.speed_mm_s,
-            unseen_s=np.full(len(self.model), np.inf),
-            age_s=np.inf,
-            found=0,
-        )
+        """The track before the first field."""
+        return Track.start(self.model)
 
     def step(self, track: Track, left: ViewBlobs, right: ViewBlobs, dt_s: float) -> tuple[Track, Points]:
         """One field further.
@@ -112,13 +87,13 @@ class Tracker:
         """
         elapsed_s = track.age_s + dt_s
         unseen_s = track.unseen_s + dt_s
-        fewest = self.settings.least_share * min(len(left), len(right), len(self.model))
+        fewest = max(self.settings.least_share * min(len(left), len(right), len(self.model)), 1.0)
         if elapsed_s <= self.settings.longest_gap_s:
             sighting = self._follow(track, left, right, elapsed_s)
-            if len(sighting.points) >= max(fewest, self.settings.least_share * track.found, 1):
+            if len(sighting.points) >= max(fewest, self.settings.least_share * track.found):
                 return self._continued(track, sighting, unseen_s, elapsed_s), sighting.points
-        sighting = self._identify(left, right)
-        if len(sighting.points) >= max(fewest, 1):
+        sighting = self._sight(self.correspondence.identify(left, right), left, right)
+        if len(sighting.points) >= fewest:
             return self._begun(sighting, unseen_s), sighting.points
         return replace(track, unseen_s=unseen_s, age_s=elapsed_s), Points.none()
 
@@ -126,9 +101,9 @@ class Tracker:
         """Where to look for blobs in the field that comes `dt_s` after the last.
 
         Returns:
-            (2 M, 4) float64 x0, y0, x1, y1 in frame pixels: where a blob's centre may be, of all targets in the left
-            view and then in the right, as far as they lie inside the view's half; None where nothing is tracked
-            and a target may be anywhere.
+            (K, 4) float64 x0, y0, x1, y1 in frame pixels: where a blob's centre may be, for all targets in the left
+            view and then in the right that can lie in the view's half; None where nothing is tracked and a target
+            may be anywhere.
         """
         elapsed_s = track.age_s + dt_s
         if elapsed_s > self.settings.longest_gap_s:
@@ -140,24 +115,27 @@ class Tracker:
         sigma_mm = np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
         return Prediction.of(self.rig, places, sigma_mm, sigma_px, self.settings.correspondence.gate)
 
-    def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
-        blobs = (self.correspondence.blurred(left), self.correspondence.blurred(right))
-        sigma_px = np.array([_typical(view.sigma_px) for view in blobs]).T[:, :, np.newaxis]
-        predicted = self._predict(track, elapsed_s, sigma_px)
-        nearest = np.array([predicted.nearest(index, view.xy_px) for index, view in enumerate(blobs)])
+    def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> _Sighting:
+        predicted = self._predict(track, elapsed_s, self._typical_px(left, right))
+        nearest = np.array([predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right))])
         target = np.flatnonzero((nearest >= 0).all(axis=0))
         matches = Matches(target, *nearest[:, target])
         return self._sight(matches, left, right, predicted.places_mm[target])
 
-    def _identify(self, left: ViewBlobs, right: ViewBlobs) -> Sighting:
-        matches = self.correspondence.identify(left, right)
-        return self._sight(matches, left, right, None)
+    def _typical_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
+        """(2, 2, 1) standard deviation of x and y in either view, the same for all its blobs."""
+        variance = [(view.sigma_px**2).sum(axis=0) / max(len(view), 1) for view in (left, right)]
+        blurred = np.sqrt(np.array(variance) + self.settings.correspondence.unmodelled_px**2)
+        return blurred.T[:, :, np.newaxis]
 
-    def _sight(self, matches: Matches, left: ViewBlobs, right: ViewBlobs, start_mm: Array | None) -> Sighting:
-        """The points of matches, without those that disagree: their rays with one another, they with the rest."""
+    def _sight(
+        self, matches: Matches, left: ViewBlobs, right: ViewBlobs, start_mm: Array | None = None
+    ) -> _Sighting:
+        """The points of matches, but not of those that disagree: the two rays, or the place with the others."""
         left, right = left.select(matches.left), right.select(matches.right)
         points = intersect(self.rig, self.model.target[matches.target], left, right, self.noise, start_mm)
-        blurring = self._blurring(left, right)
+        sigma2 = (left.sigma_px**2).sum(axis=1) + (right.sigma_px**2).sum(axis=1)
+        blurring = 1.0 + 4.0 * self.settings.correspondence.unmodelled_px**2 / sigma2
         known = Hypotheses(
             *matches,
             points.xyz_mm - self.model.xyz_mm[matches.target],
@@ -166,4 +144,42 @@ class Tracker:
         across = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1]) * np.sqrt(blurring / 8.0)
         meeting = np.flatnonzero(points.residual_px <= self.settings.correspondence.gate * across)
         chosen, expected = self.correspondence.consistent(known, meeting)
-        return Sighting(points.select(chosen), known.select(chosen), expected)
+        return _Sighting(points.select(chosen), known.select(chosen), expected)
+
+    def _begun(self, sighting: _Sighting, unseen_s: Array) -> Track:
+        """The track after targets were identified, in rest until the next field shows more."""
+        return Track(
+            target=self.model.target,
+            xyz_mm=self.model.xyz_mm + self._smoothed(sighting),
+            sigma_mm=self._sigma(sighting),
+            velocity_mm_s=np.zeros_like(self.model.xyz_mm),
+            speed_sigma_mm_s=self.settings.speed_mm_s,
+            unseen_s=_seen_again(unseen_s, sighting),
+            age_s=0.0,
+            found=len(sighting.points),
+        )
+
+    def _continued(self, track: Track, sighting: _Sighting, unseen_s: Array, elapsed_s: float) -> Track:
+        begun = self._begun(sighting, unseen_s)
+        return replace(
+            begun,
+            velocity_mm_s=(begun.xyz_mm - track.xyz_mm) / elapsed_s,
+            speed_sigma_mm_s=self.settings.acceleration_mm_s2 * elapsed_s,
+        )
+
+    def _smoothed(self, sighting: _Sighting) -> Array:
+        displacement = sighting.expected.displacement_mm.copy()
+        displacement[sighting.known.target] = sighting.known.displacement_mm
+        return self.correspondence.field.smooth(displacement)
+
+    def _sigma(self, sighting: _Sighting) -> Array:
+        sigma = sighting.expected.sigma_mm.copy()
+        seen = sighting.known.target
+        sigma[seen] = np.minimum(sigma[seen], np.sqrt(sighting.known.variance_mm2.max(axis=1)))
+        return sigma
+
+
+def _seen_again(unseen_s: Array, sighting: _Sighting) -> Array:
+    seconds = unseen_s.copy()
+    seconds[sighting.known.target] = 0.0
+    return seconds

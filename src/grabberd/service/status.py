@@ -35,18 +35,22 @@ class DeviceStatus:
 
 
 class StatusBoard:
-    """The status of one device; logs each change of state or cause once."""
+    """The status of one device; logs each change of state or cause once.
+
+    Attributes:
+        changed: notified with every change of state; whoever waits for a state waits on it.
+    """
 
     def __init__(self, name: str, clock: Clock) -> None:
+        self.changed = threading.Condition()
         self._name = name
         self._clock = clock
-        self._lock = threading.Lock()
         self._status = DeviceStatus(DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet")
 
     @property
     def now(self) -> DeviceStatus:
         """The status as it is; its counters are a copy."""
-        with self._lock:
+        with self.changed:
             return replace(self._status, outcomes=self._status.outcomes.copy())
 
     @property
@@ -56,28 +60,29 @@ class StatusBoard:
 
     def enter(self, state: DeviceState, cause: str | None = None) -> None:
         """Goes into a state that may follow the present one."""
-        with self._lock:
+        with self.changed:
             if not may_follow(self._status.state, state):
                 raise ValueError(f"device {self._name}: {state} may not follow {self._status.state}")
             if (state, cause) == (self._status.state, self._status.cause):
                 return
             since = iso_utc(self._clock.utc_now())
             self._status = replace(self._status, state=state, since_utc=since, cause=cause)
+            self.changed.notify_all()
         log.log(_level(state), "device %s is %s%s", self._name, state, f": {cause}" if cause else "")
 
     def opened(self, stream: StreamInfo) -> None:
         """The device has been opened and granted this stream."""
-        with self._lock:
+        with self.changed:
             self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
 
     def saw_signal(self, signal: Signal) -> None:
         """What the driver says of the signal."""
-        with self._lock:
+        with self.changed:
             self._status = replace(self._status, signal=signal)
 
     def count(self, slot: Slot) -> None:
         """Counts a field and those that were lost before it."""
-        with self._lock:
+        with self.changed:
             self._status.outcomes[slot.outcome] += 1
             for entry in slot.lost_before:
                 self._status.outcomes[entry.outcome] += entry.count

@@ -1,0 +1,67 @@
+"""One grabber of every kind, in a state in which it delivers at least forty fields without a fault."""
+
+from pathlib import Path
+
+import numpy as np
+
+from drivers.replay.pictures import frames
+from grabberd.acquisition.device import Grabber
+from grabberd_fake import FakeGrabber
+from grabberd_replay import ReplayGrabber
+from storage.captures import slots, write
+
+FIELDS = 40
+
+
+class ManualClock:
+    """Stands still until somebody waits on it, and then jumps to the end of the wait."""
+
+    def __init__(self) -> None:
+        self.time_ns = 77_000_000_000
+
+    def now_ns(self) -> int:
+        return self.time_ns
+
+    def sleep(self, seconds: float) -> None:
+        self.time_ns += max(0, round(seconds * 1e9))
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        self.time_ns = max(self.time_ns, time_ns)
+
+
+def fake(_: Path) -> Grabber:
+    return FakeGrabber(clock=ManualClock(), scene="calibration_frame")
+
+
+def fake_free(_: Path) -> Grabber:
+    return FakeGrabber(clock=ManualClock(), pace="free")
+
+
+def capture(directory: Path) -> Grabber:
+    return ReplayGrabber(write(directory, slots(FIELDS)))
+
+
+def capture_in_real_time(directory: Path) -> Grabber:
+    path = write(directory, slots(FIELDS, bits=8, doubled=True), bits=8, lines="doubled")
+    return ReplayGrabber(path, pace="real", clock=ManualClock())
+
+
+def woven_frames(directory: Path) -> Grabber:
+    return ReplayGrabber(frames(directory, FIELDS // 2, 48, 64), pictures="frames")
+
+
+def single_fields(directory: Path) -> Grabber:
+    folder = frames(directory, FIELDS, 48, 64)
+    return ReplayGrabber(folder, pictures="fields", pace="real", clock=ManualClock())
+
+
+DRIVERS = {
+    made.__name__: made
+    for made in (fake, fake_free, capture, capture_in_real_time, woven_frames, single_fields)
+}
+
+
+def copied(grabbed):
+    """A grabbed field that stays when its buffer is given back."""
+    field = grabbed.field
+    return grabbed._replace(field=type(field)(np.array(field.luma), field.parity, field.y0, field.y_step))

@@ -1,0 +1,152 @@
+"""What every driver promises to the capture thread; the suite runs over all of them."""
+
+import numpy as np
+import pytest
+
+from contract.drivers import DRIVERS, FIELDS, copied
+from grabberd.acquisition import FieldNumbering, FieldOrder, Outcome, Signal, StreamInfo
+from grabberd.errors import DeviceError, StreamEnded
+
+
+@pytest.fixture(params=DRIVERS)
+def grabber(request, tmp_path):
+    made = DRIVERS[request.param](tmp_path)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def info(grabber):
+    return grabber.open()
+
+
+def take(grabber, count=FIELDS):
+    taken = []
+    while len(taken) < count:
+        with grabber.dequeue(1.0) as fields:
+            assert fields, "nothing came within a second"
+            taken.extend(copied(field) for field in fields)
+    return taken
+
+
+def test_it_says_what_was_granted(info):
+    assert isinstance(info, StreamInfo)
+    assert info.driver in ("fake", "replay")
+    assert info.rate_hz == 50.0
+    assert info.buffers >= 1
+
+
+def test_its_fields_are_what_was_granted(grabber, info):
+    for grabbed in take(grabber):
+        luma = grabbed.field.luma
+        assert luma.shape == (info.field_rows, info.columns)
+        assert luma.dtype == np.uint8
+        assert grabbed.damage is None
+
+
+def test_its_rows_lie_on_the_frame_lines_of_their_parity(grabber, info):
+    for field in (grabbed.field for grabbed in take(grabber)):
+        assert (field.y0, field.y_step) in ((field.parity, 2), (0, 1))
+
+
+def test_its_parities_alternate_from_the_older(grabber, info):
+    parities = [grabbed.field.parity for grabbed in take(grabber)]
+    assert all(a != b for a, b in zip(parities, parities[1:], strict=False))
+    if info.field_order is FieldOrder.TOP_FIRST:
+        assert parities[0] == 0
+
+
+def test_its_times_are_whole_nanoseconds_twenty_milliseconds_apart(grabber, info):
+    times = [grabbed.time_ns for grabbed in take(grabber)]
+    assert all(isinstance(time_ns, int) for time_ns in times)
+    assert np.abs(np.diff(times) - 1e9 / info.rate_hz).max() < 1_000
+
+
+def test_its_count_grows_by_one_a_field(grabber, info):
+    counts = [grabbed.sequence for grabbed in take(grabber)]
+    assert info.counts_losses
+    assert set(np.diff(counts).tolist()) == {1}
+
+
+def test_its_fields_are_numbered_without_a_gap(grabber, info):
+    numbering = FieldNumbering(info)
+    found = [numbering.number(grabbed, grabber.signal()) for grabbed in take(grabber)]
+    assert [field.n for field in found][:FIELDS] == list(range(FIELDS))
+    assert {field.outcome for field in found} == {Outcome.RECEIVED}
+    assert {field.reason for field in found} == {None}
+
+
+def test_its_pictures_differ_from_field_to_field(grabber, info):
+    pictures = [grabbed.field.luma.tobytes() for grabbed in take(grabber, 12)]
+    assert len(set(pictures)) == len(pictures)
+
+
+def test_leaving_the_block_gives_the_buffer_back_also_after_an_error(grabber, info):
+    for _ in range(min(3 * info.buffers, FIELDS // 2 - 1)):
+        with pytest.raises(ZeroDivisionError), grabber.dequeue(1.0) as fields:
+            assert fields
+            raise ZeroDivisionError
+    assert take(grabber, 1)
+
+
+def test_its_signal_can_be_asked_at_any_time(grabber):
+    assert grabber.signal() in tuple(Signal)
+    info = grabber.open()
+    take(grabber, 1)
+    assert grabber.signal() is (Signal.PRESENT if info.tells_signal else Signal.UNKNOWN)
+
+
+def test_nothing_comes_from_a_driver_that_is_not_open(grabber):
+    with pytest.raises(DeviceError, match="not open") as caught, grabber.dequeue(0.0):
+        pass
+    assert caught.value.hint
+
+
+def test_nothing_comes_from_a_driver_that_was_closed(grabber, info):
+    take(grabber, 1)
+    grabber.close()
+    with pytest.raises(DeviceError), grabber.dequeue(0.0):
+        pass
+
+
+def test_it_can_be_closed_twice_and_without_having_been_open(grabber):
+    grabber.close()
+    grabber.open()
+    grabber.close()
+    grabber.close()
+
+
+def test_it_can_be_opened_again(grabber, info):
+    take(grabber, 3)
+    grabber.close()
+    assert grabber.open() == info
+    assert len(take(grabber, 3)) >= 3
+
+
+def test_a_recording_ends_and_a_device_does_not(grabber, info):
+    take(grabber, FIELDS)
+    if info.live:
+        assert take(grabber, 1)
+        return
+    for _ in range(2):
+        with pytest.raises(StreamEnded), grabber.dequeue(1.0):
+            pass
+
+
+@pytest.mark.parametrize("name", ["fake", "capture_in_real_time", "single_fields"])
+def test_nothing_comes_before_it_is_due(tmp_path, name):
+    grabber = DRIVERS[name](tmp_path)
+    grabber.open()
+    take(grabber, 1)
+    with grabber.dequeue(0.001) as fields:
+        assert len(fields) == 0
+    assert take(grabber, 1)
+
+
+@pytest.mark.parametrize("driver", ["grabberd_fake:FakeGrabber", "grabberd_replay:ReplayGrabber"])
+def test_an_unknown_option_is_refused_by_name(driver):
+    from importlib.metadata import EntryPoint  # noqa: PLC0415
+
+    made = EntryPoint("it", driver, "grabberd.drivers").load()
+    with pytest.raises((ValueError, TypeError), match="no_such_option"):
+        made(no_such_option=1)

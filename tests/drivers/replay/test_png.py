@@ -1,0 +1,96 @@
+"""Pictures from outside are read whole or refused by name."""
+
+import struct
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+
+from drivers.replay.pictures import luma, png
+from grabberd.errors import PictureError
+from grabberd_replay.png import Header, read_png
+
+GREY = luma(1, 12, 20)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "a.png"
+
+
+def test_grey_values_come_as_they_are(path):
+    path.write_bytes(png(GREY))
+    header, values = read_png(path)
+    assert header == Header(12, 20, coloured=False)
+    np.testing.assert_array_equal(values, GREY)
+
+
+def test_colours_become_luma_and_that_is_said(path):
+    colours = np.zeros((4, 6, 3), np.uint8)
+    colours[..., 1] = 200
+    path.write_bytes(png(colours))
+    header, values = read_png(path)
+    assert header.coloured
+    assert str(header) == "6x4 coloured"
+    assert set(values.ravel()) == {round(0.587 * 200)}
+
+
+def test_grey_stored_as_colours_stays_what_it_was(path):
+    path.write_bytes(png(cv2.cvtColor(GREY, cv2.COLOR_GRAY2BGR)))
+    np.testing.assert_array_equal(read_png(path)[1], GREY)
+
+
+def test_a_missing_picture_is_named_with_what_was_expected(path):
+    with pytest.raises(PictureError, match=r"a\.png is missing; expected 720x576 grey"):
+        read_png(path, Header(576, 720, coloured=False))
+
+
+@pytest.mark.parametrize("kept", [0, 7, 20, 33, 60, -1, -12, -13])
+def test_a_truncated_picture_is_refused_wherever_it_ends(path, kept):
+    path.write_bytes(png(GREY)[:kept])
+    with pytest.raises(PictureError, match=r"a\.png.* truncated"):
+        read_png(path)
+
+
+def test_a_bit_that_flipped_is_found(path):
+    data = bytearray(png(GREY))
+    data[60] ^= 4
+    path.write_bytes(bytes(data))
+    with pytest.raises(PictureError, match="checksum"):
+        read_png(path)
+
+
+def test_another_kind_of_file_is_refused(path):
+    path.write_bytes(b"GIF89a" + bytes(100))
+    with pytest.raises(PictureError, match="no PNG"):
+        read_png(path)
+
+
+def test_content_that_cannot_be_decoded_is_refused(path):
+    data = png(GREY)
+    at = data.index(b"IDAT")
+    (length,) = struct.unpack_from(">I", data, at - 4)
+    rubbish = b"IDAT" + bytes(length)
+    check = struct.pack(">I", zlib.crc32(rubbish))
+    path.write_bytes(data[:at] + rubbish + check + data[at + 8 + length :])
+    with pytest.raises(PictureError, match="cannot be decoded"):
+        read_png(path)
+
+
+def test_sixteen_bits_are_refused(path):
+    path.write_bytes(png(GREY.astype(np.uint16) * 256))
+    with pytest.raises(PictureError, match="16 bits"):
+        read_png(path)
+
+
+def test_a_picture_of_another_size_is_refused_with_both_sizes(path):
+    path.write_bytes(png(GREY))
+    with pytest.raises(PictureError, match="is 20x12 grey, expected 20x14 grey"):
+        read_png(path, Header(14, 20, coloured=False))
+
+
+def test_a_folder_of_that_name_is_refused(path):
+    path.mkdir()
+    with pytest.raises(PictureError, match="cannot be read"):
+        read_png(path)
