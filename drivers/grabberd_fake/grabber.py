@@ -100,8 +100,8 @@ class FakeGrabber:
         return -(-self._clock.now_ns() // (2 * PERIOD_NS)) * 2
 
     def _number_now(self) -> int:
-        """The field that is due now, counted from the first: the script's time."""
-        return (self._clock.now_ns() - ARRIVAL_NS) // PERIOD_NS - (self._first or 0)
+        """The last field that was due, counted from the first: the script's time."""
+        return max((self._clock.now_ns() - ARRIVAL_NS) // PERIOD_NS - (self._first or 0), 0)
 
     def _refuse_if_unplugged(self) -> None:
         unplug = self._script.at(self._number_now(), Unplug)

@@ -8,6 +8,7 @@ the pixel; its weights down the rows are the spread integrated over the lines th
 out of tables.
 """
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -62,30 +63,30 @@ class Renderer:
                 halves.
         """
         self._padded[:] = 0
-        ellipses, half = _near_their_half(halves)
-        if len(ellipses):
-            self._add(ellipses, half, parity, _shift_taps(shift_px))
+        both = Ellipses.joined(halves)
+        if len(both):
+            half = np.repeat(np.arange(2), [len(ellipses) for ellipses in halves])
+            self._add(both, half, parity, _shift_taps(shift_px))
         return self._padded.reshape(-1, 2, HALF + 2 * _PAD)[_PAD:-_PAD, :, _PAD:-_PAD]
 
     def _add(self, ellipses: Ellipses, half: NDArray[np.intp], parity: int, taps: Single) -> None:
+        rows, columns = self._window_size(ellipses)
+        near = _near_their_half(ellipses.center, half, rows, columns)
+        if not near.all():
+            ellipses, half = ellipses.select(near), half[near]
         x = ellipses.center[:, 0] + half * (2 * _PAD) + _PAD
         row = (ellipses.center[:, 1] - parity) / 2 + _PAD
-        windows = self._windows(ellipses, x, row)
-        values = self._values(ellipses, (x - windows.column, (row - windows.row) * 2), windows)
+        corner_row, corner_column = np.floor(row) + (1 - rows // 2), np.floor(x) + (1 - columns // 2)
+        windows = _Windows(corner_row.astype(np.intp), corner_column.astype(np.intp), rows, columns)
+        values = self._values(ellipses, (x - corner_column, (row - corner_row) * 2), windows)
         if taps.any():
-            values = _jittered(values, taps[windows.row[:, np.newaxis] + np.arange(windows.rows)])
+            values = _jittered(values, taps[windows.row[:, np.newaxis] + np.arange(rows)])
         _add_windows(self._padded, values, windows)
 
-    def _windows(self, ellipses: Ellipses, x: Array, row: Array) -> _Windows:
-        wide = np.sqrt(ellipses.a[:, 0] ** 2 + ellipses.b[:, 0] ** 2).max() + self._margin_x + _TAPS
-        high = np.sqrt(ellipses.a[:, 1] ** 2 + ellipses.b[:, 1] ** 2).max() + self._margin_y
-        columns, rows = 2 * int(np.ceil(wide)), 2 * int(np.ceil(high / 2))
-        return _Windows(
-            np.floor(row).astype(np.intp) + 1 - rows // 2,
-            np.floor(x).astype(np.intp) + 1 - columns // 2,
-            rows,
-            columns,
-        )
+    def _window_size(self, ellipses: Ellipses) -> tuple[int, int]:
+        """Rows and columns that the largest of the ellipses touches wherever it lies."""
+        wide, high = np.nanmax(np.hypot(ellipses.a, ellipses.b), axis=0, initial=0.0)
+        return 2 * math.ceil((high + self._margin_y) / 2), 2 * math.ceil(wide + self._margin_x + _TAPS)
 
     def _values(self, ellipses: Ellipses, across: tuple[Array, Array], windows: _Windows) -> Single:
         """(M, rows, columns) grey values; `across`: (x, y) of the centres from the windows' corners, y in
@@ -109,19 +110,16 @@ class Renderer:
         return values
 
     def _node_count(self, height: float) -> int:
-        return max(8, int(np.ceil(2.2 * height / min(self._picture.spread_y_px, self._picture.spread_x_px))))
+        return max(8, math.ceil(2.2 * height / min(self._picture.spread_y_px, self._picture.spread_x_px)))
 
 
-def _near_their_half(halves: tuple[Ellipses, Ellipses]) -> tuple[Ellipses, NDArray[np.intp]]:
-    """The ellipses whose windows lie on the padded canvas, and the half of each; those without a place are
-    not.
-    """
-    both = Ellipses.joined(halves)
-    half = np.repeat(np.arange(2), [len(ellipses) for ellipses in halves])
-    x, y = both.center[:, 0] - HALF * half, both.center[:, 1]
-    reach = _PAD / 2
-    near = (x > -reach) & (x < HALF + reach) & (y > -reach) & (y < LINES + reach)
-    return (both, half) if near.all() else (both.select(near), half[near])
+def _near_their_half(center: Array, half: NDArray[np.intp], rows: int, columns: int) -> NDArray[np.bool_]:
+    """(N,) whose windows lie on the padded canvas; others are out of sight, or have no image (NaN)."""
+    x, row = center[:, 0] - HALF * half, center[:, 1] / 2
+    beyond_x, beyond_row = _PAD - columns // 2 - 1, _PAD - rows // 2 - 1
+    inside = (x > -beyond_x) & (x < HALF + beyond_x - 1)
+    near: NDArray[np.bool_] = inside & (row > -beyond_row) & (row < ROWS + beyond_row - 1)
+    return near
 
 
 @lru_cache(maxsize=64)

@@ -4,6 +4,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+
 from grabberd.field import NumberedField
 from grabberd.geometry import Calibration, Rig, View
 from grabberd.measurement import Blobs, LocationSettings, measure
@@ -70,25 +72,20 @@ class _Step:
         self._last_ns: int | None = None
 
     def measure(self, numbered: NumberedField) -> MeasuredField:
-        dt_s = 0.0 if self._last_ns is None else (numbered.time_ns - self._last_ns) / 1e9
-        self._last_ns = numbered.time_ns
-        windows = self._tracker.windows(self._track, dt_s)
-        blobs = measure(numbered.packed, windows, self._setup.location)
-        left, right = (_of_view(blobs, view) for view in self._setup.calibration.views)
-        self._track, points = self._tracker.step(self._track, left, right, dt_s)
-        if windows is not None and not len(points):
-            return self._measure_anew(numbered)
-        return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
-
-    def _measure_anew(self, numbered: NumberedField) -> MeasuredField:
-        """Nothing was where it was looked for: the whole field is looked at."""
         blobs = measure(numbered.packed, None, self._setup.location)
-        left, right = (_of_view(blobs, view) for view in self._setup.calibration.views)
-        self._track, points = self._tracker.step(self._tracker.start(), left, right, 0.0)
+        left, right = (whole_blobs(blobs, view) for view in self._setup.calibration.views)
+        self._track, points = self._tracker.step(self._track, left, right, self._passed_s(numbered.time_ns))
         return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
 
+    def _passed_s(self, time_ns: int) -> float:
+        """Since the field before; infinite where none came earlier, so that targets are identified anew."""
+        last_ns, self._last_ns = self._last_ns, time_ns
+        return np.inf if last_ns is None or time_ns <= last_ns else (time_ns - last_ns) / 1e9
 
-def _of_view(blobs: Blobs, view: View) -> ViewBlobs:
-    """The whole blobs in a view's half of the picture; one that is cut off at the edge has no true centre."""
-    own = view.holds(blobs.xy_px) & ~blobs.at_border
+
+def whole_blobs(blobs: Blobs, view: View) -> ViewBlobs:
+    """The blobs of a view, but none that the field's edge or the seam cuts off: those have no true centre."""
+    x, half = blobs.xy_px[:, 0], blobs.width_px / 2
+    whole = (x - half >= view.first_column - 0.5) & (x + half <= view.end_column - 0.5)
+    own = view.holds(blobs.xy_px) & whole & ~blobs.at_border
     return ViewBlobs(blobs.xy_px[own], blobs.sigma_px[own])

@@ -1,7 +1,8 @@
 """From blobs of two views to the points of an object's targets (paper 3.7).
 
-Which blob is which target is decided by the object model and the calibration (`correspondence`), then from field to
-field by prediction (`tracking`); where the rays of both views meet, with its covariance, is `intersection`'s.
+Which blob is which target is decided by the object model and the calibration (`correspondence`), then from
+field to field by prediction (`tracking`); where the rays of both views meet, with its covariance, is
+`intersection`'s.
 """
 
 from grabberd.reconstruction.correspondence import CorrespondenceSettings

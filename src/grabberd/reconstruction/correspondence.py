@@ -1,98 +1,73 @@
-"""Which blob of the left view, and which of the right, is which target (paper 3.7: identification by prior knowledge).
+"""Which blob of the left view, and which of the right, is which target (paper 3.7: prior knowledge identifies).
 
-On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. From the surest hypothesis
-the identification grows over the object: whoever has been identified says where the others must be, and how surely,
-because neighbours move alike. What stays doubtful is left out; a wrong target is worse than a missing one.
+On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. From the surest
+hypothesis the identification grows over the object: whoever has been identified says where the others must
+be, and how surely, because neighbours move alike. What stays doubtful is left out; a wrong target is worse
+than a missing one.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig
-from grabberd.reconstruction.displacement import DisplacementField, Expected, Smoothness
+from grabberd.reconstruction.agreement import Agreement, CorrespondenceSettings
+from grabberd.reconstruction.displacement import Expected
 from grabberd.reconstruction.hypotheses import Hypotheses, hypotheses
 from grabberd.reconstruction.image_noise import ImageNoise
+from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.prediction import Prediction
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Mask = NDArray[np.bool_]
-
-_MOST_STARTS = 3
-_LEAST_SUPPORT = 3
-_AROUND = 1.6
-"""Support comes from within this many pitches: the eight around a target of a square grid."""
-_TORN = 1e6
 
 
-@dataclass(frozen=True, slots=True)
-class CorrespondenceSettings:
-    """What is believed, and how surely.
+class Sighting(NamedTuple):
+    """K targets found in one field, by ascending target.
 
     Attributes:
-        farthest_mm: no target is farther than this from its nominal place.
-        gate: a place is believed within this many standard deviations.
-        margin: the next best hypothesis must be worse by this much, as a difference of χ².
-        trust: a target is identified only where the others predict it better than this share of the targets' pitch.
-        stretch: neighbours' distances differ from nominal by no more than this share.
-        unmodelled_px: what the calibration does not know of the picture (local errors of the mirrors).
-        smoothness: of the object's deformation.
-    """
-
-    farthest_mm: float = 9.0
-    gate: float = 3.7
-    margin: float = 6.0
-    trust: float = 0.2
-    stretch: float = 0.35
-    unmodelled_px: float = 0.1
-    smoothness: Smoothness = field(default_factory=Smoothness)
-
-
-class Matches(NamedTuple):
-    """K identified targets, by ascending target.
-
-    Attributes:
-        target: (K,) indices into the object model.
+        points: their points.
+        target: (K,) their indices in the object model.
         left: (K,) indices of their blobs in the left view; `right` in the right one.
+        expected: what they make of all targets of the model.
     """
 
+    points: Points
     target: Indices
     left: Indices
     right: Indices
+    expected: Expected
+
+    def __len__(self) -> int:
+        return len(self.target)
 
 
 class Correspondence:
-    """The identification of one object's targets before one rig.
+    """The correspondence of blobs and targets, for one object before one rig.
 
     Attributes:
         rig: left and right view.
         model: the object.
-        noise: line jitter.
+        noise: line jitter, and the scale at the object.
         settings: what is believed.
-        field: the smooth field of the targets' displacements.
+        agreement: the judge over hypotheses.
     """
 
     def __init__(
-        self,
-        rig: Rig,
-        model: ObjectModel,
-        noise: ImageNoise,
-        settings: CorrespondenceSettings | None = None,
+        self, rig: Rig, model: ObjectModel, noise: ImageNoise, settings: CorrespondenceSettings | None = None
     ) -> None:
         self.rig = rig
         self.model = model
         self.noise = noise
         self.settings = settings or CorrespondenceSettings()
-        self.field = DisplacementField.of(model, self.settings.smoothness)
-        self._neighbours = model.neighbours()
-        self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
-        self._pitch_mm = float(np.median(self._apart_mm)) if len(self._apart_mm) else np.inf
+        self.agreement = Agreement(model, self.settings)
 
-    def identify(self, left: ViewBlobs, right: ViewBlobs) -> Matches:
+    def identify(self, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """The targets that are seen in both views, whatever was seen before.
 
         Args:
@@ -100,137 +75,73 @@ class Correspondence:
             right: those of the right view.
 
         Returns:
-            whoever could be identified without doubt; none, where nothing agrees with the object model.
+            whoever could be identified without doubt; nobody, where nothing agrees with the object model.
         """
-        known = self._hypotheses(left, right)
-        best = np.empty(0, np.intp)
-        starts = self._starts(known)
-        for _ in range(_MOST_STARTS):
-            if not len(starts):
-                break
-            found = self._agreeing(known, starts[:1])
-            best = max(best, found, key=lambda chosen: _worth(known, chosen))
-            against = _far(known, self._expected(known, found)) > self.settings.gate**2
-            starts = starts[1:][against[starts[1:]]]
-        chosen = known.select(np.sort(best))
-        return Matches(chosen.target, chosen.left, chosen.right)
+        known = hypotheses(
+            self.rig,
+            self.model,
+            (self._blurred(left), self._blurred(right)),
+            self.noise,
+            self.settings.gate,
+            self.settings.farthest_mm,
+        )
+        grown = self.agreement.largest(known)
+        if not len(grown):
+            return self._sight(grown, grown, grown, left, right)
+        _, expected = self.agreement.consistent(known, grown)
+        return self.near(self.model.xyz_mm + expected.displacement_mm, expected.sigma_mm, left, right)
 
-    def consistent(self, known: Hypotheses, chosen: Indices) -> tuple[Indices, Expected]:
-        """The chosen hypotheses without those that the others contradict, the worst dropped first.
+    def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
+        """The targets that are seen in both views near where they must be.
 
         Args:
-            known: hypotheses.
-            chosen: (K,) indices of some of them, of different targets and blobs.
-
-        Returns:
-            indices of those that stay, and what they make of all targets.
+            places_mm: (M, 3) where every target of the model must be.
+            sigma_mm: (M,) standard deviation of that in each coordinate.
+            left: the blobs of the left view, targets and others, in any order.
+            right: those of the right view.
         """
-        while True:
-            expected = self._expected(known, chosen)
-            far = _far(known, expected)[chosen] + _TORN * self._torn(known, chosen)
-            if not (far > self.settings.gate**2).any():
-                return chosen, expected
-            chosen = np.delete(chosen, far.argmax())
+        predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
+        of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
+        target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
+        return self._sight(target, of_left[target], of_right[target], left, right, places_mm[target])
 
-    def blurred(self, blobs: ViewBlobs) -> ViewBlobs:
-        """The blobs with all in their σ that their places may be wrong by, for deciding what belongs together."""
+    def predict(self, places_mm: Array, sigma_mm: Array, sigma_px: Array | float) -> Prediction:
+        """The images of targets that must be at these places (M, 3)."""
+        return Prediction.of(self.rig, places_mm, sigma_mm, sigma_px, self.settings.gate)
+
+    def _sight(
+        self,
+        target: Indices,
+        of_left: Indices,
+        of_right: Indices,
+        left: ViewBlobs,
+        right: ViewBlobs,
+        start_mm: Array | None = None,
+    ) -> Sighting:
+        """The points of targets, without those whose rays disagree, or whose place with the others' places."""
+        left, right = left.select(of_left), right.select(of_right)
+        points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
+        blurring = self._blurring(left, right)
+        across_px = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1]) * np.sqrt(blurring / 8.0)
+        meeting = np.flatnonzero(points.residual_px <= self.settings.gate * across_px)
+        variance = np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis]
+        displacement = points.xyz_mm - self.model.xyz_mm[target]
+        known = Hypotheses(target, of_left, of_right, displacement, variance)
+        chosen, expected = self.agreement.consistent(known, meeting)
+        return Sighting(points.select(chosen), target[chosen], of_left[chosen], of_right[chosen], expected)
+
+    def _blurred(self, blobs: ViewBlobs) -> ViewBlobs:
+        """The blobs with all in their σ that their places may be wrong by."""
         return replace(blobs, sigma_px=np.hypot(blobs.sigma_px, self.settings.unmodelled_px))
 
-    def _hypotheses(self, left: ViewBlobs, right: ViewBlobs) -> Hypotheses:
-        blobs = (self.blurred(left), self.blurred(right))
-        limits = (self.settings.gate, self.settings.farthest_mm)
-        return hypotheses(self.rig, self.model, blobs, self.noise, *limits)
+    def _blurring(self, left: ViewBlobs, right: ViewBlobs) -> Array:
+        """(N,) by how much what the calibration does not know enlarges the variance of N pairs."""
+        located = (left.sigma_px**2).sum(axis=1) + (right.sigma_px**2).sum(axis=1)
+        blurring: Array = 1.0 + 4.0 * self.settings.unmodelled_px**2 / located
+        return blurring
 
-    def _starts(self, known: Hypotheses) -> Indices:
-        """Hypotheses to start from, the surest first: near the nominal place, and agreed to by neighbours."""
-        away = np.linalg.norm(known.displacement_mm, axis=1)
-        near = np.flatnonzero(away <= 0.5 * self._pitch_mm)
-        few = known.select(near)
-        agree = _between(few.displacement_mm) <= self.settings.trust * self._pitch_mm
-        agree &= _between(self.model.xyz_mm[few.target]) <= _AROUND * self._pitch_mm
-        for own in (few.target, few.left, few.right):
-            agree &= own[:, np.newaxis] != own
-        supported = near[agree.sum(axis=1) >= _LEAST_SUPPORT]
-        return supported[np.argsort(away[supported], kind="stable")]
-
-    def _agreeing(self, known: Hypotheses, start: Indices) -> Indices:
-        """The hypotheses that agree with a start and with one another: grown, checked, and grown again."""
-        allowed = np.ones(len(known), np.bool_)
-        chosen = start
-        while True:
-            grown = self._grown(known, chosen, allowed)
-            chosen, _ = self.consistent(known, grown)
-            if len(chosen) == len(grown):
-                return chosen
-            allowed[np.setdiff1d(grown, chosen, assume_unique=True)] = False
-
-    def _grown(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> Indices:
-        """Wave by wave, whoever is predicted well enough by those that have been chosen."""
-        while more := self._wave(known, chosen, allowed):
-            chosen = np.append(chosen, more)
-        return chosen
-
-    def _wave(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> list[int]:
-        expected = self._expected(known, chosen)
-        far = _far(known, expected)
-        free = allowed & (far <= self.settings.gate**2)
-        free &= expected.sigma_mm[known.target] <= self.settings.trust * self._pitch_mm
-        for own in (known.target, known.left, known.right):
-            free &= ~np.isin(own, own[chosen])
-        return _undoubted(known, far, np.flatnonzero(free), self.settings.margin)
-
-
-    def _torn(self, known: Hypotheses, chosen: Indices) -> Mask:
-        """Which of the chosen are too near to a neighbour, or too far from it."""
-        places = np.full_like(self.model.xyz_mm, np.nan)
-        places[known.target[chosen]] = known.displacement_mm[chosen]
-        lengths = _lengths(self.model.xyz_mm + places, self._neighbours)
-        wrong = np.abs(lengths - self._apart_mm) > self.settings.stretch * self._apart_mm
-        return np.isin(known.target[chosen], self._neighbours[wrong])
-
-    def _expected(self, known: Hypotheses, chosen: Indices) -> Expected:
-        seen = np.zeros(len(self.model), np.bool_)
-        displacement = np.zeros_like(self.model.xyz_mm)
-        seen[known.target[chosen]] = True
-        displacement[known.target[chosen]] = known.displacement_mm[chosen]
-        return self.field.expect(seen, displacement)
-
-
-def _far(known: Hypotheses, expected: Expected) -> Array:
-    """(H,) χ² of every hypothesis against what is expected of its target."""
-    off = known.displacement_mm - expected.displacement_mm[known.target]
-    variance = known.variance_mm2 + expected.sigma_mm[known.target, np.newaxis] ** 2
-    far: Array = (off * off / variance).sum(axis=1)
-    return far
-
-
-def _undoubted(known: Hypotheses, far: Array, free: Indices, margin: float) -> list[int]:
-    """The best hypotheses, where the next best of the same target is clearly worse; each blob once."""
-    order = free[np.argsort(far[free], kind="stable")]
-    best: dict[int, int] = {}
-    doubtful: set[int] = set()
-    for index in order.tolist():
-        first = best.setdefault(int(known.target[index]), index)
-        if first != index and far[index] - far[first] < margin:
-            doubtful.add(first)
-    chosen: list[int] = []
-    taken: set[tuple[str, int]] = set()
-    for index in best.values():
-        own = {("left", int(known.left[index])), ("right", int(known.right[index]))}
-        if index not in doubtful and not own & taken:
-            chosen.append(index)
-            taken |= own
-    return chosen
-
-
-def _worth(known: Hypotheses, chosen: Indices) -> tuple[int, float]:
-    """More targets are better, and as many with smaller displacements."""
-    return len(chosen), -float((known.displacement_mm[chosen] ** 2).sum())
-
-
-def _between(places: Array) -> Array:
-    return np.linalg.norm(places[:, np.newaxis] - places, axis=2)
-
-
-def _lengths(places: Array, pairs: Indices) -> Array:
-    return np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+    def _typical_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
+        """(2, 2, 1) standard deviation of x and y in either view, the same for all its blobs."""
+        variance = [(view.sigma_px**2).sum(axis=0) / max(len(view), 1) for view in (left, right)]
+        typical: Array = np.sqrt(np.array(variance) + self.settings.unmodelled_px**2).T
+        return typical[:, :, np.newaxis]

@@ -1,9 +1,9 @@
 """How far an object's targets are from their nominal places: a smooth field over the object.
 
-Neighbouring targets move alike, and that is all that is assumed: the displacements are a Gaussian random field with
-a Matérn 5/2 covariance over the targets' nominal distances, the same in X, Y and Z. What some targets show then says
-where the others are, and how surely (kriging). This is the prior knowledge that decides correspondence where the
-epipolar geometry cannot.
+Neighbouring targets move alike, and that is all that is assumed: the displacements are a Gaussian random
+field with a Matérn 5/2 covariance over the targets' nominal distances, the same in X, Y and Z. What some
+targets show then says where the others are, and how surely (kriging). This is the prior knowledge that
+decides correspondence where the epipolar geometry cannot.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class Smoothness:
     """
 
     sigma_mm: float = 3.0
-    reach_mm: float = 25.0
+    reach_mm: float = 30.0
     noise_mm: float = 0.15
 
 
@@ -37,7 +37,8 @@ class Expected(NamedTuple):
 
     Attributes:
         displacement_mm: (M, 3) the displacement that they make it have.
-        sigma_mm: (M,) its standard deviation in each coordinate, without the noise of the target's own measurement.
+        sigma_mm: (M,) its standard deviation in each coordinate, without the noise of the target's own
+            measurement.
     """
 
     displacement_mm: Array

@@ -40,9 +40,9 @@ def intersect(
 ) -> Points:
     """The points of N targets, from the blob that each has in the left and in the right view.
 
-    Weighted least squares of the four image coordinates on equations (4)–(7), all points at once. The covariance is
-    that of pointing and line jitter; the calibration's share is J·C·Jᵀ with J from the implicit function that the
-    least squares are, zero where the rig's covariance is not known.
+    Weighted least squares of the four image coordinates on equations (4)–(7), all points at once. The
+    covariance is that of pointing and line jitter; the calibration's share is J·C·Jᵀ with J from the implicit
+    function that the least squares are, zero where the rig's covariance is not known.
 
     Args:
         rig: left and right view.
@@ -50,8 +50,8 @@ def intersect(
         left: N blobs of the left view, in the order of `target`.
         right: N blobs of the right view.
         noise: line jitter.
-        start_mm: (N, 3) where to start from, to within some millimetres; without it, from the middle of the rays'
-            shortest connection.
+        start_mm: (N, 3) where to start from, to within some millimetres; without it, from the middle of the
+            rays' shortest connection.
 
     Returns:
         the points; a pair of blobs whose rays do not meet before the cameras has NaN for its place.
@@ -108,8 +108,8 @@ def _inverse(six: Array) -> Array:
 def _calibration_share(rig: Rig, whitening: Whitening, adjusted: _Adjusted) -> Array:
     """(N, 3, 3) J·C·Jᵀ.
 
-    The least squares X(l, p) keep Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p; with C = L·Lᵀ the
-    share is G·Gᵀ, G = (AᵀA)⁻¹Aᵀ·(∂f/∂p·L).
+    The least squares X(l, p) keep Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p; with C = L·Lᵀ
+    the share is G·Gᵀ, G = (AᵀA)⁻¹Aᵀ·(∂f/∂p·L).
     """
     count = adjusted.xyz.shape[1]
     if rig.factor is None:

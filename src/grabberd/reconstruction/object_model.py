@@ -33,7 +33,8 @@ class ObjectModel:
         name: what the object is called.
         target: (N,) int32, ids, ascending.
         xyz_mm: (N, 3) float64, nominal places in the object's frame.
-        row: (N,) int32, row of the target grid; `column`: (N,) int32. Neighbours differ by one in one of them.
+        row: (N,) int32, row of the target grid; `column`: (N,) int32. Neighbours differ by one in one of
+            them.
         target_diameter_mm: diameter of the discs.
         sigma_mm: standard deviation of the nominal places.
     """
@@ -82,7 +83,8 @@ class ObjectModel:
     def neighbours(self) -> NDArray[np.intp]:
         """(K, 2) indices of the pairs of targets next to each other on the grid, each pair once, sorted.
 
-        Next to each other are targets of the same row in adjoining columns, or of the same column in adjoining rows.
+        Next to each other are targets of the same row in adjoining columns, or of the same column in
+        adjoining rows.
         """
         place = {(int(r), int(c)): i for i, (r, c) in enumerate(zip(self.row, self.column, strict=True))}
         pairs = [

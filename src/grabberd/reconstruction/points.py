@@ -14,10 +14,10 @@ class Points:
         target: (N,) int32, target ids, each at most once.
         xyz_mm: (N, 3) float64.
         covariance_mm2: (N, 3, 3) float64, from pointing and line jitter: independent from field to field.
-        calibration_covariance_mm2: (N, 3, 3) float64, from the calibration: common to all fields, reduced by no
-            averaging, and so kept apart.
-        image_px: (N, 2, 2) float64, frame pixels of the blobs it was intersected from: [point, view, (x, y)], view 0
-            left, 1 right.
+        calibration_covariance_mm2: (N, 3, 3) float64, from the calibration: common to all fields, reduced by
+            no averaging, and so kept apart.
+        image_px: (N, 2, 2) float64, frame pixels of the blobs it was intersected from: [point, view, (x, y)],
+            view 0 left, 1 right.
         residual_px: (N,) float64, root mean square of the four image residuals after intersection.
     """
 

@@ -27,7 +27,9 @@ class Prediction:
     reach_px: Array
 
     @classmethod
-    def of(cls, rig: Rig, places_mm: Array, sigma_mm: Array, sigma_px: Array | float, gate: float) -> "Prediction":
+    def of(
+        cls, rig: Rig, places_mm: Array, sigma_mm: Array, sigma_px: Array | float, gate: float
+    ) -> "Prediction":
         """From places (M, 3), known to `sigma_mm` (M,) in each coordinate, and a blob's σ in px.
 
         Args:
@@ -44,8 +46,8 @@ class Prediction:
     def nearest(self, view: int, xy_px: Array) -> Indices:
         """(M,) index of the blob that is each target's, -1 where there is none.
 
-        A blob is a target's where it lies within reach of its predicted image, no other blob is nearer to that, and
-        it is nearer to no other target's; near in units of the reach.
+        A blob is a target's where it lies within reach of its predicted image, no other blob is nearer to
+        that, and it is nearer to no other target's; near in units of the reach.
 
         Args:
             view: index of the view.

@@ -16,7 +16,8 @@ class Track:
 
     Attributes:
         target: (M,) int32, ids, ascending: all of the object model.
-        xyz_mm: (M, 3) places, smoothed over the object; those of unseen targets are what the others make them.
+        xyz_mm: (M, 3) places, smoothed over the object; those of unseen targets are what the others make
+            them.
         sigma_mm: (M,) standard deviation of a place in each coordinate.
         velocity_mm_s: (M, 3).
         speed_sigma_mm_s: standard deviation of a velocity in each coordinate.

@@ -1,25 +1,21 @@
 """The same targets from field to field (paper 3.7): predicted, found again, or identified anew.
 
-Every target has a predicted place, seen or not: neighbours carry each other along, so one that comes back from
-behind the curve is expected where it comes. Near its predicted image the nearest blob is its own, if left and right
-agree with one another and the place with the neighbours.
+Every target has a predicted place, seen or not: neighbours carry each other along, so one that comes back
+from behind the curve is expected where it comes. Near its predicted image the nearest blob is its own, if
+left and right agree with one another and the place with the neighbours.
 """
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig
-from grabberd.reconstruction.correspondence import Correspondence, CorrespondenceSettings, Matches
-from grabberd.reconstruction.displacement import Expected
-from grabberd.reconstruction.hypotheses import Hypotheses
+from grabberd.reconstruction.agreement import CorrespondenceSettings
+from grabberd.reconstruction.correspondence import Correspondence, Sighting
 from grabberd.reconstruction.image_noise import ImageNoise
-from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.prediction import Prediction
 from grabberd.reconstruction.track import Track
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
@@ -48,14 +44,6 @@ class TrackingSettings:
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
 
-class _Sighting(NamedTuple):
-    """Targets found in a field: their points, their places in the model, and what each makes of the others."""
-
-    points: Points
-    known: Hypotheses
-    expected: Expected
-
-
 class Tracker:
     """The rules by which one object is tracked before one rig; all that changes is in the `Track`."""
 
@@ -82,18 +70,18 @@ class Tracker:
             dt_s: time since the field before, lost ones included.
 
         Returns:
-            the track after this field, and the points of the targets that were found in it; none of them where
-            neither following nor identifying finds enough.
+            the track after this field, and the points of the targets that were found in it; none of them
+            where neither following nor identifying finds enough.
         """
         elapsed_s = track.age_s + dt_s
         unseen_s = track.unseen_s + dt_s
         fewest = max(self.settings.least_share * min(len(left), len(right), len(self.model)), 1.0)
         if elapsed_s <= self.settings.longest_gap_s:
-            sighting = self._follow(track, left, right, elapsed_s)
-            if len(sighting.points) >= max(fewest, self.settings.least_share * track.found):
+            sighting = self.correspondence.near(*self._moved(track, elapsed_s), left, right)
+            if len(sighting) >= max(fewest, self.settings.least_share * track.found):
                 return self._continued(track, sighting, unseen_s, elapsed_s), sighting.points
-        sighting = self._sight(self.correspondence.identify(left, right), left, right)
-        if len(sighting.points) >= fewest:
+        sighting = self.correspondence.identify(left, right)
+        if len(sighting) >= fewest:
             return self._begun(sighting, unseen_s), sighting.points
         return replace(track, unseen_s=unseen_s, age_s=elapsed_s), Points.none()
 
@@ -101,53 +89,23 @@ class Tracker:
         """Where to look for blobs in the field that comes `dt_s` after the last.
 
         Returns:
-            (K, 4) float64 x0, y0, x1, y1 in frame pixels: where a blob's centre may be, for all targets in the left
-            view and then in the right that can lie in the view's half; None where nothing is tracked and a target
-            may be anywhere.
+            (K, 4) float64 x0, y0, x1, y1 in frame pixels: where a blob's centre may be, for all targets in
+            the left view and then in the right that can lie in the view's half; None where nothing is tracked
+            and a target may be anywhere.
         """
         elapsed_s = track.age_s + dt_s
         if elapsed_s > self.settings.longest_gap_s:
             return None
-        return self._predict(track, elapsed_s, _UNKNOWN_PX).windows(self.rig.views)
+        predicted = self.correspondence.predict(*self._moved(track, elapsed_s), _UNKNOWN_PX)
+        return predicted.windows(self.rig.views)
 
-    def _predict(self, track: Track, elapsed_s: float, sigma_px: Array | float) -> Prediction:
+    def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
+        """Places (M, 3) in mm after that time, and their standard deviations (M,)."""
         places = track.xyz_mm + track.velocity_mm_s * elapsed_s
-        sigma_mm = np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
-        return Prediction.of(self.rig, places, sigma_mm, sigma_px, self.settings.correspondence.gate)
+        return places, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
 
-    def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> _Sighting:
-        predicted = self._predict(track, elapsed_s, self._typical_px(left, right))
-        nearest = np.array([predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right))])
-        target = np.flatnonzero((nearest >= 0).all(axis=0))
-        matches = Matches(target, *nearest[:, target])
-        return self._sight(matches, left, right, predicted.places_mm[target])
-
-    def _typical_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
-        """(2, 2, 1) standard deviation of x and y in either view, the same for all its blobs."""
-        variance = [(view.sigma_px**2).sum(axis=0) / max(len(view), 1) for view in (left, right)]
-        blurred = np.sqrt(np.array(variance) + self.settings.correspondence.unmodelled_px**2)
-        return blurred.T[:, :, np.newaxis]
-
-    def _sight(
-        self, matches: Matches, left: ViewBlobs, right: ViewBlobs, start_mm: Array | None = None
-    ) -> _Sighting:
-        """The points of matches, but not of those that disagree: the two rays, or the place with the others."""
-        left, right = left.select(matches.left), right.select(matches.right)
-        points = intersect(self.rig, self.model.target[matches.target], left, right, self.noise, start_mm)
-        sigma2 = (left.sigma_px**2).sum(axis=1) + (right.sigma_px**2).sum(axis=1)
-        blurring = 1.0 + 4.0 * self.settings.correspondence.unmodelled_px**2 / sigma2
-        known = Hypotheses(
-            *matches,
-            points.xyz_mm - self.model.xyz_mm[matches.target],
-            np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis],
-        )
-        across = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1]) * np.sqrt(blurring / 8.0)
-        meeting = np.flatnonzero(points.residual_px <= self.settings.correspondence.gate * across)
-        chosen, expected = self.correspondence.consistent(known, meeting)
-        return _Sighting(points.select(chosen), known.select(chosen), expected)
-
-    def _begun(self, sighting: _Sighting, unseen_s: Array) -> Track:
-        """The track after targets were identified, in rest until the next field shows more."""
+    def _begun(self, sighting: Sighting, unseen_s: Array) -> Track:
+        """The track after targets were identified, at rest until the next field shows more."""
         return Track(
             target=self.model.target,
             xyz_mm=self.model.xyz_mm + self._smoothed(sighting),
@@ -156,10 +114,10 @@ class Tracker:
             speed_sigma_mm_s=self.settings.speed_mm_s,
             unseen_s=_seen_again(unseen_s, sighting),
             age_s=0.0,
-            found=len(sighting.points),
+            found=len(sighting),
         )
 
-    def _continued(self, track: Track, sighting: _Sighting, unseen_s: Array, elapsed_s: float) -> Track:
+    def _continued(self, track: Track, sighting: Sighting, unseen_s: Array, elapsed_s: float) -> Track:
         begun = self._begun(sighting, unseen_s)
         return replace(
             begun,
@@ -167,19 +125,20 @@ class Tracker:
             speed_sigma_mm_s=self.settings.acceleration_mm_s2 * elapsed_s,
         )
 
-    def _smoothed(self, sighting: _Sighting) -> Array:
+    def _smoothed(self, sighting: Sighting) -> Array:
         displacement = sighting.expected.displacement_mm.copy()
-        displacement[sighting.known.target] = sighting.known.displacement_mm
-        return self.correspondence.field.smooth(displacement)
+        displacement[sighting.target] = sighting.points.xyz_mm - self.model.xyz_mm[sighting.target]
+        return self.correspondence.agreement.field.smooth(displacement)
 
-    def _sigma(self, sighting: _Sighting) -> Array:
+    def _sigma(self, sighting: Sighting) -> Array:
+        """Of unseen targets as expected, of seen ones not worse than their own depth."""
         sigma = sighting.expected.sigma_mm.copy()
-        seen = sighting.known.target
-        sigma[seen] = np.minimum(sigma[seen], np.sqrt(sighting.known.variance_mm2.max(axis=1)))
+        depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
+        sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)
         return sigma
 
 
-def _seen_again(unseen_s: Array, sighting: _Sighting) -> Array:
+def _seen_again(unseen_s: Array, sighting: Sighting) -> Array:
     seconds = unseen_s.copy()
-    seconds[sighting.known.target] = 0.0
+    seconds[sighting.target] = 0.0
     return seconds

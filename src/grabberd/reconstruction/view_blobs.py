@@ -14,10 +14,12 @@ class ViewBlobs:
 
     Attributes:
         xy_px: (N, 2) float64, frame pixels.
-        sigma_px: (N, 2) float64, above 0: standard deviation of `xy_px` from location alone, without line jitter.
+        sigma_px: (N, 2) float64, above 0: standard deviation of `xy_px` from location alone, without line
+            jitter.
 
     Raises:
-        MeasurementError: a place or a standard deviation is not a number, or a standard deviation not above 0.
+        MeasurementError: a place or a standard deviation is not a number, or a standard deviation not above
+            0.
     """
 
     xy_px: NDArray[np.float64]

@@ -29,6 +29,10 @@ class Worker(threading.Thread):
 
     A capture's points begin afresh with its first field, so that measuring its file again gives the same
     points.
+
+    Attributes:
+        live: the newest measured field; `published` is notified with each.
+        latency: from a field's arrival until its points were published.
     """
 
     def __init__(
@@ -41,6 +45,7 @@ class Worker(threading.Thread):
     ) -> None:
         super().__init__(name=f"worker-{name}", daemon=True)
         self.live: Live | None = None
+        self.published = threading.Condition()
         self.latency = Latency()
         self._setup = setup
         self._intake = intake
@@ -97,6 +102,8 @@ class Worker(threading.Thread):
 
     def _publish(self, measured: MeasuredField, first_n: int) -> None:
         now_ns = self._clock.now_ns()
-        self.live = Live(measured, now_ns)
+        with self.published:
+            self.live = Live(measured, now_ns)
+            self.published.notify_all()
         arrived_ns = int(self._intake.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)

@@ -1,0 +1,51 @@
+"""A client of the application over a service on the simulated grabber, as fast as its reader goes."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from fastapi.testclient import TestClient
+from running import PATIENCE_S, configuration, wait_until_it_accepts
+
+from grabberd.api import create_app
+from grabberd.config import default_config_file
+from grabberd.service.service import Service
+from grabberd.service.setup import set_up
+
+
+def service_in(folder: Path, **options: object) -> Service:
+    return Service(set_up(configuration(options), default_config_file()), folder)
+
+
+@pytest.fixture
+def fast(tmp_path: Path) -> Iterator[TestClient]:
+    """Captures are over in no time."""
+    service = service_in(tmp_path, pace="free")
+    with TestClient(create_app(service), raise_server_exceptions=False) as client:
+        wait_until_it_accepts(service)
+        yield client
+
+
+@pytest.fixture
+def paced(tmp_path: Path) -> Iterator[TestClient]:
+    """Captures last as long as they last."""
+    service = service_in(tmp_path, pace="real")
+    with TestClient(create_app(service), raise_server_exceptions=False) as client:
+        wait_until_it_accepts(service)
+        yield client
+
+
+def sealed(client: TestClient, capture_id: str) -> dict[str, object]:
+    """The capture's document once it is sealed."""
+    session = client.app.state.service.instrument(None).session  # type: ignore[attr-defined]
+    assert session.sealed.wait(PATIENCE_S)
+    document: dict[str, object] = client.get(f"/api/v1/captures/{capture_id}").json()
+    return document
+
+
+@pytest.fixture
+def captured(fast: TestClient) -> tuple[TestClient, str]:
+    """A client and the id of a sealed capture of 20 fields."""
+    capture_id = fast.post("/api/v1/captures", json={"fields": 20, "labels": {"cow": "112"}}).json()["id"]
+    sealed(fast, capture_id)
+    return fast, capture_id

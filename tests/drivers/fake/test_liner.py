@@ -1,0 +1,116 @@
+"""The pulsating liner."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from grabberd_fake.liner import Liner, Sections, closure, profile
+from grabberd_fake.options import LinerOptions
+
+OPEN_NS, CLOSED_NS = 400_000_000, 900_000_000
+times = st.integers(0, 3_000_000_000)
+liner = Liner(LinerOptions())
+
+
+def test_it_has_18_rows_of_6_targets_numbered_from_one() -> None:
+    assert liner.ids.tolist() == list(range(1, 109))
+    assert (liner.row.max(), liner.column.max()) == (17, 5)
+    assert (liner.row[6], liner.column[6]) == (1, 0)
+
+
+def test_open_it_is_a_tube_with_targets_on_its_outer_face() -> None:
+    targets = liner.targets(OPEN_NS)
+    y, z = targets.xyz_mm[:, 1], targets.xyz_mm[:, 2] + 9.0
+    assert_allclose(np.hypot(y, z), 13.75, atol=1e-6)
+    assert_allclose(targets.normal, np.column_stack([0 * y, y, z]) / 13.75, atol=1e-6)
+    assert_allclose(targets.xyz_mm, liner.nominal().xyz_mm, atol=1e-9)
+
+
+def test_closed_its_middle_is_flattened_toward_the_cameras_and_wider_along_y() -> None:
+    opened, closed = liner.wall(OPEN_NS).xyz_mm, liner.wall(CLOSED_NS).xyz_mm
+    middle = (liner.row == 8) & (liner.column == 3)
+    assert 4.2 < (opened - closed)[middle][0, 2] < 5.0
+    assert closed[:, 1].max() > opened[:, 1].max() + 1
+    assert_allclose(closed[:, 0], opened[:, 0])
+
+
+def test_the_collapse_fades_towards_the_ends() -> None:
+    moved = np.linalg.norm(liner.targets(CLOSED_NS).xyz_mm - liner.targets(OPEN_NS).xyz_mm, axis=1)
+    by_row = moved.reshape(18, 6).max(axis=1)
+    assert (np.diff(by_row[:9]) > 0).all()
+    assert_allclose(by_row, by_row[::-1], atol=1e-9)
+    assert by_row[0] < 0.35
+
+
+def test_the_collapse_profile_is_one_in_the_middle_and_smooth_at_the_ends() -> None:
+    x = np.array([-80.0, -65.0, -64.999, 0.0, 65.0])
+    value, slope = profile(x, 130.0)
+    assert_allclose(value, [0, 0, 0, 1, 0], atol=1e-8)
+    assert_allclose(slope, 0, atol=1e-5)
+
+
+@given(times)
+def test_targets_stay_at_constant_arc_length_from_their_neighbours_along_the_middle_surface(time_ns: int) -> None:
+    deflection = 5.0 * closure(LinerOptions(), time_ns)
+    arcs = np.linspace(-16.25, 16.25, 651)
+    y, z = Sections(12.5, tuple(arcs)).at(np.full(651, deflection), np.arange(651, dtype=np.int32))[:2]
+    steps = np.hypot(np.diff(y), np.diff(z))
+    assert_allclose(steps.sum(), 32.5, atol=1e-4)
+    assert_allclose(steps, 0.05, atol=2e-6)
+
+
+@given(st.floats(0, 8.7))
+def test_every_cross_section_has_the_open_ones_perimeter(deflection: float) -> None:
+    arcs = tuple(np.linspace(-np.pi, np.pi, 401) * 12.5)
+    y, z = Sections(12.5, arcs).at(np.full(401, deflection), np.arange(401, dtype=np.int32))[:2]
+    assert_allclose([y[0], z[0]], [y[-1], z[-1]], atol=1e-4)
+    assert_allclose(np.hypot(np.diff(y), np.diff(z)).sum(), 2 * np.pi * 12.5, rtol=2e-4)
+    assert_allclose(z.max(), 12.5 - deflection, atol=1e-5)
+
+
+@given(times)
+def test_normals_are_perpendicular_to_the_surface_and_point_outward(time_ns: int) -> None:
+    wall = liner.wall(time_ns)
+    assert_allclose(np.linalg.norm(wall.normal, axis=1), 1, atol=1e-9)
+    for tangent in (wall.along_s, wall.along_x):
+        assert_allclose(np.einsum("nx,nx->n", wall.normal, tangent), 0, atol=1e-7)
+    assert (np.einsum("nx,nx->n", wall.normal, wall.xyz_mm - [0, 0, -9.0])[:] > 0).all()
+
+
+def test_the_tangent_along_the_tube_is_the_derivative_of_the_place() -> None:
+    closed = liner.wall(CLOSED_NS)
+    finer = Liner(LinerOptions(rows=3, pitch_mm=6.5, columns=6))
+    place, tangent = finer.wall(CLOSED_NS).xyz_mm, finer.wall(CLOSED_NS).along_x
+    assert_allclose(tangent[6:12, 1:], 0, atol=1e-12)
+    x = liner.row.reshape(18, 6)[:, 0] * 6.5 - 55.25
+    for column in range(6):
+        numeric = np.gradient(closed.xyz_mm.reshape(18, 6, 3)[:, column], x, axis=0, edge_order=2)
+        assert_allclose(closed.along_x.reshape(18, 6, 3)[1:-1, column], numeric[1:-1], atol=0.005)
+    assert place.shape == (18, 3)
+
+
+@given(times)
+def test_it_pulsates(time_ns: int) -> None:
+    assert_allclose(liner.targets(time_ns).xyz_mm, liner.targets(time_ns + 1_000_000_000).xyz_mm, atol=0)
+
+
+@pytest.mark.parametrize(
+    ("part", "closed"), [(0.0, 1.0), (0.075, 0.5), (0.15, 0.0), (0.599, 0.0), (0.675, 0.5), (0.75, 1.0), (0.99, 1.0)]
+)
+def test_the_phases_follow_one_another_sixty_to_forty(part: float, closed: float) -> None:
+    assert closure(LinerOptions(), round(part * 1e9)) == pytest.approx(closed, abs=1e-3)
+    assert closure(LinerOptions(period_s=2.0), round(part * 2e9)) == pytest.approx(closed, abs=1e-3)
+
+
+def test_the_wall_moves_at_most_two_millimetres_a_field_and_without_jerks() -> None:
+    places = np.array([liner.targets(t * 5_000_000).xyz_mm for t in range(201)])
+    step = np.linalg.norm(np.diff(places, axis=0), axis=2)
+    assert 0.5 < step.max() * 4 < 2.0
+    assert np.abs(np.diff(step, axis=0)).max() < 0.06
+
+
+def test_without_deflection_it_does_not_move() -> None:
+    still = Liner(LinerOptions(deflection_mm=0.0))
+    assert_allclose(still.targets(CLOSED_NS).xyz_mm, still.targets(OPEN_NS).xyz_mm, atol=1e-12)
