@@ -26,7 +26,11 @@ def table() -> str:
     return "\n".join([head, "|---|---|---|---|---|", *rows])
 
 
-VARIANTS = (("1 bit, 288 lines", 1, "field"), ("1 bit, doubled", 1, "doubled"), ("8 bit, 288 lines", 8, "field"))
+VARIANTS = (
+    ("1 bit, 288 lines", 1, "field"),
+    ("1 bit, doubled", 1, "doubled"),
+    ("8 bit, 288 lines", 8, "field"),
+)
 
 
 def _setup() -> MeasureSetup:
@@ -49,7 +53,9 @@ def _grabbed() -> list[tuple[int, Field]]:
 
 def _row(name: str, grabbed: list[tuple[int, Field]], bits: int, lines: str, setup: MeasureSetup) -> str:
     fields = [
-        NumberedField(n, time_ns, n, quantise(double_lines(field) if lines == "doubled" else field, bits, THRESHOLD))
+        NumberedField(
+            n, time_ns, n, quantise(double_lines(field) if lines == "doubled" else field, bits, THRESHOLD)
+        )
         for n, (time_ns, field) in enumerate(grabbed)
     ]
     took, points = _measured(fields, setup)

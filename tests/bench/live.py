@@ -94,7 +94,10 @@ def _run(service: Service, timed: TimedGrabber, witness: Any, seconds: float) ->
         ("fields that should have come", str(ledger.total)),
         ("ledger", ledger.in_words(50.0)),
         ("points", f"{points} ({points / max(1, ledger.received):.1f} a field)"),
-        ("field arrived → points published, p50 / p99 / max", f"{p50:.2f} / {p99:.2f} / {latency.max():.1f} ms"),
+        (
+            "field arrived → points published, p50 / p99 / max",
+            f"{p50:.2f} / {p99:.2f} / {latency.max():.1f} ms",
+        ),
         ("deepest ring use", f"{session.deepest_ring} of {instrument.intake.armed.ring.slots} slots"),
         ("deepest backlog", f"{session.deepest_backlog} fields"),
         ("share of a core, simulated rendering included", f"{share:.1%}"),
@@ -103,7 +106,10 @@ def _run(service: Service, timed: TimedGrabber, witness: Any, seconds: float) ->
         (f"requests answered at {REQUESTS_PER_S}/s", str(witness[2])),
         ("longest stall of the machine, seen by a witness process", f"{witness[0] * 1e3:.0f} ms"),
         ("stalls over 20 ms that the witness saw", str(int(witness[1]))),
-        ("resident memory, start / highest / end", " / ".join(f"{m:.0f} MB" for m in (memory[0], max(memory), memory[-1]))),
+        (
+            "resident memory, start / highest / end",
+            " / ".join(f"{m:.0f} MB" for m in (memory[0], max(memory), memory[-1])),
+        ),
         ("capture file", f"{size_mb:.1f} MB"),
     ]
 

@@ -1,6 +1,7 @@
 """Fields of the simulated grabber, and what is true in them."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 import yaml
@@ -9,13 +10,14 @@ from grabberd.field import Field, NumberedField, double_lines, quantise
 from grabberd.geometry import Calibration
 from grabberd.measurement import ThresholdRule, choose_threshold
 from grabberd.processes.accuracy import Truth
-from grabberd.processes.measure import MeasureSetup
+from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
 from grabberd_fake import FakeGrabber, JumpingClock, truth_at
 from grabberd_fake.documents import calibration_document, object_document
 
 
-class Scene(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Scene:
     """Grey fields with their times, the truth, and the setup that they are measured with."""
 
     fields: list[tuple[int, Field]]
@@ -29,6 +31,11 @@ class Scene(NamedTuple):
         for n, (time_ns, field) in enumerate(self.fields):
             whole = double_lines(field) if lines == "doubled" else field
             yield NumberedField(n, time_ns, n, quantise(whole, bits, threshold))
+
+    @cache  # noqa: B019 - a test module has one or two scenes
+    def measured(self, bits, lines):
+        """Every field measured."""
+        return list(measure_fields(self.packed(bits, lines), self.setup))
 
 
 def take_scene(count, **options):

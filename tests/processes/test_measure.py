@@ -27,9 +27,7 @@ def liner_without_mirror_errors():
 
 
 def points_of(scene, bits, lines):
-    return Coordinates.of(
-        (one.n, one.points) for one in measure_fields(scene.packed(bits, lines), scene.setup)
-    )
+    return Coordinates.of((one.n, one.points) for one in scene.measured(bits, lines))
 
 
 def bytes_of(measured):
@@ -72,7 +70,7 @@ def test_the_covariance_says_how_large_the_errors_are(liner_without_mirror_error
     squared = [
         (one.points.xyz_mm - [true[one.n, target] for target in one.points.target]) ** 2
         / np.diagonal(one.points.covariance_mm2, axis1=1, axis2=2)
-        for one in measure_fields(scene.packed(bits, lines), scene.setup)
+        for one in scene.measured(bits, lines)
     ]
     in_sigmas = np.sqrt(np.concatenate(squared).mean(axis=0))
     assert ((in_sigmas > 0.7) & (in_sigmas < 1.5)).all(), in_sigmas
@@ -80,10 +78,8 @@ def test_the_covariance_says_how_large_the_errors_are(liner_without_mirror_error
 
 @pytest.mark.parametrize(("bits", "lines"), WAYS)
 def test_the_same_fields_give_the_same_points_bit_for_bit(liner, bits, lines):
-    fields = list(liner.packed(bits, lines))[:20]
-    assert bytes_of(measure_fields(fields, liner.setup)) == bytes_of(
-        measure_fields(iter(fields), liner.setup)
-    )
+    again = measure_fields(itertools.islice(liner.packed(bits, lines), 20), liner.setup)
+    assert bytes_of(again) == bytes_of(liner.measured(bits, lines)[:20])
 
 
 def test_each_field_is_answered_before_the_next_is_taken(liner):

@@ -8,7 +8,11 @@ from grabberd.service.recorder import GRACE_NS, Recorder
 
 
 def recorder(
-    fields: int | None = None, capacity: int = 500, clock: ManualClock | None = None, *, lossless: bool = False
+    fields: int | None = None,
+    capacity: int = 500,
+    clock: ManualClock | None = None,
+    *,
+    lossless: bool = False,
 ) -> tuple[Recorder, Backlog[Slot]]:
     backlog: Backlog[Slot] = Backlog(capacity)
     return Recorder(fields, backlog, clock or ManualClock(), PERIOD_NS, lossless=lossless), backlog

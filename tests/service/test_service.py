@@ -201,7 +201,9 @@ def test_an_unplugged_device_comes_back_and_the_capture_says_what_is_missing(tmp
 def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:
     config = configuration({"pace": "free"})
     one = config.devices["simulated"]
-    broken = one.model_copy(update={"options": {"faults": [{"kind": "unplug", "at_s": 0, "back_after_s": 1e6}]}})
+    broken = one.model_copy(
+        update={"options": {"faults": [{"kind": "unplug", "at_s": 0, "back_after_s": 1e6}]}}
+    )
     two = config.model_copy(update={"devices": {"good": one, "broken": broken}})
     service = Service(set_up(two, default_config_file()), tmp_path)
     service.start()

@@ -37,9 +37,14 @@ def accuracy(
     with CaptureReader(capture) as reader:
         result = compare(Coordinates.of(reader.points(run)), known)
     if json:
-        print_json(asdict(result))
+        print_json(_document(result))
     else:
         _show(result)
+
+
+def _document(result: "Accuracy") -> dict[str, object]:
+    axes = {"rmse": result.rmse._asdict(), "precision": result.precision and result.precision._asdict()}
+    return {**asdict(result), **axes}
 
 
 def _show(result: "Accuracy") -> None:
@@ -52,4 +57,4 @@ def _show(result: "Accuracy") -> None:
         f"{result.matched} points in {result.fields} fields; {result.missing} missing, {result.wrong} wrong, "
         f"{result.unknown} of targets that the truth does not have"
     )
-    console.print(words, highlight=False)
+    typer.echo(words)

@@ -12,7 +12,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from grabberd.cli.options import (
     ConfigOption,
     JsonOption,
-    console,
     load,
     only_device,
     print_json,
@@ -71,7 +70,9 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         print_json(document)
     else:
         words = document["ledger"]["in_words"]
-        console.print(f"{out}: {document['fields']} fields, {words}", highlight=False)
+        if document["ended_because"] != "length reached":
+            words += f"; {document['ended_because']}"
+        typer.echo(f"{out}: {document['fields']} fields, {words}")
 
 
 def _order(

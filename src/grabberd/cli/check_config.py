@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from grabberd.cli.options import JsonOption, console, print_json
+from grabberd.cli.options import JsonOption, print_json
 from grabberd.config import load_config
 
 
@@ -28,4 +28,4 @@ def check_config(
     if json:
         print_json({"file": str(file), "devices": sorted(devices)})
     else:
-        console.print(f"{file}: good; devices: {', '.join(sorted(devices))}", highlight=False)
+        typer.echo(f"{file}: good; devices: {', '.join(sorted(devices))}")

@@ -27,5 +27,5 @@ def devices(config: ConfigOption = None, json: JsonOption = False) -> None:
     table = Table("device", "driver", "calibration", title="Configured devices")
     for name, device in settings.devices.items():
         table.add_row(name, device.driver, device.calibration.name if device.calibration else "none")
-    console.print(f"installed drivers: {', '.join(drivers)}", highlight=False)
+    typer.echo(f"installed drivers: {', '.join(drivers)}")
     console.print(table)

@@ -6,8 +6,6 @@ from typing import Annotated
 
 import typer
 
-from grabberd.cli.options import console
-
 
 class Format(StrEnum):
     """What can be written."""
@@ -36,6 +34,6 @@ def export(
     from grabberd.storage.export import export_csv, export_png  # noqa: PLC0415
 
     if format is Format.CSV:
-        console.print(f"{out}/points.csv: {export_csv(capture, out, run)} points", highlight=False)
+        typer.echo(f"{out}/points.csv: {export_csv(capture, out, run)} points")
     else:
-        console.print(f"{out}: {export_png(capture, out)} pictures and fields.csv", highlight=False)
+        typer.echo(f"{out}: {export_png(capture, out)} pictures and fields.csv")

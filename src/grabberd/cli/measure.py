@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from grabberd.cli.options import JsonOption, console, print_json, progress_console
+from grabberd.cli.options import JsonOption, print_json, progress_console
 
 
 def register(app: typer.Typer) -> None:
@@ -38,4 +38,4 @@ def measure(
         print_json(result)
     else:
         words = f"run {result['run']}, {result['points']} points in {result['fields']} fields"
-        console.print(f"{capture}: {words}", highlight=False)
+        typer.echo(f"{capture}: {words}")

@@ -1,5 +1,6 @@
 """`grabberd serve`: the daemon."""
 
+import ipaddress
 import logging
 import sys
 from pathlib import Path
@@ -9,6 +10,7 @@ import typer
 
 from grabberd.cli.options import ConfigOption, load
 from grabberd.config import default_config_file
+from grabberd.errors import ConfigError, Problem
 
 SWITCH_INTERVAL_S = 0.001
 """The capture thread must not wait five milliseconds for the interpreter."""
@@ -40,11 +42,22 @@ def serve(
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     settings = load(config)
     file: Path = config or default_config_file()
+    address = host or settings.http.host
+    if not _is_loopback(address):
+        message = f"{address} is no loopback address, and there are no tokens that say who may use the daemon"
+        raise ConfigError([Problem(str(file), "http.host", message)])
     service = Service.from_config(settings, set_up(settings, file))
     uvicorn.run(
         create_app(service),
-        host=host or settings.http.host,
+        host=address,
         port=settings.http.port if port is None else port,
         log_level="warning",
         timeout_graceful_shutdown=5,
     )
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

@@ -13,7 +13,7 @@ KINDS = ("fixed", "trinder", "automatic")
 GREY_FRACTION = 0.13
 """Of the contrast, with 2 bits and more: five times better in y than one half."""
 BINARY_FRACTION = 0.3
-"""Of the contrast, at 1 bit: doubled or intact, at 2 to 5 % noise, the error in space is least from .2 to .35."""
+"""Of the contrast, at 1 bit: with 2 to 5 % noise the error in space is least between .2 and .35."""
 NOISE_MARGIN = 4.0
 """A threshold is at least so many standard deviations above the background."""
 SURELY_BRIGHT = 6.0

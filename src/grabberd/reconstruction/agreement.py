@@ -50,6 +50,7 @@ class Agreement:
         model: the object.
         settings: what is believed.
         field: the smooth field of the targets' displacements.
+        pitch_mm: median distance of neighbours; infinite where there are none.
     """
 
     def __init__(self, model: ObjectModel, settings: CorrespondenceSettings) -> None:
@@ -58,7 +59,7 @@ class Agreement:
         self.field = DisplacementField.of(model, settings.smoothness)
         self._neighbours = model.neighbours()
         self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
-        self._pitch_mm = float(np.median(self._apart_mm)) if len(self._apart_mm) else np.inf
+        self.pitch_mm = float(np.median(self._apart_mm)) if len(self._apart_mm) else np.inf
 
     def largest(self, known: Hypotheses) -> Indices:
         """The most hypotheses that agree, found from the surest of them.
@@ -104,10 +105,10 @@ class Agreement:
     def _starts(self, known: Hypotheses) -> Indices:
         """Hypotheses to start from, the surest first: near the nominal place, and agreed to by neighbours."""
         away = np.linalg.norm(known.displacement_mm, axis=1)
-        near = np.flatnonzero(away <= 0.5 * self._pitch_mm)
+        near = np.flatnonzero(away <= 0.5 * self.pitch_mm)
         few = known.select(near)
-        agree = _between(few.displacement_mm) <= self.settings.trust * self._pitch_mm
-        agree &= _between(self.model.xyz_mm[few.target]) <= _AROUND * self._pitch_mm
+        agree = _between(few.displacement_mm) <= self.settings.trust * self.pitch_mm
+        agree &= _between(self.model.xyz_mm[few.target]) <= _AROUND * self.pitch_mm
         for own in (few.target, few.left, few.right):
             agree &= own[:, np.newaxis] != own
         supported = near[agree.sum(axis=1) >= _LEAST_SUPPORT]
@@ -135,7 +136,7 @@ class Agreement:
         expected = self._expected(known, chosen)
         far = _far(known, expected)
         free = allowed & (far <= self.settings.gate**2)
-        free &= expected.sigma_mm[known.target] <= self.settings.trust * self._pitch_mm
+        free &= expected.sigma_mm[known.target] <= self.settings.trust * self.pitch_mm
         for own in (known.target, known.left, known.right):
             free &= ~np.isin(own, own[chosen])
         return _undoubted(known, far, np.flatnonzero(free), self.settings.margin)

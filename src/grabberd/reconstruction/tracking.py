@@ -20,6 +20,7 @@ from grabberd.reconstruction.track import Track
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _UNKNOWN_PX = 0.5
 """Standard deviation of a blob that has not been located yet."""
@@ -34,6 +35,8 @@ class TrackingSettings:
         acceleration_mm_s2: standard deviation of the acceleration.
         longest_gap_s: after longer without a field that could be followed, targets are identified anew.
         least_share: so are they where fewer are found than this share of those before, or of the blobs.
+        firm: a target that was not seen lately is given out at once only where the others expect it better than
+            this share of the targets' pitch; elsewhere it is when it is seen again.
         correspondence: gates, and the object's deformation.
     """
 
@@ -41,6 +44,7 @@ class TrackingSettings:
     acceleration_mm_s2: float = 1250.0
     longest_gap_s: float = 0.07
     least_share: float = 0.5
+    firm: float = 0.06
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
 
@@ -79,7 +83,8 @@ class Tracker:
         if elapsed_s <= self.settings.longest_gap_s:
             sighting = self.correspondence.near(*self._moved(track, elapsed_s), left, right)
             if len(sighting) >= max(fewest, self.settings.least_share * track.found):
-                return self._continued(track, sighting, unseen_s, elapsed_s), sighting.points
+                believed = self._believed(track, sighting)
+                return self._continued(track, sighting, unseen_s, elapsed_s), sighting.points.select(believed)
         sighting = self.correspondence.identify(left, right)
         if len(sighting) >= fewest:
             return self._begun(sighting, unseen_s), sighting.points
@@ -98,6 +103,16 @@ class Tracker:
             return None
         predicted = self.correspondence.predict(*self._moved(track, elapsed_s), _UNKNOWN_PX)
         return predicted.windows(self.rig.views)
+
+    def _believed(self, track: Track, sighting: Sighting) -> Mask:
+        """(K,) whose point may be given out: who was seen lately, or is where the others surely expect it.
+
+        Anybody else may be a false blob in the wide gate of a target that nobody knows much about; two of them in a
+        row are not.
+        """
+        lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
+        firm_mm = self.settings.firm * self.correspondence.agreement.pitch_mm
+        return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Places (M, 3) in mm after that time, and their standard deviations (M,)."""

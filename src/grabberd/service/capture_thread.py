@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 
 from grabberd.acquisition.device import Grabber, Signal, StreamInfo
-from grabberd.errors import DeviceAbsent, DeviceError, DeviceRefused, PictureError, StreamEnded
+from grabberd.errors import DeviceAbsent, DeviceError, DeviceRefused, GrabberdError, PictureError, StreamEnded
 from grabberd.service.clock import Clock
 from grabberd.service.intake import Intake
 from grabberd.service.states import DeviceState
@@ -37,7 +37,7 @@ class CaptureThread(threading.Thread):
         *,
         has_room: Callable[[], bool],
         is_capturing: Callable[[], bool],
-        on_end: Callable[[str], None],
+        on_end: Callable[[GrabberdError], None],
     ) -> None:
         super().__init__(name=f"capture-{name}", daemon=True)
         self._grabber = grabber
@@ -72,7 +72,7 @@ class CaptureThread(threading.Thread):
         except DeviceError as error:
             self._failed(error)
         except PictureError as error:
-            self._ended(error.message)
+            self._ended(error)
         except Exception as error:
             log.exception("device %s: the capture thread failed", self.name)
             self._failed(DeviceRefused(f"{type(error).__name__}: {error}", "please report this"))
@@ -116,7 +116,7 @@ class CaptureThread(threading.Thread):
 
     def _failed(self, error: DeviceError) -> None:
         if isinstance(error, StreamEnded):
-            self._ended(error.message)
+            self._ended(error)
             return
         self._intake.interrupted(_reason(error))
         state = self._board.state
@@ -126,9 +126,9 @@ class CaptureThread(threading.Thread):
         else:
             self._board.enter(DeviceState.RECOVERING, error.message)
 
-    def _ended(self, message: str) -> None:
-        self._board.enter(DeviceState.ENDED, message)
-        self._on_end(message)
+    def _ended(self, error: GrabberdError) -> None:
+        self._board.enter(DeviceState.ENDED, error.message)
+        self._on_end(error)
         self._stopping.wait()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.acquisition import Policy, Slot
-from grabberd.errors import CaptureRunning, Conflict, NotReady
+from grabberd.errors import CaptureRunning, Conflict, GrabberdError, NotReady
 from grabberd.service.backlog import Backlog
 from grabberd.service.capture_thread import CaptureThread
 from grabberd.service.clock import Clock, iso_utc
@@ -65,7 +65,7 @@ class Instrument:
             clock,
             has_room=lambda: self.running is not None and self.running.has_room,
             is_capturing=lambda: self.running is not None,
-            on_end=self.stop_capture_quietly,
+            on_end=self._source_ended,
         )
 
     def _make_worker(self) -> Worker | None:
@@ -136,10 +136,10 @@ class Instrument:
             raise Conflict(f"capture {capture_id} is not running", "only a running capture can be stopped")
         session.stop("stopped by the operator")
 
-    def stop_capture_quietly(self, because: str) -> None:
-        """Ends the recording of whatever capture is running."""
-        if self.running:
-            self.running.stop(because)
+    def _source_ended(self, error: GrabberdError) -> None:
+        session = self.running
+        if session is not None:
+            session.source_ended(error)
 
     def _check_free(self) -> None:
         if self.session is not None and not self.session.sealed.is_set():

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from grabberd.acquisition import Outcome, RingReader, Slot
-from grabberd.errors import GrabberdError, StorageError
+from grabberd.errors import GrabberdError, StorageError, StreamEnded
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField
 from grabberd.service.backlog import Backlog
@@ -51,6 +51,7 @@ class CaptureSession:
         self._writer = writer
         self._backlog = backlog
         self._on_sealed = on_sealed
+        self._cut_by: GrabberdError | None = None
         if not measured:
             self.writing.all_measured.set()
 
@@ -68,10 +69,16 @@ class CaptureSession:
         """The file as it is called now."""
         return self._writer.path
 
+    def source_ended(self, error: GrabberdError) -> None:
+        """A recording came to its end, or to a picture that cannot be read: then the capture is cut short."""
+        if not isinstance(error, StreamEnded):
+            self._cut_by = error
+        self.stop(error.message)
+
     @property
     def failure(self) -> GrabberdError | None:
-        """What kept the capture from being written whole."""
-        return self.writing.failure
+        """What kept the capture from being whole, or None."""
+        return self.writing.failure or self._cut_by
 
     @property
     def complete(self) -> bool:
@@ -120,7 +127,7 @@ class CaptureSession:
         self.writing.all_measured.set()
 
     def _past_end(self, index: int) -> bool:
-        return self.failure is not None or (self._backlog.closed and index >= self._backlog.end)
+        return self.writing.failure is not None or (self._backlog.closed and index >= self._backlog.end)
 
     def _from_file(self, first_n: int, end_n: int) -> Iterator[NumberedField]:
         with CaptureReader(self._writer.path) as reader:

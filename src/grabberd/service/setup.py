@@ -91,7 +91,7 @@ def _read(path: Path | None, parse: Callable[[str], Any]) -> Any:
 
 
 def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSetup | None:
-    if not documents.get("calibration") or not documents.get("object"):
+    if documents.get("calibration") is None or documents.get("object") is None:
         return None
     calibration = Calibration.from_document(documents["calibration"])
     calibration.check_fits(config.rig.columns, config.rig.lines, glass=calibration.glass)

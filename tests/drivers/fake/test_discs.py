@@ -26,7 +26,10 @@ def rim(targets: Targets, radius_mm: float, count: int = 720) -> Array:
     first = np.cross(targets.normal, [0.0, 1.0, 0.0])
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(targets.normal, first)
-    around = np.cos(angle)[:, np.newaxis] * first[:, np.newaxis] + np.sin(angle)[:, np.newaxis] * second[:, np.newaxis]
+    around = (
+        np.cos(angle)[:, np.newaxis] * first[:, np.newaxis]
+        + np.sin(angle)[:, np.newaxis] * second[:, np.newaxis]
+    )
     return targets.xyz_mm[:, np.newaxis] + radius_mm * around
 
 

@@ -36,4 +36,6 @@ def test_the_eccentric_angle_lies_at_its_arc_length(p: float, arc: float) -> Non
 
 def test_on_a_circle_the_angle_is_the_arc() -> None:
     one = np.ones(3)
-    assert_allclose(ellipse.eccentric_angle(one, one, np.array([-1.0, 0.0, 2.5])), [-1.0, 0.0, 2.5], atol=1e-12)
+    assert_allclose(
+        ellipse.eccentric_angle(one, one, np.array([-1.0, 0.0, 2.5])), [-1.0, 0.0, 2.5], atol=1e-12
+    )

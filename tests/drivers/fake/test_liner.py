@@ -52,7 +52,9 @@ def test_the_collapse_profile_is_one_in_the_middle_and_smooth_at_the_ends() -> N
 
 
 @given(times)
-def test_targets_stay_at_constant_arc_length_from_their_neighbours_along_the_middle_surface(time_ns: int) -> None:
+def test_targets_stay_at_constant_arc_length_from_their_neighbours_along_the_middle_surface(
+    time_ns: int,
+) -> None:
     deflection = 5.0 * closure(LinerOptions(), time_ns)
     arcs = np.linspace(-16.25, 16.25, 651)
     y, z = Sections(12.5, tuple(arcs)).at(np.full(651, deflection), np.arange(651, dtype=np.int32))[:2]
@@ -97,7 +99,8 @@ def test_it_pulsates(time_ns: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "closed"), [(0.0, 1.0), (0.075, 0.5), (0.15, 0.0), (0.599, 0.0), (0.675, 0.5), (0.75, 1.0), (0.99, 1.0)]
+    ("part", "closed"),
+    [(0.0, 1.0), (0.075, 0.5), (0.15, 0.0), (0.599, 0.0), (0.675, 0.5), (0.75, 1.0), (0.99, 1.0)],
 )
 def test_the_phases_follow_one_another_sixty_to_forty(part: float, closed: float) -> None:
     assert closure(LinerOptions(), round(part * 1e9)) == pytest.approx(closed, abs=1e-3)

@@ -91,7 +91,9 @@ def test_a_target_at_the_pictures_edge_is_cut_off_there(place: tuple[float, floa
     assert 0 < cut.sum() < whole.sum()
 
 
-@pytest.mark.parametrize("place", [(-60.0, 200.0), (150.0, -70.0), (150.0, 5000.0), (np.nan, np.nan), (900.0, 100.0)])
+@pytest.mark.parametrize(
+    "place", [(-60.0, 200.0), (150.0, -70.0), (150.0, 5000.0), (np.nan, np.nan), (900.0, 100.0)]
+)
 def test_what_is_out_of_sight_is_not_drawn(place: tuple[float, float]) -> None:
     assert drawn(round_spots(place), round_spots()).max() == 0
     assert drawn(round_spots(place, (100.0, 100.0)), round_spots()).max() > 100
@@ -115,7 +117,8 @@ def test_line_jitter_shifts_every_row_of_both_halves_by_the_same() -> None:
     for half in (slice(0, 360), slice(360, 720)):
         rows = slice(98, 103)
         before, after = (
-            (grey[rows, half] * columns).sum(axis=1) / grey[rows, half].sum(axis=1) for grey in (still, shaken)
+            (grey[rows, half] * columns).sum(axis=1) / grey[rows, half].sum(axis=1)
+            for grey in (still, shaken)
         )
         assert_allclose(after - before, shift[rows], atol=2e-3)
 
@@ -132,11 +135,18 @@ def supersampled(view: View, targets: Targets, parity: int, picture: PictureOpti
     normal = targets.normal[0]
     first = np.cross(normal, [0.0, 1.0, 0.0])
     first /= np.linalg.norm(first)
-    circle = np.multiply.outer(np.cos(angle), first) + np.multiply.outer(np.sin(angle), np.cross(normal, first))
+    circle = np.multiply.outer(np.cos(angle), first) + np.multiply.outer(
+        np.sin(angle), np.cross(normal, first)
+    )
     outline = view.image(targets.xyz_mm + 0.75 * circle) - corner
     x = _covered(outline, np.arange(-0.5 + 0.5 / FINE, 31.5, 1 / FINE))
     spread = cv2.GaussianBlur(
-        x, (0, 0), picture.spread_x_px * FINE, None, picture.spread_y_px * FINE, borderType=cv2.BORDER_CONSTANT
+        x,
+        (0, 0),
+        picture.spread_x_px * FINE,
+        None,
+        picture.spread_y_px * FINE,
+        borderType=cv2.BORDER_CONSTANT,
     )
     pixels = spread.reshape(len(spread), 28, FINE).mean(axis=2)
     lines = 2 if picture.field_integration else 1
@@ -153,7 +163,9 @@ def _covered(outline: Array, y: Array) -> NDArray[np.float64]:
     sides = way[: turn + 1], np.vstack([way[turn:], way[:1]])[::-1]
     edges = np.sort([np.interp(y, s[:, 1], s[:, 0], left=np.nan, right=np.nan) for s in sides], axis=0)
     cells = np.arange(28 * FINE) / FINE - 0.5
-    inside = np.clip((edges[1][:, None] - cells) * FINE, 0, 1) - np.clip((edges[0][:, None] - cells) * FINE, 0, 1)
+    inside = np.clip((edges[1][:, None] - cells) * FINE, 0, 1) - np.clip(
+        (edges[0][:, None] - cells) * FINE, 0, 1
+    )
     return np.nan_to_num(inside)
 
 

@@ -9,7 +9,10 @@ from numpy.testing import assert_allclose
 from grabberd_fake import SCENES, FakeOptions
 from grabberd_fake.scenes import Scene, accuracy_object, build_scene, calibration_frame
 
-POINTS = [{"id": 9, "x_mm": 1, "y_mm": 2, "z_mm": 3}, {"id": 4, "x_mm": 0, "y_mm": 0, "z_mm": 0, "nx": 0.6, "nz": 0.6}]
+POINTS = [
+    {"id": 9, "x_mm": 1, "y_mm": 2, "z_mm": 3},
+    {"id": 4, "x_mm": 0, "y_mm": 0, "z_mm": 0, "nx": 0.6, "nz": 0.6},
+]
 
 
 def scene_of(name: str, **options: Any) -> Scene:
@@ -40,7 +43,9 @@ def test_the_calibration_frame_has_108_targets_with_depth() -> None:
 @pytest.mark.parametrize(("down", "along"), [(1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (1, -1)])
 def test_the_calibration_frame_does_not_resemble_itself_one_pitch_on(down: int, along: int) -> None:
     height = calibration_frame().nominal().xyz_mm[:, 2].reshape(12, 9)
-    moved = np.roll(height, (down, along), (0, 1))[max(down, 0) : 12 + min(down, 0), max(along, 0) : 9 + min(along, 0)]
+    moved = np.roll(height, (down, along), (0, 1))[
+        max(down, 0) : 12 + min(down, 0), max(along, 0) : 9 + min(along, 0)
+    ]
     still = height[max(down, 0) : 12 + min(down, 0), max(along, 0) : 9 + min(along, 0)]
     assert np.sqrt(((moved - still) ** 2).mean()) > 3
 

@@ -1,0 +1,233 @@
+"""The commands as a person types them."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from grabberd.cli.app import app
+from grabberd.config import shipped_configs
+from grabberd.storage import CaptureReader
+
+FAST = """
+devices:
+  simulated:
+    driver: fake
+    options: {{scene: liner, pace: free}}
+    calibration: {configs}/fake.calibration.json
+    object: {configs}/objects/liner.yaml
+"""
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("config") / "fast.yaml"
+    file.write_text(FAST.format(configs=shipped_configs()))
+    return file
+
+
+@pytest.fixture(scope="module")
+def capture(config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("capture") / "liner.grab"
+    result = run("capture", "--config", config, "--fields", 30, "--out", out, "--label", "cow=112")
+    assert result.exit_code == 0, result.output
+    return out
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def shell(*words: object) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, "-c", "from grabberd.cli import main; main()", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_a_capture_is_written_and_its_verdict_printed(capture: Path, config: Path, tmp_path: Path) -> None:
+    result = run("capture", "--config", config, "--fields", 5, "--out", tmp_path / "five.grab")
+    assert result.output.strip().endswith("five.grab: 5 fields, complete")
+    with CaptureReader(capture) as reader:
+        assert reader.meta.labels == {"cow": "112"}
+        assert reader.meta.id == "liner"
+        assert reader.ledger.complete
+
+
+def test_json_is_for_scripts(config: Path, tmp_path: Path) -> None:
+    result = run("capture", "--config", config, "--fields", 5, "--out", tmp_path / "five.grab", "--json")
+    assert json.loads(result.stdout)["ledger"]["complete"] is True
+
+
+def test_nothing_is_left_beside_the_capture(config: Path, tmp_path: Path) -> None:
+    run("capture", "--config", config, "--fields", 5, "--out", tmp_path / "five.grab")
+    assert [path.name for path in tmp_path.iterdir()] == ["five.grab"]
+
+
+def test_an_existing_file_is_not_overwritten(capture: Path) -> None:
+    result = shell("capture", "--fields", 5, "--out", capture)
+    assert result.returncode == 1
+    assert "exists already" in result.stderr
+    assert "hint:" in result.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--bits", "7"),
+        ("--lines", "tripled"),
+        ("--label", "cow"),
+        ("--fields", "5", "--duration-s", "1"),
+        ("--fields", "0"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_before_anything_starts(
+    tmp_path: Path, words: tuple[str, ...]
+) -> None:
+    result = run("capture", "--out", tmp_path / "a.grab", *words)
+    assert result.exit_code == 2
+    assert not (tmp_path / "a.grab").exists()
+
+
+def test_a_configuration_with_problems_names_them_all_and_exits_with_78(tmp_path: Path) -> None:
+    file = tmp_path / "bad.yaml"
+    file.write_text("devices: {one: {driver: fake, rig: {distance: 3}, calibration: no.json}}\nport: 1\n")
+    for command in (("check-config", file), ("capture", "--config", file, "--out", tmp_path / "a.grab")):
+        result = shell(*command)
+        assert result.returncode == 78
+        for key in ("devices.one.rig.distance", "devices.one.calibration", "port"):
+            assert key in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("driver: nothing", "there is no driver 'nothing'"),
+        ("driver: fake, options: {scene: moon}", "scene"),
+        ("driver: fake, options: {speed: 3}", "speed"),
+        ("driver: fake, calibration: bad.json, object: bad.json", "schema"),
+    ],
+)
+def test_drivers_options_and_calibrations_are_checked_too(tmp_path: Path, line: str, says: str) -> None:
+    (tmp_path / "bad.json").write_text("{}")
+    file = tmp_path / "bad.yaml"
+    file.write_text(f"devices: {{one: {{{line}}}}}")
+    result = shell("check-config", file)
+    assert result.returncode == 78
+    assert says in result.stderr
+
+
+def test_the_shipped_configuration_is_good() -> None:
+    result = run("check-config", shipped_configs() / "fake.yaml")
+    assert result.exit_code == 0
+    assert "good" in result.output
+
+
+def test_measuring_adds_a_run(capture: Path) -> None:
+    configs = shipped_configs()
+    words = (
+        "--calibration",
+        configs / "fake.calibration.json",
+        "--object",
+        configs / "objects" / "liner.yaml",
+    )
+    result = run("measure", capture, *words, "--json")
+    assert json.loads(result.stdout)["run"] >= 2
+
+
+def test_accuracy_is_printed_against_the_simulators_truth(capture: Path, tmp_path: Path) -> None:
+    truth = subprocess.run(
+        [sys.executable, "-m", "grabberd_fake", "truth", str(capture)],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    file = tmp_path / "truth.csv"
+    file.write_text(truth.stdout)
+    result = run("accuracy", capture, "--truth", file, "--json")
+    document = json.loads(result.stdout)
+    assert document["wrong"] == 0
+    assert document["matched"] > 60 * 30
+    assert 0.01 < document["rmse"]["xyz_mm"] < 0.12
+
+
+@pytest.mark.parametrize("text", ["", "target,x_mm\n1,2\n", "target,x_mm,y_mm,z_mm\n1,2,three,4\n"])
+def test_a_truth_that_cannot_be_read_is_refused(capture: Path, tmp_path: Path, text: str) -> None:
+    file = tmp_path / "truth.csv"
+    file.write_text(text)
+    result = shell("accuracy", capture, "--truth", file)
+    assert result.returncode == 1
+    assert "truth.csv" in result.stderr
+
+
+def test_points_and_pictures_are_exported_into_an_empty_folder(capture: Path, tmp_path: Path) -> None:
+    assert run("export", capture, "--out", tmp_path / "csv").exit_code == 0
+    assert (tmp_path / "csv" / "points.csv").stat().st_size > 100_000
+    assert run("export", capture, "--format", "png", "--out", tmp_path / "png").exit_code == 0
+    assert len(list((tmp_path / "png").glob("*.png"))) == 30
+    again = shell("export", capture, "--out", tmp_path / "csv")
+    assert again.returncode == 1
+    assert "not empty" in again.stderr
+
+
+def test_a_recording_takes_a_grabbers_place(config: Path, capture: Path, tmp_path: Path) -> None:
+    out = tmp_path / "again.grab"
+    words = (
+        "--config",
+        config,
+        "--device",
+        f"replay:{capture}",
+        "--bits",
+        1,
+        "--lines",
+        "doubled",
+        "--out",
+        out,
+    )
+    result = run("capture", *words)
+    assert result.exit_code == 0, result.output
+    with CaptureReader(out) as reader:
+        assert reader.ledger.received == 30
+
+
+def test_a_picture_that_cannot_be_read_ends_the_capture_and_keeps_the_rest(
+    config: Path, capture: Path, tmp_path: Path
+) -> None:
+    run("export", capture, "--format", "png", "--out", tmp_path / "png")
+    broken = sorted((tmp_path / "png").glob("*.png"))[20]
+    broken.write_bytes(broken.read_bytes()[:100])
+    out = tmp_path / "again.grab"
+    result = run("capture", "--config", config, "--device", f"replay:{tmp_path / 'png'}", "--out", out)
+    assert broken.name in str(result.exception)
+    with CaptureReader(out) as reader:
+        assert reader.ledger.received == 20
+        assert broken.name in (reader.meta.ended_because or "")
+        assert reader.meta.complete is False
+
+
+def test_the_drivers_and_devices_are_listed() -> None:
+    result = run("devices", "--json")
+    assert json.loads(result.stdout) == {"devices": {"simulated": "fake"}, "drivers": ["fake", "replay"]}
+
+
+def test_without_a_daemon_the_status_says_how_to_start_one() -> None:
+    result = shell("status", "--url", "http://127.0.0.1:9")
+    assert result.returncode == 1
+    assert "grabberd serve" in result.stderr
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.4", "::"])  # noqa: S104 - it is refused
+def test_the_daemon_refuses_to_listen_to_strangers(host: str) -> None:
+    result = shell("serve", "--host", host)
+    assert result.returncode == 78
+    assert "loopback" in result.stderr
+
+
+def test_importing_the_server_stays_light() -> None:
+    heavy = "scipy.optimize", "pyarrow", "matplotlib"
+    code = (
+        f"import grabberd.api, grabberd.service.service, sys; print([m for m in {heavy} if m in sys.modules])"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout.strip() == "[]"
