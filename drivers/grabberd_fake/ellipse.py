@@ -19,9 +19,11 @@ def perimeter(p: Array, q: Array) -> Array:
 def widened(p: Array) -> Array:
     """(N,) the other semi-axis of ellipses of perimeter 2π whose one semi-axis is p (N,), 0.25 < p <= 1."""
     q = 2.0 - p
-    for _ in range(40):
+    for _ in range(8):
         step = (perimeter(p, q) - 2 * np.pi) / _perimeter_by_q(p, q)
         q = q - step
+        if np.abs(step).max() < 1e-13:
+            break
     return q
 
 
@@ -35,7 +37,7 @@ def eccentric_angle(p: Array, q: Array, arc: Array) -> Array:
     spectrum = np.fft.rfft(speed, axis=1).real / _SAMPLES
     mean, cosines = spectrum[:, 0], 2 * spectrum[:, 2 * orders]
     theta = arc / mean
-    for _ in range(12):
+    for _ in range(8):
         phase = 2 * np.multiply.outer(theta, orders)
         length = mean * theta + (cosines / (2 * orders) * np.sin(phase)).sum(axis=1)
         theta = theta - (length - arc) / np.hypot(q * np.cos(theta), p * np.sin(theta))

@@ -62,10 +62,10 @@ class FakeGrabber:
         """
         if self._stream is not None:
             raise DeviceRefused("the simulated grabber is open already", "close it first")
+        self._world = self._world or World(self.options)  # takes its time, so before the first field is due
         first = self._next_top_field()
         self._first = first if self._first is None else self._first
         self._refuse_if_unplugged()
-        self._world = self._world or World(self.options)
         self._stream = _Stream(self._world, self._script, self._first, first, self.options.buffers)
         return self._info()
 

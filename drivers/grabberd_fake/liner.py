@@ -148,14 +148,14 @@ class Sections:
 def _unit_table(arcs: tuple[float, ...]) -> Array:
     """(_STEPS + 1, columns, 6) for radius 1: y, z, dy/dd, dz/dd, tangent y, tangent z."""
     deflection = np.linspace(0.0, _FLATTEST, _STEPS + 1)
-    table = np.stack([_unit_sections(deflection, arc) for arc in arcs], axis=1)
+    p = 1.0 - deflection
+    q = ellipse.widened(p)
+    table = np.stack([_unit_sections(p, q, arc) for arc in arcs], axis=1)
     slopes = np.gradient(table[:, :, :2], deflection, axis=0, edge_order=2)
     return np.concatenate([table[:, :, :2], slopes, table[:, :, 2:]], axis=2)
 
 
-def _unit_sections(deflection: Array, arc: float) -> Array:
-    p = 1.0 - deflection
-    q = ellipse.widened(p)
+def _unit_sections(p: Array, q: Array, arc: float) -> Array:
     theta = ellipse.eccentric_angle(p, q, np.full_like(p, arc))
     tangent = np.stack([q * np.cos(theta), -p * np.sin(theta)], axis=1)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""The whole daemon on the simulated grabber at 50 Hz, with requests beside it and a witness of the machine's stalls."""
+"""The whole daemon at 50 Hz, with requests beside it and a witness of the machine's own stalls."""
 
 import multiprocessing
 import socket
@@ -73,6 +73,8 @@ def measure(seconds: float) -> list[tuple[str, str]]:
 def _run(service: Service, timed: TimedGrabber, witness: Any, seconds: float) -> list[tuple[str, str]]:
     instrument = service.instrument(None)
     assert instrument.worker
+    with instrument.board.changed:
+        instrument.board.changed.wait_for(lambda: instrument.accepts, 30)
     memory = [_resident_mb()]
     rendering, cpu, start = timed.cpu_s, time.process_time(), time.monotonic()
     capture_id = service.start_capture(None, CaptureRequest(fields=round(seconds * 50)))

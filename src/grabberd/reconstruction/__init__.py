@@ -5,7 +5,9 @@ field to field by prediction (`tracking`); where the rays of both views meet, wi
 `intersection`'s.
 """
 
-from grabberd.reconstruction.correspondence import CorrespondenceSettings
+from grabberd.reconstruction.agreement import CorrespondenceSettings
+from grabberd.reconstruction.correspondence import Correspondence, Sighting
+from grabberd.reconstruction.displacement import Smoothness
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
@@ -15,10 +17,13 @@ from grabberd.reconstruction.tracking import Tracker, TrackingSettings
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
 __all__ = [
+    "Correspondence",
     "CorrespondenceSettings",
     "ImageNoise",
     "ObjectModel",
     "Points",
+    "Sighting",
+    "Smoothness",
     "Track",
     "Tracker",
     "TrackingSettings",

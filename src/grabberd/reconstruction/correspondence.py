@@ -1,4 +1,4 @@
-"""Which blob of the left view, and which of the right, is which target (paper 3.7: prior knowledge identifies).
+"""Which blob of the left view, and which of the right, is which target: prior knowledge decides (paper 3.7).
 
 On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. From the surest
 hypothesis the identification grows over the object: whoever has been identified says where the others must
@@ -118,7 +118,7 @@ class Correspondence:
         right: ViewBlobs,
         start_mm: Array | None = None,
     ) -> Sighting:
-        """The points of targets, without those whose rays disagree, or whose place with the others' places."""
+        """The points of targets, without those whose rays disagree, or whose place disagrees with the rest."""
         left, right = left.select(of_left), right.select(of_right)
         points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
         blurring = self._blurring(left, right)

@@ -1,4 +1,4 @@
-"""Which pairs of blobs may be which targets: what the rays and the object model allow, before anything is decided."""
+"""Which pairs of blobs may be which targets: what rays and object model allow, before anything is decided."""
 
 from typing import NamedTuple
 
@@ -36,7 +36,13 @@ class Hypotheses(NamedTuple):
 
     def select(self, chosen: NDArray[np.bool_] | Indices) -> "Hypotheses":
         """The hypotheses that a mask or index array chooses."""
-        return Hypotheses(*(values[chosen] for values in self))
+        return Hypotheses(
+            self.target[chosen],
+            self.left[chosen],
+            self.right[chosen],
+            self.displacement_mm[chosen],
+            self.variance_mm2[chosen],
+        )
 
 
 def hypotheses(
@@ -68,7 +74,7 @@ def hypotheses(
 
 
 def _pairs(rig: Rig, left: ViewBlobs, right: ViewBlobs, gate_mm: float) -> tuple[Indices, Indices]:
-    """Indices of the pairs whose rays pass each other within `gate_mm` per pixel of σ across the epipolar line."""
+    """Indices of the pairs whose rays pass each other within `gate_mm` per pixel of σ in y."""
     left_center, from_left = rays(rig.views[0], left.xy_px)
     right_center, from_right = rays(rig.views[1], right.xy_px)
     met = approach(left_center, from_left[:, np.newaxis], right_center, from_right)

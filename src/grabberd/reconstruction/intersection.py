@@ -1,4 +1,4 @@
-"""The point in space that two blobs of a target determine: least squares on the full functional model (paper 3.7)."""
+"""The point that two blobs of a target determine: least squares on the full functional model (paper 3.7)."""
 
 from typing import NamedTuple
 
