@@ -26,7 +26,7 @@ targets, a target's brightness by angle or distance, stray light and reflections
 that a mirror loses, depth of field, vignetting, the glass plate, rolling or half-open shutters, charge smear,
 colour, sub-carrier and comb artefacts, ringing and DC restoration of the video signal, a sampling clock that
 drifts, fixed-pattern noise, noise that grows with the light or is correlated between pixels, the teat, and a
-liner that moves otherwise than by flattening.
+liner that moves otherwise than by flattening. Discs of more than 40 pixels are left out of the picture.
 """
 """What this driver leaves out; a test that passes on it says nothing about these."""
 

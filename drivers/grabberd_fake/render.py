@@ -23,6 +23,8 @@ from grabberd_fake.options import PictureOptions
 ROWS = LINES // 2
 SCALE = 32
 """The canvas counts in units of 1/32 grey value."""
+LARGEST_PX = 20.0
+"""Half the width of the largest disc that is drawn."""
 _PER_PX = 256
 _REACH = 4.0
 _PAD = 40
@@ -64,16 +66,17 @@ class Renderer:
         """
         self._padded[:] = 0
         both = Ellipses.joined(halves)
-        if len(both):
-            half = np.repeat(np.arange(2), [len(ellipses) for ellipses in halves])
-            self._add(both, half, parity, _shift_taps(shift_px))
+        half = np.repeat(np.arange(2), [len(ellipses) for ellipses in halves])
+        drawable = np.hypot(both.a, both.b).max(axis=1) < LARGEST_PX  # False for what has no image (NaN)
+        self._add(both.select(drawable), half[drawable], parity, _shift_taps(shift_px))
         return self._padded.reshape(-1, 2, HALF + 2 * _PAD)[_PAD:-_PAD, :, _PAD:-_PAD]
 
     def _add(self, ellipses: Ellipses, half: NDArray[np.intp], parity: int, taps: Single) -> None:
         rows, columns = self._window_size(ellipses)
         near = _near_their_half(ellipses.center, half, rows, columns)
-        if not near.all():
-            ellipses, half = ellipses.select(near), half[near]
+        if not near.any():
+            return
+        ellipses, half = ellipses.select(near), half[near]
         x = ellipses.center[:, 0] + half * (2 * _PAD) + _PAD
         row = (ellipses.center[:, 1] - parity) / 2 + _PAD
         corner_row, corner_column = np.floor(row) + (1 - rows // 2), np.floor(x) + (1 - columns // 2)
@@ -85,7 +88,7 @@ class Renderer:
 
     def _window_size(self, ellipses: Ellipses) -> tuple[int, int]:
         """Rows and columns that the largest of the ellipses touches wherever it lies."""
-        wide, high = np.nanmax(np.hypot(ellipses.a, ellipses.b), axis=0, initial=0.0)
+        wide, high = np.hypot(ellipses.a, ellipses.b).max(axis=0, initial=0.0)
         return 2 * math.ceil((high + self._margin_y) / 2), 2 * math.ceil(wide + self._margin_x + _TAPS)
 
     def _values(self, ellipses: Ellipses, across: tuple[Array, Array], windows: _Windows) -> Single:
@@ -114,7 +117,7 @@ class Renderer:
 
 
 def _near_their_half(center: Array, half: NDArray[np.intp], rows: int, columns: int) -> NDArray[np.bool_]:
-    """(N,) whose windows lie on the padded canvas; others are out of sight, or have no image (NaN)."""
+    """(N,) whose windows lie on the padded canvas; the others are out of sight."""
     x, row = center[:, 0] - HALF * half, center[:, 1] / 2
     beyond_x, beyond_row = _PAD - columns // 2 - 1, _PAD - rows // 2 - 1
     inside = (x > -beyond_x) & (x < HALF + beyond_x - 1)

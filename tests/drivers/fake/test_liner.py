@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from grabberd_fake import ellipse
 from grabberd_fake.liner import Liner, Sections, closure, profile
 from grabberd_fake.options import LinerOptions
 
@@ -51,24 +52,40 @@ def test_the_collapse_profile_is_one_in_the_middle_and_smooth_at_the_ends() -> N
     assert_allclose(slope, 0, atol=1e-5)
 
 
+COLUMNS = np.arange(6, dtype=np.int32)
+AROUND = np.arange(13, dtype=np.int32)
+sections = Sections(12.5, tuple(np.arange(-2.5, 3) * 6.5))
+whole_sections = Sections(12.5, tuple(np.linspace(-np.pi, np.pi, 13) * 12.5))
+
+
 @given(times)
-def test_targets_stay_at_constant_arc_length_from_their_neighbours_along_the_middle_surface(
-    time_ns: int,
-) -> None:
+def test_neighbours_round_the_wall_stay_one_pitch_apart_along_the_middle_surface(time_ns: int) -> None:
     deflection = 5.0 * closure(LinerOptions(), time_ns)
-    arcs = np.linspace(-16.25, 16.25, 131)
-    y, z = Sections(12.5, tuple(arcs)).at(np.full(131, deflection), np.arange(131, dtype=np.int32))[:2]
-    steps = np.hypot(np.diff(y), np.diff(z))
-    assert_allclose(steps, 0.25, atol=1e-4)
+    y, z = sections.at(np.full(6, deflection), COLUMNS)[:2]
+    p = 12.5 - deflection
+    q = 12.5 * ellipse.widened(np.array([p / 12.5]))[0]
+    theta = np.arctan2(y / q, z / p)
+    for start, end in zip(theta, theta[1:], strict=False):
+        way = np.linspace(start, end, 400)
+        assert np.hypot(np.diff(q * np.sin(way)), np.diff(p * np.cos(way))).sum() == pytest.approx(
+            6.5, abs=1e-4
+        )
 
 
 @given(st.floats(0, 8.7))
-def test_every_cross_section_has_the_open_ones_perimeter(deflection: float) -> None:
-    arcs = tuple(np.linspace(-np.pi, np.pi, 201) * 12.5)
-    y, z = Sections(12.5, arcs).at(np.full(201, deflection), np.arange(201, dtype=np.int32))[:2]
-    assert_allclose([y[0], z[0]], [y[-1], z[-1]], atol=1e-4)
-    assert_allclose(np.hypot(np.diff(y), np.diff(z)).sum(), 2 * np.pi * 12.5, rtol=5e-4)
-    assert_allclose(z.max(), 12.5 - deflection, atol=1e-5)
+def test_every_cross_section_is_an_ellipse_of_the_open_ones_perimeter(deflection: float) -> None:
+    y, z = whole_sections.at(np.full(13, deflection), AROUND)[:2]
+    p, q = 12.5 - deflection, 12.5 * ellipse.widened(np.array([1 - deflection / 12.5]))[0]
+    assert_allclose((y / q) ** 2 + (z / p) ** 2, 1, atol=1e-6)
+    assert_allclose(ellipse.perimeter(np.array([p]), np.array([q])), 2 * np.pi * 12.5, rtol=1e-12)
+    assert_allclose([y[0], z[0]], [-y[-1], z[-1]], atol=1e-6)
+    assert z[6] == pytest.approx(p, abs=1e-6)
+
+
+@given(st.floats(0.1, 8.6))
+def test_the_derivatives_by_the_deflection_are_those_of_the_places(deflection: float) -> None:
+    before, here, after = (sections.at(np.full(6, deflection + d), COLUMNS) for d in (-0.01, 0.0, 0.01))
+    assert_allclose(here[2:4], (after[:2] - before[:2]) / 0.02, atol=2e-3)
 
 
 @given(times)

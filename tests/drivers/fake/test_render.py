@@ -100,7 +100,9 @@ def test_what_is_out_of_sight_is_not_drawn(place: tuple[float, float]) -> None:
 
 
 def test_a_huge_disc_that_fits_nowhere_does_no_harm() -> None:
-    assert drawn(round_spots((100.0, 100.0), radius=300.0), round_spots()).max() == 0
+    huge, usual = round_spots((100.0, 100.0), radius=300.0), round_spots((500.0, 100.0))
+    assert drawn(huge, round_spots()).max() == 0
+    assert_allclose(drawn(huge, usual), drawn(round_spots(), usual), atol=0)
 
 
 def test_overlapping_targets_add_up() -> None:
@@ -126,7 +128,7 @@ def test_line_jitter_shifts_every_row_of_both_halves_by_the_same() -> None:
 def test_a_shifted_row_is_the_row_of_a_shifted_target() -> None:
     shaken = drawn(round_spots((100.4, 200.3)), round_spots(), shift=np.full(288, 0.3))
     moved = drawn(round_spots((100.7, 200.3)), round_spots())
-    assert_allclose(shaken, moved, atol=190 * 0.004)
+    assert_allclose(shaken, moved, atol=190 * 0.012)
 
 
 def supersampled(view: View, targets: Targets, parity: int, picture: PictureOptions, corner: Array) -> Array:
@@ -185,7 +187,7 @@ def test_the_picture_agrees_with_a_supersampled_one_through_the_same_optics(
         place = view.image(targets.xyz_mm)[0]
         corner = np.array([np.floor(place[0]) - 14, 2 * np.floor(place[1] / 2) - 16])
         wanted = supersampled(view, targets, parity, options, corner)
-        images = [Ellipses.joined([]) if False else round_spots(), round_spots()]
+        images = [round_spots(), round_spots()]
         images[half] = made._seen(view, targets, None)
         grey = Renderer(options).draw((images[0], images[1]), parity, QUIET).reshape(288, 720) / SCALE
         row, column = int(corner[1] // 2) + 1, int(corner[0])
