@@ -118,7 +118,7 @@ class Correspondence:
         right: ViewBlobs,
         start_mm: Array | None = None,
     ) -> Sighting:
-        """The points of targets, without those whose rays disagree, or whose place disagrees with the rest."""
+        """The points of targets, without those whose rays disagree, or whose place does with the others."""
         left, right = left.select(of_left), right.select(of_right)
         points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
         blurring = self._blurring(left, right)

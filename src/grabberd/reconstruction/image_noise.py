@@ -13,7 +13,7 @@ from grabberd.reconstruction.object_model import ObjectModel
 Array = NDArray[np.float64]
 
 _JITTER_OF_A_BLOB = 0.735
-"""σ of a centroid's x per σ of its lines' shifts, times √(line pitch / radius): chord lengths are the weights."""
+"""σ of a centroid's x per σ of its lines' shifts, times √(line pitch / radius): chords weigh by length."""
 
 
 @dataclass(frozen=True, slots=True)

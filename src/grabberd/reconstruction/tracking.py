@@ -35,8 +35,8 @@ class TrackingSettings:
         acceleration_mm_s2: standard deviation of the acceleration.
         longest_gap_s: after longer without a field that could be followed, targets are identified anew.
         least_share: so are they where fewer are found than this share of those before, or of the blobs.
-        firm: a target that was not seen lately is given out at once only where the others expect it better than
-            this share of the targets' pitch; elsewhere it is when it is seen again.
+        firm: a target that was not seen lately is given out at once only where the others expect it better
+            than this share of the targets' pitch, and else when it is seen once more.
         correspondence: gates, and the object's deformation.
     """
 
@@ -107,8 +107,8 @@ class Tracker:
     def _believed(self, track: Track, sighting: Sighting) -> Mask:
         """(K,) whose point may be given out: who was seen lately, or is where the others surely expect it.
 
-        Anybody else may be a false blob in the wide gate of a target that nobody knows much about; two of them in a
-        row are not.
+        Anybody else may be a false blob in the wide gate of a target that nobody knows much about; two of them
+        in a row are not.
         """
         lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
         firm_mm = self.settings.firm * self.correspondence.agreement.pitch_mm

@@ -1,0 +1,78 @@
+import copy
+
+import numpy as np
+import pytest
+
+from grabberd.errors import InputError
+from grabberd.reconstruction import ObjectModel
+
+
+def document(rows=2, columns=3):
+    targets = [
+        {"id": 10 * r + c, "x_mm": 6.5 * r, "y_mm": 6.5 * c, "z_mm": 1, "row": r, "column": c}
+        for r in range(rows)
+        for c in range(columns)
+    ]
+    return {"name": "plate", "target_diameter_mm": 1.5, "sigma_mm": 0.0, "targets": targets}
+
+
+def test_a_file_becomes_arrays_sorted_by_target():
+    shuffled = document()
+    shuffled["targets"].reverse()
+    model = ObjectModel.from_document(shuffled)
+    assert model.target.tolist() == [0, 1, 2, 10, 11, 12]
+    assert model.target.dtype == model.row.dtype == model.column.dtype == np.int32
+    assert model.xyz_mm[4].tolist() == [6.5, 6.5, 1.0]
+    assert (model.name, model.target_diameter_mm, model.sigma_mm, len(model)) == ("plate", 1.5, 0.0, 6)
+
+
+def test_neighbours_differ_by_one_row_or_one_column():
+    model = ObjectModel.from_document(document())
+    assert model.neighbours().tolist() == [[0, 1], [0, 3], [1, 2], [1, 4], [2, 5], [3, 4], [4, 5]]
+
+
+def test_a_hole_in_the_grid_has_no_neighbours():
+    holed = document()
+    del holed["targets"][1]
+    assert ObjectModel.from_document(holed).neighbours().tolist() == [[0, 2], [1, 4], [2, 3], [3, 4]]
+
+
+def test_a_single_target_has_no_neighbours():
+    assert ObjectModel.from_document(document(1, 1)).neighbours().shape == (0, 2)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda d: d.pop("name"), "name: is missing"),
+        (lambda d: d.update(shape="flat"), "shape: unknown key"),
+        (lambda d: d.update(target_diameter_mm=0), "target_diameter_mm: is 0, expected a number above 0"),
+        (lambda d: d.update(sigma_mm=-0.1), "sigma_mm: is -0.1, expected a number from 0"),
+        (lambda d: d.update(targets=[]), r"targets: is \[\], expected a list of targets"),
+        (lambda d: d.update(targets="many"), "targets: is 'many'"),
+        (lambda d: d["targets"].append(7), r"targets\[6\]: is 7, expected a mapping"),
+        (lambda d: d["targets"][2].pop("z_mm"), r"targets\[2\]\.z_mm: is missing"),
+        (lambda d: d["targets"][2].update(x=1), r"targets\[2\]\.x: unknown key"),
+        (lambda d: d["targets"][2].update(x_mm=float("inf")), r"targets\[2\]\.x_mm: is inf"),
+        (lambda d: d["targets"][2].update(id=1.5), r"targets\[2\]\.id: is 1\.5, expected a whole number"),
+        (lambda d: d["targets"][2].update(id=10), r"targets\[3\]\.id: 10 is given twice"),
+        (
+            lambda d: d["targets"][5].update(row=0, column=1),
+            r"targets\[5\]\.row, column: 0, 1 is given twice",
+        ),
+    ],
+)
+def test_a_wrong_value_is_named_with_its_key(change, said):
+    wrong = copy.deepcopy(document())
+    change(wrong)
+    with pytest.raises(InputError, match=said):
+        ObjectModel.from_document(wrong)
+
+
+def test_all_problems_are_named_at_once():
+    wrong = document()
+    wrong["targets"][0]["row"] = "first"
+    del wrong["name"], wrong["targets"][1]["y_mm"]
+    with pytest.raises(InputError, match=r"name.*targets\[0\]\.row.*targets\[1\]\.y_mm") as caught:
+        ObjectModel.from_document(wrong)
+    assert caught.value.hint
