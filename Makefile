@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 STATE ?= .state
 
-.PHONY: help run test check pytest test-wheel bench soak format lock clean
+.PHONY: help run test check pytest test-wheel bench soak docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -20,8 +20,8 @@ run: $(READY)  ## start the daemon on the simulated grabber at http://127.0.0.1:
 test: check pytest test-wheel  ## every check and test that this machine can run
 
 check: $(READY)  ## ruff, mypy and the arrows between the rooms
-	$(BIN)/ruff format --check src drivers tests
-	$(BIN)/ruff check src drivers tests
+	$(BIN)/ruff format --check src drivers tests docs
+	$(BIN)/ruff check src drivers tests docs
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 
@@ -37,9 +37,13 @@ bench: $(READY)  ## units of the work measured, into docs/measured.md
 soak: $(READY)  ## ten minutes (or DURATION=… seconds) of capturing with requests beside it
 	$(BIN)/python -m tests.bench live --seconds $(or $(DURATION),600) --write docs/measured.md
 
+docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures
+	$(BIN)/python docs/reference/generate.py
+	$(BIN)/python docs/images/draw.py
+
 format: $(READY)  ## lay out the code
-	$(BIN)/ruff format src drivers tests
-	$(BIN)/ruff check --fix src drivers tests
+	$(BIN)/ruff format src drivers tests docs
+	$(BIN)/ruff check --fix src drivers tests docs
 
 lock: $(READY)  ## write down the versions that the tests passed with
 	$(BIN)/pip freeze --exclude-editable | LC_ALL=C sort > constraints.txt

@@ -48,11 +48,9 @@ class Ellipses:
 
 
 def disc_images(view: View, targets: Targets, diameter_mm: float) -> Ellipses:
-    """The discs' pictures through all of the optics, perspective eccentricity included, to second order of
-    their size.
+    """The discs' pictures with their perspective eccentricity, to second order of their size.
 
-    The middle of a disc's boundary lies half as far from the picture of its centre as the ellipse's centre
-    does.
+    The middle of a disc's boundary lies half as far from its centre's picture as the ellipse's centre.
     """
     around = _rim(targets, diameter_mm / 2)
     count = len(targets.xyz_mm)

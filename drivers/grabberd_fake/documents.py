@@ -16,8 +16,7 @@ _CERTIFIED_SIGMA_MM = 0.01
 def calibration_document(options: FakeOptions) -> dict[str, Any]:
     """The exact calibration of the simulated rig, but for the mirrors' local errors.
 
-    A virtual camera is the real one reflected in its half's mirrors, taken in the order from the camera
-    outwards.
+    A virtual camera is the real one reflected in its half's mirrors, from the camera outwards.
     """
     left, right = build_views(options)
     return {
@@ -60,9 +59,7 @@ def _view_document(view: View) -> dict[str, Any]:
 
 
 def _angles(rotation: Array) -> tuple[float, float, float]:
-    """ω, φ, κ of R = Rκ·Rφ·Rω, whose matrices turn the axes counterclockwise; φ is far from ±π/2 in any
-    rig.
-    """
+    """ω, φ, κ of R = Rκ·Rφ·Rω, whose matrices turn the axes counterclockwise; φ stays far from ±π/2."""
     phi = math.asin(rotation[2, 0])
     return math.atan2(-rotation[2, 1], rotation[2, 2]), phi, math.atan2(-rotation[1, 0], rotation[0, 0])
 

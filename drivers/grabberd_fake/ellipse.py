@@ -9,9 +9,7 @@ _ANGLES = np.arange(_SAMPLES) * (2 * np.pi / _SAMPLES)
 
 
 def perimeter(p: Array, q: Array) -> Array:
-    """(N,) perimeters of ellipses with semi-axes p, q (N,); the trapezoidal rule is exact to rounding
-    here.
-    """
+    """(N,) perimeters of ellipses with semi-axes p, q (N,), exact to rounding."""
     around: Array = _speed(p, q).mean(axis=1) * (2 * np.pi)
     return around
 

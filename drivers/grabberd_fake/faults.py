@@ -184,9 +184,7 @@ class Script:
         return all(fault.delivers or not fault.holds(number) for fault in self._faults)
 
     def uncounted(self, number: int) -> int:
-        """How many fields before this one the driver's sequence passed over; windows that overlap count
-        once.
-        """
+        """How many fields before this one the sequence passed over; overlaps count once."""
         return sum(last - first for first, last in self._silent_windows(number))
 
     def _silent_windows(self, number: int) -> Iterator[tuple[int, int]]:

@@ -26,8 +26,7 @@ _REPLUG = "plug the grabber in again; it is tried again by itself"
 
 
 class FakeGrabber:
-    """A camera before a simulated scene, ALTERNATE, 50 fields a second; see `FakeOptions` for what it can be
-    told.
+    """A camera before a simulated scene, ALTERNATE, 50 fields a second; `FakeOptions` lists its options.
 
     Without options it is the reference rig before the pulsating liner, at real pace. `NOT_SIMULATED` says
     what it leaves out.

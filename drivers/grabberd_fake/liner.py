@@ -90,9 +90,7 @@ def _outward(along_s: Array, along_x: Array) -> Array:
 
 
 def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
-    """Collapse along the length, 1 in the middle and smoothly 0 at and beyond the ends; and its derivative by
-    x.
-    """
+    """Collapse along the length, 1 in the middle, smoothly 0 at the ends; and its derivative by x."""
     inside = np.abs(x_mm) < length_mm / 2
     angle = np.pi * x_mm / length_mm
     value = np.where(inside, np.cos(angle) ** 2, 0.0)
@@ -100,11 +98,9 @@ def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
 
 
 def closure(options: LinerOptions, time_ns: int) -> float:
-    """How far it is closed, 0 to 1: opening (a), open (b), closing (c), closed (d); a begins with each
-    period.
+    """How far it is closed, 0 to 1, in opening (a, with each period's start), open, closing, closed (d).
 
-    The transitions are cubic, so the speed is continuous and at most 1.5 deflections in the transition's
-    time.
+    The transitions are cubic, so the speed is continuous and at most 1.5 times the mean.
     """
     period_ns = round(options.period_s * 1e9)
     part = (time_ns % period_ns) / period_ns

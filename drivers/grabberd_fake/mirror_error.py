@@ -15,8 +15,7 @@ _SHORTEST_PX, _LONGEST_PX = 60.0, 180.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalError:
-    """A sum of plane waves; of mean zero and the wanted root mean square, in each coordinate, over a half
-    picture.
+    """A sum of plane waves; each coordinate has mean zero and the wanted rms over a half picture.
 
     Attributes:
         wave: (2, W) rad per pixel; `phase`: (W,) rad; `amplitude`: (W, 2) px; `mean`: (2,) px, taken off.

@@ -53,9 +53,7 @@ class Camera:
     axes: Array
 
     def project(self, xyz_mm: Array) -> Array:
-        """(N, 2) sensor pixels (column, sensor line) of points (N, 3); NaN for points not before the
-        camera.
-        """
+        """(N, 2) sensor pixels (column, sensor line) of points (N, 3); NaN for those behind it."""
         return self.to_pixels(self.axes @ (xyz_mm - self.center_mm).T)
 
     def to_pixels(self, along_mm: Array) -> Array:
@@ -86,8 +84,7 @@ class View:
         camera: the real camera, the same for both.
         mirrors: in the order in which light from the object meets them.
         displacement: (N, 2) pixels → (N, 2) pixels that the mirrors' local errors add there.
-        line_offset: what a frame line that a row stands for lies above the middle of the sensor lines it
-            collects.
+        line_offset: what a frame line that a row stands for lies above the middle of those it collects.
     """
 
     name: str
@@ -111,9 +108,7 @@ class View:
         return center
 
     def axes(self) -> Array:
-        """(3, 3) the camera's axes as rows, as seen from the object; determinant −1 after an odd number of
-        mirrors.
-        """
+        """(3, 3) the camera's axes as rows, as seen from the object; determinant (−1)^mirrors."""
         axes = self.camera.axes
         for mirror in reversed(self.mirrors):
             axes = axes - 2 * np.multiply.outer(axes @ mirror.normal, mirror.normal)
@@ -133,9 +128,7 @@ class View:
 
     @cached_property
     def _into_camera(self) -> tuple[Array, Array]:
-        """(3, 3) and (3, 1): all reflections and the camera's axes are affine, so what they do to four points
-        is all.
-        """
+        """(3, 3) and (3, 1): all reflections and the camera's axes are affine: four points tell all."""
         corners = np.vstack([np.zeros(3), np.eye(3)])
         origin, *units = (self.reflected(corners) - self.camera.center_mm) @ self.camera.axes.T
         return np.stack([unit - origin for unit in units], axis=1), origin[:, np.newaxis]

@@ -69,8 +69,7 @@ class RigOptions:
         mirror_shift_mm: of its misplacement along its normal.
         camera_tilt_mrad: of the camera's misalignment about each axis.
         camera_shift_mm: of its misplacement along each axis.
-        mirror_error_px: root mean square, over a half picture, of the mirrors' local unmodelled
-            displacements.
+        mirror_error_px: rms over a half picture of the mirrors' local unmodelled displacements.
         seed: of the misalignments and of the mirrors' error: it makes one particular rig.
     """
 
@@ -91,8 +90,7 @@ class PictureOptions:
     """What the camera makes of the scene. Grey values are those of the 8-bit picture before gamma and gain.
 
     Attributes:
-        background: grey value of everything that is not a target; `contrast`: by how much targets are
-            brighter.
+        background: grey value between the targets; `contrast`: by how much targets are brighter.
         noise: standard deviation of each pixel's noise in units of `contrast`, drawn anew for every field.
         jitter_px: standard deviation of the shift that each field line has in common, over both halves.
         spread_x_px: Gaussian spread (σ) of lens, sensor and video along a line, columns.
@@ -126,15 +124,12 @@ class LinerOptions:
     """The pulsating liner.
 
     Attributes:
-        radius_mm: of the wall's middle surface, open; `wall_mm`: thickness; `length_mm`: between its clamped
-            ends.
+        radius_mm: of the wall's middle surface, open; `wall_mm`: thickness; `length_mm`: between its ends.
         axis_z_mm: height of its axis in the object's frame.
         deflection_mm: how far the middle of its length flattens towards the axis when closed.
         period_s: one pulsation.
-        opening: proportion of the period that phase a takes; `open`: phase b; `closing`: phase c; d is the
-            rest.
-        rows: targets along X; `columns`: round the wall; `pitch_mm`: between targets, along the middle
-            surface.
+        opening: proportion of the period that phase a takes; `open`: phase b; `closing`: phase c; d the rest.
+        rows: targets along X; `columns`: round the wall; `pitch_mm`: along the middle surface.
     """
 
     radius_mm: float = number(12.5, 5, 30)
@@ -192,11 +187,9 @@ class FakeOptions:
         scene: one of `SCENES`.
         liner: see `LinerOptions`; `points`: the targets of the scene `points`.
         target_diameter_mm: diameter of the discs.
-        grazing_limit_deg: a target is seen in a view up to this angle between its normal and the line of
-            sight.
+        grazing_limit_deg: a target is seen up to this angle between its normal and the line of sight.
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
-        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as the reader goes, their times 20 ms
-            apart.
+        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as they are read, 20 ms apart in time.
         buffers: fields that wait while nobody dequeues; with all full, new ones are lost.
         seed: of noise and jitter.
         faults: the script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
@@ -211,7 +204,7 @@ class FakeOptions:
     camera: CameraOptions = field(default_factory=CameraOptions, metadata=by(Group(CameraOptions)))
     picture: PictureOptions = field(default_factory=PictureOptions, metadata=by(Group(PictureOptions)))
     pace: str = choice("real", "free")
-    buffers: int = integer(8, 2, 32)
+    buffers: int = integer(16, 2, 32)
     seed: int = integer(0, 0, 2**32 - 1)
     faults: tuple[Fault, ...] = ruled(ListOf(OneOfKinds(KINDS)), ())
 

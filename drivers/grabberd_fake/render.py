@@ -35,9 +35,7 @@ Canvas = NDArray[np.int16]
 
 
 class _Windows(NamedTuple):
-    """Where the pieces of canvas lie that M ellipses touch: `row`, `column` (M,) of their corners, and their
-    size.
-    """
+    """The pieces of canvas that M ellipses touch: `row`, `column` (M,) of their corners, and their size."""
 
     row: NDArray[np.intp]
     column: NDArray[np.intp]
@@ -61,8 +59,7 @@ class Renderer:
         Args:
             halves: left and right ellipses, frame pixels; each is clipped to its half.
             parity: of the field.
-            shift_px: (288,) by how much each row's targets lie too far right: line jitter, common to both
-                halves.
+            shift_px: (288,) by how much each row lies too far right, in both halves: line jitter.
         """
         self._padded[:] = 0
         both = Ellipses.joined(halves)
@@ -92,9 +89,7 @@ class Renderer:
         return 2 * math.ceil((high + self._margin_y) / 2), 2 * math.ceil(wide + self._margin_x + _TAPS)
 
     def _values(self, ellipses: Ellipses, across: tuple[Array, Array], windows: _Windows) -> Single:
-        """(M, rows, columns) grey values; `across`: (x, y) of the centres from the windows' corners, y in
-        lines.
-        """
+        """(M, rows, columns) grey values; `across`: centres from the windows' corners, y in lines."""
         (ax, ay), (bx, by) = ellipses.a.T, ellipses.b.T
         height2 = ay * ay + by * by
         height, lean = np.sqrt(height2), (ax * ay + bx * by) / height2
@@ -132,18 +127,14 @@ def _nodes(count: int) -> tuple[Array, Array]:
 
 
 def _looked_up(table: Single, place: Array) -> Single:
-    """(M, Q, columns of the table): its rows for places (M, Q) in pixels or lines from the window's
-    corner.
-    """
+    """(M, Q, columns of the table): its rows for places (M, Q) from the window's corner."""
     found: Single = table.take((place * _PER_PX + 0.5).astype(np.intp), axis=0, mode="clip")
     return found
 
 
 @lru_cache(maxsize=64)
 def _edge_table(spread: float, columns: int) -> Single:
-    """(columns · 256 + 1, columns): what pixel j collects of the bright side of an edge at i/256 px; bright
-    to the right.
-    """
+    """(columns · 256 + 1, columns): what pixel j collects right of an edge at i/256 px."""
     edge = np.arange(columns * _PER_PX + 1)[:, np.newaxis] / _PER_PX
     left = np.arange(columns) - 0.5 - edge
     collected = normal_integral((left + 1) / spread) - normal_integral(left / spread)
@@ -152,9 +143,7 @@ def _edge_table(spread: float, columns: int) -> Single:
 
 @lru_cache(maxsize=64)
 def _row_table(spread: float, lines_a_row: float, rows: int) -> Single:
-    """(2 · rows · 256 + 1, rows): the share of a line of light at i/256 frame lines that row k (at 2k)
-    collects.
-    """
+    """(2 · rows · 256 + 1, rows): what row k (at 2k) collects of light at i/256 frame lines."""
     light = np.arange(2 * rows * _PER_PX + 1)[:, np.newaxis] / _PER_PX
     above = 2.0 * np.arange(rows) - lines_a_row / 2 - light
     share = normal_distribution((above + lines_a_row) / spread) - normal_distribution(above / spread)
@@ -162,9 +151,7 @@ def _row_table(spread: float, lines_a_row: float, rows: int) -> Single:
 
 
 def _shift_taps(shift_px: Array) -> Single:
-    """(padded rows, 5): weights of the columns −2 … 2 that shift a row right by that much (Lagrange,
-    quartic).
-    """
+    """(padded rows, 5): Lagrange's weights of the columns −2 … 2 that shift a row to the right."""
     s = np.zeros(ROWS + 2 * _PAD)
     s[_PAD:-_PAD] = np.clip(-shift_px, -_TAPS, _TAPS)
     if not s.any():
@@ -182,9 +169,7 @@ def _shift_taps(shift_px: Array) -> Single:
 
 
 def _jittered(values: Single, taps: Single) -> Single:
-    """(M, rows, columns) with every row shifted; taps (M, rows, 5). Two columns at either end are empty
-    anyway.
-    """
+    """(M, rows, columns) with every row shifted; taps (M, rows, 5). The outer columns are empty."""
     columns = values.shape[2] - 2 * _TAPS
     shifted = np.zeros_like(values)
     inner = shifted[:, :, _TAPS:-_TAPS]

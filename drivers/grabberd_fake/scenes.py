@@ -78,8 +78,7 @@ _FRAME_COLUMN_MM = (-4.0, 2.5, -1.0, 4.0, -2.5, 3.5, -4.0, 1.0, 4.0)
 
 
 def calibration_frame() -> Still:
-    """The paper's 108 targets: 12 rows 9.75 mm apart along X, 9 columns 6.5 mm apart along Y, on steps of ±8
-    mm.
+    """The paper's 108 targets: 12 rows 9.75 mm apart along X, 9 columns 6.5 mm along Y, steps of ±8 mm.
 
     It reaches over the whole liner. The height is a row's step plus a column's; neither series resembles
     itself one place on, so a wrong identity by one pitch does not fit.
@@ -91,9 +90,7 @@ def calibration_frame() -> Still:
 
 
 def accuracy_object() -> Still:
-    """60 targets on a body unlike the calibration frame: a saddle with a step, 10 rows of 6, irregular
-    intervals.
-    """
+    """60 targets on a body unlike the calibration frame: a saddle with a step, 10 irregular rows of 6."""
     row, column = grid_numbers(10, 6)
     irregular_mm = np.random.default_rng(60).uniform(-1.2, 1.2, (60, 2))
     x, y = np.column_stack([(row - 4.5) * 9.5, (column - 2.5) * 7.0]).T + irregular_mm.T

@@ -27,9 +27,7 @@ class Sensor:
         self._gain = 1.0
 
     def expose(self, canvas: Canvas, rng: np.random.Generator, out: NDArray[np.uint8]) -> None:
-        """Writes the field's luma into `out` (288, 720); `canvas` (288, 2, 360) is what `Renderer.draw`
-        gave.
-        """
+        """Writes the field's luma into `out` (288, 720); `canvas` (288, 2, 360) is `Renderer.draw`'s."""
         random = rng.bit_generator.random_raw(ROWS * COLUMNS // 4).view(np.uint16)
         np.take(self._noise, random.reshape(ROWS, COLUMNS), out=self._drawn, mode="clip")
         self._add_light(canvas)
@@ -55,9 +53,7 @@ class Sensor:
 
 
 def _light(uneven: float) -> NDArray[np.float32] | None:
-    """(288, 720) factors between 1 − uneven and 1 + uneven: brighter at the top left, darker at the bottom
-    right.
-    """
+    """(288, 720) factors between 1 − uneven and 1 + uneven: brightest at the top left."""
     if uneven == 0:
         return None
     down = np.cos(np.linspace(0, np.pi, ROWS))[:, np.newaxis]

@@ -12,8 +12,7 @@ class Targets(NamedTuple):
     """N discs.
 
     Attributes:
-        xyz_mm: (N, 3) their centres in the object's frame; `normal`: (N, 3) unit vectors, away from the
-            object.
+        xyz_mm: (N, 3) their centres in the object's frame; `normal`: (N, 3) unit vectors, outward.
     """
 
     xyz_mm: Array

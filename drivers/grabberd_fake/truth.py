@@ -34,8 +34,7 @@ def _world(options: FakeOptions) -> World:
 
 
 def capture_truth(path: Path) -> Iterator[str]:
-    """CSV lines, the header first: every target's place at every field of a capture, whether it was seen or
-    not.
+    """CSV lines, the header first: every target's place at every field, whether it was seen or not.
 
     Raises:
         CaptureFileError: it is no capture, or one that another driver made.

@@ -15,7 +15,7 @@ _ARC = np.linspace(0.0, 1.0, 2001)
 
 
 def quarter(half_depth_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Arc length from the top, and Y and Z over the axis, of an ellipse whose perimeter is the round tube's."""
+    """Arc length from the top, and Y and Z over the axis, of an ellipse with the round tube's perimeter."""
     low, high = RADIUS_MM, 1.7 * RADIUS_MM
     for _ in range(50):
         half_width = 0.5 * (low + high)
@@ -26,7 +26,9 @@ def quarter(half_depth_mm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def wall(deflection_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """(108, 3) places and outward normals: targets at constant intervals along the wall, deepest in the middle."""
+    """(108, 3) places and outward normals: targets at constant intervals along the wall, deepest in the middle.
+
+    The ends of the grid stay where they are."""
     places, normals = [], []
     x = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
     s = (np.arange(COLUMNS) - (COLUMNS - 1) / 2) * PITCH_MM
@@ -63,13 +65,13 @@ class Scene:
 
 
 def see(xyz, normals, rng, rig=None, noise=1.5, missing=0.1, false=0.05, sigma_px=SIGMA_PX) -> Scene:
-    """What both views show of targets, in shuffled order, each target and false blob drawn anew in each view."""
+    """What both views show of targets, in any order; missing and false ones are drawn anew for each view."""
     seen = []
     for view in (rig or calibration()).views:
         toward = view.center_mm - xyz
         facing = (toward * normals).sum(axis=1) / np.linalg.norm(toward, axis=1) > np.cos(np.radians(78))
         here = np.flatnonzero(facing & (rng.random(len(xyz)) >= missing))
-        stray = int(round(false * len(here)))
+        stray = round(false * len(here))
         pixels = project(view, xyz[here])
         pixels += rng.normal(size=pixels.shape) * noise * sigma_px
         low, high = pixels.min(axis=0) - 15, pixels.max(axis=0) + 15

@@ -67,7 +67,7 @@ def test_the_farther_from_those_who_are_seen_the_less_is_known():
 def test_smoothing_takes_noise_away_and_leaves_the_field():
     noise = np.random.default_rng(1).normal(size=TRUTH.shape) * 0.15
     smoothed = FIELD.smooth(TRUTH + noise)
-    assert (smoothed - TRUTH).std() < 0.6 * noise.std()
+    assert (smoothed - TRUTH).std() < 0.7 * noise.std()
     latent = COVARIANCE - 0.15**2 * np.eye(108)
     assert np.allclose(smoothed, latent @ FIELD.precision @ (TRUTH + noise), atol=1e-6)
 

@@ -51,7 +51,7 @@ def test_a_result_carries_its_targets_and_the_pixels_it_came_from():
 def test_the_start_does_not_matter():
     left, right = pictures(calibration(), CORNERS, moved=([0.2, 0.4], [-0.3, 0.1]))
     from_rays = solve(calibration(), left, right)
-    from_afar = solve(calibration(), left, right, start=CORNERS + [2.0, -2.0, 5.0])
+    from_afar = solve(calibration(), left, right, start=CORNERS + np.array([2.0, -2.0, 5.0]))
     assert np.abs(from_rays.xyz_mm - from_afar.xyz_mm).max() < 1e-6
 
 

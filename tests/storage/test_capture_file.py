@@ -301,6 +301,12 @@ def test_sealing_does_not_overwrite_a_file_that_came_in_between(tmp_path, writer
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(CaptureFileError, match=r"no capture file .*gone\.grab"):
         CaptureReader(tmp_path / "gone.grab")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_name_with_unusual_letters_can_be_read(tmp_path):
+    path = write(tmp_path, slots(2), name="kø 100% #3?")
+    assert numbers(path) == [0, 1]
 
 
 @pytest.mark.parametrize("content", [b"", b"SQLite format 3\0 and then nothing", b"text " * 1000])

@@ -6,8 +6,7 @@ be, and how surely, because neighbours move alike. What stays doubtful is left o
 than a missing one.
 """
 
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-class Sighting(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
     """K targets found in one field, by ascending target.
 
     Attributes:

@@ -1,6 +1,6 @@
 """Which pairs of blobs may be which targets: what rays and object model allow, before anything is decided."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-class Hypotheses(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypotheses:
     """H hypotheses, by ascending target: this blob on the left and that on the right are this target.
 
     Attributes:

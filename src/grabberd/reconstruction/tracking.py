@@ -43,7 +43,7 @@ class TrackingSettings:
     speed_mm_s: float = 50.0
     acceleration_mm_s2: float = 1250.0
     longest_gap_s: float = 0.07
-    least_share: float = 0.5
+    least_share: float = 0.35
     firm: float = 0.06
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
@@ -107,8 +107,8 @@ class Tracker:
     def _believed(self, track: Track, sighting: Sighting) -> Mask:
         """(K,) whose point may be given out: who was seen lately, or is where the others surely expect it.
 
-        Anybody else may be a false blob in the wide gate of a target that nobody knows much about; two of them
-        in a row are not.
+        Anybody else may be a false blob in the wide gate of a target that nobody knows much about; two in a
+        row are not.
         """
         lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
         firm_mm = self.settings.firm * self.correspondence.agreement.pitch_mm

@@ -36,8 +36,6 @@ class CaptureIndex:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         self.path = directory / "index.sqlite"
-        with storage_errors(self.path):
-            directory.mkdir(parents=True, exist_ok=True)
 
     def rebuild(self) -> None:
         """Reads every capture file in the folder anew; what cannot be read is listed as damaged."""
@@ -83,6 +81,7 @@ class CaptureIndex:
             connection.executemany("INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?)", entries)
 
     def _connect(self) -> sqlite3.Connection:
+        self.directory.mkdir(parents=True, exist_ok=True)
         connection = sqlite3.connect(self.path, timeout=10.0)
         connection.executescript(_TABLE)
         return connection

@@ -83,12 +83,10 @@ def connect(path: Path, *, writable: bool = False) -> sqlite3.Connection:
         CaptureFileError: it is missing, no capture, damaged, or of a later version.
         StorageError: the disk or another program keeps it from being read.
     """
-    if not path.is_file():
-        raise CaptureFileError(
-            f"no capture file {path}", "check the name; a running capture ends in .grab.part"
-        )
+    # Without the mode SQLite would make an empty file of one that is being renamed at this moment.
+    uri = f"{path.absolute().as_uri()}?mode=rw"
     with reading_errors(path):
-        connection = sqlite3.connect(path, isolation_level=None, timeout=10.0)
+        connection = sqlite3.connect(uri, uri=True, isolation_level=None, timeout=10.0)
         try:
             connection.execute("PRAGMA synchronous = FULL")
             if not writable:
@@ -136,6 +134,9 @@ def reading_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except sqlite3.DatabaseError as error:
+        if not path.is_file():
+            hint = "check the name; a running capture ends in .grab.part"
+            raise CaptureFileError(f"no capture file {path}", hint) from error
         if _primary_code(error) in _NOT_THE_FILES_FAULT:
             hint = "see whether another program holds it, and mend the disk"
             raise StorageError(f"{path} cannot be read now: {error}", hint) from error

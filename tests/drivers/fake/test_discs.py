@@ -15,7 +15,7 @@ LEFT, RIGHT = build_views(FakeOptions.read({"rig": {"mirror_error_px": 0}}))
 
 def tilted(count: int = 60) -> Targets:
     rng = np.random.default_rng(3)
-    normal = rng.normal(0, 0.4, (count, 3)) + [0, 0, 1]
+    normal = rng.normal(0, 0.4, (count, 3)) + np.array([0, 0, 1])
     places = rng.uniform([-50, -20, -10], [50, 20, 10], (count, 3))
     return Targets(places, normal / np.linalg.norm(normal, axis=1, keepdims=True))
 

@@ -1,5 +1,7 @@
 """The pulsating liner."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -65,7 +67,7 @@ def test_neighbours_round_the_wall_stay_one_pitch_apart_along_the_middle_surface
     p = 12.5 - deflection
     q = 12.5 * ellipse.widened(np.array([p / 12.5]))[0]
     theta = np.arctan2(y / q, z / p)
-    for start, end in zip(theta, theta[1:], strict=False):
+    for start, end in pairwise(theta):
         way = np.linspace(start, end, 400)
         assert np.hypot(np.diff(q * np.sin(way)), np.diff(p * np.cos(way))).sum() == pytest.approx(
             6.5, abs=1e-4

@@ -104,7 +104,7 @@ def test_the_picture_is_that_of_points_reflected_one_mirror_after_another() -> N
     for view in build_views(FakeOptions()):
         points = inside_the_volume()
         sensor = view.camera.project(view.reflected(points))
-        assert_allclose(view.ideal_image(points), sensor + [0.0, -0.5], atol=1e-9)
+        assert_allclose(view.ideal_image(points), sensor + np.array([0.0, -0.5]), atol=1e-9)
 
 
 def test_field_integration_puts_every_target_half_a_line_higher() -> None:

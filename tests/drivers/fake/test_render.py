@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from grabberd_fake.discs import Ellipses
+from grabberd_fake.discs import Ellipses, disc_images
 from grabberd_fake.optics import Array, View
 from grabberd_fake.options import PictureOptions
 from grabberd_fake.render import SCALE, Renderer
@@ -178,17 +178,17 @@ def test_the_picture_agrees_with_a_supersampled_one_through_the_same_optics(
     world: Callable[..., World], half: int, integration: bool, reflections: int
 ) -> None:
     rng = np.random.default_rng(11)
-    picture = {"spread_x_px": 0.9, "spread_y_px": 0.7, "field_integration": integration}
+    picture: dict[str, Any] = {"spread_x_px": 0.9, "spread_y_px": 0.7, "field_integration": integration}
     for parity in (0, 1):
         made = world(picture, scene="points", rig={"reflections": reflections})
-        normal = rng.normal(0, 0.35, (1, 3)) + [0, 0, 1]
+        normal = rng.normal(0, 0.35, (1, 3)) + np.array([0, 0, 1])
         targets = Targets(rng.uniform(-15, 15, (1, 3)), normal / np.linalg.norm(normal))
         view, options = made.views[half], PictureOptions(**picture)
         place = view.image(targets.xyz_mm)[0]
         corner = np.array([np.floor(place[0]) - 14, 2 * np.floor(place[1] / 2) - 16])
         wanted = supersampled(view, targets, parity, options, corner)
         images = [round_spots(), round_spots()]
-        images[half] = made._seen(view, targets, None)
+        images[half] = disc_images(view, targets, 1.5)
         grey = Renderer(options).draw((images[0], images[1]), parity, QUIET).reshape(288, 720) / SCALE
         row, column = int(corner[1] // 2) + 1, int(corner[0])
         found = grey[row : row + 14, column : column + 28]

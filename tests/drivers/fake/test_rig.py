@@ -109,7 +109,7 @@ def test_the_local_error_is_smooth_and_another_in_each_view() -> None:
     line = np.column_stack([np.arange(0, 360.0), np.full(360, 200.0)])
     error = left.displacement(line)
     assert np.abs(np.diff(error, axis=0)).max() < 0.06 * 0.35
-    assert np.abs(error - right.displacement(line + [360, 0])).max() > 0.03
+    assert np.abs(error - right.displacement(line + np.array([360, 0]))).max() > 0.03
 
 
 def test_without_a_local_error_the_image_is_the_ideal_one() -> None:

@@ -1,0 +1,110 @@
+"""Writes the parts of docs/reference that the program knows itself: `make docs`; a test compares them."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticUndefined
+
+from grabberd.api import create_app
+from grabberd.config import Config, default_config_file, load_config
+from grabberd.service.service import Service
+from grabberd.service.setup import set_up
+
+HERE = Path(__file__).parent
+MADE = "<!-- made by `make docs`; do not edit -->\n"
+
+
+def documents() -> dict[str, str]:
+    """Every generated file's name and content."""
+    description = _openapi()
+    return {
+        "openapi.json": json.dumps(description, indent=1, ensure_ascii=False) + "\n",
+        "http.md": "\n".join(_http(description)) + "\n",
+        "configuration.md": "\n".join(_configuration()) + "\n",
+    }
+
+
+def _openapi() -> dict[str, Any]:
+    file = default_config_file()
+    service = Service(set_up(load_config(file), file), Path("nowhere"))
+    return create_app(service).openapi()
+
+
+def _http(description: dict[str, Any]) -> Iterator[str]:
+    yield f"{MADE}# HTTP\n"
+    yield "Errors are problem documents (RFC 9457) with a `hint` that says what to do. Times are UTC."
+    yield "The whole description: [openapi.json](openapi.json), or `/api/v1/openapi.json`.\n"
+    yield "| | | |\n|---|---|---|"
+    for path, methods in description["paths"].items():
+        for method, operation in methods.items():
+            yield f"| `{method.upper()}` | `{path}` | {' '.join(operation['description'].split())} |"
+    yield "\n## A capture as it is asked for\n"
+    yield from _schema(description["components"]["schemas"]["CaptureOrder"])
+
+
+def _schema(schema: dict[str, Any]) -> Iterator[str]:
+    yield "| key | default | |\n|---|---|---|"
+    for name, field in schema["properties"].items():
+        yield f"| `{name}` | {json.dumps(field.get('default'))} | {field.get('description', '')} |"
+
+
+def _configuration() -> Iterator[str]:
+    yield f"{MADE}# The configuration\n"
+    yield "A YAML file; relative paths count from its own folder. Unknown keys are refused.\n"
+    yield from _section(Config, "")
+
+
+def _section(model: type[BaseModel], prefix: str) -> Iterator[str]:
+    yield f"## {prefix or 'top'}\n\n{' '.join((model.__doc__ or '').split())}\n"
+    yield "| key | default | allowed |\n|---|---|---|"
+    inner: list[tuple[str, type[BaseModel]]] = []
+    for name, field in model.model_fields.items():
+        yield f"| `{name}` | {_default(field)} | {_allowed(field)} |"
+        inner += [(f"{prefix}.{name}".strip("."), found) for found in _models(field.annotation)]
+    yield ""
+    for name, found in inner:
+        yield from _section(found, f"{name}.NAME" if name == "devices" else name)
+
+
+def _default(field: FieldInfo) -> str:
+    if field.is_required():
+        return "required"
+    value = field.get_default(call_default_factory=True)
+    return "see below" if isinstance(value, BaseModel) else f"`{json.dumps(value, default=str)}`"
+
+
+def _allowed(field: FieldInfo) -> str:
+    limits = ", ".join(_limit(limit) for limit in field.metadata if _limit(limit))
+    return " ".join(filter(None, [limits, field.description or ""]))
+
+
+def _limit(limit: object) -> str:
+    signs = {
+        "ge": "≥",
+        "gt": ">",
+        "le": "≤",
+        "lt": "<",
+        "multiple_of": "a multiple of",
+        "min_length": "at least",
+    }
+    found = [
+        f"{sign} {getattr(limit, name)}"
+        for name, sign in signs.items()
+        if getattr(limit, name, None) is not None
+    ]
+    return " ".join(text for text in found if str(PydanticUndefined) not in text)
+
+
+def _models(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for argument in getattr(annotation, "__args__", ()) for model in _models(argument)]
+
+
+if __name__ == "__main__":
+    for name, text in documents().items():
+        (HERE / name).write_text(text, encoding="utf-8")

@@ -1,0 +1,57 @@
+"""The script of what goes wrong."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grabberd_fake.faults import KINDS, Damage, Lose, LoseSilently, NoSignal, Repeat, Script, Stall, Unplug
+
+
+@pytest.mark.parametrize(
+    ("fault", "first", "fields"),
+    [
+        (Lose(at_field=7, count=3), 7, 3),
+        (Lose(at_s=1.0), 50, 1),
+        (Repeat(at_s=0.03, count=2), 2, 2),
+        (Stall(at_s=0.0, duration_s=0.5), 0, 25),
+        (Stall(at_s=0.7, duration_s=0.03), 35, 2),
+        (Unplug(at_s=2, back_after_s=1.5), 100, 75),
+        (NoSignal(at_field=3, duration_s=0.06), 3, 3),
+    ],
+)
+def test_a_fault_holds_for_a_window_of_fields(fault: Lose, first: int, fields: int) -> None:
+    assert (fault.first, fault.fields) == (first, fields)
+    assert [fault.holds(n) for n in (first - 1, first, first + fields - 1, first + fields)] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+
+
+def test_a_script_says_what_holds_for_a_field() -> None:
+    damage, second = Damage(at_field=5, count=2), Damage(at_field=9)
+    script = Script([damage, second, Lose(at_field=6)])
+    assert [script.at(n, Damage) for n in (4, 5, 6, 7, 9)] == [None, damage, damage, None, second]
+    assert [n for n in range(12) if not script.delivers(n)] == [6]
+
+
+def test_only_what_the_sequence_does_not_show_is_passed_over() -> None:
+    script = Script([Lose(at_field=2), LoseSilently(at_field=4, count=2), Stall(at_field=8, duration_s=0.06)])
+    assert [script.uncounted(n) for n in (0, 4, 5, 6, 8, 10, 11, 50)] == [0, 0, 1, 2, 2, 4, 5, 5]
+    assert not script.counts_losses()
+    assert Script([Lose(at_field=2), Damage(at_field=3)]).counts_losses()
+
+
+windows = st.lists(st.tuples(st.integers(0, 40), st.integers(1, 12)), max_size=5)
+
+
+@given(windows, st.integers(0, 60))
+def test_windows_that_overlap_are_passed_over_once(silent: list[tuple[int, int]], number: int) -> None:
+    script = Script([LoseSilently(at_field=first, count=count) for first, count in silent])
+    passed = {n for first, count in silent for n in range(first, first + count) if n < number}
+    assert script.uncounted(number) == len(passed)
+
+
+def test_every_kind_says_in_a_line_what_it_does() -> None:
+    assert all((kind.__doc__ or "").strip() for kind in KINDS.values())

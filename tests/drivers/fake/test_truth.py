@@ -1,0 +1,96 @@
+"""The truth, of options and of a capture file."""
+
+import json
+import sqlite3
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+from numpy.testing import assert_allclose
+
+from grabberd.errors import CaptureFileError
+from grabberd_fake import FakeOptions, World, truth_at
+from grabberd_fake.__main__ import main
+from grabberd_fake.truth import CSV_HEADER, capture_truth
+
+OPTIONS = {"scene": "liner", "rig": {"reflections": 1}, "pace": "free"}
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    """A capture file of three fields, one of them lost."""
+    return write_capture(tmp_path / "liner.grab", {"name": "a", "driver": "fake", "options": OPTIONS})
+
+
+def write_capture(path: Path, device: dict[str, Any]) -> Path:
+    with closing(sqlite3.connect(path)) as database:
+        database.execute("CREATE TABLE meta(key TEXT PRIMARY KEY, value TEXT)")
+        database.execute("CREATE TABLE fields(n INTEGER PRIMARY KEY, time_ns INTEGER, data BLOB)")
+        database.execute("INSERT INTO meta VALUES ('device', ?)", (json.dumps(device),))
+        rows = [(0, 20_000_000), (1, 40_000_000), (2, None), (3, 80_000_000)]
+        database.executemany("INSERT INTO fields(n, time_ns) VALUES (?, ?)", rows)
+        database.commit()
+    return path
+
+
+def test_truth_is_that_of_the_world_that_the_options_make() -> None:
+    truth, world = truth_at(OPTIONS, 40_000_000), World(FakeOptions.read(OPTIONS)).truth(40_000_000)
+    assert truth.ids.tolist() == list(range(1, 109))
+    for told, true in zip(truth, world, strict=True):
+        assert_allclose(told, true, atol=0)
+    assert_allclose(truth_at(FakeOptions.read(OPTIONS), 40_000_000).left_px, truth.left_px, atol=0)
+
+
+def test_options_that_cannot_be_used_have_no_truth() -> None:
+    with pytest.raises(ValueError, match="scene"):
+        truth_at({"scene": "cow"}, 0)
+
+
+def test_a_captures_truth_has_every_target_at_every_field_that_came(capture: Path) -> None:
+    lines = list(capture_truth(capture))
+    assert lines[0] == CSV_HEADER == "n,time_ns,target,x_mm,y_mm,z_mm"
+    rows = [line.split(",") for line in lines[1:]]
+    assert len(rows) == 3 * 108
+    assert sorted({(int(row[0]), int(row[1])) for row in rows}) == [
+        (0, 20_000_000),
+        (1, 40_000_000),
+        (3, 80_000_000),
+    ]
+    wanted = truth_at(OPTIONS, 80_000_000).xyz_mm[-1]
+    assert rows[-1][:3] == ["3", "80000000", "108"]
+    assert_allclose([float(value) for value in rows[-1][3:]], wanted, atol=1e-6)
+
+
+def test_the_command_prints_it(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["truth", str(capture)]) == 0
+    assert capsys.readouterr().out.splitlines() == list(capture_truth(capture))
+
+
+def test_reading_the_truth_leaves_the_capture_alone(capture: Path) -> None:
+    before = capture.read_bytes()
+    list(capture_truth(capture))
+    assert capture.read_bytes() == before
+    assert [path.name for path in capture.parent.iterdir()] == ["liner.grab"]
+
+
+def test_what_is_no_capture_is_refused(tmp_path: Path) -> None:
+    text = tmp_path / "notes.txt"
+    text.write_text("no database")
+    for path in (text, tmp_path / "absent.grab"):
+        with pytest.raises(CaptureFileError, match=path.name):
+            list(capture_truth(path))
+    assert not (tmp_path / "absent.grab").exists()
+
+
+def test_a_capture_of_another_driver_has_no_truth(tmp_path: Path) -> None:
+    path = write_capture(tmp_path / "cow.grab", {"name": "a", "driver": "v4l2", "options": {}})
+    with pytest.raises(CaptureFileError, match="'v4l2', not 'fake'"):
+        list(capture_truth(path))
+
+
+def test_the_command_says_what_is_wrong_and_fails(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["truth", str(tmp_path / "absent.grab")])
+    assert left.value.code == 2
+    assert "absent.grab" in capsys.readouterr().err
