@@ -189,7 +189,7 @@ class FakeOptions:
         target_diameter_mm: diameter of the discs.
         grazing_limit_deg: a target is seen up to this angle between its normal and the line of sight.
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
-        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as they are read, 20 ms apart in time.
+        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as they are read, times 20 ms apart.
         buffers: fields that wait while nobody dequeues; with all full, new ones are lost.
         seed: of noise and jitter.
         faults: the script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.

@@ -1,3 +1,5 @@
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
@@ -10,23 +12,23 @@ MODEL = model()
 JUDGE = Agreement(MODEL, CorrespondenceSettings())
 
 
-def true_ones(deflection_mm=4.0, targets=None) -> Hypotheses:
+def true_ones(deflection_mm=4.0, targets=tuple(range(108))) -> Hypotheses:
     """One right hypothesis for each target, with blobs numbered like targets."""
-    target = np.arange(108) if targets is None else np.asarray(targets)
+    target = np.array(targets, np.intp)
     displacement = (wall(deflection_mm)[0] - MODEL.xyz_mm)[target]
     return Hypotheses(target, target, target, displacement, np.full((len(target), 3), 0.01))
 
 
 def joined(*parts: Hypotheses) -> Hypotheses:
-    together = Hypotheses(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    columns = [[getattr(part, column.name) for part in parts] for column in fields(Hypotheses)]
+    together = Hypotheses(*map(np.concatenate, columns))
     return together.select(np.argsort(together.target, kind="stable"))
 
 
 def wrong(target, off_mm, left=200, right=201) -> Hypotheses:
     true = true_ones(targets=[target])
-    return true._replace(
-        left=np.array([left]), right=np.array([right]), displacement_mm=true.displacement_mm + off_mm
-    )
+    moved = true.displacement_mm + np.array(off_mm)
+    return replace(true, left=np.array([left]), right=np.array([right]), displacement_mm=moved)
 
 
 @pytest.mark.parametrize("deflection_mm", [0.0, 3.0, 6.0])

@@ -94,7 +94,7 @@ def test_the_same_blobs_give_the_same_points_bit_for_bit():
 
 def test_an_object_that_stands_aside_as_a_whole_is_identified():
     xyz, normals = wall(3.0)
-    seen = see(xyz + [0.5, -1.5, 2.0], normals, np.random.default_rng(6))
+    seen = see(xyz + np.array([0.5, -1.5, 2.0]), normals, np.random.default_rng(6))
     correct, _, wrong = verdict(seen, JUDGE.identify(seen.left, seen.right))
     assert wrong == 0
     assert correct >= 0.98 * len(seen.visible)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,10 +65,18 @@ def test_windows_hold_all_places_within_reach_in_both_views():
     assert np.allclose(windows[:3, 2] - windows[:3, 0], 2 * predict().reach_px[0, 0])
 
 
-@pytest.mark.parametrize(("y_mm", "left", "right"), [(-55.0, 0, 1), (55.0, 1, 0)])
-def test_windows_end_where_the_view_does(y_mm, left, right):
-    windows = predict(places=np.array([[0.0, y_mm, 0.0]])).windows(RIG.views)
-    of_left = windows[:, 2] <= 359.5
-    assert (of_left.sum(), (~of_left).sum()) in {(left, right), (1, 1), (0, 1), (1, 0)}
-    assert (windows[:, 0] >= -0.5).all()
-    assert (windows[:, 2] <= 719.5).all()
+@pytest.mark.parametrize(("y_mm", "in_left", "in_right"), [(-40.0, 1, 0), (0.0, 1, 1), (40.0, 0, 1)])
+def test_a_target_has_no_window_in_a_view_whose_half_it_lies_outside_of(y_mm, in_left, in_right):
+    left, right = calibration().views
+    narrow = replace(left, end_column=200), replace(right, first_column=520)
+    x0, _, x1, _ = predict(places=np.array([[0.0, y_mm, 0.0]])).windows(narrow).T
+    assert ((x0 >= -0.5) & (x1 <= 199.5)).sum() == in_left
+    assert ((x0 >= 519.5) & (x1 <= 719.5)).sum() == in_right
+    assert len(x0) == in_left + in_right
+
+
+def test_a_window_ends_where_the_half_does():
+    left, right = calibration().views
+    x0, _, x1, _ = predict(places=np.zeros((1, 3))).windows((replace(left, end_column=182), right)).T
+    assert x1[0] == 181.5
+    assert x0[0] < 181.0

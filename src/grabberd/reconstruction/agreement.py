@@ -18,6 +18,8 @@ _LEAST_SUPPORT = 3
 _AROUND = 1.6
 """Support comes from within this many pitches: the eight around a target of a square grid."""
 _TORN = 1e6
+_SUREST_FIRST = (0.4, 0.6, 1.0)
+"""Shares of the trust: growth leaps over a gap only where nobody nearer is left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +129,7 @@ class Agreement:
             allowed[np.setdiff1d(grown, chosen, assume_unique=True)] = False
 
     def _grown(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> Indices:
-        """Wave by wave, whoever is predicted well enough by those that have been chosen."""
+        """Wave by wave, whoever is predicted well enough by those that have been chosen; the surest first."""
         while more := self._wave(known, chosen, allowed):
             chosen = np.append(chosen, more)
         return chosen
@@ -136,10 +138,14 @@ class Agreement:
         expected = self._expected(known, chosen)
         far = _far(known, expected)
         free = allowed & (far <= self.settings.gate**2)
-        free &= expected.sigma_mm[known.target] <= self.settings.trust * self.pitch_mm
         for own in (known.target, known.left, known.right):
             free &= ~np.isin(own, own[chosen])
-        return _undoubted(known, far, np.flatnonzero(free), self.settings.margin)
+        sigma_mm = expected.sigma_mm[known.target]
+        for share in _SUREST_FIRST:
+            sure = free & (sigma_mm <= share * self.settings.trust * self.pitch_mm)
+            if more := _undoubted(known, far, np.flatnonzero(sure), self.settings.margin):
+                return more
+        return []
 
     def _torn(self, known: Hypotheses, chosen: Indices) -> Mask:
         """Which of the chosen are too near to a neighbour, or too far from it."""

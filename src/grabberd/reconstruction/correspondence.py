@@ -89,7 +89,7 @@ class Correspondence:
         if not len(grown):
             return self._sight(grown, grown, grown, left, right)
         _, expected = self.agreement.consistent(known, grown)
-        return self.near(self.model.xyz_mm + expected.displacement_mm, expected.sigma_mm, left, right)
+        return self.near(*self.expected_places(expected), left, right)
 
     def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """The targets that are seen in both views near where they must be.
@@ -104,6 +104,10 @@ class Correspondence:
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
         return self._sight(target, of_left[target], of_right[target], left, right, places_mm[target])
+
+    def expected_places(self, expected: Expected) -> tuple[Array, Array]:
+        """Where targets must be (M, 3) in mm, and the standard deviation of that (M,)."""
+        return self.model.xyz_mm + expected.displacement_mm, expected.sigma_mm
 
     def predict(self, places_mm: Array, sigma_mm: Array, sigma_px: Array | float) -> Prediction:
         """The images of targets that must be at these places (M, 3)."""

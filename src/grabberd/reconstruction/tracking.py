@@ -24,6 +24,8 @@ Mask = NDArray[np.bool_]
 
 _UNKNOWN_PX = 0.5
 """Standard deviation of a blob that has not been located yet."""
+_VAGUE = 0.1
+"""A prediction is vague where a target's way is known worse than this share of the pitch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,7 @@ class Tracker:
         unseen_s = track.unseen_s + dt_s
         fewest = max(self.settings.least_share * min(len(left), len(right), len(self.model)), 1.0)
         if elapsed_s <= self.settings.longest_gap_s:
-            sighting = self.correspondence.near(*self._moved(track, elapsed_s), left, right)
+            sighting = self._follow(track, left, right, elapsed_s)
             if len(sighting) >= max(fewest, self.settings.least_share * track.found):
                 believed = self._believed(track, sighting)
                 return self._continued(track, sighting, unseen_s, elapsed_s), sighting.points.select(believed)
@@ -113,6 +115,15 @@ class Tracker:
         lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
         firm_mm = self.settings.firm * self.correspondence.agreement.pitch_mm
         return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
+
+    def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
+        """Looks where the targets have moved to; where that is vague, again where those that were found say."""
+        places_mm, sigma_mm = self._moved(track, elapsed_s)
+        sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
+        vague_mm = _VAGUE * self.correspondence.agreement.pitch_mm
+        if track.speed_sigma_mm_s * elapsed_s <= vague_mm or not len(sighting):
+            return sighting
+        return self.correspondence.near(*self.correspondence.expected_places(sighting.expected), left, right)
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Places (M, 3) in mm after that time, and their standard deviations (M,)."""

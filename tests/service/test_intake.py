@@ -1,0 +1,107 @@
+"""From a grabbed field to a slot: lines, bits, threshold, content."""
+
+import numpy as np
+import pytest
+
+from grabberd.acquisition import FieldOrder, GrabbedField, Outcome, Signal, StreamInfo
+from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
+from grabberd.field import Field
+from grabberd.service.intake import UNDECIDED_THRESHOLD, Intake, histogram
+
+INFO = StreamInfo("test", "card", "PAL", 64, 32, 50.0, FieldOrder.ALTERNATE, "GREY", 8, True, True, True, 0)
+
+
+def intake(*, bits: int = 1, threshold: int | None = 60) -> Intake:
+    kind = "automatic" if threshold is None else "fixed"
+    one = Intake(
+        DeviceConfig(
+            driver="test",
+            ring=RingConfig(bits=bits),  # type: ignore[arg-type]
+            threshold=ThresholdConfig(kind=kind, value=threshold),  # type: ignore[arg-type]
+        )
+    )
+    one.opened(INFO)
+    return one
+
+
+def grabbed(n: int, seed: int | None = None, bright: int = 200) -> GrabbedField:
+    luma = np.random.default_rng(n if seed is None else seed).integers(10, 30, (32, 64)).astype(np.uint8)
+    luma[10:16, 20:30] = bright
+    return GrabbedField(Field.intact(luma, n % 2), 1_000_000_000 + n * 20_000_000, n, None)
+
+
+def now_ns(n: int) -> int:
+    return 1_010_000_000 + n * 20_000_000
+
+
+def test_one_bit_is_doubled_and_grey_is_left_intact() -> None:
+    assert intake().take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered.packed.y_step == 1  # type: ignore[union-attr]
+    grey = intake(bits=8).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert grey
+    assert grey.packed.y_step == 2
+    assert np.array_equal(grey.packed.data[0], grabbed(0).field.luma)
+
+
+def test_the_threshold_in_force_is_kept_with_every_field() -> None:
+    numbered = intake(threshold=77).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert numbered
+    assert numbered.packed.threshold == 77
+
+
+def test_the_automatic_threshold_follows_the_light_unless_it_is_held() -> None:
+    one = intake(threshold=None)
+    one.take(grabbed(0, bright=100), Signal.PRESENT, now_ns(0))
+    dim = one.threshold
+    one.hold_threshold = True
+    one.take(grabbed(100, bright=220), Signal.PRESENT, now_ns(100))
+    assert one.threshold == dim
+    one.hold_threshold = False
+    one.take(grabbed(102, bright=220), Signal.PRESENT, now_ns(102))
+    assert one.threshold > dim
+
+
+def test_a_dark_picture_leaves_the_threshold_as_it_is() -> None:
+    one = intake(threshold=None)
+    one.take(grabbed(0, bright=20), Signal.PRESENT, now_ns(0))
+    assert one.threshold == UNDECIDED_THRESHOLD
+
+
+def test_without_signal_nothing_is_kept() -> None:
+    slot = intake().take(grabbed(0), Signal.ABSENT, now_ns(0))
+    assert slot.outcome is Outcome.NO_SIGNAL
+    assert slot.numbered is None
+
+
+def test_an_old_picture_delivered_again_is_damaged() -> None:
+    one = intake()
+    one.take(grabbed(0, seed=5), Signal.PRESENT, now_ns(0))
+    one.take(grabbed(1, seed=6), Signal.PRESENT, now_ns(1))
+    again = one.take(grabbed(2, seed=5), Signal.PRESENT, now_ns(2))
+    assert (again.outcome, again.reason) == (Outcome.DAMAGED, "repeated")
+    assert again.numbered is not None, "it is kept all the same"
+
+
+def test_an_interruptions_reason_is_that_of_the_fields_it_cost() -> None:
+    one = intake()
+    one.take(grabbed(0), Signal.PRESENT, now_ns(0))
+    one.interrupted("unplugged")
+    one.opened(INFO)
+    slot = one.take(grabbed(100), Signal.PRESENT, now_ns(100))
+    assert slot.n == 100
+    assert [(entry.count, entry.reason) for entry in slot.lost_before] == [(99, "unplugged")]
+
+
+@pytest.mark.parametrize(("bits", "lines"), [(8, None), (1, "field")])
+def test_arming_for_other_bits_or_lines_exchanges_the_ring(bits: int, lines: str | None) -> None:
+    one = intake()
+    reader = one.armed.ring.reader()
+    before = one.armed.ring
+    armed = one.arm(bits, lines)
+    assert armed.ring is not before
+    assert reader.ended
+    assert one.arm(bits, lines) is armed, "it is armed for them already"
+
+
+def test_the_histogram_counts_every_pixel() -> None:
+    field = grabbed(0).field
+    assert np.array_equal(histogram(field), np.bincount(field.luma.ravel(), minlength=256))

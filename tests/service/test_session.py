@@ -1,0 +1,157 @@
+"""A capture session: what the worker gets when it is late, and what a failing disk leaves."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from slots import PERIOD_NS, ManualClock, damaged, slot, without_signal
+
+from grabberd.acquisition import Ring, Slot
+from grabberd.errors import PictureError, StorageError, StreamEnded
+from grabberd.processes.measure import MeasuredField
+from grabberd.service.backlog import Backlog
+from grabberd.service.recorder import Recorder
+from grabberd.service.session import CaptureSession
+from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter
+
+PATIENCE_S = 30.0
+
+
+def meta() -> CaptureMeta:
+    device = {"name": "one", "driver": "fake", "options": {}, "stream": {}}
+    return CaptureMeta(
+        "one", "2026-01-01T00:00:00.000Z", 0, device, {}, {}, {}, "", 1, "field", 50.0, "0", extra={}
+    )
+
+
+class Rig:
+    """A session over a ring that the test fills."""
+
+    def __init__(self, folder: Path, fields: int | None, capacity: int, *, measured: bool) -> None:
+        self.ring = Ring(64)
+        self.clock = ManualClock()
+        self.told: list[CaptureSession] = []
+        backlog: Backlog[Slot] = Backlog(capacity)
+        recorder = Recorder(fields, backlog, self.clock, PERIOD_NS)
+        writer = CaptureWriter.create(folder / "one.grab.part", meta())
+        if measured:
+            writer.begin_run(1, "live", "2026-01-01T00:00:00.000Z", "0", {})
+        self.session = CaptureSession(
+            "one",
+            recorder,
+            self.ring.reader(),
+            writer,
+            backlog,
+            self.clock,
+            measured=measured,
+            on_sealed=self.told.append,
+        )
+
+    def put(self, *slots: Slot) -> None:
+        for one in slots:
+            self.ring.put(one)
+            self.clock.advance(0.02)
+
+    def sealed(self) -> CaptureReader:
+        assert self.session.sealed.wait(PATIENCE_S)
+        return CaptureReader(self.session.path)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Iterator[Path]:
+    yield tmp_path
+
+
+def test_a_session_without_a_worker_writes_and_seals(folder: Path) -> None:
+    rig = Rig(folder, 5, 100, measured=False)
+    rig.session.start()
+    rig.put(*(slot(n) for n in range(5)))
+    with rig.sealed() as reader:
+        assert reader.ledger.received == 5
+        assert reader.runs == []
+    assert rig.told == [rig.session]
+    assert rig.session.complete
+
+
+def test_a_worker_that_starts_late_gets_every_good_field_in_order(folder: Path) -> None:
+    rig = Rig(folder, None, capacity=8, measured=True)
+    rig.session.start()
+    good = []
+    for n in range(0, 60, 3):
+        rig.put(slot(n), damaged(n + 1), without_signal(n + 2))
+        good.append(n)
+        wait_until_written(rig, n + 3)
+    rig.session.stop("stopped by the operator")
+    assert rig.session.deepest_backlog <= 8
+    with pytest.raises(LookupError):
+        rig.session._backlog.at(0, 0)
+    assert [numbered.n for numbered in rig.session.recorded()] == good
+    rig.session.measuring_ended()
+    rig.sealed().close()
+
+
+def wait_until_written(rig: Rig, count: int) -> None:
+    """The writer has taken what there is: time passes, so that it commits."""
+    rig.clock.advance(1.0)
+    backlog = rig.session._backlog
+    with backlog._changed:
+        assert backlog._changed.wait_for(lambda: backlog._written >= count, PATIENCE_S)
+
+
+def test_it_is_not_sealed_before_the_last_field_is_measured(folder: Path) -> None:
+    rig = Rig(folder, 3, 100, measured=True)
+    rig.session.start()
+    rig.put(*(slot(n) for n in range(3)))
+    fields = list(rig.session.recorded())
+    assert len(fields) == 3
+    assert not rig.session.sealed.is_set()
+    rig.session.measuring_ended()
+    with rig.sealed() as reader:
+        assert [run.state for run in reader.runs] == ["done"]
+
+
+def test_a_worker_that_fails_leaves_the_fields_and_says_so(folder: Path) -> None:
+    rig = Rig(folder, 3, 100, measured=True)
+    rig.session.start()
+    rig.put(*(slot(n) for n in range(3)))
+    rig.session.measuring_ended("the program failed")
+    with rig.sealed() as reader:
+        assert reader.ledger.complete
+        assert [(run.state, run.reason) for run in reader.runs] == [("failed", "the program failed")]
+
+
+def test_a_recording_that_ends_is_whole_and_one_that_cannot_be_read_is_cut_short(folder: Path) -> None:
+    for error, whole in (
+        (StreamEnded("no further picture", ""), True),
+        (PictureError("b.png is cut", ""), False),
+    ):
+        place = folder / type(error).__name__
+        place.mkdir()
+        rig = Rig(place, None, 100, measured=False)
+        rig.session.start()
+        rig.put(slot(0), slot(1))
+        rig.session.source_ended(error)
+        with rig.sealed() as reader:
+            assert reader.meta.complete is whole
+            assert reader.meta.ended_because == error.message
+            assert reader.ledger.received == 2
+
+
+def test_a_disk_that_fails_ends_the_recording_and_frees_the_worker(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = Rig(folder, None, 100, measured=True)
+
+    def fail(*_: object) -> None:
+        raise StorageError("the disk is full", "make room")
+
+    monkeypatch.setattr(rig.session._writer, "append", fail)
+    rig.session.start()
+    rig.put(slot(0))
+    results: list[MeasuredField] = []
+    for numbered in rig.session.recorded():
+        results.append(MeasuredField(numbered.n, numbered.time_ns, None, None))  # type: ignore[arg-type]
+    with rig.sealed() as reader:
+        assert reader.meta.ended_because == "the disk is full"
+        assert reader.meta.complete is False
+    assert not rig.session.recorder.recording
