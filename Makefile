@@ -32,10 +32,10 @@ test-wheel: $(READY)  ## build the wheel, install it into an empty environment, 
 	bash tests/wheel/install_and_capture.sh "$(PYTHON)" "$(BIN)/python"
 
 bench: $(READY)  ## units of the work measured, into docs/measured.md
-	$(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
 
 soak: $(READY)  ## ten minutes (or DURATION=… seconds) of capturing with requests beside it
-	$(BIN)/python -m tests.bench live --seconds $(or $(DURATION),600) --write docs/measured.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench live --seconds $(or $(DURATION),600) --write docs/measured.md
 
 docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures
 	$(BIN)/python docs/reference/generate.py

@@ -1,8 +1,8 @@
 """grabberd: a 50 Hz three-dimensional measuring instrument from a frame grabber and a camera behind mirrors.
 
-The rooms follow the decomposition of the paper (I. Maalen-Johansen, *Close-range videometry*): `acquisition`,
-`measurement`, `calibration`, `reconstruction`, `analysis`. They are pure, arrays in and arrays out; `processes`
-strings them together over fields. Threads, files, clocks and HTTP live in `service`, `storage`, `api` and `cli`.
+The rooms follow the decomposition of the paper (I. Maalen-Johansen, *Close-range videometry*): `field`,
+`measurement`, `geometry`, `reconstruction` are pure, arrays in and arrays out; `processes` strings them
+together over fields. Threads, files, clocks and HTTP live in `acquisition`, `service`, `storage`, `api`, `cli`.
 """
 
 __version__ = "0.1.0"

@@ -20,8 +20,8 @@
     ├── StorageError              the disk is full, read-only or broken
     └── MeasurementError          the data do not determine what is asked of them
 
-A class exists because somebody reacts differently to it. A message says what failed, on what, with which values;
-the hint says what to do.
+A class exists because somebody reacts differently to it. A message says what failed, on what, with which
+values; the hint says what to do.
 """
 
 from collections.abc import Sequence
@@ -124,12 +124,12 @@ class NotReady(Conflict):
 
 
 class RingOverrun(GrabberdError):
-    """The ring has overtaken a reader that may miss nothing; `count` fields from `first_n` on are gone for it."""
+    """The ring has overtaken a reader that may miss nothing: `count` fields from `first_n` on are gone."""
 
     def __init__(self, first_n: int, count: int) -> None:
         super().__init__(
             f"{count} fields from number {first_n} on were overwritten in the ring before they were read",
-            "the computer was too busy: lighten its load, use a longer ring, or capture with the policy 'count'",
+            "the computer was too busy: lighten its load, use a longer ring, or capture with overrun 'count'",
         )
         self.first_n = first_n
         self.count = count

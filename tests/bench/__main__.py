@@ -8,8 +8,8 @@ from tests.bench import core, live
 
 HEADER = """# What was measured
 
-Made by `make bench` and `make soak`; do not edit. Single times on a shared machine are worth little: look at the ratios,
-and at what the witness saw of the machine itself.
+Made by `make bench` and `make soak`; do not edit. Single times on a shared machine are worth little: look at
+the ratios, and at what the witness saw of the machine itself.
 """
 
 

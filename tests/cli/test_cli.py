@@ -217,7 +217,7 @@ def test_without_a_daemon_the_status_says_how_to_start_one() -> None:
     assert "grabberd serve" in result.stderr
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.4", "::"])  # noqa: S104 - it is refused
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.4", "::"])
 def test_the_daemon_refuses_to_listen_to_strangers(host: str) -> None:
     result = shell("serve", "--host", host)
     assert result.returncode == 78

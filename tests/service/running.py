@@ -14,7 +14,7 @@ PATIENCE_S = 60.0
 
 
 def configuration(options: Mapping[str, Any], **changes: Any) -> Config:
-    """The simulated grabber's configuration with other options of the driver; changes are of the device's part."""
+    """The simulated grabber's configuration, with other options and changes of the device's part."""
     config = load_config(default_config_file())
     device = config.devices["simulated"]
     changed = device.model_copy(update={"options": {**device.options, **options}, **changes})

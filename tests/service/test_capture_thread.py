@@ -22,7 +22,7 @@ INFO = StreamInfo("script", "card", "PAL", 16, 8, 50.0, FieldOrder.ALTERNATE, "G
 
 
 class Scripted:
-    """A grabber that does, one after the other, what a script says: an error to raise, or how many fields to give."""
+    """A grabber that follows a script: an error to raise, or how many fields to give."""
 
     def __init__(self, *script: GrabberdError | int) -> None:
         self.script = list(script)

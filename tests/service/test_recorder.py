@@ -100,6 +100,33 @@ def test_it_drains_a_ring_until_its_length() -> None:
     assert one.ledger.complete
 
 
+def test_with_the_policy_stop_an_overrun_ends_it_and_the_ledger_says_so() -> None:
+    ring = Ring(4)
+    one, backlog = recorder()
+    reader = ring.reader("stop")
+    ring.put(slot(0))
+    taken = reader.take(0)
+    assert taken
+    one.take(taken)
+    for n in range(1, 8):
+        ring.put(slot(n))
+    one.run(reader)
+    assert recorded(backlog) == [0]
+    assert one.ledger.entries == [LedgerEntry(1, 3, Outcome.OVERRUN, "ring overrun")]
+    assert "overwritten in the ring" in (one.ended_because or "")
+
+
+def test_with_the_policy_count_it_goes_on_after_an_overrun() -> None:
+    ring = Ring(4)
+    one, backlog = recorder(4)
+    reader = ring.reader("count")
+    for n in range(8):
+        ring.put(slot(n))
+    one.run(reader)
+    assert recorded(backlog) == [0, 1, 2, 3]
+    assert one.first_n == 4
+
+
 def test_the_slots_before_the_trigger_belong_to_it() -> None:
     ring = Ring()
     for n in range(10):

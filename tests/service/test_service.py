@@ -239,7 +239,7 @@ def test_a_full_disk_ends_the_capture_and_what_is_on_it_can_be_read(
     from grabberd.storage import schema  # noqa: PLC0415
 
     create = schema.create
-    monkeypatch.setattr("grabberd.storage.writer.create", lambda path, _=None: create(path, max_pages=150))
+    monkeypatch.setattr("grabberd.storage.writer.create", lambda path, _=None: create(path, max_pages=600))
     with running(tmp_path, {"pace": "real"}) as service:
         path = capture(service)
         session = service.instrument(None).session

@@ -1,6 +1,5 @@
 """A capture session: what the worker gets when it is late, and what a failing disk leaves."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -57,13 +56,8 @@ class Rig:
         return CaptureReader(self.session.path)
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Iterator[Path]:
-    yield tmp_path
-
-
-def test_a_session_without_a_worker_writes_and_seals(folder: Path) -> None:
-    rig = Rig(folder, 5, 100, measured=False)
+def test_a_session_without_a_worker_writes_and_seals(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 5, 100, measured=False)
     rig.session.start()
     rig.put(*(slot(n) for n in range(5)))
     with rig.sealed() as reader:
@@ -73,8 +67,8 @@ def test_a_session_without_a_worker_writes_and_seals(folder: Path) -> None:
     assert rig.session.complete
 
 
-def test_a_worker_that_starts_late_gets_every_good_field_in_order(folder: Path) -> None:
-    rig = Rig(folder, None, capacity=8, measured=True)
+def test_a_worker_that_starts_late_gets_every_good_field_in_order(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, None, capacity=8, measured=True)
     rig.session.start()
     good = []
     for n in range(0, 60, 3):
@@ -98,8 +92,8 @@ def wait_until_written(rig: Rig, count: int) -> None:
         assert backlog._changed.wait_for(lambda: backlog._written >= count, PATIENCE_S)
 
 
-def test_it_is_not_sealed_before_the_last_field_is_measured(folder: Path) -> None:
-    rig = Rig(folder, 3, 100, measured=True)
+def test_it_is_not_sealed_before_the_last_field_is_measured(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 3, 100, measured=True)
     rig.session.start()
     rig.put(*(slot(n) for n in range(3)))
     fields = list(rig.session.recorded())
@@ -110,8 +104,8 @@ def test_it_is_not_sealed_before_the_last_field_is_measured(folder: Path) -> Non
         assert [run.state for run in reader.runs] == ["done"]
 
 
-def test_a_worker_that_fails_leaves_the_fields_and_says_so(folder: Path) -> None:
-    rig = Rig(folder, 3, 100, measured=True)
+def test_a_worker_that_fails_leaves_the_fields_and_says_so(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 3, 100, measured=True)
     rig.session.start()
     rig.put(*(slot(n) for n in range(3)))
     rig.session.measuring_ended("the program failed")
@@ -120,12 +114,12 @@ def test_a_worker_that_fails_leaves_the_fields_and_says_so(folder: Path) -> None
         assert [(run.state, run.reason) for run in reader.runs] == [("failed", "the program failed")]
 
 
-def test_a_recording_that_ends_is_whole_and_one_that_cannot_be_read_is_cut_short(folder: Path) -> None:
+def test_a_recording_that_ends_is_whole_and_one_that_cannot_be_read_is_cut_short(tmp_path: Path) -> None:
     for error, whole in (
         (StreamEnded("no further picture", ""), True),
         (PictureError("b.png is cut", ""), False),
     ):
-        place = folder / type(error).__name__
+        place = tmp_path / type(error).__name__
         place.mkdir()
         rig = Rig(place, None, 100, measured=False)
         rig.session.start()
@@ -138,9 +132,9 @@ def test_a_recording_that_ends_is_whole_and_one_that_cannot_be_read_is_cut_short
 
 
 def test_a_disk_that_fails_ends_the_recording_and_frees_the_worker(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    rig = Rig(folder, None, 100, measured=True)
+    rig = Rig(tmp_path, None, 100, measured=True)
 
     def fail(*_: object) -> None:
         raise StorageError("the disk is full", "make room")

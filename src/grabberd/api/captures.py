@@ -86,5 +86,11 @@ def _request_of(order: CaptureOrder, rate_hz: float) -> CaptureRequest:
     if order.duration_s is not None:
         fields = max(1, round(order.duration_s * rate_hz))
     return CaptureRequest(
-        fields, order.bits, order.lines, order.pre_trigger_fields, order.note, dict(order.labels)
+        fields,
+        order.bits,
+        order.lines,
+        order.pre_trigger_fields,
+        order.overrun,
+        order.note,
+        dict(order.labels),
     )

@@ -33,6 +33,10 @@ class CaptureOrder(Document):
     pre_trigger_fields: int = Field(
         0, ge=0, le=4096, description="Fields before the request that belong to it."
     )
+    overrun: Literal["count", "stop"] = Field(
+        "count",
+        description="Fields that the ring loses because the computer is too busy: count them, or stop there.",
+    )
     note: Annotated[str, StringConstraints(max_length=2000)] = ""
     labels: dict[Label, Label] = Field(default_factory=dict, max_length=32, description="Cow, teat, liner, …")
 

@@ -4,6 +4,7 @@ Exit codes: 0 done; 1 it failed, the message says why; 2 the command line is wro
 wrong.
 """
 
+import os
 import sys
 
 from grabberd.errors import ConfigError, GrabberdError
@@ -13,6 +14,8 @@ EX_CONFIG = 78
 
 def main() -> None:
     """The entry point `grabberd`."""
+    # Threads for matrices as small as ours cost more than they give, and disturb the capture thread.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from grabberd.cli.app import app  # noqa: PLC0415 - `import grabberd.cli` stays cheap
 
     try:

@@ -78,11 +78,12 @@ def _image(view: View) -> Array:
 
 
 def _factor(covariance: Array) -> Array | None:
-    """(2, 18, 36) L with L·Lᵀ = covariance; from its correlations, because its units span twenty decades."""
+    """(2, 18, K) L with L·Lᵀ = covariance; from its correlations, because its units span twenty decades."""
     sigma = np.sqrt(np.diag(covariance))
     if not sigma.any():
         return None
     scale = np.where(sigma > 0, sigma, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    factor: Array = sigma[:, np.newaxis] * vectors * np.sqrt(np.maximum(values, 0.0))
+    kept = values > 1e-14 * values[-1]
+    factor: Array = sigma[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
     return factor.reshape(2, len(PARAMETERS), -1)

@@ -61,7 +61,7 @@ class Agreement:
         self.field = DisplacementField.of(model, settings.smoothness)
         self._neighbours = model.neighbours()
         self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
-        self.pitch_mm = float(np.median(self._apart_mm)) if len(self._apart_mm) else np.inf
+        self.pitch_mm = _median(self._apart_mm)
 
     def largest(self, known: Hypotheses) -> Indices:
         """The most hypotheses that agree, found from the surest of them.
@@ -195,6 +195,11 @@ def _undoubted(known: Hypotheses, far: Array, free: Indices, margin: float) -> l
 def _worth(known: Hypotheses, chosen: Indices) -> tuple[int, float]:
     """More targets are better, and as many with smaller displacements."""
     return len(chosen), -float((known.displacement_mm[chosen] ** 2).sum())
+
+
+def _median(values: Array) -> float:
+    """Of three values or of four the second largest; np.median would import numpy.ma."""
+    return float(np.sort(values)[len(values) // 2]) if len(values) else np.inf
 
 
 def _between(places: Array) -> Array:

@@ -18,7 +18,7 @@ class Prediction:
 
     Attributes:
         places_mm: (M, 3) where the targets must be.
-        image_px: (2, V, M) where they must appear, frame pixels x and y.
+        image_px: (2, V, M) where they must appear, frame pixels x and y; infinite behind a camera.
         reach_px: (2, V, M) how far from there they may appear.
     """
 
@@ -40,8 +40,9 @@ class Prediction:
             gate: how many standard deviations a target may be off.
         """
         image, slopes = linearise(rig, places_mm)
-        spread = np.sqrt((slopes * slopes).sum(axis=2)) * sigma_mm
-        return cls(places_mm, image, gate * np.hypot(spread, sigma_px))
+        reach = gate * np.hypot(np.sqrt((slopes * slopes).sum(axis=2)) * sigma_mm, sigma_px)
+        before = np.isfinite(image)
+        return cls(places_mm, np.where(before, image, np.inf), np.where(before, reach, 1.0))
 
     def nearest(self, view: int, xy_px: Array) -> Indices:
         """(M,) index of the blob that is each target's, -1 where there is none.
@@ -56,11 +57,10 @@ class Prediction:
         count = self.image_px.shape[2]
         if not len(xy_px):
             return np.full(count, -1)
-        off = (xy_px.T[:, np.newaxis] - self.image_px[:, view, :, np.newaxis]) / self.reach_px[
-            :, view, :, np.newaxis
-        ]
+        off = xy_px.T[:, np.newaxis] - self.image_px[:, view, :, np.newaxis]
+        off *= 1.0 / self.reach_px[:, view, :, np.newaxis]
         off *= off
-        away = np.nan_to_num(off[0] + off[1], nan=np.inf, copy=False)
+        away = off[0] + off[1]
         targets = np.arange(count)
         blob = away.argmin(axis=1)
         own = (away[targets, blob] <= 1.0) & (away.argmin(axis=0)[blob] == targets)
@@ -68,6 +68,7 @@ class Prediction:
 
     def windows(self, views: Sequence[View]) -> Array:
         """(K, 4) x0, y0, x1, y1 in frame pixels: all places within reach that lie in a view's half."""
+        # What is infinite stays so, and clipping leaves nothing between the edges of such a window.
         low, high = self.image_px - self.reach_px, self.image_px + self.reach_px
         boxes = np.concatenate([low, high]).transpose(1, 2, 0)
         for view, of_view in zip(views, boxes, strict=True):

@@ -117,7 +117,7 @@ class Tracker:
         return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
 
     def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
-        """Looks where the targets have moved to; where that is vague, again where those that were found say."""
+        """Looks where the targets have moved to; if that is vague, again where those that were found say."""
         places_mm, sigma_mm = self._moved(track, elapsed_s)
         sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
         vague_mm = _VAGUE * self.correspondence.agreement.pitch_mm

@@ -71,6 +71,7 @@ class Backlog(Generic[T]):
             while self._first < self._written and len(self._items) > self.capacity:
                 self._items.popleft()
                 self._first += 1
+            self._changed.notify_all()
 
     def at(self, index: int, timeout_s: float) -> T | None:
         """The item at an index; None when it does not come in time or never will.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
-from grabberd.acquisition import Policy, Slot
+from grabberd.acquisition import Slot
 from grabberd.errors import CaptureRunning, Conflict, GrabberdError, NotReady
 from grabberd.service.backlog import Backlog
 from grabberd.service.capture_thread import CaptureThread
@@ -156,9 +156,10 @@ class Instrument:
         stream = self.board.now.stream
         assert stream is not None
         armed = self.intake.arm(request.bits, request.lines)
+        # The reader comes before the file, whose creation takes its time.
+        reader = armed.ring.reader(request.overrun, back=request.pre_trigger_fields)
         writer = CaptureWriter.create(part, self._meta(capture_id, request, armed))
         backlog: Backlog[Slot] = Backlog(capacity=round(self._queue_s * stream.rate_hz))
-        reader = armed.ring.reader(Policy.COUNT, back=request.pre_trigger_fields)
         recorder = Recorder(
             request.fields,
             backlog,

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot
+from grabberd.errors import RingOverrun
 from grabberd.service.backlog import Backlog
 from grabberd.service.clock import Clock
 
@@ -20,6 +21,7 @@ class CaptureRequest:
         bits: bits a pixel; None: as the ring is armed.
         lines: "doubled" or "field"; None: doubled at 1 bit, field otherwise.
         pre_trigger_fields: how many fields before the request belong to it, as far as the ring has them.
+        overrun: "count" what the ring has overwritten before it was recorded, or "stop" the capture there.
         note: for people; `labels`: cow, teat, liner, …
     """
 
@@ -27,6 +29,7 @@ class CaptureRequest:
     bits: int | None = None
     lines: str | None = None
     pre_trigger_fields: int = 0
+    overrun: str = "count"
     note: str = ""
     labels: Mapping[str, str] = field(default_factory=dict)
 
@@ -74,6 +77,8 @@ class Recorder:
                 self._take_one(reader)
             while self._wants_more and (slot := reader.take(0)) is not None:
                 self.take(slot)
+        except RingOverrun as error:
+            self._overrun(error)
         finally:
             reader.close()
             self._backlog.close()
@@ -94,6 +99,12 @@ class Recorder:
     @property
     def _wants_more(self) -> bool:
         return self._fields is None or (self.ledger.end_n or 0) < self._fields
+
+    def _overrun(self, error: RingOverrun) -> None:
+        first_n = error.first_n - (self.first_n or 0)
+        if self.first_n is not None:
+            self.ledger.add(LedgerEntry(first_n, error.count, Outcome.OVERRUN, "ring overrun"))
+        self.stop(error.message)
 
     def _take_one(self, reader: RingReader) -> None:
         slot = reader.take(0.1)
