@@ -2,7 +2,7 @@
 
 The rooms follow the decomposition of the paper (I. Maalen-Johansen, *Close-range videometry*): `field`,
 `measurement`, `geometry`, `reconstruction` are pure, arrays in and arrays out; `processes` strings them
-together over fields. Threads, files, clocks and HTTP live in `acquisition`, `service`, `storage`, `api`, `cli`.
+together over fields. Threads, files, clocks and HTTP live in the rooms above them.
 """
 
 __version__ = "0.1.0"
