@@ -12,7 +12,7 @@ from grabberd.errors import CaptureFileError
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import Truth, World
 
-CSV_HEADER = "n,time_ns,target,x_mm,y_mm,z_mm"
+CSV_HEADER = "n,time_ns,target,x_mm,y_mm,z_mm,visible"
 
 
 def truth_at(options: FakeOptions | Mapping[str, Any], time_ns: int) -> Truth:
@@ -34,7 +34,9 @@ def _world(options: FakeOptions) -> World:
 
 
 def capture_truth(path: Path) -> Iterator[str]:
-    """CSV lines, the header first: every target's place at every field, whether it was seen or not.
+    """CSV lines, the header first: every target's place at every field of a capture.
+
+    The column `visible` is 1 where both views can see it.
 
     Raises:
         CaptureFileError: it is no capture, or one that another driver made.
@@ -43,9 +45,10 @@ def capture_truth(path: Path) -> Iterator[str]:
     yield CSV_HEADER
     world = World(options)
     for n, time_ns in fields:
-        targets = world.scene.targets(time_ns)
-        for target, (x, y, z) in zip(world.scene.ids.tolist(), targets.xyz_mm.tolist(), strict=True):
-            yield f"{n},{time_ns},{target},{x:.6f},{y:.6f},{z:.6f}"
+        truth = world.truth(time_ns)
+        visible = (truth.visible_left & truth.visible_right).astype(int).tolist()
+        for target, (x, y, z), seen in zip(truth.ids.tolist(), truth.xyz_mm.tolist(), visible, strict=True):
+            yield f"{n},{time_ns},{target},{x:.6f},{y:.6f},{z:.6f},{seen}"
 
 
 def _read_capture(path: Path) -> tuple[FakeOptions, list[tuple[int, int]]]:

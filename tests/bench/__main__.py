@@ -1,10 +1,10 @@
-"""`python -m tests.bench [live|core|all] [--seconds N] [--write FILE]`."""
+"""`python -m tests.bench [accuracy|core|live|all] [--seconds N] [--write FILE]`."""
 
 import argparse
 import platform
 from pathlib import Path
 
-from tests.bench import core, live
+from tests.bench import accuracy, core, live
 
 HEADER = """# What was measured
 
@@ -16,11 +16,13 @@ the ratios, and at what the witness saw of the machine itself.
 def main() -> None:
     """Runs what is asked for, prints it, and writes it down where that is asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument("what", nargs="?", default="all", choices=["live", "core", "all"])
+    parser.add_argument("what", nargs="?", default="all", choices=["accuracy", "core", "live", "all"])
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the live capture")
     parser.add_argument("--write", type=Path, help="file whose sections are replaced")
     options = parser.parse_args()
     sections: dict[str, str] = {}
+    if options.what in ("accuracy", "all"):
+        sections["Accuracy against the simulator's truth, mm, RMSE of single fields"] = accuracy.table()
     if options.what in ("core", "all"):
         sections["From a field to its points"] = core.table()
     if options.what in ("live", "all"):

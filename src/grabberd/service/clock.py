@@ -1,8 +1,9 @@
 """The two clocks that the service reads; tests hand in their own."""
 
-import time
 from datetime import UTC, datetime
 from typing import Protocol
+
+from grabberd.acquisition import clock
 
 
 class Clock(Protocol):
@@ -17,12 +18,8 @@ class Clock(Protocol):
         ...
 
 
-class SystemClock:
+class SystemClock(clock.SystemClock):
     """The machine's own clocks."""
-
-    def now_ns(self) -> int:
-        """CLOCK_MONOTONIC, nanoseconds."""
-        return time.monotonic_ns()
 
     def utc_now(self) -> datetime:
         """Coordinated universal time."""

@@ -115,12 +115,12 @@ class JobRunner:
 
     def cancel(self, job_id: str) -> Job:
         """Cancels a job that waits or runs; one that has ended stays as it is."""
-        job = self.get(job_id)
-        if job.state not in ENDED:
+        with self._changed:
+            running = self.get(job_id).state is JobState.RUNNING
             self._update(job_id, state=JobState.CANCELLED)
-        if job.state is JobState.RUNNING and self._child:
-            self._child.kill()
-        return self.get(job_id)
+            if running and self._child:
+                self._child.kill()
+            return self.get(job_id)
 
     def wait(self, job_id: str, timeout_s: float) -> Job:
         """The job once it has ended, or as it stands after `timeout_s`."""

@@ -49,7 +49,7 @@ def test_options_that_cannot_be_used_have_no_truth() -> None:
 
 def test_a_captures_truth_has_every_target_at_every_field_that_came(capture: Path) -> None:
     lines = list(capture_truth(capture))
-    assert lines[0] == CSV_HEADER == "n,time_ns,target,x_mm,y_mm,z_mm"
+    assert lines[0] == CSV_HEADER == "n,time_ns,target,x_mm,y_mm,z_mm,visible"
     rows = [line.split(",") for line in lines[1:]]
     assert len(rows) == 3 * 108
     assert sorted({(int(row[0]), int(row[1])) for row in rows}) == [
@@ -57,9 +57,10 @@ def test_a_captures_truth_has_every_target_at_every_field_that_came(capture: Pat
         (1, 40_000_000),
         (3, 80_000_000),
     ]
-    wanted = truth_at(OPTIONS, 80_000_000).xyz_mm[-1]
+    truth = truth_at(OPTIONS, 80_000_000)
     assert rows[-1][:3] == ["3", "80000000", "108"]
-    assert_allclose([float(value) for value in rows[-1][3:]], wanted, atol=1e-6)
+    assert_allclose([float(value) for value in rows[-1][3:6]], truth.xyz_mm[-1], atol=1e-6)
+    assert [row[6] == "1" for row in rows[-108:]] == (truth.visible_left & truth.visible_right).tolist()
 
 
 def test_the_command_prints_it(capture: Path, capsys: pytest.CaptureFixture[str]) -> None:
