@@ -17,13 +17,16 @@ POINT = np.dtype(
     [
         ("target", "<i4"),
         ("xyz_mm", "<f8", 3),
-        ("covariance_mm2", "<f8", 6),
+        ("covariance_mm2", "<f4", 6),
         ("calibration_covariance_mm2", "<f4", 6),
-        ("image_px", "<f8", (2, 2)),
+        ("image_px", "<f4", (2, 2)),
         ("residual_px", "<f4"),
     ]
 )
-"""One point in `points.data`, little-endian, packed; covariances as xx, xy, xz, yy, yz, zz."""
+"""One point in `points.data`, little-endian, packed; covariances as xx, xy, xz, yy, yz, zz.
+
+Places are exact; the rest is kept to seven digits, more than it is good for.
+"""
 _UPPER = np.triu_indices(3)
 
 
@@ -69,7 +72,7 @@ def encode_points(points: Points) -> bytes:
 
 
 def decode_points(data: bytes) -> Points:
-    """The points again; places bit for bit.
+    """The points again; places bit for bit, the rest to single precision.
 
     Raises:
         ValueError: the bytes are damaged.
@@ -83,7 +86,7 @@ def decode_points(data: bytes) -> Points:
         xyz_mm=records["xyz_mm"].copy(),
         covariance_mm2=_symmetric(records["covariance_mm2"]),
         calibration_covariance_mm2=_symmetric(records["calibration_covariance_mm2"]),
-        image_px=records["image_px"].copy(),
+        image_px=records["image_px"].astype(np.float64),
         residual_px=records["residual_px"].astype(np.float64),
     )
 
