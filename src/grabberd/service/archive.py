@@ -2,10 +2,11 @@
 
 import shutil
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from grabberd.acquisition import Ledger
+from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, Conflict, NotFound
 from grabberd.service.session import CaptureSession
 from grabberd.storage import CaptureIndex, CaptureReader, RunInfo, recover
@@ -13,6 +14,9 @@ from grabberd.storage.index import IndexEntry
 
 SUFFIX = ".grab"
 PART = ".grab.part"
+DESCRIBED = 4096
+"""So many captures' descriptions are remembered."""
+IN_THE_FILE = (Outcome.RECEIVED, Outcome.DAMAGED)
 
 
 class Archive:
@@ -27,6 +31,8 @@ class Archive:
         self.directory = directory
         self.index = CaptureIndex(directory)
         self._sessions = sessions
+        # Remembered as long as a file does not change: the ledger of a long capture takes its time to read.
+        self._describe = lru_cache(DESCRIBED)(lambda path, mtime_ns: describe(path))
 
     def open(self) -> None:
         """Seals what a crash left, and brings the index up to date with the folder."""
@@ -91,7 +97,7 @@ class Archive:
     def _sealed_document(self, entry: IndexEntry) -> dict[str, Any]:
         path = self.directory / entry.file
         try:
-            return describe(path)
+            return self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
         except CaptureFileError as error:
             return _damaged_document(entry, path, error.message)
 
@@ -127,6 +133,7 @@ def describe(path: Path) -> dict[str, Any]:
 
 def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
     meta = reader.meta
+    counts = ledger.counts()
     verdict = {True: "complete", False: "incomplete", None: None}[meta.complete]
     return {
         "id": meta.id,
@@ -137,7 +144,7 @@ def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
         "created_utc": meta.created_utc,
         "bits": meta.bits,
         "lines": meta.lines,
-        "fields": reader.field_count,
+        "fields": sum(counts[outcome] for outcome in IN_THE_FILE),
         "ledger": ledger_document(ledger, meta.rate_hz),
         "runs": [_run_document(run) for run in reader.runs],
         "labels": meta.labels,
