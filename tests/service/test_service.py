@@ -222,6 +222,26 @@ def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:
         service.stop()
 
 
+def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with running(tmp_path) as service:
+        path = capture(service, fields=5)
+        session = service.instrument(None).session
+        assert session
+        monkeypatch.setattr(service.archive, "_sessions", lambda: [session])
+        part = service.archive.part_of(session.id)
+        part.write_bytes(path.read_bytes())
+        opened = CaptureReader.__init__
+
+        def then_gone(reader: CaptureReader, file: Path) -> None:
+            opened(reader, file)
+            part.unlink(missing_ok=True)
+
+        monkeypatch.setattr(CaptureReader, "__init__", then_gone)
+        assert service.archive.document(session.id)["state"] == "sealed"
+
+
 def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}) as service:
         capture_id = service.start_capture(None, CaptureRequest())

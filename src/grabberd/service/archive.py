@@ -75,7 +75,7 @@ class Archive:
         if session is not None:
             try:
                 return _running_document(self.part_of(capture_id), session)
-            except CaptureFileError:  # it is being renamed at this moment
+            except (CaptureFileError, FileNotFoundError):  # it is being renamed at this moment
                 session.sealed.wait(10)
         return self._sealed_document(self.index.get(capture_id))
 
