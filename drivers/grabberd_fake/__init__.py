@@ -1,9 +1,9 @@
 """The simulated grabber: a camera behind mirrors that looks at a scene of its own (driver `fake`).
 
 It has its own optics: one real camera with a lens, plane mirrors by reflection. So it can be asked for the
-    truth of
-what it shows, in space and in the picture, and shares no formula with the program that measures it. The world
-runs on a clock that can be injected; noise, jitter and rig follow from seeds; faults follow a script.
+truth of what it shows, in space and in the picture, and shares no formula with the program that measures it.
+The world runs on a clock that can be injected; noise, jitter and rig follow from seeds; faults follow a
+script.
 
     FakeGrabber(**options)                      the driver; `FakeOptions` lists the options
     truth_at(options, time_ns) -> Truth         what is true at a field's time
