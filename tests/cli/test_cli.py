@@ -1,6 +1,7 @@
 """The commands as a person types them."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from typer.testing import CliRunner, Result
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.storage import CaptureReader
+from grabberd.storage.lock import DirectoryLock
 
 FAST = """
 devices:
@@ -222,6 +224,18 @@ def test_the_daemon_refuses_to_listen_to_strangers(host: str) -> None:
     result = shell("serve", "--host", host)
     assert result.returncode == 78
     assert "loopback" in result.stderr
+
+
+def test_two_daemons_do_not_share_a_folder_of_captures(tmp_path: Path) -> None:
+    lock = DirectoryLock(tmp_path / "captures")
+    lock.acquire()
+    command = [sys.executable, "-c", "from grabberd.cli import main; main()", "serve", "--port", "0"]
+    environment = {**os.environ, "STATE_DIRECTORY": str(tmp_path)}
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+    lock.release()
+    assert result.returncode == 1
+    assert "another grabberd uses" in result.stderr
+    assert "Traceback" not in result.stderr
 
 
 def test_importing_the_server_stays_light() -> None:

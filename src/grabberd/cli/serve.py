@@ -47,11 +47,12 @@ def serve(
         message = f"{address} is no loopback address, and there are no tokens that say who may use the daemon"
         raise ConfigError([Problem(str(file), "http.host", message)])
     service = Service.from_config(settings, set_up(settings, file))
+    service.start()  # before the server, so that what keeps it from starting is said plainly
     uvicorn.run(
         create_app(service),
         host=address,
         port=settings.http.port if port is None else port,
-        log_level="warning",
+        access_log=False,
         timeout_graceful_shutdown=5,
     )
 

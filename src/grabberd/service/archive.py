@@ -11,6 +11,7 @@ from grabberd.errors import CaptureFileError, Conflict, NotFound
 from grabberd.service.session import CaptureSession
 from grabberd.storage import CaptureIndex, CaptureReader, RunInfo, recover
 from grabberd.storage.index import IndexEntry
+from grabberd.storage.lock import DirectoryLock
 
 SUFFIX = ".grab"
 PART = ".grab.part"
@@ -30,15 +31,25 @@ class Archive:
     def __init__(self, directory: Path, sessions: Callable[[], Sequence[CaptureSession]]) -> None:
         self.directory = directory
         self.index = CaptureIndex(directory)
+        self._lock = DirectoryLock(directory)
         self._sessions = sessions
         # Remembered as long as a file does not change: the ledger of a long capture takes its time to read.
         self._describe = lru_cache(DESCRIBED)(lambda path, mtime_ns: describe(path))
 
     def open(self) -> None:
-        """Seals what a crash left, and brings the index up to date with the folder."""
+        """Takes the folder for this program alone, seals what a crash left, brings the index up to date.
+
+        Raises:
+            StorageError: another program uses the folder, or it cannot be written.
+        """
+        self._lock.acquire()
         for part in sorted(self.directory.glob(f"*{PART}")):
             recover(part)
         self.index.rebuild()
+
+    def close(self) -> None:
+        """Lets another program have the folder."""
+        self._lock.release()
 
     def part_of(self, capture_id: str) -> Path:
         """Where a new capture is written to."""

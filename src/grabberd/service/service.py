@@ -50,6 +50,7 @@ class Service:
         }
         self.archive = Archive(directory / "captures", self._sessions)
         self.jobs = JobRunner(self._clock)
+        self._started = False
 
     @classmethod
     def from_config(cls, config: Config, setups: Mapping[str, DeviceSetup]) -> "Service":
@@ -57,12 +58,15 @@ class Service:
         return cls(setups, config.state_directory, site=dict(config.site), queue_s=config.storage.queue_s)
 
     def start(self) -> None:
-        """Seals what a crash left, then starts all instruments.
+        """Seals what a crash left, then starts all instruments; does nothing the second time.
 
         Raises:
             StorageError: the state directory cannot be used.
         """
+        if self._started:
+            return
         self.archive.open()
+        self._started = True
         self.jobs.start()
         for instrument in self.instruments.values():
             instrument.start()
@@ -72,6 +76,7 @@ class Service:
         for instrument in self.instruments.values():
             instrument.stop()
         self.jobs.stop()
+        self.archive.close()
 
     def instrument(self, name: str | None) -> Instrument:
         """An instrument by its device's name, which may be left out where there is one.
