@@ -24,8 +24,8 @@ def test_a_field_that_equals_the_one_of_its_parity_before_is_repeated():
     assert damages(*fields) == [None, None, "repeated", "repeated", None]
 
 
-def test_equal_fields_of_different_parity_are_not_compared():
-    assert damages((noise(1), 0), (noise(1), 1)) == [None, None]
+def test_so_is_one_that_equals_the_field_just_before_although_its_parity_is_another():
+    assert damages((noise(1), 0), (noise(1), 1), (noise(1), 0)) == [None, "repeated", "repeated"]
 
 
 def test_a_black_picture_tells_nothing():

@@ -186,6 +186,20 @@ def test_lost_damaged_and_repeated_fields_are_in_the_ledger(tmp_path: Path) -> N
             assert reader.meta.complete is False
 
 
+def test_a_live_device_that_repeats_a_picture_and_one_without_signal_are_found_out(tmp_path: Path) -> None:
+    faults = [
+        {"kind": "repeat", "at_field": 30, "count": 2},
+        {"kind": "no_signal", "at_field": 60, "duration_s": 3.0},
+    ]
+    with running(tmp_path, {"pace": "real", "faults": faults}) as service:
+        path = capture(service, fields=140, pre_trigger_fields=16)
+        with CaptureReader(path) as reader:
+            counts = reader.ledger.counts()
+            assert counts[Outcome.DAMAGED] == 2
+            assert counts[Outcome.NO_SIGNAL] > 0
+            assert [entry.reason for entry in reader.ledger.entries] == ["repeated", "no signal"]
+
+
 def test_an_unplugged_device_comes_back_and_the_capture_says_what_is_missing(tmp_path: Path) -> None:
     faults = [{"kind": "unplug", "at_field": 30, "back_after_s": 1.0}]
     with running(tmp_path, {"faults": faults}) as service:

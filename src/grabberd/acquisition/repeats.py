@@ -10,7 +10,7 @@ _EVERY_ROW = 8
 
 
 class RepeatCheck:
-    """Compares every eighth row of a field with the field of the same parity before it.
+    """Compares every eighth row of a field with those of the last field of either parity.
 
     The noise of an analog signal never comes twice, so an equal sample is an old picture. A sample without
     any contrast tells nothing (black may be clipped) and is never called repeated. Not for recordings.
@@ -22,8 +22,6 @@ class RepeatCheck:
     def damage(self, field: Field) -> str | None:
         """`REPEATED` or None; keeps a copy of the sample, 26 kB for 288 rows of 720."""
         sample = field.luma[::_EVERY_ROW].copy()
-        before = self._before.get(field.parity)
+        old = any(np.array_equal(before, sample) for before in self._before.values())
         self._before[field.parity] = sample
-        if before is None or not np.array_equal(before, sample):
-            return None
-        return REPEATED if sample.min() != sample.max() else None
+        return REPEATED if old and sample.min() != sample.max() else None
