@@ -81,6 +81,7 @@ def test_a_duration_is_a_number_of_fields(fast: TestClient) -> None:
         {"bits": 7},
         {"lines": "tripled"},
         {"pre_trigger_fields": -1},
+        {"fields": 10, "pre_trigger_fields": 10},
         {"field": 10},
         {"labels": {"cow": 3}},
         {"duration_s": 1e300},

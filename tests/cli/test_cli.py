@@ -67,6 +67,17 @@ def test_nothing_is_left_beside_the_capture(config: Path, tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["five.grab"]
 
 
+def test_a_folder_that_is_not_there_and_an_address_that_is_none_are_said_plainly(tmp_path: Path) -> None:
+    for words in (
+        ("capture", "--fields", 5, "--out", tmp_path / "no" / "a.grab"),
+        ("status", "--url", "foo"),
+    ):
+        result = shell(*words)
+        assert result.returncode == 1
+        assert "hint:" in result.stderr
+        assert "Traceback" not in result.stderr
+
+
 def test_an_existing_file_is_not_overwritten(capture: Path) -> None:
     result = shell("capture", "--fields", 5, "--out", capture)
     assert result.returncode == 1
@@ -109,10 +120,12 @@ def test_a_configuration_with_problems_names_them_all_and_exits_with_78(tmp_path
         ("driver: fake, options: {scene: moon}", "scene"),
         ("driver: fake, options: {speed: 3}", "speed"),
         ("driver: fake, calibration: bad.json, object: bad.json", "schema"),
+        ("driver: fake, calibration: list.json, object: bad.json", "has no keys"),
     ],
 )
 def test_drivers_options_and_calibrations_are_checked_too(tmp_path: Path, line: str, says: str) -> None:
     (tmp_path / "bad.json").write_text("{}")
+    (tmp_path / "list.json").write_text("[1, 2]")
     file = tmp_path / "bad.yaml"
     file.write_text(f"devices: {{one: {{{line}}}}}")
     result = shell("check-config", file)

@@ -1,14 +1,16 @@
 """The running instrument on the simulated grabber: captures, their files, and what a replay of them gives."""
 
+import sqlite3
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from running import PATIENCE_S, configuration, running, sealed
 
 from grabberd.acquisition import Outcome
 from grabberd.config import default_config_file
-from grabberd.errors import CaptureRunning, Conflict, NotFound
+from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, NotFound
 from grabberd.service.jobs import JobState
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.service import Service
@@ -88,6 +90,33 @@ def test_other_bits_re_arm_the_ring_first(tmp_path: Path, bits: int, lines: str)
             packed = reader.field(3).numbered.packed
             assert (packed.bits, packed.y_step) == (bits, 1 if lines == "doubled" else 2)
             assert sum(len(points) for _, points in reader.points()) > 600
+
+
+def test_without_a_wish_a_capture_has_the_bits_of_the_configuration(tmp_path: Path) -> None:
+    with running(tmp_path) as service:
+        capture(service, fields=5, bits=8)
+        with CaptureReader(capture(service, fields=5)) as reader:
+            assert reader.meta.bits == 1
+
+
+def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) -> None:
+    pictures = tmp_path / "pictures"
+    pictures.mkdir()
+    for n in range(4):
+        cv2.imwrite(str(pictures / f"{n}.png"), np.zeros((288, 360), np.uint8))
+    with replaying(tmp_path, pictures) as service, pytest.raises(CalibrationMismatch, match="720"):
+        service.start_capture(None, CaptureRequest())
+
+
+def test_a_file_whose_ledger_contradicts_itself_is_shown_as_damaged_beside_the_others(tmp_path: Path) -> None:
+    with running(tmp_path) as service:
+        bad, good = capture(service, fields=10), capture(service, fields=5)
+        connection = sqlite3.connect(bad)
+        connection.execute("INSERT INTO ledger VALUES (3, 4, 'lost', 'twice')")
+        connection.commit()
+        connection.close()
+        states = {document["id"]: document["state"] for document in service.archive.documents()}
+        assert states == {bad.stem: "damaged", good.stem: "sealed"}
 
 
 def test_a_second_start_is_refused_with_the_id_of_the_running_one(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ class CaptureOrder(Document):
         None, ge=1, le=10_000_000, description="Length in fields of 20 ms, lost ones included."
     )
     duration_s: float | None = Field(None, gt=0, le=200_000, description="Length in seconds.")
-    bits: BitDepth | None = Field(None, description="Bits a pixel; default: as the ring is armed.")
+    bits: BitDepth | None = Field(None, description="Bits a pixel; default: as configured.")
     lines: Lines | None = Field(
         None, description="'doubled' (default at 1 bit) or 'field' (default for grey)."
     )
@@ -44,6 +44,8 @@ class CaptureOrder(Document):
     def _one_length(self) -> Self:
         if self.fields is not None and self.duration_s is not None:
             raise ValueError("give fields or duration_s, not both")
+        if self.fields is not None and self.pre_trigger_fields >= self.fields:
+            raise ValueError("pre_trigger_fields are among the fields, so there have to be fewer of them")
         return self
 
 

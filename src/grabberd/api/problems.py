@@ -83,7 +83,13 @@ def _of_request(_: Request, error: Exception) -> ProblemResponse:
     assert isinstance(error, RequestValidationError)
     faults = [{"where": _place(fault["loc"]), "message": fault["msg"]} for fault in error.errors()]
     detail = "; ".join(f"{fault['where']}: {fault['message']}" for fault in faults)
-    return problem(422, "bad-request", detail, "mend these values; /docs describes them", {"faults": faults})
+    return problem(
+        422,
+        "bad-request",
+        detail,
+        "mend these values; /api/v1/openapi.json describes them",
+        {"faults": faults},
+    )
 
 
 def _place(location: tuple[int | str, ...]) -> str:

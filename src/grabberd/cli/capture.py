@@ -1,6 +1,7 @@
 """`grabberd capture`: a capture into a file, without a daemon, or through the one that holds the device."""
 
 import contextlib
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -58,6 +59,8 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     Example: grabberd capture --config configs/fake.yaml --fields 64 --out liner.grab
     """
     order = _order(fields, duration, bits, lines, note, label or [])
+    if not out.parent.is_dir():
+        raise StorageError(f"there is no folder {out.parent}", "make it, or name another file")
     if out.exists():
         raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
     if url:
@@ -118,6 +121,7 @@ def _capture_here(
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
     sys.setswitchinterval(0.001)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends a capture as Ctrl-C does
     chosen = _with_device(config, file, device)
     setup = next(iter(set_up(chosen, file or default_config_file()).values()))
     instrument = Instrument(setup, SystemClock(), site=dict(config.site), queue_s=config.storage.queue_s)
@@ -157,12 +161,15 @@ def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
 
 
 def _wait_until_it_accepts(instrument: "Instrument") -> None:
+    from grabberd.service.states import DeviceState  # noqa: PLC0415
+
     board = instrument.board
     with board.changed:
-        board.changed.wait_for(lambda: instrument.accepts, OPEN_TIMEOUT_S)
+        hopeless = (DeviceState.FAILED, DeviceState.ENDED)
+        board.changed.wait_for(lambda: instrument.accepts or board.state in hopeless, OPEN_TIMEOUT_S)
     if not instrument.accepts:
         raise DeviceAbsent(
-            f"device {instrument.name} is {board.now.state} after {OPEN_TIMEOUT_S:.0f} s: {board.now.cause}",
+            f"device {instrument.name} is {board.now.state}: {board.now.cause}",
             "check the grabber and the configuration; 'grabberd devices' lists what there is",
         )
 

@@ -22,8 +22,8 @@ def ask(url: str, path: str, method: str = "GET", body: object = None) -> Any:
     """
     data = None if body is None else json.dumps(body).encode()
     headers = {"Content-Type": "application/json", "Accept": "application/json"}
-    request = urllib.request.Request(url.rstrip("/") + path, data, headers, method=method)  # noqa: S310 - the user's own
     try:
+        request = urllib.request.Request(url.rstrip("/") + path, data, headers, method=method)  # noqa: S310
         with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:  # noqa: S310
             return json.load(answer)
     except urllib.error.HTTPError as error:

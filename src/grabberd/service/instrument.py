@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
-from grabberd.acquisition import Slot
+from grabberd.acquisition import Slot, StreamInfo
 from grabberd.errors import CaptureRunning, Conflict, GrabberdError, NotReady
 from grabberd.service.backlog import Backlog
 from grabberd.service.capture_thread import CaptureThread
@@ -115,6 +115,7 @@ class Instrument:
         Raises:
             CaptureRunning: one is being recorded or sealed.
             NotReady: the device does not stream.
+            CalibrationMismatch: the calibration is of pictures of another size than the stream's.
             StorageError: the file cannot be created.
         """
         with self._starting:
@@ -155,6 +156,7 @@ class Instrument:
     def _attach(self, capture_id: str, request: CaptureRequest, part: Path) -> CaptureSession:
         stream = self.board.now.stream
         assert stream is not None
+        self._check_fits(stream)
         armed = self.intake.arm(request.bits, request.lines)
         # The reader comes before the file, whose creation takes its time.
         reader = armed.ring.reader(request.overrun, back=request.pre_trigger_fields)
@@ -180,6 +182,14 @@ class Instrument:
             measured=measured,
             on_sealed=self._sealed,
         )
+
+    def _check_fits(self, stream: StreamInfo) -> None:
+        """Refuses pictures that are not the calibration's; a stream of doubled fields has all lines."""
+        if self.setup.measuring is not None:
+            calibration = self.setup.measuring.calibration
+            doubled = stream.field_rows == calibration.lines
+            lines = stream.field_rows if doubled else 2 * stream.field_rows
+            calibration.check_fits(stream.columns, lines, glass=calibration.glass)
 
     def _meta(self, capture_id: str, request: CaptureRequest, armed: Armed) -> CaptureMeta:
         status = self.board.now

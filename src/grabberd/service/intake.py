@@ -51,7 +51,9 @@ class Intake:
         self._slots = config.ring.slots
         self._rule = _rule(config)
         self._arming = threading.Lock()
-        self.armed = Armed(Ring(self._slots), bits, config.ring.lines or default_lines(bits))
+        self.armed = self._configured = Armed(
+            Ring(self._slots), bits, config.ring.lines or default_lines(bits)
+        )
         self.threshold = UNDECIDED_THRESHOLD if self._rule.value is None else self._rule.value
         self.hold_threshold = False
         self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
@@ -60,10 +62,12 @@ class Intake:
         self._repeats: RepeatCheck | None = None
 
     def arm(self, bits: int | None, lines: str | None) -> Armed:
-        """The ring for captures of these bits and lines; a new one if it has others."""
+        """The ring for these bits and lines, the configured ones where none are given."""
         with self._arming:
-            bits = bits or self.armed.bits
-            lines = lines or (self.armed.lines if bits == self.armed.bits else default_lines(bits))
+            bits = bits or self._configured.bits
+            lines = lines or (
+                self._configured.lines if bits == self._configured.bits else default_lines(bits)
+            )
             if (bits, lines) != (self.armed.bits, self.armed.lines):
                 old, self.armed = self.armed, Armed(Ring(self._slots), bits, lines)
                 old.ring.close()

@@ -18,7 +18,7 @@ class CaptureRequest:
 
     Attributes:
         fields: length in fields, lost ones included; None: until stopped.
-        bits: bits a pixel; None: as the ring is armed.
+        bits: bits a pixel; None: as configured.
         lines: "doubled" or "field"; None: doubled at 1 bit, field otherwise.
         pre_trigger_fields: how many fields before the request belong to it, as far as the ring has them.
         overrun: "count" what the ring has overwritten before it was recorded, or "stop" the capture there.

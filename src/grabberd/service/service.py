@@ -176,7 +176,9 @@ class Service:
         self.archive.index.add(session.path)
         if session.failure is not None:
             log.error("capture %s: %s; %s", session.id, session.failure.message, session.failure.hint)
-        log.info("capture %s has ended: %s", session.id, session.recorder.ledger.in_words(NOMINAL_RATE_HZ))
+        verdict = "complete" if session.complete else "incomplete"
+        words = session.recorder.ledger.in_words(NOMINAL_RATE_HZ)
+        log.info("capture %s has ended, %s; received: %s", session.id, verdict, words)
 
 
 def _live_document(worker: Worker | None) -> dict[str, Any] | None:

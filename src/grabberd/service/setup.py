@@ -85,9 +85,14 @@ def _read(path: Path | None, parse: Callable[[str], Any]) -> Any:
     if path is None:
         return None
     try:
-        return parse(path.read_text(encoding="utf-8"))
+        document = parse(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, yaml.YAMLError) as error:
         raise InputError(f"{path} cannot be read: {error}", "name a file that grabberd wrote") from error
+    if not isinstance(document, dict):
+        raise InputError(
+            f"{path} has no keys: it is {str(document)[:40]!r}", "name a file that grabberd wrote"
+        )
+    return document
 
 
 def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSetup | None:

@@ -78,7 +78,12 @@ class CaptureReader:
             for n, outcome, reason in fields
             if outcome != Outcome.RECEIVED and n not in covered
         ]
-        return Ledger.restore(received, [*listed, *damaged])
+        try:
+            return Ledger.restore(received, [*listed, *damaged])
+        except ValueError as error:
+            raise CaptureFileError(
+                f"{self.path}: its ledger contradicts itself: {error}", "keep it aside"
+            ) from error
 
     @property
     def field_count(self) -> int:
