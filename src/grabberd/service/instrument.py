@@ -8,7 +8,7 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.acquisition import Slot, StreamInfo
-from grabberd.errors import CaptureRunning, Conflict, GrabberdError, NotReady
+from grabberd.errors import CaptureRunning, GrabberdError, NotReady
 from grabberd.service.backlog import Backlog
 from grabberd.service.capture_thread import CaptureThread
 from grabberd.service.clock import Clock, iso_utc
@@ -125,17 +125,6 @@ class Instrument:
             self.intake.hold_threshold = True
             session.start()
         return session
-
-    def stop_capture(self, capture_id: str) -> None:
-        """Ends the recording of a capture; its file is sealed soon after.
-
-        Raises:
-            Conflict: it is not the running one.
-        """
-        session = self.session
-        if session is None or session.id != capture_id or session.sealed.is_set():
-            raise Conflict(f"capture {capture_id} is not running", "only a running capture can be stopped")
-        session.stop("stopped by the operator")
 
     def _source_ended(self, error: GrabberdError) -> None:
         session = self.running
