@@ -1,0 +1,102 @@
+"""Which of the views' parameters an adjustment seeks: free, held, shared between views or tied."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import InputError
+from grabberd.geometry import PARAMETERS, View
+
+Array = NDArray[np.float64]
+
+LENS = ("f_mm", "x0_px", "y0_px", "b3", "b4", "b5", "b6", "b7")
+"""What views that look through one lens have in common; b1, b2, b8, b9 are the mirrors'."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Unknowns:
+    """U unknowns behind the 18 parameters of each of V views.
+
+    Attributes:
+        names: U names: "left.f_mm"; "lens.f_mm" where all views share it; "left.b8=b9" where tied.
+        number: (V, 18) intp, which unknown a parameter is; −1 where it is held.
+    """
+
+    names: tuple[str, ...]
+    number: NDArray[np.intp]
+
+    @classmethod
+    def of(
+        cls,
+        views: Sequence[View],
+        free: Collection[str] = PARAMETERS,
+        *,
+        shared: Collection[str] = (),
+        tied: bool = False,
+    ) -> "Unknowns":
+        """The unknowns of views.
+
+        Args:
+            views: whose.
+            free: names of parameters to be adjusted: "b3" for all views, "left.b3" for one.
+            shared: parameters that are one and the same in all views, such as `LENS`.
+            tied: b9 = b8 in every view, the paper's own model.
+
+        Raises:
+            InputError: a name that no view or parameter has, or one shared that is not free in all views.
+        """
+        _check_names(views, free, shared)
+        names: dict[str, int] = {}
+        number = np.full((len(views), len(PARAMETERS)), -1, np.intp)
+        for index, view in enumerate(views):
+            for place, parameter in enumerate(PARAMETERS):
+                if parameter in free or f"{view.name}.{parameter}" in free:
+                    name = _name(view.name, parameter, parameter in shared, tied)
+                    number[index, place] = names.setdefault(name, len(names))
+        return cls(tuple(names), number)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    @property
+    def selection(self) -> Array:
+        """(18 V, U) float64 of zeros and ones: parameters' changes from the unknowns'."""
+        flat = self.number.ravel()
+        chosen: Array = (flat[:, np.newaxis] == np.arange(len(self))).astype(np.float64)
+        return chosen
+
+    def without(self, dropped: Collection[str]) -> "Unknowns":
+        """The same without some unknowns: their parameters are held."""
+        kept = [index for index, name in enumerate(self.names) if name not in dropped]
+        renumbered = np.full(len(self) + 1, -1, np.intp)
+        renumbered[kept] = np.arange(len(kept))
+        return Unknowns(tuple(self.names[index] for index in kept), renumbered[self.number])
+
+    def moved(self, views: Sequence[View], step: Array) -> tuple[View, ...]:
+        """The views after a step (U,) of the unknowns."""
+        changes = np.append(step, 0.0)[self.number]
+        return tuple(
+            view.with_vector(view.vector() + change) for view, change in zip(views, changes, strict=True)
+        )
+
+
+def _name(view: str, parameter: str, shared: bool, tied: bool) -> str:
+    label = "b8=b9" if tied and parameter in {"b8", "b9"} else parameter
+    return f"{'lens' if shared else view}.{label}"
+
+
+def _check_names(views: Sequence[View], free: Collection[str], shared: Collection[str]) -> None:
+    own = {f"{view.name}.{parameter}" for view in views for parameter in PARAMETERS}
+    unknown = sorted((set(free) - own - set(PARAMETERS)) | (set(shared) - set(PARAMETERS)))
+    if unknown:
+        raise InputError(
+            f"no parameter is called {', '.join(unknown)}",
+            f"parameters are {', '.join(PARAMETERS)}; one view's alone: {views[0].name}.{PARAMETERS[0]}",
+        )
+    if single := sorted(set(shared) - set(free)):
+        raise InputError(
+            f"{', '.join(single)} cannot be shared without being adjusted in all views",
+            "adjust the parameter in all views, or take it off the shared ones",
+        )
