@@ -75,6 +75,13 @@ class Views(Section):
         return self
 
 
+class GlassConfig(Section):
+    """A plane plate between the mirrors and the object."""
+
+    thickness_mm: Millimetres = Field(gt=0, le=50)
+    refractive_index: float = Field(ge=1, le=3)
+
+
 class RigConfig(Section):
     """The rig as it was built, each number to about ten per cent: the prior knowledge for a calibration."""
 
@@ -88,6 +95,9 @@ class RigConfig(Section):
     pixel_x_mm: Millimetres = Field(0.0086, ge=0.001, le=0.05)
     pixel_y_mm: Millimetres = Field(0.0083, ge=0.001, le=0.05)
     exposure_ms: float = Field(1.0, gt=0, le=20)
+    glass: GlassConfig | None = Field(
+        None, description="the plate that is in place; a calibration has to match it"
+    )
 
     @model_validator(mode="after")
     def _views_inside_picture(self) -> Self:

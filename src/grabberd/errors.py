@@ -18,7 +18,9 @@
     │   └── NotReady              the device does not stream, or there is no calibration
     ├── RingOverrun               a reader that may miss nothing was overtaken: its capture ends
     ├── StorageError              the disk is full, read-only or broken
+    ├── ExtraMissing              an optional part of grabberd is not installed: carries its name
     └── MeasurementError          the data do not determine what is asked of them
+        └── RankDeficient         some unknowns only together: names them
 
 A class exists because somebody reacts differently to it. A message says what failed, on what, with which
 values; the hint says what to do.
@@ -139,5 +141,24 @@ class StorageError(GrabberdError):
     """The disk is full, read-only or broken."""
 
 
+class ExtraMissing(GrabberdError):
+    """What is asked for needs an optional part of grabberd that is not installed; `extra` names it."""
+
+    def __init__(self, what: str, extra: str) -> None:
+        super().__init__(
+            f"{what} needs an optional part of grabberd that is not installed: {extra}",
+            f"install it: pip install 'grabberd[{extra}]'",
+        )
+        self.extra = extra
+
+
 class MeasurementError(GrabberdError):
     """The data do not determine what is asked of them."""
+
+
+class RankDeficient(MeasurementError):
+    """The data determine some unknowns only together; `parameters` names them."""
+
+    def __init__(self, message: str, hint: str, parameters: Sequence[str]) -> None:
+        super().__init__(message, hint)
+        self.parameters = tuple(parameters)

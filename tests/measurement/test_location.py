@@ -10,8 +10,8 @@ from grabberd.field import BIT_DEPTHS, Field, double_lines, quantise, split_fram
 from grabberd.measurement import LocationSettings, measure
 from measurement.rendering import BOTTOM, TOP, errors_px, grid_of_discs
 
-SETTINGS = LocationSettings()
-EVERYTHING = LocationSettings(min_diameter_px=0.0, max_diameter_px=1e4)
+SETTINGS = LocationSettings(method="centroid")
+EVERYTHING = LocationSettings(method="centroid", min_diameter_px=0.0, max_diameter_px=1e4)
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +151,7 @@ def test_noise_that_is_known_takes_the_place_of_the_estimate(scene):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ({"method": "guess"}, "method 'guess' is none of centroid"),
+        ({"method": "guess"}, "method 'guess' is none of automatic, "),
         ({"min_diameter_px": 5.0, "max_diameter_px": 5.0}, "no blob can meet"),
         ({"min_diameter_px": -1.0}, "no blob can meet"),
     ],

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 
 from geometry.rigs import calibration, places
-from grabberd.geometry import Calibration, Rig, project
+from grabberd.geometry import Calibration, LocalField, Rig, project
 from grabberd.reconstruction import ImageNoise, Points, ViewBlobs, intersect
 from reconstruction.liners import SIGMA_PX
 
@@ -165,3 +165,28 @@ def test_the_same_blobs_give_the_same_points_bit_for_bit():
     first, second = solve(rig, *blobs), solve(rig, *blobs)
     for name in ("xyz_mm", "covariance_mm2", "calibration_covariance_mm2", "residual_px"):
         assert getattr(first, name).tobytes() == getattr(second, name).tobytes()
+
+
+def flat_field(sigma_px):
+    grid = np.ones((41, 50, 2))
+    return LocalField.through((-0.5, -0.5), 15.0, 0 * grid, sigma_px * grid)
+
+
+def test_what_the_local_fields_leave_is_part_of_the_calibrations_share():
+    rng = np.random.default_rng(5)
+    xyz = rng.uniform(-1, 1, (4000, 3)) * [50, 15, 8]
+    known = replace(calibration(), local_fields=(flat_field(0.02), flat_field(0.05)))
+    moved = [rng.normal(size=(len(xyz), 2)) * sigma for sigma in (0.02, 0.05)]
+    points = solve(known, *pictures(known, xyz, moved=moved))
+    error = (points.xyz_mm - xyz)[:, :, np.newaxis]
+    share = points.calibration_covariance_mm2
+    chi2 = (error.swapaxes(1, 2) @ np.linalg.solve(share, error)).mean()
+    assert abs(chi2 / 3 - 1) < 0.04
+
+
+def test_parameters_and_local_fields_share_alike():
+    known = calibration(covariance=np.eye(36) * 1e-8)
+    both = replace(known, local_fields=(flat_field(0.02), None))
+    only = replace(both, covariance=np.zeros((36, 36)))
+    shares = [solve(one, *pictures(one, CORNERS)).calibration_covariance_mm2 for one in (known, only, both)]
+    assert np.allclose(shares[0] + shares[1], shares[2], rtol=1e-9)

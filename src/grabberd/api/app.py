@@ -8,7 +8,7 @@ from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
-from grabberd.api import captures, jobs, problems, system
+from grabberd.api import calibrations, captures, jobs, problems, system
 from grabberd.service.service import Service
 
 
@@ -27,7 +27,7 @@ def create_app(service: Service) -> FastAPI:
     app.state.service = service
     problems.install(app)
     v1 = APIRouter(prefix="/api/v1")
-    for part in (captures, jobs):
+    for part in (captures, calibrations, jobs):
         v1.include_router(part.router)
     app.include_router(v1)
     app.include_router(system.router)

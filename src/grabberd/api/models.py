@@ -123,6 +123,99 @@ class JobList(Document):
     jobs: list[JobDocument]
 
 
+Parameter = Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z_.]{1,40}$")]
+
+
+class CalibrationOptions(Document):
+    """How a calibration is computed; what is left out is as `grabberd calibrate` has it."""
+
+    weights: Literal["honest", "equal"] | None = Field(
+        None, description="By every mean's own σ (default), or equal ones, the paper's option."
+    )
+    frame: Literal["weighted", "held"] | None = Field(
+        None, description="Calibration-frame points by their σ (default), or held."
+    )
+    shared: bool | list[Parameter] | None = Field(
+        None, description="Lens parameters that both views have in common: all, none (default), or these."
+    )
+    tied: bool | None = Field(None, description="b9 = b8, the paper's own model.")
+    free: list[Parameter] | None = Field(
+        None, max_length=100, description="Parameters to be adjusted, e.g. 'b3' or 'left.b3'; default: all."
+    )
+    alpha: float | None = Field(None, gt=0, lt=1, description="Of the tests for significance.")
+    local_field: bool | None = Field(
+        None, description="Whether a smooth field of residuals may be added to the model."
+    )
+    handedness: Literal[-1, 1] | None = Field(None, description="Of both views; default: it is found.")
+
+
+class CalibrationOrder(Document):
+    """A calibration to be made from a capture of the calibration frame, or a complete one to be stored."""
+
+    capture: str | None = Field(None, max_length=80, description="Id of a capture of the calibration frame.")
+    calibration_frame: str | dict[str, Any] | None = Field(
+        None,
+        description="Name of a calibration frame that comes with the program, or its document; "
+        "not needed where there is one.",
+    )
+    options: CalibrationOptions | None = Field(None, description="How it is computed.")
+    document: dict[str, Any] | None = Field(
+        None, description="A complete calibration, in place of a capture."
+    )
+    device: str | None = Field(
+        None, description="Whose calibration it is; default: the capture's. Not needed where there is one."
+    )
+    note: Annotated[str, StringConstraints(max_length=2000)] = ""
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Self:
+        if (self.capture is None) == (self.document is None):
+            raise ValueError("give capture or document, one of them")
+        if self.document is not None and (self.options or self.calibration_frame):
+            raise ValueError("options and calibration_frame belong to a capture, not to a document")
+        return self
+
+
+class CalibrationChoice(Document):
+    """The calibration that a device is to measure with."""
+
+    id: str = Field(max_length=80)
+    device: str | None = Field(None, description="Name of the device; not needed where there is one.")
+
+
+class CalibrationRow(Document):
+    """A calibration as it is listed; of a damaged one only `id` and `problem` are known."""
+
+    id: str
+    device: str
+    origin: Literal["capture", "import", "configuration"] | None
+    created_utc: str | None
+    source: str | None
+    sigma0_px: float | None
+    glass: dict[str, float] | None
+    image: dict[str, int] | None
+    active: bool = Field(description="A device measures with it.")
+    note: str
+    capture: str | None = Field(description="The capture it was made from.")
+    stored_utc: str | None
+    problem: str | None
+
+
+class CalibrationList(Document):
+    """The calibrations, newest first, damaged ones last."""
+
+    calibrations: list[CalibrationRow]
+
+
+class ActiveCalibration(Document):
+    """The calibration that a device measures with."""
+
+    id: str
+    created_utc: str
+    age_days: float
+    activated_utc: str | None = Field(description="None for the configuration's, in force by itself.")
+
+
 class RingDocument(Document):
     """The ring of a device."""
 
@@ -155,7 +248,8 @@ class DeviceDocument(Document):
     fields: dict[Outcome, int]
     openings: int
     ring: RingDocument
-    calibration: str | None
+    calibration: ActiveCalibration | None
+    warnings: list[str] = Field(description="What keeps it from measuring.")
     capture_id: str | None
     live: LiveDocument | None
 

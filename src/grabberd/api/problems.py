@@ -24,6 +24,7 @@ STATUS: dict[type[errors.GrabberdError], HTTPStatus] = {
     errors.CaptureFileError: HTTPStatus.INTERNAL_SERVER_ERROR,
     errors.DeviceError: HTTPStatus.SERVICE_UNAVAILABLE,
     errors.StorageError: HTTPStatus.INSUFFICIENT_STORAGE,
+    errors.ExtraMissing: HTTPStatus.NOT_IMPLEMENTED,
 }
 """The nearest class in an error's family decides."""
 

@@ -4,8 +4,66 @@ A `Network` says which blob is which target in which view and how well each is k
 views' parameters are sought, held, shared or tied; `adjust` finds them. Any number of views and targets.
 """
 
-from grabberd.calibration.adjustment import Adjustment, AdjustmentSettings, adjust
+from grabberd.calibration.adjustment import Adjustment, adjust
+from grabberd.calibration.blunders import Blunder, without_blunders
+from grabberd.calibration.comparison import Difference, compare
+from grabberd.calibration.identification import Identification, ViewIdentification, identify_frame
+from grabberd.calibration.identification_by_hand import Mark, identify_by_hand
+from grabberd.calibration.identification_settings import IdentificationSettings
+from grabberd.calibration.iteration import AdjustmentSettings
+from grabberd.calibration.local_field import LocalFieldSettings, LocalFieldTrial, try_local_fields
+from grabberd.calibration.means import FieldImages, MeanImages, MeansSettings, mean_images
 from grabberd.calibration.network import Network
-from grabberd.calibration.unknowns import Unknowns
+from grabberd.calibration.normality import Normality, normality
+from grabberd.calibration.propagation import Propagated, intersect_network, propagate
+from grabberd.calibration.rank import NullVector, check_rank, null_vectors
+from grabberd.calibration.resection import Resection, resect
+from grabberd.calibration.significance import Elimination, FTest, eliminate, f_tests
+from grabberd.calibration.unknowns import LENS, Unknowns
+from grabberd.calibration.validation import Validation, cross_validate, spatial_blocks
+from grabberd.calibration.volume import VolumeSigma, volume_sigma
 
-__all__ = ["Adjustment", "AdjustmentSettings", "Network", "Unknowns", "adjust"]
+__all__ = [
+    "LENS",
+    "Adjustment",
+    "AdjustmentSettings",
+    "Blunder",
+    "Difference",
+    "Elimination",
+    "FTest",
+    "FieldImages",
+    "Identification",
+    "IdentificationSettings",
+    "LocalFieldSettings",
+    "LocalFieldTrial",
+    "Mark",
+    "MeanImages",
+    "MeansSettings",
+    "Network",
+    "Normality",
+    "NullVector",
+    "Propagated",
+    "Resection",
+    "Unknowns",
+    "Validation",
+    "ViewIdentification",
+    "VolumeSigma",
+    "adjust",
+    "check_rank",
+    "compare",
+    "cross_validate",
+    "eliminate",
+    "f_tests",
+    "identify_by_hand",
+    "identify_frame",
+    "intersect_network",
+    "mean_images",
+    "normality",
+    "null_vectors",
+    "propagate",
+    "resect",
+    "spatial_blocks",
+    "try_local_fields",
+    "volume_sigma",
+    "without_blunders",
+]

@@ -58,6 +58,17 @@ class Network:
     def __len__(self) -> int:
         return len(self.view)
 
+    @property
+    def sightings(self) -> NDArray[np.intp]:
+        """(T,) in how many views a target was seen."""
+        return np.bincount(self.target, minlength=len(self.target_mm))
+
+    @property
+    def undetermined(self) -> NDArray[np.bool_]:
+        """(T,) which targets were seen, but not often enough for what is not known of their place."""
+        lacking: NDArray[np.bool_] = 2 * self.sightings < np.isinf(self.target_sigma_mm).sum(axis=1)
+        return lacking & (self.sightings > 0)
+
     def select(self, chosen: NDArray[np.bool_]) -> "Network":
         """The same targets and views with the image points (M,) chosen."""
         return replace(

@@ -7,10 +7,17 @@ from numpy.typing import NDArray
 
 from grabberd.calibration.network import Network
 from grabberd.calibration.unknowns import Unknowns
-from grabberd.geometry import Rig, View, linearise, parameter_slopes, project_all
+from grabberd.errors import MeasurementError
+from grabberd.geometry import PARAMETERS, Rig, View, linearise_parameters
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+_CENTER = slice(PARAMETERS.index("X0_mm"), PARAMETERS.index("Z0_mm") + 1)
+# A symmetric 3x3 matrix is kept as its six elements 00 01 02 11 12 22.
+_FIRST, _SECOND, _DIAGONAL = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2), (0, 3, 5)
+_SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+_COFACTORS = np.array([(3, 2, 1, 0, 1, 0), (5, 4, 4, 5, 2, 3), (4, 1, 2, 2, 0, 1), (4, 5, 3, 2, 4, 1)])
 
 
 class State(NamedTuple):
@@ -20,30 +27,51 @@ class State(NamedTuple):
     xyz_mm: Array
 
 
-class Design(NamedTuple):
-    """Whitened slopes, zero where a target was not seen or a coordinate is held.
+class Linear(NamedTuple):
+    """A network linearised at a state; all is whitened, and zero where a target was not seen.
 
     Attributes:
-        parameters: (2, V, 18, T) by the parameters of the view; `places`: (2, V, 3, T) by the target's place.
+        image: (2, V, T) misclosures of the image points; NaN behind a camera.
+        offset: (3, P) misclosures of the places that move.
+        slopes: (2, V, 18, T) of the image points by the parameters of their view.
+        omega: sum of the squared misclosures; infinite where one is not a number.
     """
 
-    parameters: Array
-    places: Array
+    image: Array
+    offset: Array
+    slopes: Array
+    omega: float
 
 
 class Normals(NamedTuple):
-    """The normal equations of U parameters and T places.
+    """The normal equations of U parameters and P places.
 
     Attributes:
         matrix: (U, U) of the parameters alone; `right`: (U,).
-        own: (T, 3, 3) of each place; `cross`: (T, 3, U) of place and parameters; `own_right`: (T, 3).
+        own: (6, P) of each place, its upper triangle; `own_right`: (3, P).
+        cross: (3, P, U) of place and parameters.
     """
 
     matrix: Array
     right: Array
     own: Array
-    cross: Array
     own_right: Array
+    cross: Array
+
+
+class Reduced(NamedTuple):
+    """Normal equations without the places.
+
+    Attributes:
+        matrix: (U, U); `right`: (U,).
+        inverse: (3, 3, P) own⁻¹ of each place.
+        coupling: (3, P, U) own⁻¹·cross: by how much a place follows the parameters, with the other sign.
+    """
+
+    matrix: Array
+    right: Array
+    inverse: Array
+    coupling: Array
 
 
 class Problem:
@@ -51,8 +79,10 @@ class Problem:
 
     Attributes:
         network: what is given; `unknowns`: what is sought.
-        observed_px: (2, V, T); `weight`: (2, V, T) 1/σ, zero where a target was not seen.
-        loose: (T, 3) bool, coordinates that are not held; `prior`: (T, 3) their 1/σ, 0 if unknown.
+        selection: (18 V, U) parameters' changes from the unknowns'.
+        moving: (P,) intp, the targets whose place is sought: not held, and seen at all.
+        loose: (3, P) bool, their coordinates that are not held; `prior`: (3, P) 1/σ, 0 if unknown.
+        freedom: degrees of freedom.
     """
 
     def __init__(self, network: Network, unknowns: Unknowns) -> None:
@@ -60,55 +90,135 @@ class Problem:
         self.unknowns = unknowns
         self.selection = unknowns.selection
         shape = (2, len(network.views), len(network.target_mm))
-        self.observed_px, self.weight = np.zeros(shape), np.zeros(shape)
+        self._observed, self._weight = np.zeros(shape), np.zeros(shape)
         place = (slice(None), network.view, network.target)
-        self.observed_px[place], self.weight[place] = network.xy_px.T, 1.0 / network.sigma_px.T
-        self.loose: Mask = network.target_sigma_mm > 0
-        self.prior = np.zeros(self.loose.shape)
-        self.prior[self.loose] = 1.0 / network.target_sigma_mm[self.loose]
+        self._observed[place], self._weight[place] = network.xy_px.T, 1.0 / network.sigma_px.T
+        self._unseen: Mask | None = None if self._weight.all() else self._weight == 0
+        self.moving = np.flatnonzero((network.target_sigma_mm > 0).any(axis=1) & (network.sightings > 0))
+        sigma = network.target_sigma_mm[self.moving].T
+        self.loose: Mask = sigma > 0
+        self.prior = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=self.loose)
+        self._own_prior = np.where(self.loose, self.prior**2, 1.0)
+        self.freedom = 2 * len(network) - len(unknowns) - int(np.isinf(sigma).sum())
+
+    def check(self) -> None:
+        """Whether there are enough observations at all.
+
+        Raises:
+            MeasurementError: fewer than unknowns, or targets seen too rarely.
+        """
+        self.check_places()
+        if self.freedom < 1:
+            raise MeasurementError(
+                f"{len(self.network)} image points do not determine {len(self.unknowns)} parameters",
+                "more targets have to be seen, or more parameters held",
+            )
+
+    def check_places(self) -> None:
+        """Whether every target that was seen was seen often enough.
+
+        Raises:
+            MeasurementError: it was not; the message names the targets.
+        """
+        if rare := np.flatnonzero(self.network.undetermined).tolist():
+            raise MeasurementError(
+                f"targets {', '.join(map(str, rare))} have too few image points for their unknown places",
+                "leave out targets that one view alone sees, or give their places with a standard deviation",
+            )
 
     @property
     def start(self) -> State:
-        """The values to start from."""
-        return State(self.network.views, self.network.target_mm)
+        """The values to start from; parameters that share an unknown start from their mean."""
+        unknowns, views = self.unknowns, self.network.views
+        return State(unknowns.with_values(views, unknowns.values(views)), self.network.target_mm)
 
-    @property
-    def freedom(self) -> int:
-        """Degrees of freedom: image coordinates, less parameters and coordinates that nothing is known of."""
-        return 2 * len(self.network) - len(self.unknowns) - int(np.isinf(self.network.target_sigma_mm).sum())
+    def moved(self, state: State, step: Array, places: Array) -> State:
+        """The state after a step (U,) of the unknowns and (3, P) of the places."""
+        views = self.unknowns.moved(state.views, step)
+        if not len(self.moving):
+            return State(views, state.xyz_mm)
+        xyz = state.xyz_mm.copy()
+        xyz[self.moving] += np.where(self.loose, places, 0.0).T
+        return State(views, xyz)
 
-    def misfit(self, state: State) -> tuple[Array, Array]:
-        """Whitened misclosures: of image points (2, V, T) and of places (T, 3); NaN behind a camera."""
-        computed = project_all(Rig.of_views(state.views), state.xyz_mm)
-        image = np.where(self.weight > 0, (self.observed_px - computed) * self.weight, 0.0)
-        return image, (self.network.target_mm - state.xyz_mm) * self.prior
+    def at(self, state: State) -> Linear:
+        """The network linearised at a state."""
+        computed, slopes = linearise_parameters(Rig.of_views(state.views), state.xyz_mm)
+        image = (self._observed - computed) * self._weight
+        slopes *= self._weight[:, :, np.newaxis]
+        if self._unseen is not None:
+            image[self._unseen] = 0.0
+            slopes.swapaxes(2, 3)[self._unseen] = 0.0
+        offset = (self.network.target_mm - state.xyz_mm)[self.moving].T * self.prior
+        omega = float(np.vdot(image, image) + np.vdot(offset, offset))
+        return Linear(image, offset, slopes, omega if np.isfinite(omega) else np.inf)
 
-    def design(self, state: State) -> Design:
-        """The slopes at a state."""
-        rig, weight = Rig.of_views(state.views), self.weight[:, :, np.newaxis]
-        seen = weight > 0
-        parameters = np.where(seen, parameter_slopes(rig, state.xyz_mm) * weight, 0.0)
-        if not self.loose.any():
-            return Design(parameters, np.zeros((*self.weight.shape[:2], 3, len(state.xyz_mm))))
-        places = np.where(seen & self.loose.T, linearise(rig, state.xyz_mm)[1] * weight, 0.0)
-        return Design(parameters, places)
+    def normals(self, linear: Linear) -> Normals:
+        """The normal equations of a linearised network."""
+        matrix, right = self._of_parameters(linear)
+        places = self.by_place(linear)
+        own = (places[:, :, _FIRST] * places[:, :, _SECOND]).sum(axis=(0, 1))
+        own[_DIAGONAL, :] += self._own_prior
+        own_right = (places * linear.image[:, :, np.newaxis, self.moving]).sum(axis=(0, 1))
+        own_right += linear.offset * self.prior
+        return Normals(matrix, right, own, own_right, self._cross(places, linear.slopes))
 
-    def normals(self, state: State) -> Normals:
-        """The normal equations at a state."""
-        design, (image, offset) = self.design(state), self.misfit(state)
-        matrix, right = self._of_parameters(design.parameters, image)
-        own = np.einsum("cvkt,cvlt->tkl", design.places, design.places)
-        own[:, range(3), range(3)] += np.where(self.loose, self.prior**2, 1.0)
-        cross = np.einsum("cvkt,cvpt->tkvp", design.places, design.parameters).reshape(len(own), 3, -1)
-        own_right = np.einsum("cvkt,cvt->tk", design.places, image) + offset * self.prior
-        return Normals(matrix, right, own, cross @ self.selection, own_right)
+    def by_place(self, linear: Linear) -> Array:
+        """(2, V, 3, P) whitened slopes by the places: by the projection centre with the other sign."""
+        slopes: Array = -linear.slopes[:, :, _CENTER][..., self.moving] * self.loose
+        return slopes
 
-    def _of_parameters(self, slopes: Array, image: Array) -> tuple[Array, Array]:
+    def whitened_rows(self, linear: Linear) -> Array:
+        """(2, V, T, U) whitened slopes of the image points by the unknowns."""
+        blocks = self.selection.reshape(len(self.network.views), len(PARAMETERS), -1)
+        rows: Array = linear.slopes.swapaxes(2, 3) @ blocks
+        return rows
+
+    def residuals_px(self, linear: Linear) -> Array:
+        """(M, 2) misclosures of the image points in px."""
+        network = self.network
+        residuals: Array = linear.image[:, network.view, network.target].T * network.sigma_px
+        return residuals
+
+    def _of_parameters(self, linear: Linear) -> tuple[Array, Array]:
         """Views do not share slopes, so the full matrix is one block a view, folded onto the unknowns."""
-        views, parameters = slopes.shape[1:3]
-        flat = slopes.transpose(1, 2, 0, 3).reshape(views, parameters, -1)
+        views, parameters = linear.slopes.shape[1:3]
+        flat = linear.slopes.transpose(1, 2, 0, 3).reshape(views, parameters, -1)
         full = np.zeros((views, parameters, views, parameters))
         full[range(views), :, range(views)] = flat @ flat.swapaxes(1, 2)
-        right = flat @ image.swapaxes(0, 1).reshape(views, -1, 1)
-        folded = self.selection.T @ full.reshape(views * parameters, -1) @ self.selection
-        return folded, self.selection.T @ right.ravel()
+        right = flat @ linear.image.swapaxes(0, 1).reshape(views, -1, 1)
+        size = views * parameters
+        folded = self.selection.T @ full.reshape(size, size) @ self.selection
+        return folded, self.selection.T @ right.reshape(size)
+
+    def _cross(self, places: Array, slopes: Array) -> Array:
+        _, views, parameters, _ = slopes.shape
+        moving = len(self.moving)
+        if not moving:
+            return np.empty((3, 0, len(self.unknowns)))
+        products = places[:, :, :, np.newaxis] * slopes[:, :, np.newaxis][..., self.moving]
+        flat = products.sum(axis=0).transpose(1, 3, 0, 2).reshape(3 * moving, views * parameters)
+        cross: Array = (flat @ self.selection).reshape(3, moving, -1)
+        return cross
+
+
+def reduced(normals: Normals, damping: float = 0.0) -> Reduced:
+    """The places eliminated; `damping` is Marquardt's on their own diagonals."""
+    count, unknowns = normals.cross.shape[1:]
+    own = normals.own.copy()
+    own[_DIAGONAL, :] *= 1.0 + damping
+    inverse = _inverse(own)
+    coupling = np.einsum("klp,lpu->kpu", inverse, normals.cross)
+    flat = coupling.reshape(3 * count, unknowns)
+    matrix = normals.matrix - normals.cross.reshape(3 * count, unknowns).T @ flat
+    right = normals.right - normals.own_right.reshape(3 * count) @ flat
+    return Reduced(matrix, right, inverse, coupling)
+
+
+def _inverse(six: Array) -> Array:
+    """(3, 3, P) inverse of symmetric matrices given by six elements (6, P)."""
+    first, second, third, fourth = six[_COFACTORS]
+    cofactors = first * second - third * fourth
+    determinant = (six[:3] * cofactors[:3]).sum(axis=0)
+    inverse: Array = (cofactors / determinant)[_SQUARE]
+    return inverse

@@ -67,6 +67,20 @@ class Unknowns:
         chosen: Array = (flat[:, np.newaxis] == np.arange(len(self))).astype(np.float64)
         return chosen
 
+    def values(self, views: Sequence[View]) -> Array:
+        """(U,) the unknowns' values; the mean of parameters that share one."""
+        flat, number = np.array([view.vector() for view in views]).ravel(), self.number.ravel()
+        chosen = number >= 0
+        total = np.bincount(number[chosen], flat[chosen], len(self))
+        mean: Array = total / np.bincount(number[chosen], minlength=len(self))
+        return mean
+
+    def with_values(self, views: Sequence[View], values: Array) -> tuple[View, ...]:
+        """The views with other values (U,) of the unknowns; held parameters stay."""
+        known = np.array([view.vector() for view in views])
+        vectors = np.where(self.number >= 0, np.append(values, 0.0)[self.number], known)
+        return tuple(view.with_vector(vector) for view, vector in zip(views, vectors, strict=True))
+
     def without(self, dropped: Collection[str]) -> "Unknowns":
         """The same without some unknowns: their parameters are held."""
         kept = [index for index, name in enumerate(self.names) if name not in dropped]

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from grabberd import __version__
-from grabberd.cli import accuracy, capture, check_config, devices, export, measure, serve, status
+from grabberd.cli import accuracy, calibrate, capture, check_config, devices, export, measure, serve, status
 
 app = typer.Typer(
     name="grabberd",
@@ -32,5 +32,5 @@ def _options(
     pass
 
 
-for command in (serve, status, capture, measure, accuracy, export, devices, check_config):
+for command in (serve, status, capture, calibrate, measure, accuracy, export, devices, check_config):
     command.register(app)

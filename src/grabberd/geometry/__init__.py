@@ -11,14 +11,17 @@ from grabberd.geometry.distortion import distortion
 from grabberd.geometry.document import Reading
 from grabberd.geometry.epipolar import Approach, approach
 from grabberd.geometry.inverse import correct, correct_all, directions_all, rays
+from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.model import (
     linearise,
+    linearise_parameters,
     object_derivatives,
     parameter_derivatives,
     parameter_slopes,
     project,
     project_all,
 )
+from grabberd.geometry.nominal import NominalRig
 from grabberd.geometry.rig import Rig
 from grabberd.geometry.rotation import rotation_angles, rotation_derivatives, rotation_matrix
 from grabberd.geometry.view import PARAMETERS, View
@@ -28,6 +31,8 @@ __all__ = [
     "SCHEMA",
     "Approach",
     "Calibration",
+    "LocalField",
+    "NominalRig",
     "Reading",
     "Rig",
     "View",
@@ -37,6 +42,7 @@ __all__ = [
     "directions_all",
     "distortion",
     "linearise",
+    "linearise_parameters",
     "object_derivatives",
     "parameter_derivatives",
     "parameter_slopes",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grabberd.errors import CalibrationMismatch
 from grabberd.geometry.document import Reading, is_number
+from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.view import PARAMETERS, View
 
 SCHEMA = "grabberd/calibration/1"
@@ -45,6 +46,8 @@ class Calibration:
         covariance: (36, 36) float64 of left's then right's `PARAMETERS`; zero where a parameter was held.
         sigma0_px: standard deviation of unit weight, or None where nothing was adjusted.
         glass: thickness_mm and refractive_index of the plate that was in place, or None.
+        local_fields: of the left and the right view, what their pictures show beyond the model; None: nothing
+            that is known.
         details: everything else of the document (certificate, temperature, protocol …), carried along unread.
     """
 
@@ -58,6 +61,7 @@ class Calibration:
     covariance: NDArray[np.float64]
     sigma0_px: float | None = None
     glass: Mapping[str, float] | None = None
+    local_fields: tuple[LocalField | None, LocalField | None] = (None, None)
     details: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -90,6 +94,7 @@ class Calibration:
             if document.get("sigma0_px") is not None
             else None,
             glass=_glass(reading, document),
+            local_fields=(_local_field(reading, views, "left"), _local_field(reading, views, "right")),
             details=reading.mapping(document, "details") if document.get("details") is not None else {},
         )
         _check_halves(reading, calibration)
@@ -104,7 +109,10 @@ class Calibration:
             "created_utc": self.created_utc,
             "source": self.source,
             "image": {"columns": self.columns, "lines": self.lines},
-            "views": {view.name: _view_document(view) for view in self.views},
+            "views": {
+                view.name: _view_document(view, field)
+                for view, field in zip(self.views, self.local_fields, strict=True)
+            },
             "covariance": self.covariance.tolist() if self.covariance.any() else None,
             "sigma0_px": self.sigma0_px,
             "glass": None if self.glass is None else dict(self.glass),
@@ -148,7 +156,7 @@ def _time(reading: Reading, document: Mapping[str, Any]) -> str:
 def _view(reading: Reading, views: Mapping[str, object], name: str) -> View:
     where = f"views.{name}."
     values = reading.mapping(views, name, "views.")
-    reading.keys(where, values, (*_EXTENT, *PARAMETERS[:9], "b"))
+    reading.keys(where, values, (*_EXTENT, *PARAMETERS[:9], "b", "local_field"))
     numbers = {key: reading.number(values, key, where, positive=key == "f_mm") for key in PARAMETERS[:9]}
     handedness = reading.integer(values, "handedness", where)
     if values.get("handedness") is not None and handedness not in {-1, 1}:
@@ -165,8 +173,19 @@ def _view(reading: Reading, views: Mapping[str, object], name: str) -> View:
     )
 
 
-def _view_document(view: View) -> dict[str, Any]:
-    return {**{key: getattr(view, key) for key in (*_EXTENT, *PARAMETERS[:9])}, "b": list(view.b)}
+def _view_document(view: View, local_field: LocalField | None) -> dict[str, Any]:
+    numbers = {key: getattr(view, key) for key in (*_EXTENT, *PARAMETERS[:9])}
+    beyond = None if local_field is None else local_field.to_document()
+    return {**numbers, "b": list(view.b), "local_field": beyond}
+
+
+def _local_field(reading: Reading, views: Mapping[str, Any], name: str) -> LocalField | None:
+    view = views.get(name)
+    if not isinstance(view, Mapping) or view.get("local_field") is None:
+        return None
+    where = f"views.{name}."
+    values = reading.mapping(view, "local_field", where)
+    return LocalField.from_document(reading, where + "local_field.", values) if values else None
 
 
 def _covariance(reading: Reading, value: object) -> NDArray[np.float64]:

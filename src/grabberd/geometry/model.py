@@ -77,6 +77,16 @@ def linearise(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
 
 def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
     """(2, V, 18, N) float64, derivatives of the frame pixels by the `PARAMETERS` of the view they lie in."""
+    return linearise_parameters(rig, xyz_mm)[1]
+
+
+def linearise_parameters(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
+    """The projection of N points (N, 3) and its derivatives by the `PARAMETERS` of the view they lie in.
+
+    Returns:
+        (2, V, N) frame pixels and (2, V, 18, N); the derivatives by the projection centre are those by the
+        point itself with the other sign.
+    """
     ideal = _ideal(rig, xyz_mm)
     seen = image(rig, ideal.xy_mm)
     slopes = np.zeros((2, len(rig.views), len(PARAMETERS), len(xyz_mm)))
@@ -85,7 +95,7 @@ def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
     slopes[:, :, 3:6] = seen.pixel_slopes(_angle_slopes(rig, ideal))
     slopes[:, :, 6:9] = -seen.pixel_slopes(_object_slopes(rig, ideal))
     slopes[:, :, 9:] = basis(ideal.xy_mm) / rig.pixel_mm[:, :, np.newaxis]
-    return slopes
+    return seen.pixels, slopes
 
 
 def image(rig: Rig, ideal_mm: Array) -> Image:

@@ -1,13 +1,14 @@
 """Several views made ready for computing with all of them, and with many points, at once."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry.calibration import Calibration
 from grabberd.geometry.distortion import polynomials
+from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.rotation import rotation_derivatives, rotation_matrix
 from grabberd.geometry.view import PARAMETERS, View
 
@@ -30,6 +31,8 @@ class Rig:
             column, line = origin + own·P + other·Q, with S and T their slopes in px/mm.
         factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order, or None where
             C is zero or not known.
+        local_fields: of each view, what its picture shows beyond the model; empty where no view has one.
+            `project` and its like do not contain it: it is taken off what was observed.
     """
 
     views: tuple[View, ...]
@@ -41,6 +44,7 @@ class Rig:
     pixel_mm: Array
     image: Array
     factor: Array | None = None
+    local_fields: tuple[LocalField | None, ...] = ()
 
     @classmethod
     def of_views(cls, views: Sequence[View], factor: Array | None = None) -> "Rig":
@@ -65,7 +69,18 @@ class Rig:
     @classmethod
     def of(cls, calibration: Calibration) -> "Rig":
         """The two views of a calibration, left then right, with its covariance."""
-        return cls.of_views(calibration.views, _factor(calibration.covariance))
+        rig = cls.of_views(calibration.views, _factor(calibration.covariance))
+        return replace(rig, local_fields=calibration.local_fields) if any(calibration.local_fields) else rig
+
+    def local_sigma_px(self, observed_px: Array) -> Array | None:
+        """(2, V, N) σ of the local fields at observed places (2, V, N); None where no view has one."""
+        if not self.local_fields:
+            return None
+        sigma = np.zeros(observed_px.shape)
+        for index, local_field in enumerate(self.local_fields):
+            if local_field is not None:
+                sigma[:, index] = local_field.sigma_at(observed_px[:, index].T).T
+        return sigma
 
 
 def _image(view: View) -> Array:

@@ -13,18 +13,23 @@ class Blobs:
     Attributes:
         xy_px: (N, 2) float64, frame pixels: x in columns, y in frame lines.
         sigma_px: (N, 2) float64, standard deviation of `xy_px` from location alone, without line jitter.
+        common_px: (N,) float64, standard deviation of what line jitter leaves in x: an error that blobs on
+            the same lines have in common, in both views.
         area_px: (N,) float64, size above the threshold in square *frame* pixels (an intact field's rows
             count 2).
         width_px: (N,) float64, columns it spans; `height_px`: (N,) float64, frame lines it spans.
         at_border: (N,) bool, it touches the edge of the field and so is cut off.
+        line_jitter_px: standard deviation of a line's shift in this field; None where it was not estimated.
     """
 
     xy_px: NDArray[np.float64]
     sigma_px: NDArray[np.float64]
+    common_px: NDArray[np.float64]
     area_px: NDArray[np.float64]
     width_px: NDArray[np.float64]
     height_px: NDArray[np.float64]
     at_border: NDArray[np.bool_]
+    line_jitter_px: float | None = None
 
     def __len__(self) -> int:
         return len(self.xy_px)
@@ -34,8 +39,10 @@ class Blobs:
         return Blobs(
             self.xy_px[chosen],
             self.sigma_px[chosen],
+            self.common_px[chosen],
             self.area_px[chosen],
             self.width_px[chosen],
             self.height_px[chosen],
             self.at_border[chosen],
+            self.line_jitter_px,
         )

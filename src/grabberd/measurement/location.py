@@ -1,23 +1,42 @@
 """From a packed field to its blobs (paper 3.5)."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field import PackedField, unpack
-from grabberd.measurement.background import Background, background_of
+from grabberd.field import PackedField
 from grabberd.measurement.blobs import Blobs
+from grabberd.measurement.centroid import locate_by_centroid
 from grabberd.measurement.labels import label_runs
+from grabberd.measurement.line_jitter import Steadied, steadied
+from grabberd.measurement.locale import locate_by_locale
+from grabberd.measurement.locator import Located, Locator, Seen
 from grabberd.measurement.mask import target_bits
-from grabberd.measurement.runs import Runs, find_runs
-from grabberd.measurement.shapes import Shapes, binary_centres, grey_centres, shapes_of
-from grabberd.measurement.sigma import binary_sigma_px, grey_sigma_px
+from grabberd.measurement.runs import find_runs
+from grabberd.measurement.shapes import shapes_of
+from grabberd.measurement.template import locate_by_template
+from grabberd.measurement.weighted import locate_by_weighted
 
-METHODS = ("centroid",)
+
+def _locate_by_the_best(seen: Seen) -> Located:
+    """The method that measured best on fields of so many bits."""
+    return (locate_by_locale if seen.packed.bits == 1 else locate_by_centroid)(seen)
+
+
+LOCATORS: Mapping[str, Locator] = MappingProxyType(
+    {
+        "automatic": _locate_by_the_best,
+        "centroid": locate_by_centroid,
+        "weighted": locate_by_weighted,
+        "template": locate_by_template,
+        "locale": locate_by_locale,
+    }
+)
 """The locators by name."""
-SAMPLED_EVERY_PX = 32
-"""The background is looked at on one frame line in so many."""
+METHODS = tuple(LOCATORS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,20 +44,29 @@ class LocationSettings:
     """How targets are located.
 
     Attributes:
-        method: one of `METHODS`; "centroid" weighs all pixels alike at 1 bit, and by g − T with more bits
-            (paper eqs. 1, 2).
+        method: one of `METHODS`; "automatic" is the one that measured best for the field's bits; "centroid"
+            weighs all pixels alike at 1 bit, and by g − T with more bits (paper eqs. 1, 2).
         min_diameter_px: blobs that are smaller than a disc of this diameter, in frame pixels, are no targets.
         max_diameter_px: neither are larger ones.
         noise_levels: standard deviation of a pixel in grey values; None: taken from each field's background.
+        target_px: diameter of the targets' discs in frame pixels; None: from the field's own blobs.
+        spread_px: standard deviation of the spread function, frame pixels.
+        line_jitter_px: standard deviation of a field line's shift in x, frame pixels, as it is expected; 0:
+            lines are not shifted.
+        line_shifts: whether the shifts are solved for, and their standard deviation with them.
 
     Raises:
         ValueError: an unknown method, or limits that no blob can meet.
     """
 
-    method: str = "centroid"
+    method: str = "automatic"
     min_diameter_px: float = 2.5
     max_diameter_px: float = 15.0
     noise_levels: float | None = None
+    target_px: float | None = None
+    spread_px: float = 0.8
+    line_jitter_px: float = 0.12
+    line_shifts: bool = True
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -46,6 +74,11 @@ class LocationSettings:
         if not 0 <= self.min_diameter_px < self.max_diameter_px:
             limits = f"min_diameter_px {self.min_diameter_px} and max_diameter_px {self.max_diameter_px}"
             raise ValueError(f"no blob can meet {limits}")
+        if self.target_px is not None and not self.target_px > 0:
+            raise ValueError(f"target_px {self.target_px} is not positive")
+        if not (self.spread_px > 0 and self.line_jitter_px >= 0):
+            lengths = f"spread_px {self.spread_px} and line_jitter_px {self.line_jitter_px}"
+            raise ValueError(f"{lengths} have to be positive")
 
 
 def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: LocationSettings) -> Blobs:
@@ -62,60 +95,24 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
     """
     runs = find_runs(target_bits(packed))
     label, count = label_runs(runs)
-    shapes = shapes_of(runs, label, count)
-    centres, sigma = _located(packed, runs, label, shapes, settings)
-    blobs = _in_frame(packed, shapes, centres, sigma)
-    return blobs.select(_of_size(blobs, settings) & _inside(blobs, windows))
+    seen = Seen(packed, runs, label, shapes_of(runs, label, count), settings)
+    located = LOCATORS[settings.method](seen)
+    blobs = _in_frame(seen, located.sigma_px, steadied(seen, located))
+    return blobs.select(seen.of_size & _inside(blobs, windows))
 
 
-def _located(
-    packed: PackedField, runs: Runs, label: NDArray[np.int64], shapes: Shapes, settings: LocationSettings
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres in columns and rows, and their standard deviations in frame pixels."""
-    count, area = len(shapes.pixels), _area_px(packed, shapes)
-    if packed.bits == 1:
-        return binary_centres(runs, label, count), binary_sigma_px(area, packed.y_step)
-    centres, weight = grey_centres(packed, runs, label, count)
-    background = _background(packed)
-    sigma = grey_sigma_px(
-        area,
-        weight,
-        packed.y_step,
-        noise=background.noise if settings.noise_levels is None else settings.noise_levels,
-        threshold_height=max(0.0, packed.threshold - background.level),
-    )
-    return centres, sigma
-
-
-def _background(packed: PackedField) -> Background:
-    """From some of the lines that the camera delivered; interpolated ones have less noise."""
-    lines = packed.data[:, packed.parity :: SAMPLED_EVERY_PX // packed.y_step]
-    step = 256 >> packed.bits
-    levels = unpack(replace(packed, data=lines)).luma // step
-    level, noise = background_of(np.bincount(levels.ravel(), minlength=2**packed.bits))
-    return Background((level + 0.5) * step - 0.5, noise * step)
-
-
-def _area_px(packed: PackedField, shapes: Shapes) -> NDArray[np.float64]:
-    return shapes.pixels.astype(np.float64) * packed.y_step
-
-
-def _in_frame(
-    packed: PackedField, shapes: Shapes, centres: NDArray[np.float64], sigma: NDArray[np.float64]
-) -> Blobs:
+def _in_frame(seen: Seen, sigma_px: NDArray[np.float64], steady: Steadied) -> Blobs:
+    packed, shapes = seen.packed, seen.shapes
     return Blobs(
-        xy_px=centres * (1.0, packed.y_step) + (0.0, packed.y0),
-        sigma_px=sigma,
-        area_px=_area_px(packed, shapes),
+        xy_px=steady.centres * (1.0, packed.y_step) + (0.0, packed.y0),
+        sigma_px=sigma_px,
+        common_px=steady.common_px,
+        area_px=seen.area_px,
         width_px=(shapes.last_column - shapes.first_column + 1).astype(np.float64),
         height_px=(shapes.last_row - shapes.first_row + 1).astype(np.float64) * packed.y_step,
         at_border=shapes.touch_border(packed.rows, packed.columns),
+        line_jitter_px=steady.line_jitter_px,
     )
-
-
-def _of_size(blobs: Blobs, settings: LocationSettings) -> NDArray[np.bool_]:
-    diameter = np.sqrt(4 / np.pi * blobs.area_px)
-    return (diameter >= settings.min_diameter_px) & (diameter <= settings.max_diameter_px)
 
 
 def _inside(blobs: Blobs, windows: NDArray[np.float64] | None) -> NDArray[np.bool_]:

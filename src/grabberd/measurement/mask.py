@@ -57,10 +57,10 @@ def run_greys(
     stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
     row_start = runs.row * stride
     place = np.repeat(row_start + runs.first - begin, length) + np.arange(int(length.sum()))
-    return _greys_at(packed, place), place - np.repeat(row_start, length), begin
+    return greys_at(packed, place), place - np.repeat(row_start, length), begin
 
 
-def _greys_at(packed: PackedField, place: NDArray[np.int64]) -> NDArray[np.int64]:
+def greys_at(packed: PackedField, place: NDArray[np.int64]) -> NDArray[np.int64]:
     """Grey values at pixel positions counted through the rows, each as long as its bytes."""
     if packed.bits == 8:
         return packed.data.reshape(-1)[place].astype(np.int64)

@@ -1,6 +1,6 @@
 """What the runs of each blob add up to: its size, its extent, its centre (paper eqs. 1 and 2)."""
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,8 @@ from grabberd.measurement.mask import run_greys
 from grabberd.measurement.runs import Runs
 
 
-class Shapes(NamedTuple):
+@dataclass(frozen=True, slots=True, eq=False)
+class Shapes:
     """N blobs in the field's own rows and columns.
 
     Attributes:
@@ -23,6 +24,9 @@ class Shapes(NamedTuple):
     last_row: NDArray[np.int64]
     first_column: NDArray[np.int64]
     last_column: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.pixels)
 
     def touch_border(self, rows: int, columns: int) -> NDArray[np.bool_]:
         """(N,) bool: which touch the edge of a field of this size."""

@@ -1,166 +1,199 @@
-"""Measured points against the truth: the paper's Table 1."""
+"""The accuracy investigation (paper 4): the points of a capture against the truth, from every side."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.errors import MeasurementError
+from grabberd.errors import InputError, MeasurementError
+from grabberd.field import BIT_DEPTHS, Field, NumberedField, PackedField, double_lines, quantise, unpack
+from grabberd.measurement import ThresholdRule, choose_threshold
+from grabberd.reconstruction.accuracy import WRONG_BEYOND_MM, Accuracy, Axes, accuracy
+from grabberd.reconstruction.comparison import Coordinates, Truth, true_places
+from grabberd.reconstruction.lengths import LengthErrors, length_errors
+from grabberd.reconstruction.pointing import PointingPrecision, pointing_precision
 from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.rigid import RigidMotion
+from grabberd.reconstruction.series import PointSeries
+from grabberd.reconstruction.smoothing import Smoothed, SmoothingSettings, smooth
 
-WRONG_BEYOND_MM = 2.0
-"""A point farther from its target than this has another target's id; the pitch is 6.5 mm."""
+__all__ = [
+    "Accuracy",
+    "Axes",
+    "Compared",
+    "Coordinates",
+    "Investigation",
+    "InvestigationSettings",
+    "Truth",
+    "accuracy",
+    "investigate",
+    "requantised",
+]
 
+Array = NDArray[np.float64]
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Coordinates:
-    """Points of many fields.
-
-    Attributes:
-        fields: (F,) int64, numbers of all fields that were measured, those without a point too.
-        n: (K,) int64, each point's field.
-        target: (K,) int32, its target; a target is at most once in a field.
-        xyz_mm: (K, 3) float64, in the object's frame.
-    """
-
-    fields: NDArray[np.int64]
-    n: NDArray[np.int64]
-    target: NDArray[np.int32]
-    xyz_mm: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, measured: Iterable[tuple[int, Points]]) -> "Coordinates":
-        """From field numbers and their points."""
-        pairs = list(measured)
-        points = [Points.none(), *(points for _, points in pairs)]
-        return cls(
-            fields=np.array([n for n, _ in pairs], np.int64),
-            n=np.repeat([0, *(n for n, _ in pairs)], [len(one) for one in points]).astype(np.int64),
-            target=np.concatenate([one.target for one in points]),
-            xyz_mm=np.concatenate([one.xyz_mm for one in points]),
-        )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Truth:
-    """Where the targets really were.
-
-    Attributes:
-        n: (K,) int64, field of each row; None: the object stood still and a row holds for every field.
-        target: (K,) int32; `xyz_mm`: (K, 3) float64, in the object's frame.
-        expected: (K,) bool, it could be seen in both views, so that its absence is a miss.
-    """
-
-    n: NDArray[np.int64] | None
-    target: NDArray[np.int32]
-    xyz_mm: NDArray[np.float64]
-    expected: NDArray[np.bool_]
-
-    def in_fields(self, fields: NDArray[np.int64]) -> "Truth":
-        """The rows of these fields, one for each field and target."""
-        if self.n is not None:
-            chosen = np.isin(self.n, fields)
-            return Truth(self.n[chosen], self.target[chosen], self.xyz_mm[chosen], self.expected[chosen])
-        count = len(fields)
-        return Truth(
-            np.repeat(fields, len(self.target)),
-            np.tile(self.target, count),
-            np.tile(self.xyz_mm, (count, 1)),
-            np.tile(self.expected, count),
-        )
-
-
-class Axes(NamedTuple):
-    """A number for each axis and for all three together: xyz² = x² + y² + z²."""
-
-    x_mm: float
-    y_mm: float
-    z_mm: float
-    xyz_mm: float
+PAPER_LIMIT_MM = 0.2
+"""What the paper requires of its system."""
+_MOST_BITS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Accuracy:
-    """What Table 1 of the paper says, and what was found at all.
+class InvestigationSettings:
+    """How points are compared.
 
     Attributes:
-        fields: fields compared.
-        matched: points that are within `WRONG_BEYOND_MM` of their target's true place.
-        missing: expected targets, counted in every field, that have no point.
-        wrong: points farther away: somebody else's id; they are in no other number.
-        unknown: points of targets that the truth does not have.
-        rmse: root mean square of the matched points' errors.
-        precision: standard deviation of repeated measurements of one target, pooled over all; None where the
-            object moves or no target was measured twice.
+        fit: turn and shift the points onto the truth first, one motion for all fields; never scale.
+        limit_mm: greatest length-measuring error that is allowed.
+        bits: bits a pixel of the fields that the points come from.
+        smoothing: how they are smoothed over time; its `bits` are these.
     """
 
-    fields: int
-    matched: int
-    missing: int
-    wrong: int
-    unknown: int
-    rmse: Axes
-    precision: Axes | None
+    fit: bool = False
+    limit_mm: float = PAPER_LIMIT_MM
+    bits: int = 1
+    smoothing: SmoothingSettings = field(default_factory=SmoothingSettings)
 
 
-def accuracy(measured: Coordinates, truth: Truth) -> Accuracy:
-    """Compares points with the truth as they are: nothing is fitted, nothing scaled.
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """Points against the truth.
+
+    Attributes:
+        accuracy: the paper's Table 1.
+        lengths: length-measuring error, or None where it cannot be given; then `no_lengths` says why.
+        chi2: mean of e·C⁻¹·e / 3 over the points, C with the calibration's share: 1 where the σ given out are
+            the true ones; `chi2_axes`: the same in X, Y, Z alone.
+        sigma: root mean square of the σ that the points are given out with.
+        calibration_sigma: that of the calibration's share alone.
+    """
+
+    accuracy: Accuracy
+    lengths: LengthErrors | None
+    no_lengths: str | None
+    chi2: float
+    chi2_axes: tuple[float, float, float]
+    sigma: Axes
+    calibration_sigma: Axes
+
+
+@dataclass(frozen=True, slots=True)
+class Investigation:
+    """One capture's points, field by field and smoothed.
+
+    Attributes:
+        bits: bits a pixel.
+        single: every field for itself.
+        smoothed: over time, at the same fields and targets.
+        smoothing: what the smoother found out.
+        pointing: precision of image coordinates; None where the object moves.
+    """
+
+    bits: int
+    single: Compared
+    smoothed: Compared
+    smoothing: Smoothed
+    pointing: PointingPrecision | None
+
+
+def investigate(
+    measured: Iterable[tuple[int, int, Points]], truth: Truth, settings: InvestigationSettings
+) -> Investigation:
+    """Compares points with the truth, as they are and smoothed over time.
+
+    Args:
+        measured: number, time in ns and points of every field, in order.
+        truth: where the targets really were.
+        settings: how to compare.
 
     Raises:
-        MeasurementError: not one point could be matched.
+        MeasurementError: no point could be matched, or a rigid fit is not determined.
     """
-    rows = truth.in_fields(measured.fields)
-    row, known = _rows_of(measured, rows)
-    error = measured.xyz_mm[known] - rows.xyz_mm[row]
-    right = np.linalg.norm(error, axis=1) <= WRONG_BEYOND_MM
-    if not right.any():
-        raise MeasurementError(
-            f"none of {len(measured.n)} points in {len(measured.fields)} fields is within "
-            f"{WRONG_BEYOND_MM} mm of its target's true place",
-            "check that truth and points agree in the object's frame, target ids and field numbers",
-        )
-    found = np.zeros(len(rows.target), np.bool_)
-    found[row] = True
-    still = truth.n is None
-    return Accuracy(
-        fields=len(measured.fields),
-        matched=int(right.sum()),
-        missing=int((rows.expected & ~found).sum()),
-        wrong=int((~right).sum()),
-        unknown=int((~known).sum()),
-        rmse=_axes((error[right] ** 2).mean(axis=0)),
-        precision=_precision(measured.target[known][right], error[right]) if still else None,
+    series = PointSeries.of(measured)
+    single = _compared(series, truth, settings)
+    smoothing = smooth(series, replace(settings.smoothing, bits=settings.bits))
+    return Investigation(
+        bits=settings.bits,
+        single=single,
+        smoothed=_compared(smoothing.points, truth, settings),
+        smoothing=smoothing,
+        pointing=pointing_precision(series) if truth.still else None,
     )
 
 
-def _rows_of(measured: Coordinates, rows: Truth) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """The truth's row for every point that has one, and which points have."""
-    assert rows.n is not None
-    if not len(rows.target):
-        return np.empty(0, np.intp), np.zeros(len(measured.n), np.bool_)
-    keys, wanted = _key(rows.n, rows.target), _key(measured.n, measured.target)
-    order = np.argsort(keys)
-    place = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(keys) - 1)]
-    known: NDArray[np.bool_] = keys[place] == wanted
-    return place[known], known
+def _compared(series: PointSeries, truth: Truth, settings: InvestigationSettings) -> Compared:
+    table = accuracy(Coordinates.of_series(series), truth, fit=settings.fit)
+    true = true_places(truth, series)
+    lengths, reason = _lengths(series, true, settings.limit_mm)
+    chi2, axes = _chi2(series, true, table.fitted)
+    own = np.diagonal(series.covariance_mm2, axis1=2, axis2=3)[series.seen].mean(axis=0)
+    share = np.diagonal(series.calibration_covariance_mm2, axis1=2, axis2=3)[series.seen].mean(axis=0)
+    return Compared(table, lengths, reason, chi2, axes, Axes.of(own + share), Axes.of(share))
 
 
-def _key(n: NDArray[np.int64], target: NDArray[np.int32]) -> NDArray[np.int64]:
-    return (n << 32) + target
+def _lengths(series: PointSeries, true: Array, limit_mm: float) -> tuple[LengthErrors | None, str | None]:
+    try:
+        return length_errors(series.target, series.xyz_mm, true, limit_mm), None
+    except MeasurementError as error:
+        return None, error.message
 
 
-def _precision(target: NDArray[np.int32], error: NDArray[np.float64]) -> Axes | None:
-    """Standard deviation about each target's own mean, every target losing one degree of freedom."""
-    _, index, count = np.unique(target, return_inverse=True, return_counts=True)
-    freedom = int((count - 1).sum())
-    if freedom == 0:
-        return None
-    means = np.stack([np.bincount(index, axis) / count for axis in error.T], axis=1)
-    return _axes(((error - means[index]) ** 2).sum(axis=0) / freedom)
+def _chi2(
+    series: PointSeries, true: Array, fitted: RigidMotion | None
+) -> tuple[float, tuple[float, float, float]]:
+    places = fitted.apply(series.xyz_mm) if fitted else series.xyz_mm
+    covariance = series.covariance_mm2 + series.calibration_covariance_mm2
+    covariance = fitted.turn(covariance) if fitted else covariance
+    error = places - true
+    matched = np.linalg.norm(np.nan_to_num(error, nan=np.inf), axis=2) <= WRONG_BEYOND_MM
+    off, expected = error[matched], covariance[matched]
+    whole = (off * np.linalg.solve(expected, off[:, :, np.newaxis])[:, :, 0]).sum(axis=1).mean() / 3.0
+    x, y, z = (off**2 / np.diagonal(expected, axis1=1, axis2=2)).mean(axis=0).tolist()
+    return float(whole), (x, y, z)
 
 
-def _axes(variance: NDArray[np.float64]) -> Axes:
-    x, y, z = np.sqrt(variance).tolist()
-    return Axes(x, y, z, float(np.sqrt(variance.sum())))
+def requantised(
+    fields: Iterable[NumberedField], bits: int, *, doubled: bool, rule: ThresholdRule | None = None
+) -> Iterator[NumberedField]:
+    """The fields of an 8-bit capture as if they had been taken with fewer bits, 1…8.
+
+    The threshold is chosen anew for these bits from the first field, as a ring does when it is armed.
+
+    Args:
+        fields: of 8 bits, their lines intact.
+        bits: bits a pixel; 7 too, which no ring has.
+        doubled: interpolate the missing lines, on the grey values.
+        rule: how the threshold is chosen.
+
+    Raises:
+        InputError: the fields have fewer bits, or their lines are doubled.
+    """
+    threshold: int | None = None
+    for numbered in fields:
+        grey = _grey(numbered.packed)
+        if threshold is None:
+            threshold = choose_threshold(_histogram(grey), rule or ThresholdRule(), bits)
+        whole = double_lines(grey) if doubled else grey
+        yield numbered._replace(packed=_quantised(whole, bits, threshold))
+
+
+def _grey(packed: PackedField) -> Field:
+    if packed.bits != _MOST_BITS or packed.y_step == 1:
+        kind = "doubled" if packed.y_step == 1 else "intact"
+        raise InputError(
+            f"fields of {packed.bits} bits with {kind} lines cannot be quantised anew",
+            "capture with --bits 8 --lines field",
+        )
+    return unpack(packed)
+
+
+def _histogram(field: Field) -> NDArray[np.intp]:
+    return np.bincount(field.luma.ravel(), minlength=256)
+
+
+def _quantised(field: Field, bits: int, threshold: int) -> PackedField:
+    """With a number of bits that no ring has, the grey values of so many bits in eight."""
+    if bits in BIT_DEPTHS:
+        return quantise(field, bits, threshold)
+    low = np.uint8((1 << (_MOST_BITS - bits)) - 1)
+    return quantise(replace(field, luma=(field.luma & ~low) | (low + 1) // 2), _MOST_BITS, threshold)

@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grabberd.field import NumberedField
-from grabberd.geometry import Calibration, Rig, View
+from grabberd.geometry import Calibration, LocalField, Rig, View
 from grabberd.measurement import Blobs, LocationSettings, measure
 from grabberd.reconstruction import (
     ImageNoise,
@@ -73,7 +74,9 @@ class _Step:
 
     def measure(self, numbered: NumberedField) -> MeasuredField:
         blobs = measure(numbered.packed, None, self._setup.location)
-        left, right = (whole_blobs(blobs, view) for view in self._setup.calibration.views)
+        known = self._setup.calibration
+        halves = zip(known.views, known.local_fields, strict=True)
+        left, right = (whole_blobs(blobs, view, local_field) for view, local_field in halves)
         self._track, points = self._tracker.step(self._track, left, right, self._passed_s(numbered.time_ns))
         return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
 
@@ -83,9 +86,21 @@ class _Step:
         return np.inf if last_ns is None or time_ns <= last_ns else (time_ns - last_ns) / 1e9
 
 
-def whole_blobs(blobs: Blobs, view: View) -> ViewBlobs:
-    """The blobs of a view, but none that the field's edge or the seam cuts off: those have no true centre."""
+def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None) -> ViewBlobs:
+    """The blobs of a view, but none that the field's edge or the seam cuts off: those have no true centre.
+
+    What the picture is known to show there beyond the model, the view's local field, is taken off.
+    """
+    own = whole(blobs, view.first_column, view.end_column)
+    xy_px = blobs.xy_px[own]
+    if local_field is not None:
+        xy_px = xy_px - local_field.at(xy_px)
+    return ViewBlobs(xy_px, blobs.sigma_px[own])
+
+
+def whole(blobs: Blobs, first_column: int, end_column: int) -> NDArray[np.bool_]:
+    """(N,) which blobs lie in the half of these columns, and wholly so."""
     x, half = blobs.xy_px[:, 0], blobs.width_px / 2
-    whole = (x - half >= view.first_column - 0.5) & (x + half <= view.end_column - 0.5)
-    own = view.holds(blobs.xy_px) & whole & ~blobs.at_border
-    return ViewBlobs(blobs.xy_px[own], blobs.sigma_px[own])
+    inside = (x - half >= first_column - 0.5) & (x + half <= end_column - 0.5)
+    own: NDArray[np.bool_] = inside & ~blobs.at_border
+    return own

@@ -20,6 +20,9 @@ _FIRST, _SECOND = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
 _SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 _COFACTORS = np.array([(3, 2, 1, 0, 1, 0), (5, 4, 4, 5, 2, 3), (4, 1, 2, 2, 0, 1), (4, 5, 3, 2, 4, 1)])
 
+_EACH = np.eye(4).reshape(2, 2, 4, 1)
+"""Coordinate, view, error: every one moves one image coordinate."""
+
 
 class _Adjusted(NamedTuple):
     """xyz (3, N); inverse normal matrix (3, 3, N); whitened slopes (4, 3, N); residuals in px (2, 2, N)."""
@@ -63,7 +66,7 @@ def intersect(
     whitening = noise.whitening(observed[1], _stack(left.sigma_px, right.sigma_px))
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         adjusted = _adjust(rig, observed, whitening, start)
-        share = _calibration_share(rig, whitening, adjusted)
+        share = _calibration_share(rig, observed, whitening, adjusted)
     return Points(
         target=target,
         xyz_mm=adjusted.xyz.T.copy(),
@@ -105,20 +108,31 @@ def _inverse(six: Array) -> Array:
     return inverse
 
 
-def _calibration_share(rig: Rig, whitening: Whitening, adjusted: _Adjusted) -> Array:
+def _calibration_share(rig: Rig, observed: Array, whitening: Whitening, adjusted: _Adjusted) -> Array:
     """(N, 3, 3) J·C·Jᵀ.
 
     The least squares X(l, p) keep Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p; with C = L·Lᵀ
-    the share is G·Gᵀ, G = (AᵀA)⁻¹Aᵀ·(∂f/∂p·L).
+    the share is G·Gᵀ, G = (AᵀA)⁻¹Aᵀ·(∂f/∂p·L). The local fields' errors move l itself.
     """
     count = adjusted.xyz.shape[1]
-    if rig.factor is None:
+    errors = _calibration_errors(rig, observed, adjusted.xyz)
+    if not errors:
         return np.zeros((count, 3, 3))
-    moved = rig.factor.swapaxes(1, 2) @ parameter_slopes(rig, adjusted.xyz.T)
+    moved = errors[0] if len(errors) == 1 else np.concatenate(errors, axis=2)
     image = whitening.of_slopes(moved).reshape(4, -1, count).transpose(2, 0, 1)
     root = adjusted.inverse.transpose(2, 0, 1) @ (adjusted.slopes.transpose(2, 1, 0) @ image)
     share: Array = root @ root.swapaxes(1, 2)
     return share
+
+
+def _calibration_errors(rig: Rig, observed: Array, xyz: Array) -> list[Array]:
+    """(2, 2, K, N) image coordinates moved by K independent errors of the calibration, 1 σ each."""
+    errors = []
+    if rig.factor is not None:
+        errors.append(rig.factor.swapaxes(1, 2) @ parameter_slopes(rig, xyz.T))
+    if (sigma := rig.local_sigma_px(observed)) is not None:
+        errors.append(_EACH * sigma[:, :, np.newaxis])
+    return errors
 
 
 def _stack(left: Array, right: Array) -> Array:

@@ -17,7 +17,7 @@ class Points:
         calibration_covariance_mm2: (N, 3, 3) float64, from the calibration: common to all fields, reduced by
             no averaging, and so kept apart.
         image_px: (N, 2, 2) float64, frame pixels of the blobs it was intersected from: [point, view, (x, y)],
-            view 0 left, 1 right.
+            view 0 left, 1 right; corrected by the views' local fields where the calibration has them.
         residual_px: (N,) float64, root mean square of the four image residuals after intersection.
     """
 

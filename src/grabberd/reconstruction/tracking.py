@@ -37,6 +37,8 @@ class TrackingSettings:
         acceleration_mm_s2: standard deviation of the acceleration.
         longest_gap_s: after longer without a field that could be followed, targets are identified anew.
         least_share: so are they where fewer are found than this share of those before, or of the blobs.
+        surprise: so are they, and keep their velocities, where the root mean square of their distances from
+            their predicted places exceeds this many standard deviations: a wall that stops at once.
         firm: a target that was not seen lately is given out at once only where the others expect it better
             than this share of the targets' pitch, and else when it is seen once more.
         correspondence: gates, and the object's deformation.
@@ -46,6 +48,7 @@ class TrackingSettings:
     acceleration_mm_s2: float = 1250.0
     longest_gap_s: float = 0.07
     least_share: float = 0.35
+    surprise: float = 0.8
     firm: float = 0.06
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
@@ -120,6 +123,8 @@ class Tracker:
         """Looks where the targets have moved to; if that is vague, again where those that were found say."""
         places_mm, sigma_mm = self._moved(track, elapsed_s)
         sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
+        if _surprise(sighting, places_mm, sigma_mm) > self.settings.surprise:
+            return self.correspondence.identify(left, right)
         vague_mm = _VAGUE * self.correspondence.agreement.pitch_mm
         if track.speed_sigma_mm_s * elapsed_s <= vague_mm or not len(sighting):
             return sighting
@@ -162,6 +167,15 @@ class Tracker:
         depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
         sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)
         return sigma
+
+
+def _surprise(sighting: Sighting, places_mm: Array, sigma_mm: Array) -> float:
+    """Root mean square distance from the predicted places, in standard deviations of each coordinate."""
+    if not len(sighting):
+        return 0.0
+    off = sighting.points.xyz_mm - places_mm[sighting.target]
+    own = np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2)
+    return float(np.sqrt((off * off / (own + sigma_mm[sighting.target, np.newaxis] ** 2)).mean()))
 
 
 def _seen_again(unseen_s: Array, sighting: Sighting) -> Array:

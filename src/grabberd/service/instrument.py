@@ -1,7 +1,8 @@
 """One grabber made into an instrument: its threads, its ring and at most one capture."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,14 @@ from typing import Any
 from grabberd import __version__
 from grabberd.acquisition import Slot, StreamInfo
 from grabberd.errors import CaptureRunning, GrabberdError, NotReady
+from grabberd.geometry import Calibration
 from grabberd.service.backlog import Backlog
 from grabberd.service.capture_thread import CaptureThread
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.intake import Armed, Intake
 from grabberd.service.recorder import CaptureRequest, Recorder
 from grabberd.service.session import CaptureSession
-from grabberd.service.setup import DeviceSetup
+from grabberd.service.setup import DeviceSetup, check_rig
 from grabberd.service.states import DeviceState
 from grabberd.service.status import StatusBoard
 from grabberd.service.worker import Worker
@@ -30,10 +32,10 @@ class Instrument:
 
     Attributes:
         name: of the device.
-        setup: what it is made of.
+        setup: what it is made of; its calibration may be exchanged between captures.
         board: its status.
         intake: its ring and threshold.
-        worker: its live points; None where there is no calibration or no object model.
+        worker: its live points; it waits while there is no calibration or no object model.
         session: the running or the last capture.
     """
 
@@ -56,7 +58,7 @@ class Instrument:
         self._queue_s = queue_s
         self._on_sealed = on_sealed
         self._starting = threading.Lock()
-        self.worker = self._make_worker()
+        self.worker = Worker(self.name, setup.measuring, self.intake, lambda: self.session, clock)
         self._capture = CaptureThread(
             self.name,
             setup.grabber,
@@ -68,16 +70,10 @@ class Instrument:
             on_end=self._source_ended,
         )
 
-    def _make_worker(self) -> Worker | None:
-        if self.setup.measuring is None:
-            return None
-        return Worker(self.name, self.setup.measuring, self.intake, lambda: self.session, self._clock)
-
     def start(self) -> None:
         """Starts streaming and measuring."""
         self._capture.start()
-        if self.worker:
-            self.worker.start()
+        self.worker.start()
 
     def stop(self, timeout_s: float = 20.0) -> None:
         """Ends a running capture, seals its file and lets go of the device."""
@@ -86,9 +82,8 @@ class Instrument:
             session.stop("the daemon stopped")
             session.sealed.wait(timeout_s)
         self._capture.stop()
-        if self.worker:
-            self.worker.stop()
-            self.worker.join(timeout_s)
+        self.worker.stop()
+        self.worker.join(timeout_s)
         self._capture.join(timeout_s)
 
     @property
@@ -126,14 +121,44 @@ class Instrument:
             session.start()
         return session
 
+    @contextmanager
+    def between_captures(self) -> Iterator[None]:
+        """Holds captures off, for what must not change while one is recorded and measured.
+
+        Raises:
+            CaptureRunning: one is being recorded, measured or sealed.
+        """
+        with self._starting:
+            self._check_no_capture()
+            yield
+
+    def use(self, setup: DeviceSetup) -> None:
+        """Measures with another calibration from the next field on; called `between_captures`."""
+        self.setup = setup
+        self.worker.use(setup.measuring)
+
+    def check_fits(self, calibration: Calibration) -> None:
+        """Whether the pictures of this device may be measured with a calibration.
+
+        Raises:
+            CalibrationMismatch: it is of another rig, or of pictures of another size than the stream's.
+        """
+        check_rig(calibration, self.setup.config.rig)
+        stream = self.board.now.stream
+        if stream is not None:
+            _check_stream(calibration, stream)
+
     def _source_ended(self, error: GrabberdError) -> None:
         session = self.running
         if session is not None:
             session.source_ended(error)
 
-    def _check_free(self) -> None:
+    def _check_no_capture(self) -> None:
         if self.session is not None and not self.session.sealed.is_set():
             raise CaptureRunning(self.session.id)
+
+    def _check_free(self) -> None:
+        self._check_no_capture()
         if not self.accepts:
             status = self.board.now
             cause = f" ({status.cause})" if status.cause else ""
@@ -145,7 +170,9 @@ class Instrument:
     def _attach(self, capture_id: str, request: CaptureRequest, part: Path) -> CaptureSession:
         stream = self.board.now.stream
         assert stream is not None
-        self._check_fits(stream)
+        measuring = self.setup.measuring
+        if measuring is not None:
+            _check_stream(measuring.calibration, stream)
         armed = self.intake.arm(request.bits, request.lines)
         # The reader comes before the file, whose creation takes its time.
         reader = armed.ring.reader(request.overrun, back=request.pre_trigger_fields)
@@ -158,8 +185,7 @@ class Instrument:
             round(1e9 / stream.rate_hz),
             lossless=stream.waits_for_reader,
         )
-        measured = self.worker is not None
-        if measured:
+        if measuring is not None:
             writer.begin_run(1, "live", iso_utc(self._clock.utc_now()), __version__, self.made_with)
         return CaptureSession(
             capture_id,
@@ -168,17 +194,9 @@ class Instrument:
             writer,
             backlog,
             self._clock,
-            measured=measured,
+            measured=measuring is not None,
             on_sealed=self._sealed,
         )
-
-    def _check_fits(self, stream: StreamInfo) -> None:
-        """Refuses pictures that are not the calibration's; a stream of doubled fields has all lines."""
-        if self.setup.measuring is not None:
-            calibration = self.setup.measuring.calibration
-            doubled = stream.field_rows == calibration.lines
-            lines = stream.field_rows if doubled else 2 * stream.field_rows
-            calibration.check_fits(stream.columns, lines, glass=calibration.glass)
 
     def _meta(self, capture_id: str, request: CaptureRequest, armed: Armed) -> CaptureMeta:
         status = self.board.now
@@ -212,3 +230,10 @@ class Instrument:
     def _sealed(self, session: CaptureSession) -> None:
         self.intake.hold_threshold = False
         self._on_sealed(session)
+
+
+def _check_stream(calibration: Calibration, stream: StreamInfo) -> None:
+    """Refuses pictures that are not the calibration's; a stream of doubled fields has all lines."""
+    doubled = stream.field_rows == calibration.lines
+    lines = stream.field_rows if doubled else 2 * stream.field_rows
+    calibration.check_fits(stream.columns, lines, glass=calibration.glass)

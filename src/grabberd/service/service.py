@@ -2,27 +2,31 @@
 
 import logging
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
-from grabberd.acquisition import Outcome
 from grabberd.config import Config
 from grabberd.errors import Conflict, NotFound
+from grabberd.geometry import Calibration
+from grabberd.service.active_calibrations import ActiveCalibrations
 from grabberd.service.archive import Archive
-from grabberd.service.clock import Clock, SystemClock
+from grabberd.service.calibrating import calibrate_capture
+from grabberd.service.calibration_frames import frame_document
+from grabberd.service.calibration_job import Calibrator, calibrate
+from grabberd.service.calibrations import Calibrations
+from grabberd.service.clock import Clock, SystemClock, iso_utc
+from grabberd.service.device_document import device_document
 from grabberd.service.instrument import NOMINAL_RATE_HZ, Instrument
 from grabberd.service.jobs import Job, JobRunner
 from grabberd.service.measuring import measure_file
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.session import CaptureSession
 from grabberd.service.setup import DeviceSetup
-from grabberd.service.worker import Worker
+from grabberd.storage.calibrations import CalibrationRecord
+from grabberd.storage.state import StateStore
 
 log = logging.getLogger(__name__)
-
-LATENCY_OF_LATEST = 500
 
 
 class Service:
@@ -31,6 +35,7 @@ class Service:
     Attributes:
         instruments: by the name of their device.
         archive: the captures.
+        calibrations: those that there are; `active`: which of them every device measures with.
         jobs: what takes long.
     """
 
@@ -42,6 +47,7 @@ class Service:
         clock: Clock | None = None,
         site: dict[str, str] | None = None,
         queue_s: float = 10.0,
+        calibrator: Calibrator = calibrate_capture,
     ) -> None:
         self._clock = clock or SystemClock()
         self.instruments = {
@@ -49,6 +55,10 @@ class Service:
             for name, setup in setups.items()
         }
         self.archive = Archive(directory / "captures", self._sessions)
+        self.calibrations = Calibrations(directory / "calibrations", _configured(setups))
+        self._state_store = StateStore(directory / "state.sqlite")
+        self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
+        self._calibrator = calibrator
         self.jobs = JobRunner(self._clock)
         self._started = False
 
@@ -66,10 +76,21 @@ class Service:
         if self._started:
             return
         self.archive.open()
+        self.open_stores()
         self._started = True
         self.jobs.start()
         for instrument in self.instruments.values():
             instrument.start()
+
+    def open_stores(self) -> None:
+        """Takes up the calibrations and what was chosen among them.
+
+        Raises:
+            StorageError: the state directory cannot be used.
+        """
+        self.calibrations.open()
+        self._state_store.open()
+        self.active.open()
 
     def stop(self) -> None:
         """Ends and seals running captures, then stops everything."""
@@ -132,6 +153,62 @@ class Service:
         made_with = self.instrument(device).made_with
         return self.jobs.submit("measure", capture_id, measure_file, path=path, made_with=made_with)
 
+    def calibrate(
+        self,
+        capture_id: str,
+        frame: str | Mapping[str, Any] | None = None,
+        options: Mapping[str, Any] | None = None,
+        device: str | None = None,
+        note: str = "",
+    ) -> Job:
+        """Queues the calibrating from a sealed capture of the calibration frame.
+
+        Args:
+            capture_id: of the capture.
+            frame: the calibration frame's name or its document; None: the one there is.
+            options: the calibrator's.
+            device: whose calibration it becomes; None: the capture's.
+            note: for people.
+
+        Raises:
+            NotFound: there is no capture, calibration frame or device of that name.
+            Conflict: the capture is still running.
+        """
+        path = self.archive.sealed_path(capture_id)
+        owner = self.instrument(device or self.archive.document(capture_id)["device"]).name
+        return self.jobs.submit(
+            "calibrate",
+            capture_id,
+            calibrate,
+            calibrator=self._calibrator,
+            capture=path,
+            frame=frame_document(frame),
+            options=dict(options or {}),
+            store=self.calibrations.store.directory,
+            record=CalibrationRecord(owner, "capture", note=note, capture=capture_id),
+        )
+
+    def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
+        """Stores a complete calibration that fits a device, and returns its id.
+
+        Raises:
+            NotFound: there is no such device.
+            InputError: it is no calibration; CalibrationMismatch: it is one of another rig or stream.
+            Conflict: there is one of that id.
+        """
+        instrument = self.instrument(device)
+        instrument.check_fits(Calibration.from_document(document))
+        stored_utc = iso_utc(self._clock.utc_now())
+        return self.calibrations.add(document, CalibrationRecord(instrument.name, "import", stored_utc, note))
+
+    def activate_calibration(self, calibration_id: str, device: str | None) -> None:
+        """Has a device measure with a calibration from the next field on.
+
+        Raises:
+            NotFound, CalibrationMismatch, CaptureRunning: see `ActiveCalibrations.activate`.
+        """
+        self.active.activate(calibration_id, self.instrument(device))
+
     def state(self) -> dict[str, Any]:
         """Everything that a glance needs."""
         return {
@@ -142,30 +219,7 @@ class Service:
 
     def device_document(self, instrument: Instrument) -> dict[str, Any]:
         """A device as it is shown."""
-        status = instrument.board.now
-        armed = instrument.intake.armed
-        measuring = instrument.setup.measuring
-        session = instrument.running
-        return {
-            "name": instrument.name,
-            "state": status.state,
-            "since_utc": status.since_utc,
-            "cause": status.cause,
-            "driver": instrument.setup.config.driver,
-            "stream": asdict(status.stream) if status.stream else None,
-            "signal": status.signal,
-            "fields": {outcome: status.outcomes[outcome] for outcome in Outcome},
-            "openings": status.openings,
-            "ring": {
-                "slots": armed.ring.slots,
-                "bits": armed.bits,
-                "lines": armed.lines,
-                "threshold": instrument.intake.threshold,
-            },
-            "calibration": measuring.calibration.id if measuring else None,
-            "capture_id": session.id if session else None,
-            "live": _live_document(instrument.worker),
-        }
+        return device_document(instrument, self.active)
 
     def _sessions(self) -> list[CaptureSession]:
         """The captures that are being recorded or sealed."""
@@ -181,15 +235,6 @@ class Service:
         log.info("capture %s has ended, %s; received: %s", session.id, verdict, words)
 
 
-def _live_document(worker: Worker | None) -> dict[str, Any] | None:
-    live = worker.live if worker else None
-    if worker is None or live is None:
-        return None
-    residual = live.measured.points.residual_px
-    return {
-        "n": live.measured.n,
-        "blobs": len(live.measured.blobs),
-        "points": len(live.measured.points),
-        "residual_px": float((residual**2).mean() ** 0.5) if len(residual) else None,
-        "latency_ms": worker.latency.percentiles_ms(LATENCY_OF_LATEST),
-    }
+def _configured(setups: Mapping[str, DeviceSetup]) -> dict[str, Mapping[str, Any]]:
+    documents = ((name, setup.documents.get("calibration")) for name, setup in setups.items())
+    return {name: document for name, document in documents if document}

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,7 +11,7 @@ import yaml
 from grabberd.acquisition import registry
 from grabberd.acquisition.device import Grabber
 from grabberd.config import Config, DeviceConfig, RigConfig
-from grabberd.errors import ConfigError, DriverMissing, InputError, Problem
+from grabberd.errors import CalibrationMismatch, ConfigError, DriverMissing, InputError, Problem
 from grabberd.geometry import Calibration
 from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import ObjectModel
@@ -35,6 +35,16 @@ class DeviceSetup:
     grabber: Grabber
     measuring: MeasureSetup | None
     documents: Mapping[str, Any]
+
+    def with_calibration(self, document: Mapping[str, Any] | None) -> "DeviceSetup":
+        """The same with another calibration, or with none.
+
+        Raises:
+            InputError: it is no calibration.
+            CalibrationMismatch: it is one of another rig.
+        """
+        documents = {**self.documents, "calibration": document}
+        return replace(self, documents=documents, measuring=_measuring(self.config, documents))
 
 
 def set_up(config: Config, file: Path) -> dict[str, DeviceSetup]:
@@ -76,14 +86,21 @@ def read_documents(calibration: Path | None, object_model: Path | None) -> dict[
         InputError: a file is no JSON or YAML.
     """
     return {
-        "calibration": _read(calibration, json.loads),
-        "object": _read(object_model, yaml.safe_load),
+        "calibration": None if calibration is None else _read(calibration, json.loads),
+        "object": None if object_model is None else read_yaml(object_model),
     }
 
 
-def _read(path: Path | None, parse: Callable[[str], Any]) -> Any:
-    if path is None:
-        return None
+def read_yaml(path: Path) -> dict[str, Any]:
+    """The document in a YAML file, such as an object model or a calibration frame.
+
+    Raises:
+        InputError: it cannot be read, or has no keys.
+    """
+    return _read(path, yaml.safe_load)
+
+
+def _read(path: Path, parse: Callable[[str], Any]) -> dict[str, Any]:
     try:
         document = parse(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, yaml.YAMLError) as error:
@@ -96,11 +113,11 @@ def _read(path: Path | None, parse: Callable[[str], Any]) -> Any:
 
 
 def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSetup | None:
-    if documents.get("calibration") is None or documents.get("object") is None:
+    if documents.get("calibration") is None:
         return None
-    calibration = Calibration.from_document(documents["calibration"])
-    calibration.check_fits(config.rig.columns, config.rig.lines, glass=calibration.glass)
-    _check_views(calibration, config.rig)
+    check_rig(Calibration.from_document(documents["calibration"]), config.rig)
+    if documents.get("object") is None:
+        return None
     return measure_setup(documents, config.line_jitter_px)
 
 
@@ -113,11 +130,22 @@ def measure_setup(documents: Mapping[str, Any], line_jitter_px: float) -> Measur
     )
 
 
+def check_rig(calibration: Calibration, rig: RigConfig) -> None:
+    """Whether a calibration is one of this rig.
+
+    Raises:
+        CalibrationMismatch: picture size, glass or the views' columns differ.
+    """
+    glass = rig.glass.model_dump() if rig.glass else None
+    calibration.check_fits(rig.columns, rig.lines, glass)
+    _check_views(calibration, rig)
+
+
 def _check_views(calibration: Calibration, rig: RigConfig) -> None:
     for view, columns in zip(calibration.views, (rig.views.left, rig.views.right), strict=True):
         has, wants = (view.first_column, view.end_column), (columns.first_column, columns.end_column)
         if has != wants:
-            raise InputError(
+            raise CalibrationMismatch(
                 f"the calibration's {view.name} view has columns {has[0]} to {has[1]}, "
                 f"the rig's {wants[0]} to {wants[1]}",
                 "use the calibration of this rig, or mend rig.views",

@@ -16,6 +16,9 @@ from grabberd.service.session import CaptureSession
 log = logging.getLogger(__name__)
 
 
+IDLE_S = 0.1
+
+
 class Live(NamedTuple):
     """The newest field that has been measured; `published_ns` by CLOCK_MONOTONIC."""
 
@@ -30,6 +33,8 @@ class Worker(threading.Thread):
     A capture's points begin afresh with its first field, so that measuring its file again gives the same
     points.
 
+    Without a setup it waits for one.
+
     Attributes:
         live: the newest measured field; `published` is notified with each.
         latency: from a field's arrival until its points were published.
@@ -38,7 +43,7 @@ class Worker(threading.Thread):
     def __init__(
         self,
         name: str,
-        setup: MeasureSetup,
+        setup: MeasureSetup | None,
         intake: Intake,
         session: Callable[[], CaptureSession | None],
         clock: Clock,
@@ -58,6 +63,10 @@ class Worker(threading.Thread):
         """Ends the thread; a capture that is being measured is finished first."""
         self._stopping.set()
 
+    def use(self, setup: MeasureSetup | None) -> None:
+        """Measures with this from the next field on; not while a capture is being measured."""
+        self._setup = setup
+
     def run(self) -> None:
         """Until stopped."""
         while not self._stopping.is_set() or self._waiting_session():
@@ -69,14 +78,16 @@ class Worker(threading.Thread):
                 self._stopping.wait(1.0)
 
     def _waiting_session(self) -> CaptureSession | None:
-        """The running capture, unless it has been measured already."""
+        """The running capture, unless it has been measured already or is not to be."""
         session = self._session()
-        return session if session is not None and session is not self._done else None
+        waits = session is not None and session.measured and session is not self._done
+        return session if waits else None
 
     def _measure_capture(self, session: CaptureSession) -> None:
         failure: str | None = "the program failed; the journal says how"
         first_n = self._first_n_of(session)
         try:
+            assert self._setup is not None, "a capture is measured only where there is a setup"
             for measured in measure_fields(session.recorded(), self._setup):
                 session.add(measured)
                 self._publish(measured, first_n())
@@ -89,13 +100,21 @@ class Worker(threading.Thread):
         return lambda: session.recorder.first_n or 0
 
     def _measure_ring(self) -> None:
-        for measured in measure_fields(self._ring_fields(), self._setup):
+        setup = self._setup
+        if setup is None:
+            self._stopping.wait(IDLE_S)
+            return
+        for measured in measure_fields(self._ring_fields(setup), setup):
             self._publish(measured, 0)
 
-    def _ring_fields(self) -> Iterator[NumberedField]:
-        """The ring's good fields until a capture begins, the ring is exchanged or the worker is stopped."""
+    def _ring_fields(self, setup: MeasureSetup) -> Iterator[NumberedField]:
+        """The ring's good fields until a capture begins, ring or setup are exchanged, or the worker is
+        stopped.
+        """
         with self._intake.armed.ring.reader(Policy.COUNT) as reader:
             while not (self._stopping.is_set() or self._waiting_session() or reader.ended):
+                if self._setup is not setup:
+                    return
                 slot = reader.take(0.1)
                 if slot is not None and slot.numbered is not None and slot.outcome is Outcome.RECEIVED:
                     yield slot.numbered

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from grabberd.errors import InputError
-from grabberd.processes.accuracy import Truth
+from grabberd.reconstruction.comparison import Truth
 
 PLACE = ("x_mm", "y_mm", "z_mm")
 REQUIRED = ("target", *PLACE)

@@ -1,0 +1,111 @@
+"""Calibrations: make from a capture, store, list, look, activate. A stored one is never changed."""
+
+import hashlib
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Path, Request, Response, status
+
+from grabberd.api.models import (
+    CalibrationChoice,
+    CalibrationList,
+    CalibrationOrder,
+    CalibrationRow,
+    JobDocument,
+)
+from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
+from grabberd.api.problems import Problem
+from grabberd.service.service import Service
+
+router = APIRouter(prefix="/calibrations", tags=["calibrations"], responses=PROBLEMS)
+
+CalibrationId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$")]
+
+PAGE_HEADERS = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:"}
+"""A report needs nothing but itself."""
+
+
+@router.post(
+    "",
+    status_code=status.HTTP_202_ACCEPTED,
+    response_model=JobDocument | CalibrationRow,
+    responses={201: {"model": CalibrationRow}, 202: {"model": JobDocument}},
+)
+def make_calibration(
+    order: CalibrationOrder, service: ServiceOf, request: Request, response: Response
+) -> object:
+    """Calibrate from a sealed capture of the calibration frame, a job whose result names the calibration; or
+    store a complete one (201).
+    """
+    if order.document is not None:
+        return _store(order, order.document, service, request, response)
+    options = order.options.model_dump(exclude_none=True) if order.options else {}
+    job = service.calibrate(order.capture or "", order.calibration_frame, options, order.device, order.note)
+    response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
+    return job_document(job)
+
+
+@router.get("", response_model=CalibrationList)
+def list_calibrations(service: ServiceOf) -> object:
+    """All calibrations, the newest first, those of the configuration among them."""
+    return {"calibrations": service.active.rows()}
+
+
+@router.put("/active", response_model=CalibrationRow)
+def activate_calibration(choice: CalibrationChoice, service: ServiceOf) -> object:
+    """Measure with this calibration from the next field on, and after every restart; 409 while a capture
+    runs.
+    """
+    service.activate_calibration(choice.id, choice.device)
+    return service.active.row(choice.id)
+
+
+@router.get(
+    "/{calibration_id}",
+    response_class=Response,
+    responses={200: {"content": {"application/json": {}}}, 304: {"description": "It is the one you have."}},
+)
+def get_calibration(
+    calibration_id: CalibrationId,
+    service: ServiceOf,
+    if_none_match: Annotated[str | None, Header()] = None,
+) -> Response:
+    """The whole calibration as it was stored: one JSON document."""
+    content = service.calibrations.content(calibration_id)
+    headers = {"ETag": f'"{hashlib.sha256(content).hexdigest()}"'}
+    if headers["ETag"] in (if_none_match or ""):
+        return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=headers)
+    return Response(content, media_type="application/json", headers=headers)
+
+
+@router.get(
+    "/{calibration_id}/report",
+    response_class=Response,
+    responses={200: {"content": {"text/html": {}}}, 501: {"model": Problem}},
+)
+def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) -> Response:
+    """How the calibration was made and how good it is: a page to be read and signed."""
+    page = service.calibrations.page(calibration_id)
+    return Response(page, media_type="text/html; charset=utf-8", headers=PAGE_HEADERS)
+
+
+@router.get(
+    "/{calibration_id}/report.json",
+    response_class=Response,
+    responses={200: {"content": {"application/json": {}}}},
+)
+def get_calibration_report_json(calibration_id: CalibrationId, service: ServiceOf) -> Response:
+    """The report's numbers."""
+    return Response(service.calibrations.report(calibration_id), media_type="application/json")
+
+
+def _store(
+    order: CalibrationOrder,
+    document: dict[str, object],
+    service: Service,
+    request: Request,
+    response: Response,
+) -> object:
+    calibration_id = service.import_calibration(document, order.device, order.note)
+    response.status_code = status.HTTP_201_CREATED
+    response.headers["Location"] = str(request.url_for("get_calibration", calibration_id=calibration_id))
+    return service.active.row(calibration_id)

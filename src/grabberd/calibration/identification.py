@@ -1,0 +1,199 @@
+"""Which blob of either view is which target of the calibration frame, without any click (paper 3.6).
+
+The nominal rig is true to ten per cent, which on a periodic grid is a whole pitch, so every hypothesis is
+tried: every target at some blobs, the frame turned in any way, either handedness of either view. Each is
+judged by the view that it makes: depth differences of the targets tell a wrong one. An unclear winner is
+refused.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.identification_contest import Outcome, contest
+from grabberd.calibration.identification_growth import Half
+from grabberd.calibration.identification_hypothesis import Explainer, Hypothesis
+from grabberd.calibration.identification_pair import check_pair
+from grabberd.calibration.identification_settings import IdentificationSettings
+from grabberd.errors import MeasurementError
+from grabberd.geometry import NominalRig, View
+from grabberd.reconstruction import ObjectModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+NAMES = ("left", "right")
+WAY_OUT = "or say which target is which by hand"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewIdentification:
+    """One view's B blobs identified.
+
+    Attributes:
+        view: the view that sees the targets like this: a start for the adjustment, handedness included.
+        target: (B,) index of each blob's target in the calibration frame; −1: it belongs to none.
+        residual_px: (B, 2) of the view's rough model; NaN where there is no target.
+        rms_px: of these residuals.
+        runner_up_rms_px: of the best hypothesis that says something else, over the blobs that it explains;
+            NaN where there is none.
+        runner_up_targets: how many those are.
+        margin: by how much its −2 ln(likelihood) is worse; infinite where there is none.
+        description: the hypothesis that won, and by what, for people.
+    """
+
+    view: View
+    target: Indices
+    residual_px: Array
+    rms_px: float
+    runner_up_rms_px: float
+    runner_up_targets: int
+    margin: float
+    description: str
+
+    @property
+    def unmatched(self) -> Indices:
+        """Indices of the blobs that belong to no target."""
+        return np.flatnonzero(self.target < 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """Both views identified."""
+
+    left: ViewIdentification
+    right: ViewIdentification
+
+    @property
+    def views(self) -> tuple[View, View]:
+        """Left and right, to start an adjustment from."""
+        return self.left.view, self.right.view
+
+    @property
+    def handedness(self) -> tuple[int, int]:
+        """Of the left and the right view."""
+        return self.left.view.handedness, self.right.view.handedness
+
+
+def identify_frame(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    left_px: Array,
+    right_px: Array,
+    settings: IdentificationSettings | None = None,
+) -> Identification:
+    """The targets of a calibration frame among the blobs of both views.
+
+    Args:
+        nominal: the rig as it was built, each number to ten per cent.
+        frame: the calibration frame; Z points toward the cameras, in its plane it may be turned in any way.
+        left_px: (B, 2) frame pixels of the left view's blobs, targets and others, in any order.
+        right_px: likewise of the right view.
+        settings: what is believed.
+
+    Raises:
+        MeasurementError: a view is dark or shows too few targets, no hypothesis or more than one explains it,
+            or the views contradict each other or the nominal rig; the message says which, with values.
+    """
+    settings = settings or IdentificationSettings()
+    for name, xy_px in zip(NAMES, (left_px, right_px), strict=True):
+        check_count(name, len(xy_px), "blobs", settings.least_targets)
+    left, right = (
+        _identified(index, nominal, frame, xy_px, settings) for index, xy_px in enumerate((left_px, right_px))
+    )
+    check_pair(left.view, right.view, nominal, settings)
+    return Identification(left, right)
+
+
+def check_count(name: str, count: int, what: str, least: int) -> None:
+    """Whether a view shows enough.
+
+    Raises:
+        MeasurementError: it is dark, or shows too few.
+    """
+    if not count:
+        raise MeasurementError(
+            f"the {name} view is dark: it shows no {what}",
+            "light the calibration frame for both views, or lower the threshold; look at the preview",
+        )
+    if count < least:
+        raise MeasurementError(
+            f"the {name} view shows {count} {what}, at least {least} are needed",
+            "bring the calibration frame into both views, check light and threshold",
+        )
+
+
+def _identified(
+    index: int, nominal: NominalRig, frame: ObjectModel, xy_px: Array, settings: IdentificationSettings
+) -> ViewIdentification:
+    half = Half.of(nominal.views()[index], nominal.lines, xy_px)
+    allowed = settings.handedness[index]
+    handedness = (1, -1) if allowed is None else (allowed,)
+    explainer = Explainer(half, frame.xyz_mm, settings.sigma_px)
+    outcome = contest(explainer, handedness, settings.least_share)
+    _check_explained(half, outcome.winner, frame, settings)
+    check_clear(half, outcome, frame, settings)
+    return identified(half, outcome, frame)
+
+
+def identified(half: Half, outcome: Outcome, frame: ObjectModel) -> ViewIdentification:
+    """What the winner of a contest says."""
+    winner, other = outcome.winner, outcome.runner_up
+    return ViewIdentification(
+        view=winner.view,
+        target=winner.target,
+        residual_px=winner.residual_px,
+        rms_px=winner.rms_px,
+        runner_up_rms_px=np.nan if other is None else other.rms_px,
+        runner_up_targets=0 if other is None else other.found,
+        margin=outcome.margin,
+        description=described(winner, half, frame),
+    )
+
+
+def described(hypothesis: Hypothesis, half: Half, frame: ObjectModel) -> str:
+    """A hypothesis for people."""
+    known = np.flatnonzero(hypothesis.target >= 0)
+    if not len(known):
+        return "nothing explained"
+    away = np.linalg.norm(half.xy_px[known] - np.median(half.xy_px, axis=0), axis=1)
+    blob = known[away.argmin()]
+    x, y = half.xy_px[blob]
+    return (
+        f"target {frame.target[hypothesis.target[blob]]} at ({x:.0f}, {y:.0f}) px, the frame turned by "
+        f"{hypothesis.turned_deg(half.view):.0f} degrees, handedness {hypothesis.view.handedness:+d}: "
+        f"{len(known)} of {len(half.xy_px)} blobs explained to {hypothesis.rms_px:.2f} px"
+    )
+
+
+def _check_explained(
+    half: Half, winner: Hypothesis, frame: ObjectModel, settings: IdentificationSettings
+) -> None:
+    name, count = half.view.name, len(half.xy_px)
+    check_count(name, winner.found, "targets that can be identified", settings.least_targets)
+    if winner.found < settings.least_share * count or winner.rms_px > settings.most_rms_px:
+        raise MeasurementError(
+            f"the {name} view does not show the calibration frame {frame.name}: of its {count} blobs the "
+            f"best hypothesis explains {winner.found} to {winner.rms_px:.2f} px, but "
+            f"{settings.least_share:.0%} to {settings.most_rms_px:g} px are needed "
+            f"({described(winner, half, frame)})",
+            "check that the file belongs to this calibration frame, the rig's nominal geometry, and that "
+            "nothing else reflects",
+        )
+
+
+def check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings) -> None:
+    """Whether nothing else explains a view nearly as well.
+
+    Raises:
+        MeasurementError: something does; the message names both hypotheses.
+    """
+    if outcome.runner_up is None or outcome.margin >= settings.margin:
+        return
+    raise MeasurementError(
+        f"the {half.view.name} view is ambiguous: {described(outcome.winner, half, frame)}; or "
+        f"{described(outcome.runner_up, half, frame)} (margin {outcome.margin:.0f}, {settings.margin:g} "
+        "needed)",
+        f"use a calibration frame with more depth or with a unique mark, let all of it be seen, {WAY_OUT}",
+    )

@@ -1,0 +1,164 @@
+"""Identifications made by hand: the way out where the picture alone does not tell."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.identification import (
+    NAMES,
+    Identification,
+    ViewIdentification,
+    check_clear,
+    check_count,
+    identified,
+)
+from grabberd.calibration.identification_contest import settled
+from grabberd.calibration.identification_growth import TURNS, Half
+from grabberd.calibration.identification_hypothesis import Explainer
+from grabberd.calibration.identification_pair import check_pair
+from grabberd.calibration.identification_poses import Poses, improved, pixels
+from grabberd.calibration.identification_settings import IdentificationSettings
+from grabberd.errors import InputError
+from grabberd.geometry import NominalRig, View
+from grabberd.reconstruction import ObjectModel
+
+Array = NDArray[np.float64]
+
+LEAST_MARKS = 4
+"""A view needs so many; targets that do not all lie on one line."""
+_STEPS = 15
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A person says: the blob near (x_px, y_px), frame pixels, of this view is the target of this id."""
+
+    view: Literal["left", "right"]
+    target: int
+    x_px: float
+    y_px: float
+
+
+def identify_by_hand(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    left_px: Array,
+    right_px: Array,
+    marks: Sequence[Mark],
+    settings: IdentificationSettings | None = None,
+) -> Identification:
+    """The targets of a calibration frame, some of them marked by hand; the others follow from these.
+
+    The blob nearest to a mark takes its target; the rest is predicted from the view that the marks make.
+
+    Args:
+        nominal: the rig as it was built.
+        frame: the calibration frame.
+        left_px: (B, 2) frame pixels of the left view's blobs.
+        right_px: likewise of the right view.
+        marks: at least four in each view.
+        settings: what is believed.
+
+    Raises:
+        InputError: too few marks, an unknown target, one marked twice, no blob near a mark, or a mark that
+            contradicts the others.
+        MeasurementError: as `identify_frame`.
+    """
+    settings = settings or IdentificationSettings()
+    sides = [
+        _by_marks(index, nominal, frame, xy_px, marks, settings)
+        for index, xy_px in enumerate((left_px, right_px))
+    ]
+    check_pair(sides[0].view, sides[1].view, nominal, settings)
+    return Identification(*sides)
+
+
+def _by_marks(
+    index: int,
+    nominal: NominalRig,
+    frame: ObjectModel,
+    xy_px: Array,
+    marks: Sequence[Mark],
+    settings: IdentificationSettings,
+) -> ViewIdentification:
+    check_count(NAMES[index], len(xy_px), "blobs", settings.least_targets)
+    half = Half.of(nominal.views()[index], nominal.lines, xy_px)
+    given = _given(half, frame, [mark for mark in marks if mark.view == NAMES[index]])
+    allowed = settings.handedness[index]
+    explainer = Explainer(half, frame.xyz_mm, settings.sigma_px, given)
+    handedness = (1, -1) if allowed is None else (allowed,)
+    outcome = settled([explainer.explain(_seen(half.handed(one), frame, given)) for one in handedness])
+    _check_marks(explainer, outcome.winner.view, frame)
+    check_count(NAMES[index], outcome.winner.found, "targets that can be identified", settings.least_targets)
+    check_clear(half, outcome, frame, settings)
+    return identified(half, outcome, frame)
+
+
+def _given(half: Half, frame: ObjectModel, marks: Sequence[Mark]) -> dict[int, int]:
+    """Targets (index) by blob."""
+    if len(marks) < LEAST_MARKS:
+        raise InputError(
+            f"{len(marks)} targets are marked in the {half.view.name} view, {LEAST_MARKS} are needed",
+            "mark more of them, far apart and not all in one row",
+        )
+    given: dict[int, int] = {}
+    for mark in marks:
+        blob, target = _blob(half, mark), _target(frame, mark)
+        if blob in given or target in given.values():
+            raise InputError(f"{_named(mark)} is marked twice", "leave one of both marks out")
+        given[blob] = target
+    return given
+
+
+def _blob(half: Half, mark: Mark) -> int:
+    away = np.linalg.norm(half.xy_px - (mark.x_px, mark.y_px), axis=1)
+    if not away.min() <= 0.5 * half.spacing_px:
+        raise InputError(
+            f"no blob is near the mark of {_named(mark)}, the nearest is {away.min():.0f} px away",
+            "give frame pixels: x in columns of the whole picture, y in frame lines",
+        )
+    return int(away.argmin())
+
+
+def _target(frame: ObjectModel, mark: Mark) -> int:
+    index = np.flatnonzero(frame.target == mark.target)
+    if not len(index):
+        raise InputError(
+            f"the calibration frame {frame.name} has no target {mark.target}", "give ids of its file"
+        )
+    return int(index[0])
+
+
+def _named(mark: Mark) -> str:
+    return f"target {mark.target} at ({mark.x_px:.0f}, {mark.y_px:.0f}) in the {mark.view} view"
+
+
+def _seen(half: Half, frame: ObjectModel, given: Mapping[int, int]) -> View:
+    """The view that sees the marked targets best, with the nominal lens."""
+    xy_px, xyz_mm = half.xy_px[list(given)], frame.xyz_mm[list(given.values())]
+    middle = np.array([xy_px.mean(axis=0)])
+    poses = Poses.anchored(half.view, TURNS, middle, np.array([xyz_mm.mean(axis=0)]))
+    places = np.broadcast_to(xyz_mm, (len(poses), *xyz_mm.shape))
+    weight = np.ones(places.shape[:2])
+    for _ in range(_STEPS):
+        poses = improved(half.view, poses, places, xy_px - pixels(half.view, poses.seen_mm(places)), weight)
+    off = np.linalg.norm(xy_px - pixels(half.view, poses.seen_mm(places)), axis=2).sum(axis=1)
+    return poses.view(half.view, int(np.nan_to_num(off, nan=np.inf).argmin()))
+
+
+def _check_marks(explainer: Explainer, view: View, frame: ObjectModel) -> None:
+    """Whether each mark lies where the winner sees its target."""
+    blobs, targets = list(explainer.given), list(explainer.given.values())
+    predicted = explainer.predicted(view)[targets]
+    away = np.linalg.norm(explainer.half.xy_px[blobs] - predicted, axis=1)
+    worst = int(np.nan_to_num(away, nan=np.inf).argmax())
+    if not away[worst] <= 2 * explainer.gate_px:
+        x, y = explainer.half.xy_px[blobs[worst]]
+        raise InputError(
+            f"the marks in the {view.name} view contradict each other: target {frame.target[targets[worst]]} "
+            f"at ({x:.0f}, {y:.0f}) lies {away[worst]:.1f} px from where the others have it",
+            "mark it again, or leave it out",
+        )

@@ -1,0 +1,96 @@
+"""The contest of all hypotheses of one view: the winner, and the best of those that say something else."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.identification_growth import grow, regrow
+from grabberd.calibration.identification_hypothesis import Explainer, Hypothesis
+from grabberd.geometry import View
+
+Indices = NDArray[np.intp]
+
+_ANCHORS = (3, 9)
+"""Blobs to start from; more, where these lead nowhere."""
+_FINALISTS = 3
+_CHALLENGED = 24
+"""A winner is challenged by so many targets around its own: every shift by one and by two pitches."""
+_MOST_CHALLENGES = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outcome:
+    """The winner, and the best hypothesis that says something else (None: there is none)."""
+
+    winner: Hypothesis
+    runner_up: Hypothesis | None
+
+    @property
+    def margin(self) -> float:
+        """By how much the runner-up is worse."""
+        return np.inf if self.runner_up is None else self.runner_up.cost - self.winner.cost
+
+
+def contest(explainer: Explainer, handedness: Sequence[int], convincing: float) -> Outcome:
+    """The outcome for one view.
+
+    Args:
+        explainer: of the view's blobs.
+        handedness: those to be tried.
+        convincing: share of the blobs that a winner explains if the anchors were good ones.
+    """
+    rivals: list[Hypothesis] = []
+    for count in _ANCHORS:
+        rivals += _grown(explainer, handedness, explainer.half.anchors(count))
+        if min(rivals, key=_cost).found >= convincing * len(explainer.half.xy_px):
+            break
+    return _challenged(explainer, handedness, rivals)
+
+
+def settled(rivals: Iterable[Hypothesis]) -> Outcome:
+    """Winner and runner-up of some hypotheses."""
+    ranked = sorted(rivals, key=_cost)
+    others = (one for one in ranked[1:] if not one.says_the_same(ranked[0]))
+    return Outcome(ranked[0], next(others, None))
+
+
+def _grown(explainer: Explainer, handedness: Sequence[int], anchors: Indices) -> list[Hypothesis]:
+    growths = [grow(explainer.half.handed(one), explainer.xyz_mm, anchors) for one in handedness]
+    views = [view for growth in growths for view in growth.views(explainer.xyz_mm, _FINALISTS)]
+    return [explainer.explain(view) for view in views]
+
+
+def _challenged(explainer: Explainer, handedness: Sequence[int], rivals: list[Hypothesis]) -> Outcome:
+    """The outcome after the winner has been challenged by what is easily mistaken for it."""
+    winner: Hypothesis | None = None
+    for _ in range(_MOST_CHALLENGES):
+        best = min(rivals, key=_cost)
+        if winner is best or not best.found:
+            break
+        winner = best
+        rivals += _challengers(explainer, handedness, winner)
+    return settled(rivals)
+
+
+def _challengers(explainer: Explainer, handedness: Sequence[int], winner: Hypothesis) -> list[Hypothesis]:
+    """Hypotheses that shift the winner by a pitch or two, turn it by quarters, or mirror it."""
+    known = np.flatnonzero(winner.target >= 0)
+    middle = np.median(explainer.half.xy_px, axis=0)
+    anchor = known[np.linalg.norm(explainer.half.xy_px[known] - middle, axis=1).argmin()]
+    away = np.linalg.norm(explainer.xyz_mm - explainer.xyz_mm[winner.target[anchor]], axis=1)
+    targets = np.argsort(away, kind="stable")[: _CHALLENGED + 1]
+    views: list[View] = []
+    for one in handedness:
+        half = replace(explainer.half, view=_undistorted(winner.view)).handed(one)
+        views += regrow(half, explainer.xyz_mm, int(anchor), targets).views(explainer.xyz_mm, _FINALISTS)
+    return [explainer.explain(view) for view in views]
+
+
+def _undistorted(view: View) -> View:
+    return replace(view, b=(0.0,) * len(view.b))
+
+
+def _cost(hypothesis: Hypothesis) -> float:
+    return hypothesis.cost

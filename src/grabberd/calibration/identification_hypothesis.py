@@ -1,0 +1,120 @@
+"""One hypothesis of which blob of a view is which target, with the view that it makes, and its worth."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.identification_growth import Half
+from grabberd.calibration.resection import resect
+from grabberd.geometry import View, project, rotation_matrix
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+FALSE_BLOB, MISSING_TARGET = 13.0, 5.0
+"""−2 ln of the odds: of a blob that is no target, against one found where it must be; of an unseen target."""
+_GATES = (0.3, 0.2, 0.12, 0.12)
+"""Of the blobs' spacing, while the view is being found."""
+_STEPS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """B blobs of a view explained.
+
+    Attributes:
+        view: the view that sees the targets like this, roughly.
+        target: (B,) index of the blob's target in the calibration frame; −1: none.
+        residual_px: (B, 2) observed minus computed; NaN where there is no target.
+        cost: −2 ln of the likelihood, up to a constant of the picture.
+    """
+
+    view: View
+    target: Indices
+    residual_px: Array
+    cost: float
+
+    @property
+    def found(self) -> int:
+        """Number of identified targets."""
+        return int((self.target >= 0).sum())
+
+    @property
+    def rms_px(self) -> float:
+        """RMS of their residuals, per coordinate; NaN if there are none."""
+        known = self.residual_px[self.target >= 0]
+        return math.sqrt(float((known * known).mean())) if len(known) else math.nan
+
+    def says_the_same(self, other: "Hypothesis") -> bool:
+        """Whether both give most of the blobs that both explain the same targets."""
+        both = (self.target >= 0) & (other.target >= 0)
+        return 2 * int((self.target == other.target)[both].sum()) > int(both.sum())
+
+    def turned_deg(self, nominal: View) -> float:
+        """By how much the calibration frame is turned in its plane against the nominal rig, −180 to 180."""
+        turn = _rotation(nominal).T @ _rotation(self.view)
+        return math.degrees(math.atan2(turn[0, 1] - turn[1, 0], turn[0, 0] + turn[1, 1]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Explainer:
+    """Makes whole hypotheses from rough views.
+
+    Attributes:
+        half: the blobs; `xyz_mm`: (T, 3) the calibration frame.
+        sigma_px: of an image coordinate.
+        given: targets by blob that are certain.
+    """
+
+    half: Half
+    xyz_mm: Array
+    sigma_px: float
+    given: Mapping[int, int] = field(default_factory=dict)
+
+    @property
+    def gate_px(self) -> float:
+        """Beyond it a blob is sooner a false one than the target predicted there."""
+        return self.sigma_px * math.sqrt(FALSE_BLOB)
+
+    def predicted(self, view: View) -> Array:
+        """(T, 2) frame pixels of all targets."""
+        return project(view, self.xyz_mm)
+
+    def explain(self, start: View) -> Hypothesis:
+        """The hypothesis that a rough view leads to: targets predicted and blobs assigned by turns."""
+        view = start
+        for share in _GATES:
+            target = self._assigned(view, share * self.half.spacing_px)
+            known = np.flatnonzero(target >= 0)
+            places, seen_px = self.xyz_mm[target[known]], self.half.xy_px[known]
+            view = resect(view, places, seen_px, self.sigma_px, prior=start, most_steps=_STEPS).view
+        target = self._assigned(view, self.gate_px)
+        residual = np.full(self.half.xy_px.shape, np.nan)
+        known = np.flatnonzero(target >= 0)
+        residual[known] = self.half.xy_px[known] - project(view, self.xyz_mm[target[known]])
+        return Hypothesis(view, target, residual, self._cost(view, residual))
+
+    def _assigned(self, view: View, gate_px: float) -> Indices:
+        """(B,) the target to which a blob and which to it is the nearest."""
+        between = np.linalg.norm(self.half.xy_px[:, np.newaxis] - self.predicted(view), axis=2)
+        between = np.nan_to_num(between, nan=np.inf)
+        for blob, target in self.given.items():
+            between[blob], between[:, target] = np.inf, np.inf
+            between[blob, target] = 0.0
+        nearest = between.argmin(axis=1)
+        blobs = np.arange(len(between))
+        mutual = between.argmin(axis=0)[nearest] == blobs
+        return np.where(mutual & (between[blobs, nearest] <= gate_px), nearest, -1)
+
+    def _cost(self, view: View, residual_px: Array) -> float:
+        square = np.nan_to_num((residual_px**2).sum(axis=1) / self.sigma_px**2, nan=FALSE_BLOB)
+        visible = self.half.shows(self.predicted(view)).sum()
+        missing = max(0, int(visible) - int(np.isfinite(residual_px[:, 0]).sum()))
+        return float(np.minimum(square, FALSE_BLOB).sum()) + MISSING_TARGET * missing
+
+
+def _rotation(view: View) -> Array:
+    return rotation_matrix(view.omega_rad, view.phi_rad, view.kappa_rad)

@@ -1,0 +1,248 @@
+"""Mean places of what stands still through a capture, with honest weights (paper 3.6).
+
+Averaging divides noise by √n, but not the error of quantisation: a target that stands still has the same one
+in every field of a parity. Fields of the other parity cut it at other lines, so two parities have two.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_PRIOR_FREEDOM = 4.0
+"""Of the scatter that all targets have together, where it is joined with a target's own."""
+_FIELD_ORDER_GATE_PX = 3.5
+"""A wrong field order shifts one parity by two frame lines against the other."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldImages:
+    """The N blobs of one field.
+
+    Attributes:
+        xy_px: (N, 2) frame pixels.
+        sigma_px: (N, 2) standard deviation of one field's location in all: quantisation, noise, line jitter.
+        parity: of the field.
+    """
+
+    xy_px: Array
+    sigma_px: Array
+    parity: int
+
+
+@dataclass(frozen=True, slots=True)
+class MeansSettings:
+    """What counts as standing still.
+
+    Attributes:
+        gate_px: blobs of two fields nearer than this are one target's.
+        least_share: of the fields of a parity that a target has to be found in.
+        most_shift_px: by which a whole field may be shifted against the others.
+        most_gone: share of the targets that a field may not show.
+    """
+
+    gate_px: float = 1.5
+    least_share: float = 0.6
+    most_shift_px: float = 0.5
+    most_gone: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeanImages:
+    """N targets, in the order in which they were met.
+
+    Attributes:
+        xy_px: (N, 2) mean frame pixels.
+        sigma_px: (N, 2) their standard deviations: σ² = σq² + s²/n of a parity, both by their weights.
+        fields: (N,) number of fields that each was found in.
+        scatter_px: (N, 2) s, standard deviation of one field about its parity's mean; NaN where no parity has
+            two fields.
+        of_fields: number of fields in all.
+        dropped: number of blobs of all fields that belong to none of them.
+    """
+
+    xy_px: Array
+    sigma_px: Array
+    fields: Indices
+    scatter_px: Array
+    of_fields: int
+    dropped: int
+
+    def __len__(self) -> int:
+        return len(self.xy_px)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sums:
+    """What is known of the clusters of one parity.
+
+    Attributes:
+        count: (N,) fields; `xy_px`: (N, 2) mean; `square_px2`: (N, 2) Σ (x − mean)²; `variance_px2`: (N, 2)
+            mean of the single fields' σ².
+    """
+
+    count: Indices
+    xy_px: Array
+    square_px2: Array
+    variance_px2: Array
+
+    def select(self, chosen: NDArray[np.bool_] | Indices) -> "_Sums":
+        """Some of them."""
+        return _Sums(
+            self.count[chosen], self.xy_px[chosen], self.square_px2[chosen], self.variance_px2[chosen]
+        )
+
+    @property
+    def mean_variance_px2(self) -> Array:
+        """(N, 2) variance of the mean: quantisation whole, noise divided by the number of fields."""
+        freedom = (self.count - 1)[:, np.newaxis]
+        common = self.square_px2.sum(axis=0) / max(freedom.sum(), 1)
+        noise = (self.square_px2 + _PRIOR_FREEDOM * common) / (freedom + _PRIOR_FREEDOM)
+        quantisation = np.maximum(self.variance_px2 - noise, 0.0)
+        variance: Array = quantisation + noise / self.count[:, np.newaxis]
+        return variance
+
+
+def mean_images(fields: Sequence[FieldImages], settings: MeansSettings | None = None) -> MeanImages:
+    """The mean places of everything that stands still in a capture.
+
+    Args:
+        fields: the blobs of each, both views together; without those that a border cuts off.
+        settings: what counts as standing still.
+
+    Raises:
+        MeasurementError: no field shows a blob, the calibration frame moved, or the parities contradict each
+            other (a wrong field order); the message says which, with values.
+    """
+    settings = settings or MeansSettings()
+    if not any(len(one.xy_px) for one in fields):
+        raise MeasurementError(
+            f"none of the {len(fields)} fields shows a blob",
+            "light the calibration frame, check the threshold; look at the preview",
+        )
+    parities = [
+        _still([one for one in fields if one.parity == parity], parity, settings)
+        for parity in sorted({one.parity for one in fields})
+    ]
+    sums = [one for one in parities if len(one.count)]
+    _check_field_order(sums)
+    return _joined(sums, fields, settings)
+
+
+def _still(fields: Sequence[FieldImages], parity: int, settings: MeansSettings) -> _Sums:
+    """What stands still in the fields of one parity."""
+    sums = _Sums(np.empty(0, np.intp), np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)))
+    for one in fields:
+        sums = _added(sums, one, settings.gate_px)
+    kept = sums.select(sums.count >= settings.least_share * len(fields))
+    for index, one in enumerate(fields):
+        _check_field(kept, one, f"field {index} of parity {parity}", settings)
+    return kept
+
+
+def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
+    """The clusters with one more field: Welford's running mean; what is met for the first time is added."""
+    cluster, blob = _pairs(sums.xy_px, field.xy_px, gate_px)
+    new = np.setdiff1d(np.arange(len(field.xy_px)), blob)
+    grown = _Sums(
+        np.concatenate([sums.count, np.zeros(len(new), np.intp)]),
+        np.concatenate([sums.xy_px, field.xy_px[new]]),
+        np.concatenate([sums.square_px2, np.zeros((len(new), 2))]),
+        np.concatenate([sums.variance_px2, np.zeros((len(new), 2))]),
+    )
+    cluster, blob = np.append(cluster, np.arange(len(sums.count), len(grown.count))), np.append(blob, new)
+    grown.count[cluster] += 1
+    count = grown.count[cluster, np.newaxis]
+    off = field.xy_px[blob] - grown.xy_px[cluster]
+    grown.xy_px[cluster] += off / count
+    grown.square_px2[cluster] += off * off * (count - 1) / count
+    grown.variance_px2[cluster] += (field.sigma_px[blob] ** 2 - grown.variance_px2[cluster]) / count
+    return grown
+
+
+def _pairs(first: Array, second: Array, gate_px: float) -> tuple[Indices, Indices]:
+    """Indices of those that are each other's nearest, and near enough."""
+    if not len(first) or not len(second):
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    between = np.linalg.norm(first[:, np.newaxis] - second, axis=2)
+    nearest = between.argmin(axis=1)
+    index = np.arange(len(first))
+    mutual = (between.argmin(axis=0)[nearest] == index) & (between[index, nearest] <= gate_px)
+    return index[mutual], nearest[mutual]
+
+
+def _check_field(kept: _Sums, field: FieldImages, name: str, settings: MeansSettings) -> None:
+    """Whether a field shows what the others show, where they show it."""
+    if not len(field.xy_px):
+        return
+    cluster, blob = _pairs(kept.xy_px, field.xy_px, settings.gate_px)
+    hint = "hold frame and rig still, and take the capture again"
+    gone = 1.0 - len(cluster) / max(len(kept.count), 1)
+    elsewhere = 1.0 - len(blob) / len(field.xy_px)
+    if min(gone, elsewhere) > settings.most_gone or not len(kept.count):
+        raise MeasurementError(
+            f"the calibration frame moved: {name} shows {len(field.xy_px)} blobs, of which {len(blob)} are "
+            f"where {len(kept.count)} targets stand in most fields",
+            hint,
+        )
+    shift = np.median(field.xy_px[blob] - kept.xy_px[cluster], axis=0) if len(blob) else np.zeros(2)
+    if np.abs(shift).max() > settings.most_shift_px:
+        raise MeasurementError(
+            f"the calibration frame moved: {name} is shifted by ({shift[0]:.2f}, {shift[1]:.2f}) px against "
+            "the mean of all",
+            hint,
+        )
+
+
+def _check_field_order(parities: Sequence[_Sums]) -> None:
+    """Whether both parities show the targets at the same height."""
+    if len(parities) < 2:
+        return
+    first, second = _pairs(parities[0].xy_px, parities[1].xy_px, _FIELD_ORDER_GATE_PX)
+    lower = parities[1].xy_px[second, 1] - parities[0].xy_px[first, 1]
+    if len(lower) and abs(float(np.median(lower))) > 1.0:
+        raise MeasurementError(
+            f"the fields of both parities lie {np.median(lower):.1f} frame lines apart: the field order "
+            "is wrong",
+            "set the device's field order the other way round; in one capture it must not change",
+        )
+
+
+def _joined(parities: Sequence[_Sums], fields: Sequence[FieldImages], settings: MeansSettings) -> MeanImages:
+    """Both parities' means, weighted by their variances; what only one shows is kept as it is."""
+    same = _same(parities, settings.gate_px)
+    seen = same >= 0
+    padded = [one.select(np.maximum(index, 0)) for one, index in zip(parities, same, strict=True)]
+    count = np.where(seen, [one.count for one in padded], 0)
+    weight = np.array([1.0 / one.mean_variance_px2 for one in padded]) * seen[:, :, np.newaxis]
+    total = weight.sum(axis=0)
+    square = np.array([one.square_px2 for one in padded]) * seen[:, :, np.newaxis]
+    freedom = (count - seen).sum(axis=0)[:, np.newaxis]
+    return MeanImages(
+        xy_px=(weight * [one.xy_px for one in padded]).sum(axis=0) / total,
+        sigma_px=1.0 / np.sqrt(total),
+        fields=count.sum(axis=0),
+        scatter_px=np.sqrt(square.sum(axis=0) / np.where(freedom > 0, freedom, np.nan)),
+        of_fields=len(fields),
+        dropped=sum(len(one.xy_px) for one in fields) - int(count.sum()),
+    )
+
+
+def _same(parities: Sequence[_Sums], gate_px: float) -> Indices:
+    """(P, N) index of each target in each parity; −1 where that does not show it."""
+    first, *others = parities
+    same, places = np.arange(len(first.count))[np.newaxis], first.xy_px
+    for other in others:
+        target, index = _pairs(places, other.xy_px, gate_px)
+        new = np.setdiff1d(np.arange(len(other.count)), index)
+        own = np.full(len(places) + len(new), -1)
+        own[target], own[len(places) :] = index, new
+        same = np.vstack([np.pad(same, ((0, 0), (0, len(new))), constant_values=-1), own])
+        places = np.concatenate([places, other.xy_px[new]])
+    return same

@@ -1,0 +1,88 @@
+"""One view's parameters from known targets in it, with prior knowledge of all of them (paper 3.6)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry import View, parameter_derivatives, project
+
+Array = NDArray[np.float64]
+
+PRIOR_SIGMA = np.array(
+    [
+        *(0.8, 15.0, 15.0, 0.5, 0.5, 0.5, 100.0, 100.0, 100.0),
+        *(0.01, 0.01, 2e-3, 5e-5, 1e-6, 8e-4, 8e-4, 8e-4, 8e-4),
+    ]
+)
+"""How far a view may be from its nominal one, in the order of `PARAMETERS`: its place is hardly known."""
+_SETTLED = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resection:
+    """What one view's targets make of it.
+
+    Attributes:
+        view: the view.
+        residual_px: (N, 2) observed minus computed; NaN where a target lies behind the camera.
+    """
+
+    view: View
+    residual_px: Array
+
+    @property
+    def distance_px(self) -> Array:
+        """(N,) length of the residuals; infinite behind the camera."""
+        distance: Array = np.linalg.norm(self.residual_px, axis=1)
+        return np.where(np.isnan(distance), np.inf, distance)
+
+
+def resect(
+    start: View,
+    xyz_mm: Array,
+    xy_px: Array,
+    sigma_px: float,
+    *,
+    prior: View | None = None,
+    most_steps: int = 12,
+) -> Resection:
+    """The view that sees N targets where they were seen, robustly: an outlier draws little.
+
+    Every parameter is held toward the prior's by its `PRIOR_SIGMA`, so any number of targets and any frame, a
+    planar one too, give a result. It tells targets apart; for measuring there is the adjustment.
+
+    Args:
+        start: the view to start from.
+        xyz_mm: (N, 3) targets.
+        xy_px: (N, 2) frame pixels.
+        sigma_px: of an image coordinate; residuals far beyond it are weighted down.
+        prior: the prior's middle; None: the start.
+        most_steps: of the iteration; it ends before where it has settled.
+    """
+    middle, view = (prior or start).vector(), start
+    for _ in range(most_steps):
+        step = _step(view, middle, xyz_mm, xy_px, sigma_px)
+        view = view.with_vector(view.vector() + step * PRIOR_SIGMA)
+        if np.abs(step).max() < _SETTLED:
+            break
+    return Resection(view, xy_px - project(view, xyz_mm))
+
+
+def _step(view: View, middle: Array, xyz_mm: Array, xy_px: Array, sigma_px: float) -> Array:
+    """(18,) of Gauss and Newton, in units of `PRIOR_SIGMA`."""
+    misfit = xy_px - project(view, xyz_mm)
+    weight = _weight(misfit, sigma_px)[:, np.newaxis]
+    seen = weight[:, 0] > 0
+    slopes = parameter_derivatives(view, xyz_mm[seen]) * PRIOR_SIGMA * weight[seen, :, np.newaxis]
+    flat, whitened = slopes.reshape(-1, len(PRIOR_SIGMA)), (misfit * weight)[seen].ravel()
+    off = (view.vector() - middle) / PRIOR_SIGMA
+    step: Array = np.linalg.solve(flat.T @ flat + np.eye(len(PRIOR_SIGMA)), flat.T @ whitened - off)
+    return step
+
+
+def _weight(misfit: Array, sigma_px: float) -> Array:
+    """(N,) square roots of Cauchy's weights, in 1/px; zero behind the camera."""
+    square = (misfit * misfit).sum(axis=1) / sigma_px**2
+    weight: Array = 1.0 / (sigma_px * np.sqrt(1.0 + square / 9.0))
+    return np.where(np.isnan(weight), 0.0, weight)

@@ -1,0 +1,150 @@
+"""What `grabberd accuracy` prints: tables for people, a document for scripts."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.table import Table
+
+from grabberd.processes.accuracy import Axes, Compared, Investigation
+from grabberd.reconstruction.accuracy import PAPER_PRECISION, PAPER_RMSE
+from grabberd.reconstruction.lengths import LengthErrors
+from grabberd.reconstruction.pointing import PAPER_PX, PointingPrecision
+from grabberd.reconstruction.rigid import RigidMotion
+
+
+def show(results: Sequence[Investigation], console: Console) -> None:
+    """Prints Table 1, lengths and pointing of every investigation."""
+    table = Table("mm", "X", "Y", "Z", "XYZ", title="Accuracy, as the paper's Table 1")
+    _row(table, "the paper, RMSE", PAPER_RMSE)
+    _row(table, "the paper, precision (σ)", PAPER_PRECISION)
+    for result in results:
+        table.add_section()
+        for name, compared in (("field by field", result.single), ("smoothed", result.smoothed)):
+            head = f"{_bits(result.bits)}, {name}"
+            _row(table, f"{head}, RMSE", compared.accuracy.rmse)
+            if compared.accuracy.precision and compared is result.single:
+                _row(table, f"{head}, precision (σ)", compared.accuracy.precision)
+            _row(table, f"{head}, σ given", compared.sigma)
+    console.print(table)
+    for result in results:
+        for line in _words(result):
+            console.print(line, highlight=False, soft_wrap=True)
+
+
+def _row(table: Table, name: str, axes: Axes) -> None:
+    table.add_row(name, *(f"{value:.4f}" for value in axes))
+
+
+def _bits(bits: int) -> str:
+    return f"{bits} bit" if bits == 1 else f"{bits} bits"
+
+
+def _words(result: Investigation) -> list[str]:
+    table, motion = result.single.accuracy, result.smoothing
+    head = _bits(result.bits)
+    left_out = int(motion.left_out.sum())
+    words = [
+        f"{head}: {table.matched} points in {table.fields} fields; {table.missing} missing, "
+        f"{table.wrong} wrong, {table.unknown} of targets that the truth does not have",
+        f"{head}: χ² {result.single.chi2:.2f} field by field, {result.smoothed.chi2:.2f} smoothed (1: the "
+        f"σ given are true); {_movement(motion.acceleration_mm_s2)}; {left_out} points left out",
+    ]
+    if table.fitted:
+        words.append(f"{head}: fitted: {_fit_words(table.fitted)}")
+    for name, compared in (("field by field", result.single), ("smoothed", result.smoothed)):
+        words.append(f"{head}, {name}: {_length_words(compared)}")
+    if result.pointing:
+        words.append(f"{head}: {_pointing_words(result.pointing)}")
+    return words
+
+
+def _pointing_words(pointing: PointingPrecision) -> str:
+    (x, y), (paper_x, paper_y) = pointing.both_px, PAPER_PX
+    return (
+        f"pointing {x:.3f} px in x, {y:.3f} px in y, from {pointing.fields} measurements of "
+        f"{pointing.targets} targets (the paper: {paper_x:.3f}, {paper_y:.3f})"
+    )
+
+
+def _movement(acceleration_mm_s2: NDArray[np.float64]) -> str:
+    greatest = float(acceleration_mm_s2.max(initial=0.0))
+    return "the object stands still" if greatest == 0 else f"accelerations about {greatest:.0f} mm/s²"
+
+
+def _fit_words(motion: RigidMotion) -> str:
+    shift = ", ".join(f"{value:+.4f}" for value in motion.shift_mm)
+    return f"turned by {motion.angle_deg:.4f} degrees, shifted by {shift} mm; nothing scaled"
+
+
+def _length_words(compared: Compared) -> str:
+    lengths = compared.lengths
+    if lengths is None:
+        return f"no length-measuring error: {compared.no_lengths}"
+    verdict = "within" if lengths.passed else "NOT within"
+    return (
+        f"length-measuring error {lengths.greatest_mm:+.4f} mm, {verdict} {lengths.limit_mm:g} mm "
+        f"(VDI/VDE 2634-1: {len(lengths.lines)} lines, {lengths.measured} lengths)"
+    )
+
+
+def document(results: Sequence[Investigation]) -> dict[str, Any]:
+    """Everything, for scripts; what was found in the first investigation stands at the top as well."""
+    investigations = [_investigation(result) for result in results]
+    paper = {"rmse": PAPER_RMSE._asdict(), "precision": PAPER_PRECISION._asdict(), "pointing_px": PAPER_PX}
+    return {**investigations[0]["single"], "paper": paper, "investigations": investigations}
+
+
+def _investigation(result: Investigation) -> dict[str, Any]:
+    found = result.smoothing
+    shares = {name: getattr(found.shares, name).tolist() for name in ("white", "opposite", "common")}
+    return {
+        "bits": result.bits,
+        "single": _compared(result.single),
+        "smoothed": _compared(result.smoothed),
+        "smoothing": {
+            "acceleration_mm_s2": sorted(set(found.acceleration_mm_s2.tolist())),
+            "error_shares": shares,
+            "left_out": int(found.left_out.sum()),
+        },
+        "pointing": result.pointing and result.pointing._asdict(),
+    }
+
+
+def _compared(compared: Compared) -> dict[str, Any]:
+    table = compared.accuracy
+    return {
+        **{name: getattr(table, name) for name in ("fields", "matched", "missing", "wrong", "unknown")},
+        "rmse": table.rmse._asdict(),
+        "precision": table.precision and table.precision._asdict(),
+        "sigma": compared.sigma._asdict(),
+        "calibration_sigma": compared.calibration_sigma._asdict(),
+        "chi2": compared.chi2,
+        "chi2_axes": list(compared.chi2_axes),
+        "fitted": table.fitted and _fit(table.fitted),
+        "lengths": compared.lengths and _lengths(compared.lengths),
+        "no_lengths": compared.no_lengths,
+    }
+
+
+def _fit(motion: RigidMotion) -> dict[str, Any]:
+    return {
+        "rotation": motion.rotation.tolist(),
+        "shift_mm": motion.shift_mm.tolist(),
+        "angle_deg": motion.angle_deg,
+    }
+
+
+def _lengths(lengths: LengthErrors) -> dict[str, Any]:
+    return {
+        "greatest_mm": lengths.greatest_mm,
+        "limit_mm": lengths.limit_mm,
+        "passed": lengths.passed,
+        "measured": lengths.measured,
+        "lines": [
+            {"targets": line.targets, "length_mm": line.length_mm, "error_mm": line.error_mm}
+            for line in lengths.lines
+        ],
+    }

@@ -1,0 +1,158 @@
+"""`grabberd calibrate`: from a capture of the calibration frame to a calibration and its report."""
+
+import json as json_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from grabberd.cli.options import (
+    ConfigOption,
+    JsonOption,
+    console,
+    load,
+    only_device,
+    print_json,
+    progress_console,
+)
+from grabberd.errors import StorageError
+
+if TYPE_CHECKING:
+    from grabberd.service.calibrating import Calibrated
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("calibrate")(calibrate)
+
+
+def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
+    capture: Annotated[Path, typer.Argument(help="A capture of the calibration frame, NAME.grab.")],
+    calibration_frame: Annotated[Path, typer.Option(help="The calibration frame's targets (YAML).")],
+    out: Annotated[Path, typer.Option(help="The calibration to write (JSON); never overwritten.")],
+    report: Annotated[
+        Path | None, typer.Option(help="Report to write beside it: NAME.html, or NAME.json.")
+    ] = None,
+    config: ConfigOption = None,
+    device: Annotated[str | None, typer.Option(help="Whose nominal rig; with --config only.")] = None,
+    weights: Annotated[
+        Literal["honest", "equal"], typer.Option(help="By every mean's own σ, or the paper's equal ones.")
+    ] = "honest",
+    targets: Annotated[
+        Literal["weighted", "held"], typer.Option(help="Calibration-frame points by their σ, or held fast.")
+    ] = "weighted",
+    lens: Annotated[
+        Literal["apart", "shared"], typer.Option(help="Lens terms of each view, or one lens for both.")
+    ] = "apart",
+    tied: Annotated[bool, typer.Option(help="b9 = b8, as the paper prints it.")] = False,
+    free: Annotated[
+        str | None, typer.Option(help="Parameters to adjust, e.g. f_mm,x0_px,…,left.b1; default: all.")
+    ] = None,
+    alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="Of the significance tests.")] = 0.05,
+    local_field: Annotated[bool, typer.Option(help="Try a smooth residual field beyond b1…b9.")] = True,
+    handedness: Annotated[
+        Literal["auto", "+1", "-1"], typer.Option(help="Of both views; auto finds each.")
+    ] = "auto",
+    identifications: Annotated[
+        Path | None, typer.Option(help="CSV made by hand: view, target, x_px, y_px.")
+    ] = None,
+    note: Annotated[str, typer.Option(help="Kept with the calibration.")] = "",
+    json: JsonOption = False,
+) -> None:
+    """Calibrate both virtual cameras from a capture of the calibration frame.
+
+    The rig's nominal geometry comes from the capture's own configuration, or from --config.
+
+    Example: grabberd calibrate frame.grab --calibration-frame configs/calibration-frames/paper-108.yaml
+    --out rig.calibration.json --report report.html
+    """
+    from grabberd.service.calibrating import calibrate_file  # noqa: PLC0415
+    from grabberd.service.setup import read_yaml  # noqa: PLC0415
+    from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
+
+    _check_new(out, report)
+    options: dict[str, Any] = {
+        "weights": weights,
+        "frame": targets,
+        "shared": lens == "shared",
+        "tied": tied,
+        "free": [name.strip() for name in free.split(",")] if free else None,
+        "alpha": alpha,
+        "local_field": local_field,
+        "handedness": None if handedness == "auto" else int(handedness),
+        "note": note,
+    }
+    rig = load(config).devices[only_device(load(config), device, config)].rig if config else None
+    by_hand = read_identifications(identifications) if identifications else None
+    with Progress(console=progress_console, transient=True) as progress:
+        task = progress.add_task("calibrating", total=1.0)
+        made = calibrate_file(
+            lambda share: progress.update(task, completed=share),
+            path=capture,
+            frame=read_yaml(calibration_frame),
+            options=options,
+            rig=rig,
+            by_hand=by_hand,
+        )
+    _write(out, json_module.dumps(made.calibration, indent=2))
+    if report:
+        _write_report(report, made.report)
+    if json:
+        print_json(made.report)
+    else:
+        _show(out, report, made)
+
+
+def _check_new(*paths: Path | None) -> None:
+    """Said before the work begins, so that nothing is lost by it."""
+    for path in filter(None, paths):
+        if path.exists():
+            raise StorageError(f"{path} exists already", "name another file; nothing is overwritten")
+        if not path.parent.is_dir():
+            raise StorageError(f"there is no folder {path.parent}", "make it, or name another file")
+        if path is paths[1] and path.suffix not in {".html", ".json"}:
+            raise StorageError(f"{path} is neither .html nor .json", "name the report NAME.html or NAME.json")
+
+
+def _write(path: Path, text: str) -> None:
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text + "\n")
+    except OSError as error:
+        raise StorageError(f"{path} cannot be written: {error.strerror}", "name another file") from error
+
+
+def _write_report(path: Path, document: dict[str, Any]) -> None:
+    from grabberd.reports import calibration_html, document_json  # noqa: PLC0415
+
+    _write(path, calibration_html(document) if path.suffix == ".html" else document_json(document))
+
+
+def _show(out: Path, report: Path | None, made: "Calibrated") -> None:
+    document = made.report
+    result, found = document["result"], document["identification"]
+    table = Table(title=f"{out}: calibration {document['id']}")
+    table.add_column("")
+    views = [view["name"] for view in document["views"]]
+    for name in views:
+        table.add_column(name, justify="right")
+    table.add_row("targets identified", *(f"{found['found'][name]} of {found['of']}" for name in views))
+    table.add_row("handedness", *(f"{found['handedness'][name]:+d}" for name in views))
+    for axis in ("x", "y"):
+        table.add_row(f"residuals {axis}, px rms", *(f"{result['rms_px'][name][axis]:.3f}" for name in views))
+    console.print(table)
+    validation = document["validation"]
+    if validation:
+        words = ", ".join(
+            f"{axis.upper()} {validation['rmse_mm'][axis]:.3f}" for axis in ("x", "y", "z", "xyz")
+        )
+        console.print(f"held-out targets, RMSE in mm: {words}")
+    console.print(f"sigma 0 {result['sigma0']:.2f}, {result['freedom']} degrees of freedom")
+    if document["dropped"]:
+        console.print(f"not significant, held at 0: {', '.join(document['dropped'])}")
+    for warning in document["warnings"]:
+        console.print(f"[yellow]warning:[/yellow] {warning}")
+    if report:
+        console.print(f"report: {report}")

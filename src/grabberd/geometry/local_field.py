@@ -1,0 +1,136 @@
+"""What one view's picture shows beyond the global model: a smooth field of displacements over its half.
+
+    observed = equations (6), (7) + field(observed place)
+
+The field is a uniform bicubic spline. It spans the whole half, because where the calibration frame had no
+targets nearby its estimate has faded to zero by itself, and its σ has grown to what is not known there; no
+rule for places without knowledge is needed. Beyond the half nothing is seen; the nearest edge stands for it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry.document import Reading
+
+Array = NDArray[np.float64]
+
+_KEYS = ("origin_px", "step_px", "x_px", "y_px", "sigma_x_px", "sigma_y_px")
+_CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6.0
+"""The uniform cubic B-spline's four pieces over one interval, by powers of the place in it."""
+_SHORT = 1e-9
+"""The last place is this much, in intervals, before the last node."""
+_LEAST_NODES = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalField:
+    """A spline with a coefficient at every node of a square grid.
+
+    Attributes:
+        origin_px: frame pixel (x, y) where the spline begins; its first coefficients lie one step before.
+        step_px: distance of the nodes, columns and frame lines alike.
+        shift_px: (rows, columns, 2) float64, coefficients of the displacement in x and y.
+        sigma_px: (rows, columns, 2) float64, those of its standard deviation.
+    """
+
+    origin_px: tuple[float, float]
+    step_px: float
+    shift_px: Array
+    sigma_px: Array
+
+    @classmethod
+    def through(
+        cls, origin_px: tuple[float, float], step_px: float, shift: Array, sigma: Array
+    ) -> "LocalField":
+        """The natural spline through displacements at the nodes.
+
+        Args:
+            origin_px: frame pixel of the first node.
+            step_px: how far the next ones are, in columns and in frame lines.
+            shift: (rows, columns, 2) displacements at the nodes, frame pixels.
+            sigma: likewise, their standard deviations; smoothed a little, and so above 0 everywhere.
+        """
+        edges = np.pad(sigma, ((1, 1), (1, 1), (0, 0)), mode="edge")
+        return cls(
+            origin_px, step_px, _interpolating(_interpolating(shift).swapaxes(0, 1)).swapaxes(0, 1), edges
+        )
+
+    def at(self, xy_px: Array) -> Array:
+        """(N, 2) float64 displacements in frame pixels at observed places (N, 2)."""
+        return self._value(self.shift_px, xy_px)
+
+    def sigma_at(self, xy_px: Array) -> Array:
+        """(N, 2) float64 standard deviations of x and y that stay after `at` was taken off, frame pixels."""
+        return self._value(self.sigma_px, xy_px)
+
+    @classmethod
+    def from_document(cls, reading: Reading, where: str, values: Mapping[str, Any]) -> "LocalField":
+        """The field from its part of a calibration's document; what is wrong is entered in `reading`."""
+        reading.keys(where, values, _KEYS)
+        shape = _shape(reading, where, values.get("x_px"))
+        x, y, sigma_x, sigma_y = (reading.numbers(values.get(key), where + key, shape) for key in _KEYS[2:])
+        if min(sigma_x.min(), sigma_y.min()) < 0:
+            reading.problems.append(f"{where}sigma_x_px, sigma_y_px: a standard deviation is below 0")
+        origin = reading.numbers(values.get("origin_px"), where + "origin_px", (2,)).tolist()
+        step = reading.number(values, "step_px", where, positive=True)
+        return cls(
+            (origin[0], origin[1]), step, np.stack([x, y], axis=2), np.stack([sigma_x, sigma_y], axis=2)
+        )
+
+    def to_document(self) -> dict[str, Any]:
+        """Its part of the document; `from_document` gives back the same field, bit for bit."""
+        channels = [*np.moveaxis(self.shift_px, 2, 0), *np.moveaxis(self.sigma_px, 2, 0)]
+        arrays = zip(_KEYS[2:], (channel.tolist() for channel in channels), strict=True)
+        return {"origin_px": list(self.origin_px), "step_px": self.step_px, **dict(arrays)}
+
+    def _value(self, coefficients: Array, xy_px: Array) -> Array:
+        rows, columns, _ = coefficients.shape
+        place = (xy_px - self.origin_px) * (1.0 / self.step_px)
+        np.clip(place, 0.0, (columns - 3 - _SHORT, rows - 3 - _SHORT), out=place)
+        first = place.astype(np.intp)
+        along_x, along_y = _weights(place - first)
+        taps = coefficients.reshape(-1, 2).take(
+            (first[:, 1] * columns + first[:, 0])[:, np.newaxis] + _taps(columns), axis=0
+        )
+        strips = along_y[:, np.newaxis] @ taps.reshape(-1, 4, 8)
+        value: Array = (along_x[:, np.newaxis] @ strips.reshape(-1, 4, 2))[:, 0]
+        return value
+
+
+def _weights(part: Array) -> Array:
+    """(2, N, 4) what the four coefficients along x, and along y, weigh at a part (N, 2) of an interval."""
+    powers = np.ones((4, *part.shape))
+    powers[1] = part
+    np.multiply(part, part, out=powers[2])
+    np.multiply(powers[2], part, out=powers[3])
+    return (_CUBIC @ powers.reshape(4, -1)).reshape(4, *part.shape).transpose(2, 1, 0)
+
+
+def _taps(columns: int) -> NDArray[np.intp]:
+    """(16,) how far the coefficients that a place depends on are from the first of them."""
+    return (np.arange(4)[:, np.newaxis] * columns + np.arange(4)).ravel()
+
+
+def _interpolating(values: Array) -> Array:
+    """Coefficients along the first axis, two more than values; straight beyond the ends."""
+    count = len(values)
+    matrix = (np.eye(count + 2) + 4 * np.eye(count + 2, k=1) + np.eye(count + 2, k=2))[:count] / 6.0
+    straight = np.zeros((2, count + 2))
+    straight[0, :3] = straight[1, -3:] = (1.0, -2.0, 1.0)
+    right = np.concatenate([values, np.zeros((2, *values.shape[1:]))]).reshape(count + 2, -1)
+    solved: Array = np.linalg.solve(np.concatenate([matrix, straight]), right)
+    return solved.reshape(count + 2, *values.shape[1:])
+
+
+def _shape(reading: Reading, where: str, value: object) -> tuple[int, int]:
+    """Rows and columns as the first array has them; a harmless shape if it has none."""
+    if isinstance(value, list) and value and isinstance(value[0], list):
+        shape = len(value), len(value[0])
+        if min(shape) >= _LEAST_NODES:
+            return shape
+    reading.refuse(where + "x_px", value, f"at least {_LEAST_NODES} rows of {_LEAST_NODES} numbers")
+    return _LEAST_NODES, _LEAST_NODES

@@ -1,0 +1,122 @@
+"""What a target looks like at a given place, and how likely each of its pixels is to be set.
+
+A disc is a stack of chords, spread by a Gaussian and by the pixels that collect it. All lengths are in frame
+pixels, light is in units of the contrast.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+CHORDS = 20
+LINE_HEIGHT_PX = 1.6
+"""Between the one frame line that a row collects and the two of a sensor that integrates fields."""
+SURE = 6.9
+"""Greatest log odds of a pixel: one in a thousand is wrong for reasons that no model knows."""
+_NEWTON_STEPS = 8
+
+
+class Appearance(NamedTuple):
+    """What decides the bits of targets beside their places.
+
+    Attributes:
+        half_width_px: half the width of what lies above the threshold; `half_height_px`: half its height.
+        lean: how far its chords move to the right from frame line to frame line.
+        fraction: the threshold's share of the contrast.
+        noise: standard deviation of a pixel of a line that the camera delivered, in contrasts.
+        spread_px: standard deviation of the spread function.
+        jitter_px: standard deviation of a line's shift.
+        y_step: frame lines from row to row; with 1 every other row is interpolated.
+    """
+
+    half_width_px: float
+    half_height_px: float
+    lean: float
+    fraction: float
+    noise: float
+    spread_px: float
+    jitter_px: float
+    y_step: int
+
+    @property
+    def blur_px(self) -> tuple[float, float]:
+        """Standard deviation of spread and pixel together, in x and y."""
+        pixel = 12**-0.5
+        return math.hypot(self.spread_px, pixel), math.hypot(self.spread_px, LINE_HEIGHT_PX * pixel)
+
+
+def normal_share(z: Array) -> Array:
+    """The normal distribution function, to 2e-4."""
+    share: Array = 1 / (1 + np.exp(-normal_log_odds(np.clip(z, -8.0, 8.0))))
+    return share
+
+
+def normal_log_odds(z: Array) -> Array:
+    """Log odds of a standard normal variable being below z, as the usual cubic."""
+    odds: Array = z * (1.5976 + 0.070566 * z * z)
+    return odds
+
+
+def light(
+    half_axes_px: tuple[float, float], lean: float, blur_px: tuple[float, float], x: Array, y: Array
+) -> Array:
+    """(len(y), len(x)) light of an ellipse about the origin at the points of a grid."""
+    half_width, half_height = half_axes_px
+    angle = (np.arange(CHORDS) + 0.5) * (np.pi / CHORDS) - np.pi / 2
+    height, reach = half_height * np.sin(angle), half_width * np.cos(angle)
+    from_middle = x[:, np.newaxis] - lean * height
+    along = normal_share((from_middle + reach) / blur_px[0]) - normal_share(
+        (from_middle - reach) / blur_px[0]
+    )
+    thickness = half_height * np.cos(angle) * (np.pi / CHORDS)
+    across = np.exp(-0.5 * ((y[:, np.newaxis] - height) / blur_px[1]) ** 2) * thickness
+    found: Array = across @ along.T / (blur_px[1] * math.sqrt(2 * math.pi))
+    return found
+
+
+def half_axes_px(seen: Appearance) -> tuple[float, float]:
+    """The ellipse whose light reaches the threshold where the appearance says."""
+    wanted = np.array([seen.half_width_px, seen.half_height_px])
+    axes, origin = wanted.copy(), np.zeros(1)
+    slope = 0.35 / np.array(seen.blur_px)
+    for _ in range(_NEWTON_STEPS):
+        both = (float(axes[0]), float(axes[1]))
+        right = light(both, 0.0, seen.blur_px, wanted[:1], origin)[0, 0]
+        below = light(both, 0.0, seen.blur_px, origin, wanted[1:])[0, 0]
+        axes = np.maximum(axes + (seen.fraction - np.array([right, below])) / slope, 0.5)
+    return float(axes[0]), float(axes[1])
+
+
+class Odds(NamedTuple):
+    """Log odds of a pixel being set, by its place relative to the target.
+
+    Attributes:
+        delivered: (V, U) of rows that the camera delivered.
+        interpolated: (V, U) of rows that are the mean of their neighbours, one frame line away each.
+    """
+
+    delivered: Array
+    interpolated: Array
+
+
+def log_odds(seen: Appearance, x: Array, y: Array) -> Odds:
+    """Log odds over an even grid of pixel places (relative to the target's centre), U in x and V in y."""
+    axes = half_axes_px(seen)
+    above, here, below = (light(axes, seen.lean, seen.blur_px, x, y + shift) for shift in (-1.0, 0.0, 1.0))
+    step = float(x[1] - x[0])
+    return Odds(
+        _odds_of(here, step, seen, 1.0),
+        _odds_of((above + below) / 2, step, seen, 0.5),
+    )
+
+
+def _odds_of(picture: Array, step_px: float, seen: Appearance, share: float) -> Array:
+    """Noise and the row's shift blur the threshold; of a mean of two rows half of their variance is left."""
+    shifted = np.gradient(picture, step_px, axis=1) * seen.jitter_px
+    deviation = np.sqrt(share * (seen.noise**2 + shifted * shifted))
+    z = np.clip((picture - seen.fraction) / deviation, -4.0, 4.0)
+    return np.clip(normal_log_odds(z), -SURE, SURE)

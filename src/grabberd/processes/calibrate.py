@@ -1,0 +1,286 @@
+"""Fields of the calibration frame in, both virtual cameras out (paper 3.6, figure 8)."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration import (
+    Adjustment,
+    Blunder,
+    Difference,
+    Elimination,
+    FieldImages,
+    Identification,
+    IdentificationSettings,
+    LocalFieldTrial,
+    Mark,
+    MeanImages,
+    Network,
+    Normality,
+    Unknowns,
+    Validation,
+    VolumeSigma,
+    check_rank,
+    compare,
+    cross_validate,
+    eliminate,
+    identify_by_hand,
+    identify_frame,
+    mean_images,
+    normality,
+    try_local_fields,
+    volume_sigma,
+    without_blunders,
+)
+from grabberd.errors import MeasurementError
+from grabberd.field import NumberedField
+from grabberd.geometry import PARAMETERS, Calibration, NominalRig, View
+from grabberd.measurement import LocationSettings, measure
+from grabberd.processes.measure import whole
+from grabberd.reconstruction import ObjectModel
+
+Array = NDArray[np.float64]
+
+BLOCKS = 6
+"""Targets are held out in so many blocks."""
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrateSettings:
+    """How a calibration is made.
+
+    Attributes:
+        equal_weights: all image coordinates weigh the same, as in the paper; otherwise by their own σ.
+        held: the calibration frame's points are held; otherwise weighted by its σ.
+        free: names of the parameters to be adjusted, as `Unknowns.of` takes them.
+        shared: names of the parameters that are one and the same in both views, such as `LENS`.
+        tied: b9 = b8.
+        alpha: of the significance tests; None: every parameter stays.
+        local_field: whether local fields are tried.
+        handedness: of both views; None: found.
+        location: how blobs are located.
+    """
+
+    equal_weights: bool = False
+    held: bool = False
+    free: tuple[str, ...] = PARAMETERS
+    shared: tuple[str, ...] = ()
+    tied: bool = False
+    alpha: float | None = 0.05
+    local_field: bool = True
+    handedness: int | None = None
+    location: LocationSettings = field(default_factory=LocationSettings)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibrateResult:
+    """A calibration with everything that it rests on.
+
+    Attributes:
+        frame: the calibration frame; `settings`: how it was made; `nominal`: the rig as built.
+        bits: of the fields; `y_step`: of their rows.
+        images: mean images of each view, left then right; `identification`: which target each is.
+        adjustment: the final one; `elimination`: how its parameters were chosen, None where none were tested.
+        blunders: image points left out.
+        local: the trial of local fields, None where it was not asked for.
+        differences, normality, volume: what is known of the result.
+        validation: of the model without local fields; None where too few targets are left to hold some out.
+        warnings: what a person should know, in sentences.
+    """
+
+    frame: ObjectModel
+    nominal: NominalRig
+    settings: CalibrateSettings
+    bits: int
+    y_step: int
+    images: tuple[MeanImages, MeanImages]
+    identification: Identification
+    adjustment: Adjustment
+    elimination: Elimination | None
+    blunders: tuple[Blunder, ...]
+    local: LocalFieldTrial | None
+    differences: tuple[Difference, ...]
+    normality: tuple[Normality, ...]
+    validation: Validation | None
+    volume: VolumeSigma
+    warnings: tuple[str, ...]
+
+    def calibration(
+        self,
+        name: str,
+        created_utc: str,
+        source: str,
+        glass: Mapping[str, float] | None,
+        details: Mapping[str, Any],
+    ) -> Calibration:
+        """The calibration itself, under a name."""
+        trial = self.local
+        left, right = self.adjustment.views
+        return Calibration(
+            id=name,
+            created_utc=created_utc,
+            source=source,
+            columns=self.nominal.columns,
+            lines=self.nominal.lines,
+            left=left,
+            right=right,
+            covariance=trial.covariance if trial else self.adjustment.parameter_covariance,
+            sigma0_px=trial.sigma0_px if trial else self.adjustment.sigma0_px,
+            glass=glass,
+            local_fields=(trial.fields[0], trial.fields[1]) if trial else (None, None),
+            details=details,
+        )
+
+
+def calibrate(
+    fields: Iterable[NumberedField],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings | None = None,
+    by_hand: Sequence[Mark] | None = None,
+) -> CalibrateResult:
+    """Calibrates both virtual cameras from fields of the calibration frame, which stands still.
+
+    Args:
+        fields: any number, of both parities.
+        nominal: the rig as it was built, each number to ten per cent.
+        frame: the calibration frame's targets.
+        settings: how.
+        by_hand: identifications made by hand, in place of automatic ones.
+
+    Raises:
+        MeasurementError: no fields, a calibration frame that moves, too few targets, a planar calibration
+            frame, an unclear identification, or no convergence; the message says which.
+    """
+    settings = settings or CalibrateSettings()
+    seen, bits, y_step = _located(fields, nominal, settings.location)
+    images = (mean_images(seen[0]), mean_images(seen[1]))
+    identification = _identify(nominal, frame, images, settings, by_hand)
+    network = network_of(images, identification, frame, settings)
+    adjustment, blunders, elimination = _adjusted(network, settings)
+    local = try_local_fields(adjustment, nominal.lines) if settings.local_field else None
+    final = local.adjustment if local else adjustment
+    validation, unvalidated = _validated(adjustment)
+    return CalibrateResult(
+        frame=frame,
+        nominal=nominal,
+        settings=settings,
+        bits=bits,
+        y_step=y_step,
+        images=images,
+        identification=identification,
+        adjustment=final,
+        elimination=elimination,
+        blunders=blunders,
+        local=local,
+        differences=compare(final),
+        normality=normality(final),
+        validation=validation,
+        volume=volume_sigma(final),
+        warnings=(*_warnings(images, final, blunders, frame), *unvalidated),
+    )
+
+
+def _located(
+    fields: Iterable[NumberedField], nominal: NominalRig, location: LocationSettings
+) -> tuple[tuple[list[FieldImages], list[FieldImages]], int, int]:
+    """Every field's whole blobs by view, with bits and line step of the fields."""
+    sides: tuple[list[FieldImages], list[FieldImages]] = ([], [])
+    packed = None
+    for numbered in fields:
+        packed = numbered.packed
+        blobs = measure(packed, None, location)
+        for side, half in zip(sides, (nominal.left, nominal.right), strict=True):
+            own = whole(blobs, *half)
+            side.append(FieldImages(blobs.xy_px[own], blobs.sigma_px[own], packed.parity))
+    if packed is None:
+        raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
+    return sides, packed.bits, packed.y_step
+
+
+def _identify(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    images: tuple[MeanImages, MeanImages],
+    settings: CalibrateSettings,
+    by_hand: Sequence[Mark] | None,
+) -> Identification:
+    believed = IdentificationSettings(handedness=(settings.handedness, settings.handedness))
+    left, right = (side.xy_px for side in images)
+    if by_hand is None:
+        return identify_frame(nominal, frame, left, right, believed)
+    return identify_by_hand(nominal, frame, left, right, by_hand, believed)
+
+
+def network_of(
+    images: tuple[MeanImages, MeanImages],
+    identification: Identification,
+    frame: ObjectModel,
+    settings: CalibrateSettings,
+) -> Network:
+    """The identified images of both views as an adjustment takes them."""
+    targets = [side.target for side in (identification.left, identification.right)]
+    known = [target >= 0 for target in targets]
+    sigma = np.concatenate([side.sigma_px[own] for side, own in zip(images, known, strict=True)])
+    if settings.equal_weights:
+        sigma = np.full_like(sigma, np.sqrt(np.mean(sigma**2)))
+    place_sigma = 0.0 if settings.held else frame.sigma_mm
+    return Network(
+        views=identification.views,
+        view=np.repeat([0, 1], [int(own.sum()) for own in known]),
+        target=np.concatenate([target[own] for target, own in zip(targets, known, strict=True)]),
+        xy_px=np.concatenate([side.xy_px[own] for side, own in zip(images, known, strict=True)]),
+        sigma_px=sigma,
+        target_mm=frame.xyz_mm,
+        target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
+    )
+
+
+def _adjusted(
+    network: Network, settings: CalibrateSettings
+) -> tuple[Adjustment, tuple[Blunder, ...], Elimination | None]:
+    unknowns = Unknowns.of(network.views, settings.free, shared=settings.shared, tied=settings.tied)
+    check_rank(network, unknowns)
+    adjustment, blunders = without_blunders(network, unknowns)
+    if settings.alpha is None:
+        return adjustment, blunders, None
+    clean = adjustment.network.starting_from(adjustment.views)
+    elimination = eliminate(clean, unknowns, settings.alpha)
+    return elimination.adjustment, blunders, elimination
+
+
+def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ...]]:
+    """Held-out targets of the global model, or why there are none: too few may be left without a block."""
+    network = adjustment.network.starting_from(adjustment.views)
+    try:
+        return cross_validate(network, adjustment.unknowns, BLOCKS), ()
+    except MeasurementError as error:
+        return None, (f"no targets could be held out to validate it: {error.message}",)
+
+
+def _warnings(
+    images: tuple[MeanImages, MeanImages],
+    adjustment: Adjustment,
+    blunders: tuple[Blunder, ...],
+    frame: ObjectModel,
+) -> Iterable[str]:
+    if blunders:
+        yield f"{len(blunders)} image points contradicted the others and were left out"
+    for view, side in zip(adjustment.views, images, strict=True):
+        if (found := _count(adjustment, view)) < 0.9 * len(frame):
+            yield f"the {view.name} view shows {found} of {len(frame)} targets"
+        if side.of_fields < 2:
+            yield "a single field was used: noise and line jitter are not averaged"
+    if not 0.5 < adjustment.sigma0 < 2:
+        yield (
+            f"sigma 0 is {adjustment.sigma0:.2f}, far from 1: the σ of the image points or of the "
+            "calibration frame are not what they are said to be, or the model lacks something"
+        )
+
+
+def _count(adjustment: Adjustment, view: View) -> int:
+    index = [one.name for one in adjustment.views].index(view.name)
+    return int((adjustment.network.view == index).sum())

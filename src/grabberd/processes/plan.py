@@ -1,0 +1,225 @@
+"""Planning: the σ to expect of X, Y, Z before anything is built, from the rig's nominal numbers alone."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration import Network, Unknowns, adjust
+from grabberd.errors import InputError
+from grabberd.geometry import Calibration, NominalRig, Rig, View, linearise, project_all
+from grabberd.measurement.sigma import binary_sigma_px
+from grabberd.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
+from grabberd.reconstruction.accuracy import Axes
+
+Array = NDArray[np.float64]
+
+_GREY_OF_BOUND = (1.2, 1.5)
+"""Error of a grey centre in x, y over the Cramér–Rao bound: .019 and .024 px at D = 5, 2 % noise."""
+_FEW_BITS = {2: 6.0, 3: 3.0, 4: 1.7}
+"""By how much a grey centre is worse with so few bits; 5 are as good as 8."""
+_VARIED_BY = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSettings:
+    """What the picture will be like.
+
+    Attributes:
+        target_diameter_mm: of the discs.
+        bits: bits a pixel; `doubled`: the missing lines are interpolated.
+        noise: standard deviation of a pixel as a share of the contrast.
+        spread_px: of the spread function; `line_jitter_px`: of a line's shift.
+        sigma_px: pointing in x and y if it is known better, line jitter included.
+    """
+
+    target_diameter_mm: float = 1.5
+    bits: int = 1
+    doubled: bool = True
+    noise: float = 0.02
+    spread_px: float = 0.8
+    line_jitter_px: float = 0.12
+    sigma_px: tuple[float, float] | None = None
+
+
+class PlannedPlace(NamedTuple):
+    """The σ to expect at one place.
+
+    Attributes:
+        name: of the place; `xyz_mm`: where it is.
+        pointing: σ of one field's point; None where not both views see the place.
+        calibration: the calibration's share, which no averaging reduces; None where it is not known.
+    """
+
+    name: str
+    xyz_mm: tuple[float, float, float]
+    pointing: Axes | None
+    calibration: Axes | None
+
+
+class Plan(NamedTuple):
+    """The σ to expect over a volume.
+
+    Attributes:
+        places: centre, middles of the faces, and corners of the volume.
+        sigma_px: pointing at the centre, line jitter not included unless it was given so.
+        mm_per_px: scale at the centre, along the lines and across them.
+    """
+
+    places: tuple[PlannedPlace, ...]
+    sigma_px: tuple[float, float]
+    mm_per_px: tuple[float, float]
+
+
+def plan(rig: Rig, low_mm: Array, high_mm: Array, settings: PlanSettings) -> Plan:
+    """The σ to expect of points in a box.
+
+    Args:
+        rig: both views, nominal or calibrated; with a covariance the calibration's share is given too.
+        low_mm: (3,) one corner of the box; `high_mm`: (3,) the opposite one.
+        settings: what the picture will be like.
+    """
+    names, places = zip(*_places(low_mm, high_mm), strict=True)
+    xyz = np.array(places)
+    sigma = _pointing(rig, xyz, settings)
+    covariance, share = _covariance(rig, xyz, sigma, settings)
+    seen = _seen(rig, xyz)
+    planned = tuple(
+        PlannedPlace(
+            name,
+            (float(at[0]), float(at[1]), float(at[2])),
+            Axes.of(np.diag(own)) if visible else None,
+            Axes.of(np.diag(common)) if visible and rig.factor is not None else None,
+        )
+        for name, at, own, common, visible in zip(names, xyz, covariance, share, seen, strict=True)
+    )
+    x_px, y_px = (1.0 / _px_per_mm(rig, xyz[:1])).ravel().tolist()
+    return Plan(planned, (float(sigma[0, 0]), float(sigma[0, 1])), (x_px, y_px))
+
+
+def variations(rig: NominalRig, settings: PlanSettings) -> Iterator[tuple[str, NominalRig, PlanSettings]]:
+    """The rig as it is, then with one thing changed at a time: base, distance, bits."""
+    yield "as it is", rig, settings
+    for name, factor in (("less", 1.0 - _VARIED_BY), ("more", 1.0 + _VARIED_BY)):
+        percent = f"{100 * _VARIED_BY:.0f} % {name}"
+        yield f"base {percent}", _agreeing(replace(rig, base_mm=rig.base_mm * factor)), settings
+        yield f"distance {percent}", _agreeing(replace(rig, distance_mm=rig.distance_mm * factor)), settings
+    if settings.sigma_px is None:
+        for bits, doubled in ((1, True), (1, False), (4, False), (8, False)):
+            words = f"{bits} bit{'s' * (bits > 1)}, {'doubled' if doubled else 'intact'} lines"
+            yield words, rig, replace(settings, bits=bits, doubled=doubled)
+
+
+def nominal_calibration(
+    rig: NominalRig, frame: ObjectModel, settings: PlanSettings, handedness: tuple[int, int] = (1, 1)
+) -> Calibration:
+    """The covariance that a calibration of the nominal rig will have: a simulated adjustment.
+
+    All parameters of both views are free, b9 = b8; the pointing of one field weighs, since quantisation is
+    not averaged; the calibration frame's targets are known to its σ.
+
+    Raises:
+        InputError: a view does not see enough of the calibration frame's targets.
+        MeasurementError: the calibration frame does not determine the parameters.
+    """
+    views = rig.views(handedness)
+    ready = Rig.of_views(views)
+    sigma = _whole_sigma(ready, frame.xyz_mm, settings)
+    xy = project_all(ready, frame.xyz_mm)
+    inside = np.array([_holds(view, xy[:, index], rig.lines) for index, view in enumerate(views)])
+    if inside.sum(axis=1).min() < 12:
+        raise InputError(
+            f"the nominal views see {inside[0].sum()} and {inside[1].sum()} of {len(frame)} targets of the "
+            "calibration frame; 12 are needed in each",
+            "check the rig's nominal numbers, or take a smaller calibration frame",
+        )
+    view, target = np.nonzero(inside)
+    truth = np.random.default_rng(0).normal(xy[:, view, target].T, sigma[target])
+    known = np.full_like(frame.xyz_mm, frame.sigma_mm)
+    network = Network(views, view, target, truth, sigma[target], frame.xyz_mm, known)
+    adjusted = adjust(network, Unknowns.of(views, tied=True))
+    left, right = views
+    return Calibration(
+        id="nominal",
+        created_utc="1970-01-01T00:00:00Z",
+        source="simulated adjustment of a nominal rig",
+        columns=rig.columns,
+        lines=rig.lines,
+        left=left,
+        right=right,
+        covariance=adjusted.parameter_covariance / adjusted.sigma0**2,
+    )
+
+
+def _places(low_mm: Array, high_mm: Array) -> Iterator[tuple[str, Array]]:
+    middle, half = 0.5 * (low_mm + high_mm), 0.5 * (high_mm - low_mm)
+    yield "centre", middle
+    for axis, letter in enumerate("XYZ"):
+        for sign in (-1.0, 1.0):
+            yield f"{'+' if sign > 0 else '−'}{letter}", middle + sign * half * np.eye(3)[axis]
+    for index in range(8):
+        signs = np.array([1.0 if index >> axis & 1 else -1.0 for axis in range(3)])
+        letters = " ".join(f"{'+' if s > 0 else '−'}{c}" for s, c in zip(signs, "XYZ", strict=True))
+        yield letters, middle + signs * half
+
+
+def _covariance(rig: Rig, xyz_mm: Array, sigma_px: Array, settings: PlanSettings) -> tuple[Array, Array]:
+    """(N, 3, 3) from pointing and line jitter, and the calibration's share."""
+    image = project_all(rig, xyz_mm)
+    left, right = (ViewBlobs(image[:, view].T.copy(), sigma_px) for view in (0, 1))
+    jitter = 0.0 if settings.sigma_px else settings.line_jitter_px
+    radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm[:1])[0, 1])
+    noise = ImageNoise(jitter, 1 if settings.doubled else 2, radius)
+    points = intersect(rig, np.arange(len(xyz_mm), dtype=np.int32), left, right, noise, xyz_mm)
+    return points.covariance_mm2, points.calibration_covariance_mm2
+
+
+def _whole_sigma(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
+    """(N, 2) pointing with line jitter."""
+    sigma = _pointing(rig, xyz_mm, settings)
+    if settings.sigma_px:
+        return sigma
+    radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm[:1])[0, 1])
+    jitter = ImageNoise(settings.line_jitter_px, 1 if settings.doubled else 2, radius).blob_jitter_px
+    whole: Array = np.hypot(sigma, (jitter, 0.0))
+    return whole
+
+
+def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
+    """(N, 2) σ of x and y in px, without line jitter unless it was given so."""
+    if settings.sigma_px:
+        return np.tile(np.array(settings.sigma_px), (len(xyz_mm), 1))
+    diameter = settings.target_diameter_mm * np.sqrt(_px_per_mm(rig, xyz_mm).prod(axis=1))
+    binary = binary_sigma_px(0.25 * np.pi * diameter**2, 1 if settings.doubled else 2)
+    if settings.bits == 1:
+        return binary
+    bound = settings.noise * np.sqrt(4.0 * settings.spread_px / (math.sqrt(math.pi) * 0.5 * diameter))
+    grey = bound[:, np.newaxis] * _GREY_OF_BOUND * _FEW_BITS.get(settings.bits, 1.0)
+    pointing: Array = np.minimum(grey, binary)
+    return pointing
+
+
+def _px_per_mm(rig: Rig, xyz_mm: Array) -> Array:
+    """(N, 2) scale along the lines and across them, the mean of both views."""
+    _, slopes = linearise(rig, xyz_mm)
+    scale: Array = np.sqrt((slopes * slopes).sum(axis=2)).mean(axis=1).T
+    return scale
+
+
+def _seen(rig: Rig, xyz_mm: Array) -> NDArray[np.bool_]:
+    image = project_all(rig, xyz_mm)
+    seen: NDArray[np.bool_] = np.all([view.holds(image[:, i].T) for i, view in enumerate(rig.views)], axis=0)
+    return seen
+
+
+def _holds(view: View, xy_px: Array, lines: int) -> NDArray[np.bool_]:
+    held: NDArray[np.bool_] = view.holds(xy_px.T) & (xy_px[1] >= 0) & (xy_px[1] < lines)
+    return held
+
+
+def _agreeing(rig: NominalRig) -> NominalRig:
+    """With the convergence that base and distance make."""
+    return replace(rig, convergence_deg=2.0 * math.degrees(math.atan(0.5 * rig.base_mm / rig.distance_mm)))

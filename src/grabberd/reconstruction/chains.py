@@ -1,0 +1,169 @@
+"""Kalman filter and smoother of many scalar chains side by side: place, rate, and two locked errors.
+
+The state of a chain is (x, v, c, d): a place, its rate, and two errors of unit variance. A measurement is
+z = x + h_c·c ± h_d·d + white noise, with + for one parity and − for the other. Arrays keep the chains along
+their last axis.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_STATES = 4
+_START_MM2 = 1e4
+_START_RATE_MM2_S2 = 500.0**2
+_ACCELERATES_EVERY_S = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chains:
+    """B chains of F measurements.
+
+    Attributes:
+        value_mm: (F, B), NaN where nothing was measured.
+        white_mm2: (F, B) variance of the white noise.
+        common_mm: (F, B) h_c, standard deviation of the locked error that both parities have in common.
+        opposite_mm: (F, B) ±h_d, of the locked error in which they differ, with the sign of the parity.
+        keeps: (F, B) how much of the locked errors before is still there, 0 to 1.
+        elapsed_s: (F,) since the measurement before; 0 at the first.
+        acceleration_mm_s2: (F,) standard deviation of the acceleration since the measurement before, drawn
+            anew every 20 ms; 0 everywhere: rest.
+    """
+
+    value_mm: Array
+    white_mm2: Array
+    common_mm: Array
+    opposite_mm: Array
+    keeps: Array
+    elapsed_s: Array
+    acceleration_mm_s2: Array
+
+
+class SmoothedChains(NamedTuple):
+    """(F, B) places, their variances, and rates."""
+
+    value_mm: Array
+    variance_mm2: Array
+    rate_mm_s: Array
+
+
+class _Step(NamedTuple):
+    """What a filter step leaves behind: state (4, B) and its covariance (4, 4, B), gain, surprise, weight."""
+
+    state: Array
+    covariance: Array
+    gain: Array
+    surprise: Array
+    weight: Array
+
+
+def likelihood(chains: Chains) -> float:
+    """Logarithm of the measurements' likelihood, but for a constant."""
+    total = 0.0
+    state, covariance = _start(chains)
+    for k in range(len(chains.value_mm)):
+        step = _step(chains, k, state, covariance)
+        used = step.weight > 0
+        squares = step.surprise[used] ** 2 * step.weight[used]
+        total -= 0.5 * float((squares - np.log(step.weight[used])).sum())
+        state, covariance = step.state, step.covariance
+    return total
+
+
+def smoothed_chains(chains: Chains) -> SmoothedChains:
+    """Places and rates from all measurements, those before and those after.
+
+    Where nothing has been measured yet the filter knows nothing, and what is returned there is worthless.
+    """
+    steps: list[_Step] = []
+    state, covariance = _start(chains)
+    for k in range(len(chains.value_mm)):
+        steps.append(_step(chains, k, state, covariance))
+        state, covariance = steps[-1].state, steps[-1].covariance
+    return _backward(chains, steps)
+
+
+def _start(chains: Chains) -> tuple[Array, Array]:
+    """Near the first measurement of each chain, which counts again when it comes: to 100 mm."""
+    count = chains.value_mm.shape[1]
+    first = np.isfinite(chains.value_mm).argmax(axis=0)
+    state = np.zeros((_STATES, count))
+    state[0] = np.nan_to_num(chains.value_mm[first, np.arange(count)])
+    covariance = np.zeros((_STATES, _STATES, count))
+    covariance[0, 0] = _START_MM2
+    covariance[1, 1] = _START_RATE_MM2_S2 if chains.acceleration_mm_s2.any() else 0.0
+    covariance[2, 2] = covariance[3, 3] = 1.0
+    return state, covariance
+
+
+def _step(chains: Chains, k: int, state: Array, covariance: Array) -> _Step:
+    """Prediction to measurement k, and what it changes."""
+    state, covariance = _predicted(chains, k, state, covariance)
+    common, opposite = chains.common_mm[k], chains.opposite_mm[k]
+    seen = covariance[:, 0] + common * covariance[:, 2] + opposite * covariance[:, 3]
+    variance = seen[0] + common * seen[2] + opposite * seen[3] + chains.white_mm2[k]
+    surprise = chains.value_mm[k] - state[0] - common * state[2] - opposite * state[3]
+    measured = np.isfinite(surprise)
+    weight = np.where(measured, 1.0 / variance, 0.0)
+    surprise = np.where(measured, surprise, 0.0)
+    gain = seen * weight
+    return _Step(state + gain * surprise, covariance - gain[:, np.newaxis] * seen, gain, surprise, weight)
+
+
+def _predicted(chains: Chains, k: int, state: Array, covariance: Array) -> tuple[Array, Array]:
+    elapsed, keeps = chains.elapsed_s[k], chains.keeps[k]
+    state, covariance = state.copy(), covariance.copy()
+    state[0] += elapsed * state[1]
+    state[2:] *= keeps
+    covariance[0] += elapsed * covariance[1]
+    covariance[:, 0] += elapsed * covariance[:, 1]
+    covariance[2:] *= keeps
+    covariance[:, 2:] *= keeps
+    covariance[2, 2] += 1.0 - keeps * keeps
+    covariance[3, 3] += 1.0 - keeps * keeps
+    disturbed = chains.acceleration_mm_s2[k] ** 2 * _ACCELERATES_EVERY_S
+    covariance[0, 0] += disturbed * elapsed**3 / 3.0
+    covariance[0, 1] += disturbed * elapsed**2 / 2.0
+    covariance[1, 0] += disturbed * elapsed**2 / 2.0
+    covariance[1, 1] += disturbed * elapsed
+    return state, covariance
+
+
+def _backward(chains: Chains, steps: list[_Step]) -> SmoothedChains:
+    """Modified Bryson–Frazier's recursion: what later measurements say, as a gradient and its information."""
+    shape = chains.value_mm.shape
+    value, variance, rate = (np.empty(shape) for _ in range(3))
+    gradient = np.zeros((_STATES, shape[1]))
+    information = np.zeros((_STATES, _STATES, shape[1]))
+    for k in range(shape[0] - 1, -1, -1):
+        step = steps[k]
+        state = step.state - np.einsum("ijb,jb->ib", step.covariance, gradient)
+        first = step.covariance[0]
+        value[k], rate[k] = state[0], state[1]
+        variance[k] = first[0] - np.einsum("ib,ijb,jb->b", first, information, first)
+        gradient, information = _before(chains, k, step, gradient, information)
+    return SmoothedChains(value, variance, rate)
+
+
+def _before(chains: Chains, k: int, step: _Step, gradient: Array, information: Array) -> tuple[Array, Array]:
+    """Gradient and information carried back over measurement k and the time before it."""
+    carried = np.einsum("ijb,jb->ib", information, step.gain)
+    pull = (step.gain * gradient).sum(axis=0) + step.surprise * step.weight
+    certainty = (step.gain * carried).sum(axis=0) + step.weight
+    ones = np.ones_like(pull)
+    seen = np.stack([ones, 0.0 * ones, chains.common_mm[k], chains.opposite_mm[k]])
+    mixed = seen[:, np.newaxis] * carried
+    gradient = gradient - seen * pull
+    information = information - mixed - mixed.swapaxes(0, 1) + certainty * seen[:, np.newaxis] * seen
+    elapsed, keeps = chains.elapsed_s[k], chains.keeps[k]
+    gradient[1] += elapsed * gradient[0]
+    gradient[2:] *= keeps
+    information[1] += elapsed * information[0]
+    information[:, 1] += elapsed * information[:, 0]
+    information[2:] *= keeps
+    information[:, 2:] *= keeps
+    return gradient, information

@@ -1,0 +1,116 @@
+"""What repeated measurements say of their own errors: which part is drawn anew, which stays with the place.
+
+A point's error, beside the calibration's, has three parts:
+
+- *white*, drawn anew for every field: noise and line jitter;
+- *opposite*, locked to the target's place between the pixels, and different for the two parities: they see
+  the target on other lines. Same place and same parity, same error;
+- *common*, locked likewise, but the same for both parities.
+
+Where the object rests, fields of one parity differ by the white part alone, fields of different parity by the
+opposite part too. The common part cannot be told from the place. At 1 bit, where it is largest, it is what
+the points' covariance leaves; with more bits a share of the others that was found with the simulator.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.reconstruction.series import PointSeries
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_COMMON = {1: 0.15, 2: 0.3, 3: 0.25, 4: 0.1}
+_COMMON_OF_GREY = 0.03
+"""The common part as a share of what repeated measurements differ by, for few bits and for more."""
+_LEAST_WHITE = 0.02
+_LEAST_PAIRS = 60
+_LEAST_TARGETS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ErrorShares:
+    """Variances in units of the points' own; their sum is 1 where the points' covariance is right.
+
+    Attributes:
+        white: (3,) in X, Y and Z; `opposite`, `common`: (3,) likewise.
+    """
+
+    white: Array
+    opposite: Array
+    common: Array
+
+    @classmethod
+    def all_white(cls) -> "ErrorShares":
+        """Every field's error drawn anew."""
+        return cls(np.ones(3), np.zeros(3), np.zeros(3))
+
+    @classmethod
+    def of(cls, series: PointSeries, rest: Mask, bits: int) -> "ErrorShares":
+        """From the fields in which the object rests; all white where those are too few to tell.
+
+        Args:
+            series: the points.
+            rest: (F,) in which fields the object rests.
+            bits: bits a pixel of the fields that the points come from.
+        """
+        same, own = _half_variance(series, 2, rest)
+        other, others = _half_variance(series, 1, rest)
+        if min(own, others) < _LEAST_PAIRS:
+            return cls.all_white()
+        white = same.clip(_LEAST_WHITE)
+        opposite = 0.5 * (other - same).clip(0.0)
+        seen = white + opposite
+        common = _COMMON.get(bits, _COMMON_OF_GREY) * seen
+        return cls(white, opposite, np.maximum(common, 1.0 - seen) if bits == 1 else common)
+
+
+def rest_fields(series: PointSeries) -> Mask:
+    """(F,) fields that differ from those around them by no more than the quietest do.
+
+    It takes several targets to see in a single field whether the object rests; movements that are small
+    beside the errors are not seen.
+    """
+    differ, count = _differences(series)
+    if not np.isfinite(differ).any():
+        return np.zeros(len(series.n), np.bool_)
+    spread = math.sqrt(2.0 / (3.0 * float(np.median(count[count > 0]))))
+    quiet = differ <= float(np.nanquantile(differ, 0.1)) * (1.0 + max(1.0, 4.3 * spread))
+    rest: Mask = quiet.copy()
+    for shift in (1, 2):
+        rest[:-shift] &= quiet[shift:]
+    return rest
+
+
+def _differences(series: PointSeries) -> tuple[Array, NDArray[np.intp]]:
+    """(F,) mean squared difference from two fields before, over all targets, in units of the variance.
+
+    NaN where too few targets, or none, can be compared; and of how many targets it is.
+    """
+    squares, both = _squares(series, 2)
+    count = both.sum(axis=1)
+    total = np.where(both[..., np.newaxis], squares, 0.0).sum(axis=(1, 2)) / 3.0
+    differ = np.full(len(series.n), np.nan)
+    enough = count >= min(_LEAST_TARGETS, len(series.target))
+    differ[enough] = total[enough] / count[enough]
+    return differ, count
+
+
+def _half_variance(series: PointSeries, lag: int, rest: Mask) -> tuple[Array, int]:
+    """(3,) mean of half the squared differences of fields `lag` steps apart, and of how many there are."""
+    squares, both = _squares(series, lag)
+    both &= rest[:, np.newaxis]
+    return (squares[both].mean(axis=0) if both.any() else np.ones(3)), int(both.sum())
+
+
+def _squares(series: PointSeries, lag: int) -> tuple[Array, Mask]:
+    """(F, T, 3) half the squared difference from `lag` 20 ms steps before, in units of the variance."""
+    earlier = np.searchsorted(series.n, series.n - lag)
+    there = series.n[earlier] == series.n - lag
+    both = series.seen & series.seen[earlier] & there[:, np.newaxis]
+    variance = np.diagonal(series.covariance_mm2, axis1=2, axis2=3)
+    squares: Array = 0.5 * (series.xyz_mm - series.xyz_mm[earlier]) ** 2 / variance
+    return squares, both

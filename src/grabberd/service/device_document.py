@@ -1,0 +1,53 @@
+"""How a device is shown."""
+
+from dataclasses import asdict
+from typing import Any
+
+from grabberd.acquisition import Outcome
+from grabberd.service.active_calibrations import ActiveCalibrations
+from grabberd.service.instrument import Instrument
+from grabberd.service.worker import Worker
+
+LATENCY_OF_LATEST = 500
+
+
+def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[str, Any]:
+    """A device at this moment."""
+    status = instrument.board.now
+    armed = instrument.intake.armed
+    session = instrument.running
+    return {
+        "name": instrument.name,
+        "state": status.state,
+        "since_utc": status.since_utc,
+        "cause": status.cause,
+        "driver": instrument.setup.config.driver,
+        "stream": asdict(status.stream) if status.stream else None,
+        "signal": status.signal,
+        "fields": {outcome: status.outcomes[outcome] for outcome in Outcome},
+        "openings": status.openings,
+        "ring": {
+            "slots": armed.ring.slots,
+            "bits": armed.bits,
+            "lines": armed.lines,
+            "threshold": instrument.intake.threshold,
+        },
+        "calibration": active.document(instrument),
+        "warnings": active.warnings(instrument),
+        "capture_id": session.id if session else None,
+        "live": _live_document(instrument.worker),
+    }
+
+
+def _live_document(worker: Worker) -> dict[str, Any] | None:
+    live = worker.live
+    if live is None:
+        return None
+    residual = live.measured.points.residual_px
+    return {
+        "n": live.measured.n,
+        "blobs": len(live.measured.blobs),
+        "points": len(live.measured.points),
+        "residual_px": float((residual**2).mean() ** 0.5) if len(residual) else None,
+        "latency_ms": worker.latency.percentiles_ms(LATENCY_OF_LATEST),
+    }

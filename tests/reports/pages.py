@@ -1,0 +1,71 @@
+"""A page as a reader finds it: its elements, tables by caption, figures and text."""
+
+from html.parser import HTMLParser
+
+VOID = {"meta", "br", "hr"}
+
+
+class Page(HTMLParser):
+    """Parses a page and refuses one whose elements do not close in order."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.tables: dict[str, list[list[str]]] = {}
+        self.captions: list[str] = []
+        self.headings: list[str] = []
+        self.text = ""
+        self._rows: list[list[str]] = []
+        self._caption = ""
+        self.feed(page)
+        self.close()
+        assert not self.open, f"never closed: {self.open}"
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag in VOID:
+            return
+        self.open.append(tag)
+        if tag == "table":
+            self._rows, self._caption = [], ""
+        elif tag == "tr":
+            self._rows.append([])
+        elif tag in {"td", "th"}:
+            self._rows[-1].append("")
+        elif tag == "figcaption":
+            self.captions.append("")
+        elif tag in {"h1", "h2"}:
+            self.headings.append("")
+
+    def handle_startendtag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open and self.open[-1] == tag, f"</{tag}> inside {self.open[-3:]}"
+        self.open.pop()
+        if tag == "table":
+            assert self._caption not in self.tables, f"two tables are called {self._caption}"
+            self.tables[self._caption] = self._rows
+
+    def handle_data(self, data):
+        if "style" in self.open:
+            return
+        self.text += data
+        if "caption" in self.open:
+            self._caption += data
+        elif {"td", "th"} & set(self.open):
+            self._rows[-1][-1] += data
+        elif "figcaption" in self.open:
+            self.captions[-1] += data
+        elif {"h1", "h2"} & set(self.open):
+            self.headings[-1] += data
+
+    def table(self, beginning: str) -> list[list[str]]:
+        """The rows of the one table whose caption begins so, its head left out."""
+        (found,) = (rows for caption, rows in self.tables.items() if caption.startswith(beginning))
+        return found[1:]
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        """The attributes of every element of a kind."""
+        return [attributes for name, attributes in self.elements if name == tag]

@@ -1,0 +1,245 @@
+import copy
+import re
+import subprocess
+import sys
+
+import pytest
+
+from grabberd.errors import ExtraMissing, InputError
+from grabberd.reports import calibration_html
+from grabberd.reports.calibration import CHAPTERS
+from grabberd.reports.numbers import fixed, measured, probability, significant
+from reports.documents import BLUNDER, DROPPED, full, least
+from reports.pages import Page
+
+
+@pytest.fixture(scope="module")
+def document():
+    return full()
+
+
+@pytest.fixture(scope="module")
+def text(document):
+    return calibration_html(document)
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def number(cell):
+    return float(cell.replace("−", "-"))
+
+
+def test_the_page_stands_alone(text, page):
+    named = set(re.findall(r"https?://[^\s\"'<>]+", text))
+    assert named <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+    assert not {"script", "link", "iframe", "img", "object"} & {tag for tag, _ in page.elements}
+    assert "url(" not in text.partition("</style>")[0]
+    references = [a.get("href") or a.get("xlink:href") for _, a in page.elements if "href" in str(a)]
+    assert all(reference.startswith("#") for reference in references)
+
+
+def test_every_reference_inside_the_page_leads_somewhere(text, page):
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r"url\(#([^)]+)\)", text)) <= set(ids)
+
+
+def test_the_same_document_gives_the_same_page(document, text):
+    assert calibration_html(copy.deepcopy(document)) == text
+
+
+def test_every_chapter_has_its_heading_in_order(page):
+    numbered = [f"{index} {title}" for index, (title, _) in enumerate(CHAPTERS, start=1)]
+    assert page.headings == ["Calibration report", "Warnings", *numbered]
+
+
+def test_figures_can_be_heard_and_tables_have_captions_and_heads(page):
+    pictures = page.all("svg")
+    assert len(pictures) == len(page.captions) == 9
+    assert all(picture["role"] == "img" and picture["aria-label"] for picture in pictures)
+    assert len({picture["aria-label"] for picture in pictures}) == 9
+    assert all(page.captions)
+    assert len(page.tables) == len(page.all("table"))
+    assert all(head.get("scope") in {"row", "col"} for head in page.all("th"))
+
+
+def test_the_head_says_what_came_out(document, page):
+    result = document["result"]
+    for said in (document["id"], document["version"], significant(result["sigma0"]), str(result["freedom"])):
+        assert said in page.text
+    assert f"{significant(result['sigma0_px'])} px" in page.text
+    assert all(warning in page.text for warning in document["warnings"])
+
+
+def test_parameters_are_given_with_their_sigma_at_the_same_place(document, page):
+    rows = page.table("Parameters of the views")
+    assert len(rows) == 18
+    for index, view in enumerate(document["views"]):
+        for row, given in zip(rows, view["parameters"], strict=True):
+            value, sigma, state = row[2 + 3 * index : 5 + 3 * index]
+            power = re.match(r"10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)", row[1])
+            exponent = int(power[1].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) if power else 0
+            assert state == given["state"]
+            assert (value, sigma) == measured(given["value"], given["sigma"], exponent)
+            assert number(value) * 10.0**exponent == pytest.approx(
+                given["value"], abs=given["sigma"] or 1e-12
+            )
+
+
+def test_the_comparison_has_every_parameter_with_its_verdict(document, page):
+    rows = page.table("Left and right compared")
+    assert len(rows) == len(document["comparison"])
+    for row, given in zip(rows, document["comparison"], strict=True):
+        assert row[6:8] == [significant(given["statistic"]), probability(given["p"])]
+        assert row[8] == ("differ" if given["p"] < 0.05 else "alike")
+
+
+def test_the_protocol_has_every_test_and_names_what_was_dropped(document, page):
+    rows = page.table("Protocol of the F tests")
+    assert len(rows) == len(document["tests"])
+    for row, given in zip(rows, document["tests"], strict=True):
+        assert row[0:2] == [str(given["round"]), given["kind"]]
+        assert row[3:8] == [significant(given["statistic"]), str(given["q"]), str(given["freedom"]),
+                            probability(given["p"]), significant(given["effect_px"], 2)]  # fmt: skip
+        assert row[8] == ("dropped" if given["dropped"] else "kept")
+    assert len(DROPPED) == 2
+    assert "Dropped from the model: left b₅, right b₅." in page.text
+
+
+def test_strong_correlations_are_listed_strongest_first(document, page):
+    matrix = document["unknowns"]["correlation"]
+    strong = sorted(
+        (abs(r) for i, line in enumerate(matrix) for r in line[:i] if abs(r) > 0.95), reverse=True
+    )
+    assert [abs(number(row[2])) for row in page.table("Unknowns correlated")] == pytest.approx(
+        strong, abs=5e-4
+    )
+
+
+def test_every_image_point_is_listed_with_its_residual(document, page):
+    rows = page.table("Image points")
+    assert len(rows) == len(document["residuals"]) == 216
+    for row, given in zip(rows, document["residuals"], strict=True):
+        assert row[:2] == [given["view"], str(given["target"])]
+        assert row[2:6] == [
+            fixed(given["x_px"], 3),
+            fixed(given["y_px"], 3),
+            fixed(given["dx_px"], 4),
+            fixed(given["dy_px"], 4),
+        ]
+        assert row[10:] == [fixed(given["tau_x"], 2), fixed(given["tau_y"], 2), str(given["fields"])]
+
+
+def test_a_blunder_stands_in_the_table_and_in_the_picture(page, text):
+    ((view, target, axis, *_),) = page.table("Blunders")
+    assert (view, int(target), axis) == (*BLUNDER, "x")
+    picture = text.split("Residual vectors of the image points")[1].split("</svg>")[0]
+    assert f">{BLUNDER[1]}</text>" in picture
+
+
+def test_held_out_targets_are_listed_and_summed_up(document, page):
+    observed, predicted = page.table("Held-out targets [mm]")
+    assert observed[1:] == [
+        fixed(document["validation"]["rmse_mm"][axis], 4) for axis in ("x", "y", "z", "xyz")
+    ]
+    assert predicted[1:] == [
+        fixed(document["validation"]["predicted_mm"][axis], 4) for axis in ("x", "y", "z", "xyz")
+    ]
+    assert len(page.table("Held-out targets: place")) == 108
+
+
+def test_the_volume_is_summed_up_plane_by_plane(document, page):
+    rows = page.table("σ in each plane")
+    for row, plane in zip(rows, document["volume"]["planes"], strict=True):
+        largest = max(value for line in plane["total"]["z"] for value in line if value is not None)
+        assert row[0] == fixed(plane["z_mm"], 1)
+        assert row[6].endswith(f"({fixed(largest, 4)})")
+
+
+def test_project_data_are_given_with_units_and_unknown_keys_too(document):
+    changed = least() | {"capture": {"started_utc": "2026-01-02T02:59:00+00:00", "shutter_ms": 1.5},
+                         "calibration_frame": document["calibration_frame"] | {"temperature_C": None}}  # fmt: skip
+    page = Page(calibration_html(changed))
+    capture = dict(page.tables["Capture"])
+    assert capture == {"started [UTC]": "2026-01-02 02:59:00 UTC", "shutter [ms]": "1.5"}
+    assert dict(page.tables["Calibration frame"])["temperature [°C]"] == "–"
+    assert dict(page.tables["Certificate of the calibration frame"])["number"] == "K-108/7"
+
+
+def test_a_report_without_any_optional_part_says_so_of_each():
+    page = Page(calibration_html(least()))
+    assert not page.all("svg")
+    assert set(page.tables) == {"Result at a glance"}
+    absent = [attributes for tag, attributes in page.elements if attributes.get("class") == "absent"]
+    assert len(absent) == 18
+    assert "blunders were not sought" in page.text
+
+
+@pytest.mark.parametrize("part", sorted(set(least()) - {"schema", "id", "created_utc", "result", "views"}))
+def test_a_part_that_is_null_is_the_same_as_one_that_is_missing(part):
+    without = least()
+    del without[part]
+    assert calibration_html(without) == calibration_html(least() | {part: None})
+
+
+def test_nothing_from_outside_becomes_markup():
+    evil = "\"><script>alert(1)</script>'&"
+    document = least() | {
+        "id": evil,
+        "version": evil,
+        "warnings": [evil],
+        "capture": {evil: evil},
+        "dropped": [evil],
+    }
+    document["tests"] = [{"round": 1, "kind": evil, "parameters": [evil], "dropped": True}]
+    document["unknowns"] = {"names": [evil, f"left.{evil}"], "correlation": [[1.0, 0.99], [0.99, 1.0]]}
+    text = calibration_html(document)
+    page = Page(text)
+    assert not page.all("script")
+    assert page.text.count(evil) > 6
+    assert "<script" not in text
+
+
+def test_a_view_by_another_name_and_a_shared_lens_are_drawn_as_well():
+    row = {
+        "name": "f_mm",
+        "unit": "mm",
+        "value": 8.0,
+        "sigma": 0.01,
+        "state": "adjusted",
+        "unknown": "lens.f_mm",
+    }
+    tied = {"name": "b8", "unit": "mm⁻²", "value": 0.0, "sigma": None, "state": "held", "unknown": None}
+    document = least()
+    document["views"] = [{**view, "name": name, "parameters": [row, tied]}
+                         for view, name in zip(document["views"], ("upper", "lower"), strict=True)]  # fmt: skip
+    rows = Page(calibration_html(document)).table("Parameters of the views")
+    assert rows == [["f", "mm", "8.000", "0.010", "shared", "8.000", "0.010", "shared"],
+                    ["b₈", "mm⁻²", "0", "–", "held", "0", "–", "held"]]  # fmt: skip
+
+
+@pytest.mark.parametrize("key", ["id", "created_utc", "result", "views"])
+def test_a_document_that_lacks_what_every_report_has_is_refused(key):
+    with pytest.raises(InputError, match=f"has no {key}"):
+        calibration_html(least() | {key: None})
+
+
+def test_a_document_of_another_schema_is_refused():
+    with pytest.raises(InputError, match="other/1"):
+        calibration_html(least() | {"schema": "other/1"})
+
+
+def test_without_matplotlib_it_says_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(ExtraMissing, match="report") as refused:
+        calibration_html(least())
+    assert refused.value.hint == "install it: pip install 'grabberd[report]'"
+
+
+def test_importing_the_room_does_not_import_matplotlib():
+    asked = "import sys, grabberd.reports; print([m for m in sys.modules if m.startswith('matplotlib')])"
+    found = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"

@@ -1,0 +1,125 @@
+import re
+
+import numpy as np
+import pytest
+
+from grabberd.reports.figures import (
+    correlation_svg,
+    distribution_svg,
+    field_svg,
+    geometry_svg,
+    residuals_svg,
+    validation_svg,
+    volume_svg,
+)
+from grabberd.reports.figures.drawing import WIDTH_MM, nice
+from grabberd.reports.figures.picture import exaggeration
+from reports.documents import full, least
+
+GRID = {"view": "left", "columns": [10.0, 20.0, 30.0], "lines": [5.0, 15.0]}
+CAMERA = {
+    "axis": [0.0, 0.0, -1.0],
+    "corners": [[-0.3, -0.4, -1], [0.3, -0.4, -1], [-0.3, 0.4, -1], [0.3, 0.4, -1]],
+}
+
+
+@pytest.fixture(scope="module")
+def document():
+    return full()
+
+
+def camera(name, x_mm):
+    return {**CAMERA, "name": name, "center_mm": [x_mm, 0.0, 240.0]}
+
+
+def points_of(svg, colour):
+    """Places in points of the discs of one colour, as the drawing uses them."""
+    uses = re.findall(r'<use [^>]*x="([\d.]+)" y="([\d.]+)" style="fill: ([#\w]+)', svg)
+    return np.array([(float(x), float(y)) for x, y, fill in uses if fill == colour])
+
+
+def test_the_imaging_geometry_is_to_scale():
+    geometry = {"cameras": [camera("left", -64.0), camera("right", 64.0)], "targets_mm": [[-20, 0, 0], [20, 0, 0], [0, 40, 0], [0, -40, 0]],
+                "base_mm": 128.0, "distance_mm": 240.0, "convergence_deg": 29.86}  # fmt: skip
+    svg, scale = geometry_svg(geometry)
+    left, right = points_of(svg, "#0072b2")[0], points_of(svg, "#b34700")[0]
+    paper_mm = np.linalg.norm(right - left) / 72 * 25.4
+    assert paper_mm * scale == pytest.approx(128.0, abs=0.05)
+    width_pt, height_pt = (
+        re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"|$', svg.replace("\n", " ")).groups()
+        if 'width="' in svg
+        else (0, 0)
+    )
+    assert float(width_pt) == pytest.approx(WIDTH_MM / 25.4 * 72, abs=0.01)
+    assert float(height_pt) < 160 / 25.4 * 72
+    assert all(said in svg for said in ("base 128", "distance 240", "29.86°"))
+
+
+def test_cameras_of_a_mirrored_or_turned_frame_are_drawn_from_their_own_base():
+    geometry = {
+        "cameras": [camera("right", 64.0), camera("left", -64.0)],
+        "targets_mm": [[0, 0, 0], [5, 5, 5]],
+    }
+    turned = np.array([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
+    for one in geometry["cameras"]:
+        one.update({key: (np.array(one[key]) @ turned).tolist() for key in ("center_mm", "axis", "corners")})
+    geometry["targets_mm"] = (np.array(geometry["targets_mm"]) @ turned).tolist()
+    svg, scale = geometry_svg(geometry)
+    assert scale > 0
+    assert "base" not in svg
+
+
+@pytest.mark.parametrize(("value", "expected"), [(7.3, 5), (0.0199, 0.01), (0.02, 0.02), (1.0, 1), (99, 50)])
+def test_scales_are_round(value, expected):
+    assert nice(value) == pytest.approx(expected)
+
+
+def test_vectors_are_enlarged_until_nearly_all_have_room():
+    assert exaggeration([0.1] * 99 + [5.0], 40.0) == 200
+    assert exaggeration([0.0, 0.0], 40.0) == 1.0
+
+
+def test_the_scale_of_residuals_is_said(document):
+    assert re.search(r"[\d.]+ px, enlarged \d+ times", residuals_svg(document))
+
+
+def test_a_field_that_is_zero_or_partly_unknown_can_be_drawn():
+    zero = {**GRID, "dx_px": [[0.0] * 3] * 2, "dy_px": [[0.0] * 3] * 2}
+    partly = {
+        **GRID,
+        "dx_px": [[0.1, None, 0.3], [0.1, 0.2, None]],
+        "dy_px": [[0.0, None, 0.1], [0.1, 0.1, None]],
+    }
+    assert "<svg" in field_svg(least(), [zero], "zero")
+    assert "<svg" in field_svg(least(), [partly], "partly")
+
+
+def test_a_volume_that_no_view_sees_or_that_is_even_can_be_drawn():
+    for value in (None, 0.02):
+        grids = dict.fromkeys("xyz", [[value] * 3] * 4)
+        volume = {"x_mm": [0, 1, 2, 3], "y_mm": [0, 1, 2], "planes": [{"z_mm": 0.0, "total": grids}]}
+        assert "Z = 0 mm" in volume_svg(volume, "total", "a volume")
+
+
+def test_one_view_alone_can_be_drawn(document):
+    alone = document | {
+        "residuals": [row for row in document["residuals"] if row["view"] == "left"],
+        "blunders": None,
+    }
+    assert "right</text>" not in distribution_svg(alone)
+    assert "#b34700" not in residuals_svg({**alone, "views": document["views"][:1]})
+
+
+def test_two_unknowns_have_one_correlation():
+    svg = correlation_svg({"names": ["lens.f_mm", "left.b1"], "correlation": [[1.0, -0.97], [-0.97, 1.0]]})
+    assert "b₁" in svg
+
+
+def test_one_held_out_target_can_be_drawn():
+    point = {f"{kind}{axis}_mm": 0.01 for kind in ("d", "sigma_") for axis in "xyz"}
+    assert "predicted σ [mm]" in validation_svg([point])
+
+
+def test_figures_hold_no_picture_date_or_program(document):
+    svg = residuals_svg(document)
+    assert not re.search(r"metadata|<image|atplotlib|<\?xml|DOCTYPE|<style", svg)

@@ -1,0 +1,44 @@
+"""Calibration documents for tests, and calibrators that a job can run in its process."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from grabberd.config import shipped_configs
+from grabberd.errors import MeasurementError
+from grabberd.service.jobs import Progress
+from grabberd.storage import CaptureReader
+from grabberd.storage.calibrations import CalibrationStore
+
+Document = dict[str, Any]
+
+SHIFT_MM = 0.25
+
+
+def calibration(calibration_id: str, shift_mm: float = 0.0, **changes: Any) -> Document:
+    """The simulated rig's, with both cameras shifted along Z: so are all points that it measures."""
+    document: Document = json.loads((shipped_configs() / "fake.calibration.json").read_text())
+    for view in document["views"].values():
+        view["Z0_mm"] += shift_mm
+    return document | {"id": calibration_id} | changes
+
+
+def exact(
+    capture: Path, frame: Mapping[str, Any], options: Mapping[str, Any], store: Path, progress: Progress
+) -> Document:
+    """Knows the calibration without looking at the fields; its id ends as the calibration frame is called."""
+    progress(0.5)
+    with CaptureReader(capture) as reader:
+        details = {"fields": reader.field_count, "options": dict(options), "targets": len(frame["targets"])}
+    document = calibration(f"of-{capture.stem}", SHIFT_MM, details=details)
+    report = {"schema": "grabberd/calibration-report/1", "id": document["id"], "warnings": []}
+    made = CalibrationStore(store).add(document, report=report)
+    return {"calibration": made.id}
+
+
+def without_result(
+    capture: Path, frame: Mapping[str, Any], options: Mapping[str, Any], store: Path, progress: Progress
+) -> Document:
+    """Finds no targets."""
+    raise MeasurementError("2 of 108 targets were found", "light the calibration frame")
