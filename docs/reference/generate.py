@@ -42,8 +42,13 @@ def _http(description: dict[str, Any]) -> Iterator[str]:
     for path, methods in description["paths"].items():
         for method, operation in methods.items():
             yield f"| `{method.upper()}` | `{path}` | {' '.join(operation['description'].split())} |"
+    schemas = description["components"]["schemas"]
     yield "\n## A capture as it is asked for\n"
-    yield from _schema(description["components"]["schemas"]["CaptureOrder"])
+    yield from _schema(schemas["CaptureOrder"])
+    yield "\n## A calibration as it is asked for\n"
+    yield from _schema(schemas["CalibrationOrder"])
+    yield "\nIts `options`:\n"
+    yield from _schema(schemas["CalibrationOptions"])
 
 
 def _schema(schema: dict[str, Any]) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from running import configuration, wait_until_it_accepts
 from grabberd import reports
 from grabberd.api import create_app
 from grabberd.config import default_config_file
+from grabberd.service.calibration_job import Calibrator
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.calibrations import CalibrationRecord
@@ -21,14 +23,27 @@ CALIBRATIONS = "/api/v1/calibrations"
 CONFIGURED = "fake-1-2"
 
 
-@pytest.fixture
-def calibrating(tmp_path: Path) -> Iterator[TestClient]:
-    """A fast device whose calibrator knows the answer."""
-    service = Service(
-        set_up(configuration({"pace": "free"}), default_config_file()), tmp_path, calibrator=exact
-    )
+@contextmanager
+def client_of(folder: Path, pace: str, calibrator: Calibrator) -> Iterator[TestClient]:
+    """A client of a service that records and does not measure."""
+    setups = set_up(configuration({"pace": pace}, object=None), default_config_file())
+    service = Service(setups, folder, calibrator=calibrator)
     with TestClient(create_app(service), raise_server_exceptions=False) as client:
         wait_until_it_accepts(service)
+        yield client
+
+
+@pytest.fixture
+def calibrating(tmp_path: Path) -> Iterator[TestClient]:
+    """Captures are over in no time, and the calibrator knows the answer."""
+    with client_of(tmp_path, "free", exact) as client:
+        yield client
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Iterator[TestClient]:
+    """Captures last as long as they last."""
+    with client_of(tmp_path, "real", exact) as client:
         yield client
 
 
@@ -82,12 +97,9 @@ def test_a_capture_is_calibrated_by_a_job_whose_result_is_listed(calibrating: Te
 
 
 def test_what_the_calibrator_refuses_fails_the_job_with_its_hint(tmp_path: Path) -> None:
-    setups = set_up(configuration({"pace": "free"}), default_config_file())
-    service = Service(setups, tmp_path, calibrator=without_result)
-    with TestClient(create_app(service), raise_server_exceptions=False) as client:
-        wait_until_it_accepts(service)
+    with client_of(tmp_path, "free", without_result) as client:
         job = client.post(CALIBRATIONS, json={"capture": captured(client)}).json()
-        failed = service.jobs.wait(job["id"], 60)
+        failed = service_of(client).jobs.wait(job["id"], 60)
         assert failed.problem == {
             "message": "2 of 108 targets were found",
             "hint": "light the calibration frame",
@@ -155,7 +167,7 @@ def test_a_damaged_one_is_listed_with_its_problem(fast: TestClient) -> None:
     assert is_problem(fast.put(f"{CALIBRATIONS}/active", json={"id": "rig-7"}), 507)
 
 
-def test_the_activated_one_is_in_force_in_the_state_and_in_the_next_capture(fast: TestClient) -> None:
+def test_the_state_shows_the_activated_one_and_its_age(fast: TestClient) -> None:
     stored(fast)
     answer = fast.put(f"{CALIBRATIONS}/active", json={"id": "rig-7"})
     assert (answer.status_code, answer.json()["active"]) == (200, True)
@@ -167,10 +179,10 @@ def test_the_activated_one_is_in_force_in_the_state_and_in_the_next_capture(fast
     assert fast.get("/api/v1/devices/simulated").json()["calibration"]["id"] == "rig-7"
 
 
-def test_an_activation_during_a_capture_is_refused_with_the_captures_id(paced: TestClient) -> None:
-    stored(paced)
-    running = paced.post("/api/v1/captures", json={}).json()["id"]
-    refused = paced.put(f"{CALIBRATIONS}/active", json={"id": "rig-7"})
+def test_an_activation_during_a_capture_is_refused_with_the_captures_id(recording: TestClient) -> None:
+    stored(recording)
+    running = recording.post("/api/v1/captures", json={}).json()["id"]
+    refused = recording.put(f"{CALIBRATIONS}/active", json={"id": "rig-7"})
     assert is_problem(refused, 409)
     assert refused.json()["capture_id"] == running
 
@@ -224,9 +236,9 @@ def test_what_is_not_there_is_a_problem_with_a_hint(calibrating: TestClient) -> 
     assert is_problem(calibrating.get(f"{CALIBRATIONS}/nothing"), 404)
 
 
-def test_a_running_capture_is_not_calibrated_from(paced: TestClient) -> None:
-    running = paced.post("/api/v1/captures", json={}).json()["id"]
-    assert is_problem(paced.post(CALIBRATIONS, json={"capture": running}), 409)
+def test_a_running_capture_is_not_calibrated_from(recording: TestClient) -> None:
+    running = recording.post("/api/v1/captures", json={}).json()["id"]
+    assert is_problem(recording.post(CALIBRATIONS, json={"capture": running}), 409)
 
 
 @pytest.mark.parametrize(
@@ -256,6 +268,13 @@ def test_what_cannot_be_meant_is_refused(fast: TestClient, order: Any) -> None:
 @pytest.mark.parametrize("number", ["NaN", "1e999", "-Infinity"])
 def test_numbers_that_are_none_are_refused(fast: TestClient, number: str) -> None:
     text = json.dumps({"document": calibration("one", details={"x": 12345})}).replace("12345", number)
+    answer = fast.post(CALIBRATIONS, content=text, headers={"Content-Type": "application/json"})
+    assert is_problem(answer, 422)
+
+
+def test_half_a_character_is_refused_and_can_be_quoted(fast: TestClient) -> None:
+    document = calibration("one") | {"\ud800": 1, "source": "\ud800"}
+    text = json.dumps({"document": document})
     answer = fast.post(CALIBRATIONS, content=text, headers={"Content-Type": "application/json"})
     assert is_problem(answer, 422)
 

@@ -77,7 +77,7 @@ def test_even_mirrors_have_no_local_field():
     assert not even.accepted
     assert even.fields == (None, None)
     assert even.adjustment.views == adjusted(uneven_network(0.0)).views
-    assert even.sigma0_px == pytest.approx(NOISE_PX, rel=0.1)
+    assert even.adjustment.sigma0_px == pytest.approx(NOISE_PX, rel=0.1)
 
 
 def test_the_settings_say_what_is_accepted():
@@ -90,6 +90,10 @@ def test_sigma_is_what_stays():
     places = [project(view, WITHIN) for view in TRUE]
     sigma = np.array([one.sigma_at(xy) for one, xy in zip(trial().fields, places, strict=True)])
     assert 0.7 < rms(left / sigma) < 1.3
+
+
+def test_the_noise_beside_the_fields_is_that_of_the_image_points():
+    assert trial().adjustment.sigma0_px == pytest.approx(NOISE_PX, rel=0.6)
 
 
 def test_far_from_all_targets_the_field_fades_and_sigma_grows():
@@ -125,6 +129,15 @@ def test_given_sigmas_three_times_too_large_give_the_same_field():
     places = project(TRUE[0], WITHIN)
     assert careful.components.noise == pytest.approx(1 / 3, rel=0.5)
     assert rms(careful.fields[0].at(places) - trial().fields[0].at(places)) < 0.003
+
+
+def test_what_was_added_to_the_sigmas_for_the_models_misses_is_taken_off_again():
+    given = uneven_network()
+    enlarged = replace(given, sigma_px=np.hypot(given.sigma_px, 0.05))
+    found = try_local_fields(adjusted(enlarged), 576, unmodelled_px=0.05)
+    places = project(TRUE[0], WITHIN)
+    assert found.components.noise == pytest.approx(trial().components.noise, rel=0.05)
+    assert rms(found.fields[0].at(places) - trial().fields[0].at(places)) < 1e-3
 
 
 def test_targets_that_one_view_alone_sees_do_no_harm():

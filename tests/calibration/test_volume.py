@@ -5,6 +5,7 @@ import pytest
 
 from calibration.networks import THREE, TRUE, frame, network, tied
 from grabberd.calibration import adjust, intersect_network, volume_sigma
+from grabberd.geometry import LocalField
 
 ADJUSTED = adjust(network(), tied())
 
@@ -70,3 +71,11 @@ def test_the_sigma_of_the_pictures_is_taken_from_the_calibration():
     own, given = volume_sigma(ADJUSTED), volume_sigma(ADJUSTED, (same, same))
     assert np.allclose(own.pointing_mm2, given.pointing_mm2, equal_nan=True)
     assert TRUE[0].name == "left"
+
+
+def test_what_the_local_fields_leave_is_part_of_the_calibrations_share():
+    flat = np.full((41, 50, 2), 0.05)
+    local_field = LocalField.through((-0.5, -0.5), 15.0, 0 * flat, flat)
+    plain = volume_sigma(ADJUSTED, sigma_px=(0.05, 0.05))
+    both = volume_sigma(ADJUSTED, sigma_px=(0.05, 0.05), local_fields=(local_field, local_field))
+    assert np.allclose(both.calibration_mm2, plain.calibration_mm2 + plain.pointing_mm2, equal_nan=True)

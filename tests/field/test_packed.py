@@ -84,3 +84,24 @@ def test_a_one_bit_pal_field_takes_as_many_bytes_as_promised():
     assert quantise(field, 1, 100).data.nbytes == 25_920
     assert quantise(double_lines(field), 1, 100).data.nbytes == 51_840
     assert quantise(field, 8, 100).data.nbytes == 207_360
+
+
+def test_a_threshold_of_its_own_for_every_pixel_sets_the_pixels_above_it():
+    rng = np.random.default_rng(7)
+    luma, thresholds = rng.integers(0, 256, (2, 16, 33)).astype(np.uint8)
+    packed = quantise(Field.intact(luma, TOP), 1, thresholds)
+    np.testing.assert_array_equal(unpack(packed).luma == 255, luma > thresholds)
+    assert isinstance(packed.threshold, int)
+
+
+def test_an_even_map_of_thresholds_is_the_threshold():
+    field = Field.intact(np.arange(256, dtype=np.uint8).reshape(16, 16), TOP)
+    even, scalar = (quantise(field, 1, threshold) for threshold in (np.full((16, 16), 99, np.uint8), 99))
+    np.testing.assert_array_equal(even.data, scalar.data)
+    assert even.threshold == scalar.threshold
+
+
+@pytest.mark.parametrize(("bits", "shape"), [(2, (4, 8)), (8, (4, 8)), (1, (4, 7))])
+def test_a_map_of_thresholds_is_for_one_bit_and_for_its_own_size(bits, shape):
+    with pytest.raises(ValueError, match="do not fit a field of"):
+        quantise(Field.intact(np.zeros((4, 8), np.uint8), TOP), bits, np.zeros(shape, np.uint8))

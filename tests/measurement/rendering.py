@@ -10,26 +10,49 @@ HALF_PX = 12
 PITCH_PX = 24
 
 
-def disc(diameter_px, spread_px):
-    """A disc of brightness 1 through a Gaussian spread and a square pixel, sampled FINE times a pixel."""
+def disc(diameter_px, spread_px, squeeze=1.0):
+    """A disc of brightness 1 through a Gaussian spread and a square pixel, sampled FINE times a pixel.
+
+    Tilted, its width is `squeeze` times its height.
+    """
     size = 2 * (HALF_PX + 2) * FINE + 1
     y, x = np.mgrid[:size, :size] - size // 2
-    picture = (np.hypot(x, y) <= diameter_px / 2 * FINE).astype(np.float32)
+    picture = (np.hypot(x / squeeze, y) <= diameter_px / 2 * FINE).astype(np.float32)
     picture = cv2.GaussianBlur(picture, (0, 0), spread_px * FINE)
     return cv2.blur(picture, (FINE + 1, FINE + 1))
 
 
-def grid_of_discs(rng, *, diameter_px=5.0, spread_px=0.7, background=30, contrast=180, noise=0.0, parity=TOP):
-    """An intact field of discs, each random within a pixel and a row, and their places in frame pixels."""
-    fine = disc(diameter_px, spread_px)
+def grid_of_discs(
+    rng,
+    *,
+    diameter_px=5.0,
+    spread_px=0.7,
+    background=30,
+    contrast=180,
+    noise=0.0,
+    parity=TOP,
+    jitter_px=0.0,
+    squeeze=1.0,
+):
+    """An intact field of discs, each random within a pixel and a row, and their places in frame pixels.
+
+    Line jitter shifts every row by a whole number of 1 / FINE pixels.
+    """
+    fine = disc(diameter_px, spread_px, squeeze)
     frame_lines, columns = 576, 720
     light = np.zeros((frame_lines // 2, columns))
+    shift = np.zeros(frame_lines // 2, int)
+    if jitter_px:
+        shift = np.rint(rng.normal(0, jitter_px * FINE, len(shift))).astype(int)
     places = []
     for top in range(PITCH_PX, frame_lines - 2 * PITCH_PX, PITCH_PX):
         for left in range(PITCH_PX, columns - 2 * PITCH_PX, PITCH_PX):
             dx, dy = rng.integers((FINE, 2 * FINE))
-            patch = fine[2 * FINE - dy :: FINE, FINE - dx :: FINE][: 2 * HALF_PX, : 2 * HALF_PX]
-            light[top // 2 : top // 2 + HALF_PX, left : left + 2 * HALF_PX] += patch[parity::2]
+            lines = fine[2 * FINE - dy :: FINE][parity : 2 * HALF_PX : 2]
+            across = FINE - dx + FINE * np.arange(2 * HALF_PX)
+            rows = slice(top // 2, top // 2 + HALF_PX)
+            moved = np.maximum(across - shift[rows, np.newaxis], 0)
+            light[rows, left : left + 2 * HALF_PX] += np.take_along_axis(lines, moved, axis=1)
             places.append((left + HALF_PX + 1 + dx / FINE, top + HALF_PX + dy / FINE))
     grey = background + contrast * (light + rng.normal(0, noise, light.shape))
     return Field.intact(np.clip(np.round(grey), 0, 255).astype(np.uint8), parity), np.array(places)

@@ -30,7 +30,7 @@ def predicted_and_empirical(*, bits, doubled, fraction, noise):
     sigmas, errors = [], []
     for field, places in pictures(noise):
         packed = quantise(double_lines(field) if doubled else field, bits, round(30 + fraction * 180))
-        blobs = measure(packed, None, LocationSettings())
+        blobs = measure(packed, None, LocationSettings(method="centroid", line_jitter_px=0.0))
         error, blob = errors_px(blobs, places)
         assert len(error) == len(places)
         sigmas.append(blobs.sigma_px[blob])

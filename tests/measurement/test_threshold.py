@@ -3,6 +3,7 @@ import pytest
 
 from grabberd.errors import MeasurementError
 from grabberd.measurement import ThresholdRule, background_of, choose_threshold, trinder_levels
+from grabberd.measurement.locale_prediction import Scene, best_fraction
 from measurement.rendering import grid_of_discs
 
 AUTOMATIC = ThresholdRule()
@@ -40,8 +41,11 @@ def test_automatic_is_low_for_grey(targets, bits):
     assert (choose_threshold(targets, AUTOMATIC, bits) - 30) / 180 == pytest.approx(0.13, abs=0.02)
 
 
-def test_automatic_is_higher_for_one_bit(targets):
-    assert (choose_threshold(targets, AUTOMATIC, 1) - 30) / 180 == pytest.approx(0.3, abs=0.03)
+@pytest.mark.parametrize("y_step", [1, 2])
+def test_automatic_at_one_bit_is_the_fraction_with_the_least_predicted_error(targets, y_step):
+    chosen = (choose_threshold(targets, AUTOMATIC, 1, y_step) - 30) / 180
+    scene = Scene(target_px=5.0, spread_px=0.7, noise=0.025, jitter_px=0.12, y_step=y_step)
+    assert chosen == pytest.approx(best_fraction(scene), abs=0.03)
 
 
 def test_a_rule_may_name_its_own_fraction(targets):
@@ -66,7 +70,7 @@ def test_a_single_target_is_enough():
     histogram = np.zeros(256, int)
     histogram[28:33] = [20_000, 50_000, 67_320, 50_000, 20_000]
     histogram[190:210] = 1
-    assert choose_threshold(histogram, AUTOMATIC, 1) == pytest.approx(30 + 0.3 * 175, abs=3)
+    assert choose_threshold(histogram, ThresholdRule(fraction=0.3), 1) == pytest.approx(30 + 0.3 * 175, abs=3)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02, 0.1])

@@ -1,145 +1,150 @@
+"""The accuracy investigation on fields of the simulated grabber, against its truth."""
+
 import numpy as np
 import pytest
 
-from grabberd.errors import MeasurementError
-from grabberd.processes.accuracy import Coordinates, Truth, accuracy
-from grabberd.reconstruction.points import Points
+from grabberd.errors import InputError, MeasurementError
+from grabberd.field import BOTTOM, TOP, Field, NumberedField, double_lines, quantise, unpack
+from grabberd.processes.accuracy import InvestigationSettings, Truth, investigate, requantised
+from grabberd.processes.measure import measure_fields
+from processes.fake_scene import take_scene
 
-TARGETS = np.arange(1, 13, dtype=np.int32)
-PLACES_MM = np.random.default_rng(1).uniform(-30, 30, (12, 3))
-STILL = Truth(None, TARGETS, PLACES_MM, np.ones(12, bool))
-SIGMA_MM = np.array([0.05, 0.10, 0.08])
-
-
-def repeated(fields, error_mm):
-    """Every target in every field; errors are broadcast to (fields, targets, 3)."""
-    numbers = np.arange(fields, dtype=np.int64)
-    return Coordinates(
-        numbers,
-        np.repeat(numbers, len(TARGETS)),
-        np.tile(TARGETS, fields),
-        (PLACES_MM + np.broadcast_to(error_mm, (fields, 12, 3))).reshape(-1, 3),
-    )
+PERFECT_MIRRORS = {"mirror_error_px": 0.0}
 
 
-def without(measured, gone):
-    return Coordinates(measured.fields, measured.n[~gone], measured.target[~gone], measured.xyz_mm[~gone])
+@pytest.fixture(scope="module")
+def at_rest():
+    return take_scene(32, scene="accuracy_object", rig=PERFECT_MIRRORS)
 
 
-@pytest.fixture
-def noisy():
-    return repeated(200, np.random.default_rng(2).normal(0, SIGMA_MM, (200, 12, 3)))
+@pytest.fixture(scope="module")
+def pulsating():
+    return take_scene(60, rig=PERFECT_MIRRORS)
 
 
-def test_the_rmse_of_pure_noise_is_its_standard_deviation(noisy):
-    report = accuracy(noisy, STILL)
-    assert report.rmse[:3] == pytest.approx(SIGMA_MM, rel=0.05)
-    assert (report.fields, report.matched, report.missing, report.wrong) == (200, 2400, 0, 0)
+def investigated(scene, bits, lines, **settings):
+    points = ((one.n, one.time_ns, one.points) for one in scene.measured(bits, lines))
+    return investigate(points, scene.truth, InvestigationSettings(bits=bits, **settings))
 
 
-def test_xyz_is_the_root_of_the_sum_of_squares(noisy):
-    for axes in (accuracy(noisy, STILL).rmse, accuracy(noisy, STILL).precision):
-        assert axes.xyz_mm**2 == pytest.approx(axes.x_mm**2 + axes.y_mm**2 + axes.z_mm**2)
+@pytest.mark.slow
+@pytest.mark.parametrize("bits", [1, 8])
+@pytest.mark.parametrize("scene", ["at_rest", "pulsating"])
+def test_the_smoothed_points_have_the_sigma_that_they_are_given(scene, bits, request):
+    result = investigated(request.getfixturevalue(scene), bits, "doubled" if bits == 1 else "field")
+    assert 0.8 < np.sqrt(result.smoothed.chi2) < 1.25
 
 
-def test_a_constant_error_is_inaccurate_but_precise():
-    report = accuracy(repeated(5, np.array([0.3, 0.0, -0.4])), STILL)
-    assert report.rmse == pytest.approx((0.3, 0.0, 0.4, 0.5))
-    assert report.precision == pytest.approx((0, 0, 0, 0), abs=1e-9)
+@pytest.mark.slow
+def test_smoothing_betters_every_axis_at_rest_and_in_movement(at_rest, pulsating):
+    for scene in (at_rest, pulsating):
+        for bits, lines in ((1, "doubled"), (8, "field")):
+            result = investigated(scene, bits, lines)
+            better = np.array(result.smoothed.accuracy.rmse) / np.array(result.single.accuracy.rmse)
+            assert (better < 0.85).all()
 
 
-def test_precision_does_not_see_what_each_target_has_for_itself(noisy):
-    own_bias = np.random.default_rng(3).normal(0, 0.3, (1, 12, 3))
-    biased = repeated(200, own_bias + (noisy.xyz_mm.reshape(200, 12, 3) - PLACES_MM))
-    assert accuracy(biased, STILL).precision == pytest.approx(accuracy(noisy, STILL).precision)
-    assert accuracy(biased, STILL).rmse.xyz_mm > 0.4
+def test_at_one_bit_32_fields_at_rest_are_not_32_times_as_good(at_rest):
+    result = investigated(at_rest, 1, "doubled")
+    assert result.smoothed.accuracy.rmse.xyz_mm > 0.3 * result.single.accuracy.rmse.xyz_mm
+    assert result.smoothed.sigma.xyz_mm > 0.3 * result.single.sigma.xyz_mm
 
 
-def test_a_moving_object_has_no_precision(noisy):
-    moving = STILL.in_fields(noisy.fields)
-    report = accuracy(noisy, moving)
-    assert report.precision is None
-    assert report.rmse == accuracy(noisy, STILL).rmse
+def test_eight_bits_at_rest_reach_hundredths_of_a_millimetre(at_rest):
+    assert investigated(at_rest, 8, "field").smoothed.accuracy.rmse.xyz_mm < 0.02
 
 
-def test_one_field_alone_has_no_precision():
-    assert accuracy(repeated(1, np.zeros(3)), STILL).precision is None
+def test_the_object_at_rest_has_a_pointing_precision_and_a_verdict(at_rest):
+    result = investigated(at_rest, 1, "doubled")
+    x, y = result.pointing.both_px
+    assert 0.03 < x < 0.170
+    assert 0.03 < y < 0.225
+    assert result.pointing.targets == 60
+    assert result.single.lengths.passed
+    assert abs(result.smoothed.lengths.greatest_mm) < abs(result.single.lengths.greatest_mm)
 
 
-def test_truth_is_taken_from_the_points_own_field():
-    shift = np.array([0.0, 1.0, 0.0])
-    measured = repeated(3, np.arange(3)[:, None, None] * shift)
-    moving = Truth(measured.n, measured.target, measured.xyz_mm, np.ones(36, bool))
-    backwards = np.arange(36)[::-1]
-    shuffled = Truth(
-        moving.n[backwards], moving.target[backwards], moving.xyz_mm[backwards], moving.expected[backwards]
-    )
-    assert accuracy(measured, shuffled).rmse.xyz_mm == 0.0
+def test_a_moving_object_has_neither_pointing_precision_nor_repeatability(pulsating):
+    result = investigated(pulsating, 1, "doubled")
+    assert result.pointing is None
+    assert result.single.accuracy.precision is None
 
 
-def test_a_target_that_should_have_been_found_is_missing_in_every_field_without_it(noisy):
-    gone = (noisy.target == 4) & (noisy.n < 7)
-    assert accuracy(without(noisy, gone), STILL).missing == 7
+def test_a_fit_is_made_for_single_and_smoothed_points_alike(at_rest):
+    result = investigated(at_rest, 8, "field", fit=True)
+    for compared in (result.single, result.smoothed):
+        assert compared.accuracy.fitted.angle_deg < 0.05
+        assert np.abs(compared.accuracy.fitted.shift_mm).max() < 0.05
 
 
-def test_a_field_without_any_point_misses_all_its_targets(noisy):
-    assert accuracy(without(noisy, noisy.n == 5), STILL).missing == 12
+def test_where_there_are_too_few_targets_it_says_why_there_is_no_verdict(at_rest):
+    few = at_rest.truth.target <= 5
+    truth = Truth(*(getattr(at_rest.truth, name)[few] for name in Truth.__slots__))
+    points = [(one.n, one.time_ns, one.points) for one in at_rest.measured(8, "field")]
+    result = investigate(points, truth, InvestigationSettings(bits=8))
+    assert result.single.lengths is None
+    assert "7 are needed" in result.single.no_lengths
 
 
-def test_a_hidden_target_is_not_missing_but_compared_where_it_is_found(noisy):
-    hidden = Truth(None, TARGETS, PLACES_MM, TARGETS != 4)
-    assert accuracy(without(noisy, noisy.target == 4), hidden).missing == 0
-    assert accuracy(noisy, hidden).matched == 2400
+def test_without_any_point_nothing_is_made_up(at_rest):
+    with pytest.raises(MeasurementError, match="none of 0 points in 0 fields"):
+        investigate([], at_rest.truth, InvestigationSettings())
 
 
-def test_truth_of_fields_that_were_not_measured_is_not_missing(noisy):
-    longer = STILL.in_fields(np.arange(300))
-    assert accuracy(noisy, longer).missing == 0
+GREY = Field.intact(np.random.default_rng(1).integers(0, 256, (20, 32), dtype=np.uint8), TOP)
 
 
-def test_a_point_with_its_neighbours_id_is_wrong_and_spoils_no_other_number(noisy):
-    swapped = noisy.xyz_mm.copy()
-    swapped[[0, 1]] = swapped[[1, 0]]
-    report = accuracy(Coordinates(noisy.fields, noisy.n, noisy.target, swapped), STILL)
-    assert (report.wrong, report.matched, report.missing) == (2, 2398, 0)
-    assert report.rmse.xyz_mm == pytest.approx(accuracy(noisy, STILL).rmse.xyz_mm, rel=0.01)
+def eight_bits(field=GREY, n=4):
+    return NumberedField(n, 1000, 7, quantise(field, 8, 100))
 
 
-def test_points_of_targets_without_truth_are_unknown(noisy):
-    fewer = Truth(None, TARGETS[:-2], PLACES_MM[:-2], np.ones(10, bool))
-    report = accuracy(noisy, fewer)
-    assert (report.unknown, report.matched) == (400, 2000)
+@pytest.mark.parametrize("bits", [1, 2, 3, 4, 5, 6, 8])
+@pytest.mark.parametrize("doubled", [True, False])
+def test_an_8_bit_field_quantised_anew_is_as_if_taken_so(bits, doubled, at_rest):
+    _, field = at_rest.fields[0]
+    (again,) = requantised([eight_bits(field)], bits, doubled=doubled)
+    taken = quantise(double_lines(field) if doubled else field, bits, again.packed.threshold)
+    assert np.array_equal(again.packed.data, taken.data)
+    assert (again.packed.bits, again.packed.y0, again.packed.y_step) == (bits, taken.y0, taken.y_step)
+    assert (again.n, again.time_ns, again.sequence) == (4, 1000, 7)
 
 
-@pytest.mark.parametrize(
-    "truth",
-    [
-        Truth(None, TARGETS + 100, PLACES_MM, np.ones(12, bool)),
-        Truth(None, TARGETS, PLACES_MM + 50.0, np.ones(12, bool)),
-        Truth(None, TARGETS[:0], PLACES_MM[:0], np.ones(0, bool)),
-    ],
-    ids=["other ids", "another frame", "no truth"],
-)
-def test_truth_that_fits_no_point_is_refused(noisy, truth):
-    with pytest.raises(MeasurementError, match="none of 2400 points in 200 fields") as refusal:
-        accuracy(noisy, truth)
-    assert "object's frame" in refusal.value.hint
+def test_seven_bits_are_kept_in_eight_with_every_level_in_its_middle(at_rest):
+    _, field = at_rest.fields[0]
+    (again,) = requantised([eight_bits(field)], 7, doubled=False)
+    assert np.array_equal(unpack(again.packed).luma, field.luma // 2 * 2 + 1)
 
 
-def test_coordinates_of_measured_fields_keep_fields_without_points():
-    two = Points(
-        np.array([3, 8], np.int32),
-        np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]),
-        *(np.zeros((2, 3, 3)) for _ in range(2)),
-        np.zeros((2, 2, 2)),
-        np.zeros(2),
-    )
-    coordinates = Coordinates.of([(7, Points.none()), (9, two)])
-    assert coordinates.fields.tolist() == [7, 9]
-    assert coordinates.n.tolist() == [9, 9]
-    assert coordinates.target.tolist() == [3, 8]
-    assert coordinates.xyz_mm.tolist() == two.xyz_mm.tolist()
+def test_the_threshold_is_chosen_once_and_for_the_bits(at_rest):
+    fields = [eight_bits(field, n) for n, (_, field) in enumerate(at_rest.fields[:3])]
+    one, eight = (list(requantised(fields, bits, doubled=False)) for bits in (1, 8))
+    assert len({each.packed.threshold for each in one}) == 1
+    assert eight[0].packed.threshold < one[0].packed.threshold
 
 
-def test_coordinates_of_nothing_are_empty():
-    assert len(Coordinates.of([]).n) == 0
+@pytest.mark.parametrize(("bits", "doubled"), [(1, False), (6, False), (8, True)])
+def test_fields_of_fewer_bits_or_doubled_lines_cannot_be_quantised_anew(bits, doubled):
+    field = double_lines(GREY) if doubled else GREY
+    taken = NumberedField(0, 0, 0, quantise(field, bits, 100))
+    with pytest.raises(InputError, match="cannot be quantised anew") as refusal:
+        list(requantised([taken], 1, doubled=False))
+    assert "--bits 8" in refusal.value.hint
+
+
+@pytest.mark.slow
+def test_more_bits_are_better_up_to_five(at_rest):
+    raw = [eight_bits(field, n) for n, (_, field) in enumerate(at_rest.fields[:12])]
+    fields = [one._replace(time_ns=time_ns) for one, (time_ns, _) in zip(raw, at_rest.fields, strict=False)]
+    rmse = {}
+    for bits in (1, 3, 5, 7, 8):
+        measured = measure_fields(requantised(fields, bits, doubled=False), at_rest.setup)
+        points = ((one.n, one.time_ns, one.points) for one in measured)
+        result = investigate(points, at_rest.truth, InvestigationSettings(bits=bits))
+        rmse[bits] = result.single.accuracy.rmse.xyz_mm
+    assert rmse[1] > 1.5 * rmse[3] > 1.5 * rmse[5]
+    assert rmse[5] < 1.15 * rmse[8]
+    assert rmse[7] < 1.05 * rmse[8]
+
+
+def test_parities_alternate_in_what_the_simulator_delivers(at_rest):
+    assert [field.parity for _, field in at_rest.fields[:4]] in ([TOP, BOTTOM] * 2, [BOTTOM, TOP] * 2)

@@ -129,7 +129,7 @@ def test_a_view_has_its_own_whole_blobs_only(liner):
     xy_px = np.array([[100.0, 50.0], [357.5, 60.0], [362.0, 70.0], [400.0, 80.0], [500.0, 90.0]])
     six = np.full(5, 6.0)
     cut_off = np.array([False, False, False, False, True])
-    blobs = Blobs(xy_px, np.full((5, 2), 0.1), np.zeros(5), six**2, six, six, cut_off)
+    blobs = Blobs(xy_px, np.full((5, 2), 0.1), np.zeros(5), six**2, six, six, cut_off, 2.0)
     assert whole_blobs(blobs, left).xy_px.tolist() == [[100.0, 50.0]]
     assert whole_blobs(blobs, right).xy_px.tolist() == [[400.0, 80.0]]
 
@@ -137,6 +137,6 @@ def test_a_view_has_its_own_whole_blobs_only(liner):
 def test_a_views_local_field_is_taken_off_its_blobs(liner):
     x_only = np.full((41, 50, 2), (0.25, 0.0))
     local_field = LocalField.through((-0.5, -0.5), 15.0, x_only, np.zeros_like(x_only))
-    blobs = Blobs(np.array([[100.0, 50.0]]), np.full((1, 2), 0.1), *np.full((4, 1), 6.0), np.zeros(1, bool))
+    blobs = Blobs(np.array([[100.0, 50.0]]), np.full((1, 2), 0.1), *np.full((4, 1), 6.0), np.zeros(1, bool), 2.0)
     left, _ = liner.setup.calibration.views
     assert whole_blobs(blobs, left, local_field).xy_px == pytest.approx(np.array([[99.75, 50.0]]))

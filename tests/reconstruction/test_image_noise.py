@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 from geometry.rigs import calibration
 from grabberd.geometry import Rig
 from grabberd.reconstruction import ImageNoise
+from grabberd.reconstruction.image_noise import Common
 from reconstruction.liners import model
 
 sigmas = st.floats(0.02, 0.5)
@@ -57,3 +58,14 @@ def test_blobs_on_different_lines_share_no_jitter():
 def test_the_radius_of_a_target_is_what_the_rig_makes_of_its_diameter():
     noise = ImageNoise.of(Rig.of(calibration()), model(), 0.12, 2)
     assert 2.7 < noise.radius_lines < 3.1
+
+
+@given(st.floats(0.01, 0.2), st.floats(0.01, 0.2), st.floats(0, 12), st.floats(1.5, 8))
+def test_what_blobs_say_they_share_takes_the_place_of_the_expected(left, right, apart, reach):
+    lines, sigma_px = np.array([[100.0], [100.0 + apart]]), np.full((2, 2, 1), 0.1)
+    common = Common.of(np.array([[left], [right]]), lines, reach)
+    whitening = ImageNoise(0.5, 2, 2.9).whitening(lines, sigma_px, common)
+    root = np.array([whitening.of_values(unit.reshape(2, 2, 1)).ravel() for unit in np.eye(4)]).T
+    matrix = np.diag([0.01 + left**2, 0.01 + right**2, 0.01, 0.01])
+    matrix[0, 1] = matrix[1, 0] = left * right * np.exp(-0.5 * (apart / reach) ** 2)
+    assert np.allclose(root @ matrix @ root.T, np.eye(4), atol=1e-9)

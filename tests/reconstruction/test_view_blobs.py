@@ -20,3 +20,9 @@ def test_a_blob_that_claims_to_be_exact_is_refused(sigma):
 def test_a_blob_without_a_place_is_refused():
     with pytest.raises(MeasurementError):
         ViewBlobs(np.array([[np.nan, 1.0]]), np.ones((1, 2)))
+
+
+def test_chosen_blobs_keep_what_they_share():
+    blobs = ViewBlobs(np.zeros((3, 2)), np.ones((3, 2)), np.arange(3.0), 4.0)
+    assert blobs.select(np.array([2, 0])).common_px.tolist() == [2.0, 0.0]
+    assert blobs.select(np.array([2, 0])).common_reach_px == 4.0

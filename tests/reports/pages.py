@@ -42,7 +42,7 @@ class Page(HTMLParser):
         self.elements.append((tag, dict(attrs)))
 
     def handle_endtag(self, tag):
-        assert self.open and self.open[-1] == tag, f"</{tag}> inside {self.open[-3:]}"
+        assert self.open[-1:] == [tag], f"</{tag}> inside {self.open[-3:]}"
         self.open.pop()
         if tag == "table":
             assert self._caption not in self.tables, f"two tables are called {self._caption}"

@@ -47,6 +47,7 @@ def test_every_reference_inside_the_page_leads_somewhere(text, page):
     assert set(re.findall(r"url\(#([^)]+)\)", text)) <= set(ids)
 
 
+@pytest.mark.slow
 def test_the_same_document_gives_the_same_page(document, text):
     assert calibration_html(copy.deepcopy(document)) == text
 
@@ -134,10 +135,39 @@ def test_every_image_point_is_listed_with_its_residual(document, page):
 
 
 def test_a_blunder_stands_in_the_table_and_in_the_picture(page, text):
-    ((view, target, axis, *_),) = page.table("Blunders")
+    ((view, target, axis, *_, state),) = page.table("Blunders")
     assert (view, int(target), axis) == (*BLUNDER, "x")
+    assert state == "kept"
     picture = text.split("Residual vectors of the image points")[1].split("</svg>")[0]
     assert f">{BLUNDER[1]}</text>" in picture
+
+
+def test_a_blunder_that_was_left_out_is_ringed_at_its_own_place(document):
+    rows = [row for row in document["residuals"] if (row["view"], row["target"]) != BLUNDER]
+    found = document["blunders"][0] | {"x_px": 500.0, "y_px": 230.0}
+    changed = least() | {"image": document["image"], "residuals": rows, "blunders": [found]}
+    text = calibration_html(changed)
+    assert f">{BLUNDER[1]}</text>" in text
+    assert Page(text).table("Blunders")[0][-1] == "left out"
+
+
+def test_how_each_view_was_identified_is_told(document):
+    told = {"left": "target 5 at (10, 20) px", "right": "target 6 at (500, 20) px"}
+    identification = {**document["identification"], "by": None, "description": told}
+    page = Page(calibration_html(least() | {"identification": identification}))
+    assert "left: target 5 at (10, 20) px." in page.text
+    assert page.table("Identification of 108 targets")[1] == ["right", "+1", "108", "2", "0.290", "5.20"]
+
+
+@pytest.mark.parametrize(
+    ("accepted", "said"), [(True, "nearer with it"), (False, "has no part in the calibration")]
+)
+def test_whether_the_local_field_was_accepted_is_said_with_its_gain(document, accepted, said):
+    field = document["local_field"] | {"accepted": accepted, "gain": 12.93}
+    page = Page(calibration_html(least() | {"local_field": field}))
+    assert said in page.text
+    assert "change by −12.9 standard errors" in page.text
+    assert page.table("Local residual field")[0] == ["left", "0.0610", "0.0640", "95.0", "0.0210"]
 
 
 def test_held_out_targets_are_listed_and_summed_up(document, page):
@@ -160,11 +190,10 @@ def test_the_volume_is_summed_up_plane_by_plane(document, page):
 
 
 def test_project_data_are_given_with_units_and_unknown_keys_too(document):
-    changed = least() | {"capture": {"started_utc": "2026-01-02T02:59:00+00:00", "shutter_ms": 1.5},
-                         "calibration_frame": document["calibration_frame"] | {"temperature_C": None}}  # fmt: skip
-    page = Page(calibration_html(changed))
-    capture = dict(page.tables["Capture"])
-    assert capture == {"started [UTC]": "2026-01-02 02:59:00 UTC", "shutter [ms]": "1.5"}
+    capture = {"started_utc": "2026-01-02T02:59:00+00:00", "shutter_ms": 1.5}
+    frame = document["calibration_frame"] | {"temperature_C": None}
+    page = Page(calibration_html(least() | {"capture": capture, "calibration_frame": frame}))
+    assert dict(page.tables["Capture"]) == {"started [UTC]": "2026-01-02 02:59:00 UTC", "shutter [ms]": "1.5"}
     assert dict(page.tables["Calibration frame"])["temperature [°C]"] == "–"
     assert dict(page.tables["Certificate of the calibration frame"])["number"] == "K-108/7"
 
@@ -204,21 +233,17 @@ def test_nothing_from_outside_becomes_markup():
 
 
 def test_a_view_by_another_name_and_a_shared_lens_are_drawn_as_well():
-    row = {
-        "name": "f_mm",
-        "unit": "mm",
-        "value": 8.0,
-        "sigma": 0.01,
-        "state": "adjusted",
-        "unknown": "lens.f_mm",
-    }
-    tied = {"name": "b8", "unit": "mm⁻²", "value": 0.0, "sigma": None, "state": "held", "unknown": None}
+    shared = {"name": "f_mm", "unit": "mm", "value": 8.0, "sigma": 0.01, "state": "adjusted"}
+    parameters = [
+        {**shared, "unknown": "lens.f_mm"},
+        {"name": "b8", "unit": "mm⁻²", "value": 0.0, "sigma": None, "state": "held", "unknown": None},
+    ]
     document = least()
-    document["views"] = [{**view, "name": name, "parameters": [row, tied]}
-                         for view, name in zip(document["views"], ("upper", "lower"), strict=True)]  # fmt: skip
+    for view, name in zip(document["views"], ("upper", "lower"), strict=True):
+        view.update(name=name, parameters=parameters)
     rows = Page(calibration_html(document)).table("Parameters of the views")
-    assert rows == [["f", "mm", "8.000", "0.010", "shared", "8.000", "0.010", "shared"],
-                    ["b₈", "mm⁻²", "0", "–", "held", "0", "–", "held"]]  # fmt: skip
+    assert rows[0] == ["f", "mm", *("8.000", "0.010", "shared") * 2]
+    assert rows[1] == ["b₈", "mm⁻²", *("0", "–", "held") * 2]
 
 
 @pytest.mark.parametrize("key", ["id", "created_utc", "result", "views"])

@@ -39,20 +39,32 @@ def points_of(svg, colour):
 
 
 def test_the_imaging_geometry_is_to_scale():
-    geometry = {"cameras": [camera("left", -64.0), camera("right", 64.0)], "targets_mm": [[-20, 0, 0], [20, 0, 0], [0, 40, 0], [0, -40, 0]],
-                "base_mm": 128.0, "distance_mm": 240.0, "convergence_deg": 29.86}  # fmt: skip
+    targets = [[-20, 0, 0], [20, 0, 0], [0, 40, 0], [0, -40, 0]]
+    inwards = np.array([[0.27, -0.4, -1], [0.27, 0.4, -1]])
+    left = camera("left", -64.0) | {"corners": inwards.tolist()}
+    right = camera("right", 64.0) | {"corners": (inwards * (-1, 1, 1)).tolist()}
+    geometry = {
+        "cameras": [left, right],
+        "targets_mm": targets,
+        "base_mm": 128.0,
+        "distance_mm": 240.0,
+        "convergence_deg": 29.86,
+    }
     svg, scale = geometry_svg(geometry)
-    left, right = points_of(svg, "#0072b2")[0], points_of(svg, "#b34700")[0]
-    paper_mm = np.linalg.norm(right - left) / 72 * 25.4
+    apart_pt = points_of(svg, "#b34700")[0] - points_of(svg, "#0072b2")[0]
+    paper_mm = np.linalg.norm(apart_pt) / 72 * 25.4
     assert paper_mm * scale == pytest.approx(128.0, abs=0.05)
-    width_pt, height_pt = (
-        re.search(r'width="([\d.]+)pt" height="([\d.]+)pt"|$', svg.replace("\n", " ")).groups()
-        if 'width="' in svg
-        else (0, 0)
-    )
+    sides = (re.search(rf'<svg[^>]* {side}="([\d.]+)pt"', svg) for side in ("width", "height"))
+    width_pt, height_pt = (found[1] for found in sides)
     assert float(width_pt) == pytest.approx(WIDTH_MM / 25.4 * 72, abs=0.01)
     assert float(height_pt) < 160 / 25.4 * 72
     assert all(said in svg for said in ("base 128", "distance 240", "29.86°"))
+
+
+def test_views_that_do_not_converge_have_no_angle():
+    cameras = [camera("left", -64.0), camera("right", 64.0)]
+    svg, _ = geometry_svg({"cameras": cameras, "targets_mm": [[0, 0, 0]], "convergence_deg": 0.0})
+    assert "°" not in svg
 
 
 def test_cameras_of_a_mirrored_or_turned_frame_are_drawn_from_their_own_base():
@@ -98,7 +110,7 @@ def test_a_volume_that_no_view_sees_or_that_is_even_can_be_drawn():
     for value in (None, 0.02):
         grids = dict.fromkeys("xyz", [[value] * 3] * 4)
         volume = {"x_mm": [0, 1, 2, 3], "y_mm": [0, 1, 2], "planes": [{"z_mm": 0.0, "total": grids}]}
-        assert "Z = 0 mm" in volume_svg(volume, "total", "a volume")
+        assert "Z = 0.0 mm" in volume_svg(volume, "total", "a volume")
 
 
 def test_one_view_alone_can_be_drawn(document):

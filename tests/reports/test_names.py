@@ -26,6 +26,7 @@ def test_unknowns_are_named_with_their_view():
         ("temperature_C", "temperature [°C]"),
         ("refractive_index", "refractive index"),
         ("mm", "mm"),
+        ("frame", "calibration frame's targets"),
     ],
 )
 def test_a_key_is_said_in_words_with_its_unit(key, said):
@@ -39,7 +40,7 @@ def test_a_key_is_said_in_words_with_its_unit(key, said):
         (True, "yes"),
         (-0.5, "−0.5"),
         (7, "7"),
-        (["f_mm", 2], "f_mm, 2"),
+        (["f_mm", 2], "f, 2"),
         ([], "none"),
         ({"a_mm": 1}, "a [mm] 1"),
     ],

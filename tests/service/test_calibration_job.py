@@ -50,9 +50,7 @@ def test_the_calibration_is_stored_with_its_report_and_what_is_known_of_it(captu
     shares: list[float] = []
     assert run(capture, progress=shares.append) == {"calibration": "of-c1"}
     entry = store_beside(capture).get("of-c1")
-    assert entry.document is not None
     assert entry.document["details"] == {"fields": 3, "options": {"tied": True}, "targets": 2}
-    assert entry.record is not None
     assert (entry.record.device, entry.record.note, entry.record.capture) == ("cup", "new mirrors", "c1")
     assert entry.record.stored_utc.endswith("Z")
     report = store_beside(capture).report("of-c1")
@@ -76,7 +74,6 @@ def test_without_what_draws_it_the_calibration_is_kept_and_says_what_is_missing(
     monkeypatch.setattr(reports, "calibration_html", missing)
     run(capture)
     record = store_beside(capture).get("of-c1").record
-    assert record is not None
     assert (record.missing_extra, record.page_problem) == ("report", None)
     assert store_beside(capture).page("of-c1") is None
 
@@ -87,7 +84,6 @@ def test_a_fault_in_the_drawing_does_not_cost_the_calibration(
     monkeypatch.setattr(reports, "calibration_html", lambda document: document["nothing"])
     run(capture)
     record = store_beside(capture).get("of-c1").record
-    assert record is not None
     assert record.page_problem == "KeyError: 'nothing'"
 
 

@@ -221,6 +221,7 @@ def test_the_age_counts_from_the_calibrations_own_time(tmp_path: Path) -> None:
         assert ages[0] - ages[1] == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_worker_and_captures_go_over_to_the_active_one(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         before = capture(service)
@@ -254,7 +255,7 @@ def test_live_points_go_on_through_an_activation(tmp_path: Path) -> None:
 
 
 def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
-    with running(tmp_path, {"pace": "real"}) as service:
+    with running(tmp_path, {"pace": "real"}, object=None) as service:
         service.import_calibration(calibration("shifted", SHIFT_MM), None, "")
         capture_id = service.start_capture(None, CaptureRequest())
         with pytest.raises(CaptureRunning, match=capture_id):
@@ -267,6 +268,7 @@ def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
         assert in_force(service) == "shifted"
 
 
+@pytest.mark.slow
 def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(tmp_path: Path) -> None:
     config = configuration({"pace": "free"}, calibration=None)
     service = Service(set_up(config, default_config_file()), tmp_path, calibrator=exact)

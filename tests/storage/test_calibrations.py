@@ -33,9 +33,7 @@ def test_a_stored_calibration_comes_back_as_it_was(store: CalibrationStore) -> N
     store.add(document, CalibrationRecord("cup", "import", "2026-05-01T00:00:00Z", "new mirrors"))
     entry = store.get("rig-7")
     assert entry.document == document
-    assert entry.calibration is not None
-    assert entry.calibration.id == "rig-7"
-    assert entry.record is not None
+    assert entry.id == "rig-7"
     assert (entry.record.device, entry.record.note) == ("cup", "new mirrors")
     assert json.loads(store.content("rig-7")) == document
 
@@ -120,7 +118,7 @@ def test_a_value_that_somebody_changed_by_hand_is_found_out(store: CalibrationSt
 def test_a_file_that_somebody_put_there_is_listed_as_no_calibration(store: CalibrationStore) -> None:
     (store.directory / "my rig.json").write_text("{}")
     [listed] = store.list()
-    assert (listed.id, listed.document) == ("my rig.json", None)
+    assert (listed.id, listed.document) == ("my rig.json", {})
     assert listed.problem
 
 

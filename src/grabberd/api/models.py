@@ -179,7 +179,7 @@ class CalibrationOrder(Document):
 class CalibrationChoice(Document):
     """The calibration that a device is to measure with."""
 
-    id: str = Field(max_length=80)
+    id: str = Field(max_length=200)
     device: str | None = Field(None, description="Name of the device; not needed where there is one.")
 
 

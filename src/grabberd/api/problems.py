@@ -1,5 +1,6 @@
 """Every error as a problem document (RFC 9457) with a hint."""
 
+import json
 import logging
 import re
 from collections.abc import Mapping
@@ -43,6 +44,10 @@ class ProblemResponse(JSONResponse):
     """A problem document as an answer."""
 
     media_type = "application/problem+json"
+
+    def render(self, content: Any) -> bytes:
+        """In ASCII, so that whatever stood in the request can be quoted."""
+        return json.dumps(content).encode("ascii")
 
 
 def install(app: FastAPI) -> None:

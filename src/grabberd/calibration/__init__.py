@@ -7,6 +7,7 @@ views' parameters are sought, held, shared or tied; `adjust` finds them. Any num
 from grabberd.calibration.adjustment import Adjustment, adjust
 from grabberd.calibration.blunders import Blunder, without_blunders
 from grabberd.calibration.comparison import Difference, compare
+from grabberd.calibration.glass import with_glass
 from grabberd.calibration.identification import Identification, ViewIdentification, identify_frame
 from grabberd.calibration.identification_by_hand import Mark, identify_by_hand
 from grabberd.calibration.identification_settings import IdentificationSettings
@@ -20,6 +21,7 @@ from grabberd.calibration.rank import NullVector, check_rank, null_vectors
 from grabberd.calibration.resection import Resection, resect
 from grabberd.calibration.significance import Elimination, FTest, eliminate, f_tests
 from grabberd.calibration.unknowns import LENS, Unknowns
+from grabberd.calibration.unmodelled import with_unmodelled
 from grabberd.calibration.validation import Validation, cross_validate, spatial_blocks
 from grabberd.calibration.volume import VolumeSigma, volume_sigma
 
@@ -65,5 +67,7 @@ __all__ = [
     "spatial_blocks",
     "try_local_fields",
     "volume_sigma",
+    "with_glass",
+    "with_unmodelled",
     "without_blunders",
 ]

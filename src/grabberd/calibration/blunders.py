@@ -1,6 +1,6 @@
 """Image points that contradict all others: Pope's test of the standardised residuals, one at a time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,11 @@ Array = NDArray[np.float64]
 
 _MEDIAN = 0.6745
 """Median of a normal error's size, in units of its σ."""
-_MASKED = 1.5
+_MASKED = 1.25
 """A residual that many times too great for a σ0 from the median is a blunder hidden by others."""
 _EXACT = 1e-3
+_SETTLED = 1e-4
+"""Blunders show long before an adjustment has converged, which is slow with many of them."""
 
 MOST_SHARE = 0.1
 """Of the image points may be blunders; where more are, something else is wrong."""
@@ -81,15 +83,19 @@ def without_blunders(
     """
     most = most_share * len(network)
     found: list[Blunder] = []
-    while True:
-        adjusted = adjust(network, unknowns, settings)
-        blunder, kept = _worst(adjusted, alpha)
-        if blunder is None:
-            return adjusted, tuple(found)
-        found.append(blunder)
-        if len(found) > most:
-            raise _too_many(found, most)
-        network = _determined(network.select(kept).starting_from(adjusted.views))
+    strict = settings or AdjustmentSettings()
+    for current in (replace(strict, settled=max(strict.settled, _SETTLED)), strict):
+        while True:
+            adjusted = adjust(network, unknowns, current)
+            blunder, kept = _worst(adjusted, alpha)
+            network = network.starting_from(adjusted.views)
+            if blunder is None:
+                break
+            found.append(blunder)
+            if len(found) > most:
+                raise _too_many(found, most)
+            network = _determined(network.select(kept))
+    return adjusted, tuple(found)
 
 
 def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[np.bool_]]:

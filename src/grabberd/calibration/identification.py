@@ -6,12 +6,13 @@ judged by the view that it makes: depth differences of the targets tell a wrong 
 refused.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification_contest import Outcome, contest
+from grabberd.calibration.identification_contest import Outcome, contest, settled
 from grabberd.calibration.identification_growth import Half
 from grabberd.calibration.identification_hypothesis import Explainer, Hypothesis
 from grabberd.calibration.identification_pair import check_pair
@@ -99,11 +100,37 @@ def identify_frame(
     settings = settings or IdentificationSettings()
     for name, xy_px in zip(NAMES, (left_px, right_px), strict=True):
         check_count(name, len(xy_px), "blobs", settings.least_targets)
+    try:
+        return _found(nominal, frame, (left_px, right_px), settings)
+    except MeasurementError:
+        if _swapped(nominal, frame, (left_px, right_px), settings):
+            raise MeasurementError(
+                "the views are swapped: the left one sees the calibration frame from the right, the "
+                "right one from the left",
+                "exchange the columns of the left and the right view in the rig's configuration",
+            ) from None
+        raise
+
+
+def _found(
+    nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
+) -> Identification:
     left, right = (
-        _identified(index, nominal, frame, xy_px, settings) for index, xy_px in enumerate((left_px, right_px))
+        _identified(index, nominal, frame, xy_px, settings) for index, xy_px in enumerate(blobs_px)
     )
     check_pair(left.view, right.view, nominal, settings)
     return Identification(left, right)
+
+
+def _swapped(
+    nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
+) -> bool:
+    """Whether all is well with each camera where the other one should be."""
+    try:
+        _found(replace(nominal, base_mm=-nominal.base_mm), frame, blobs_px, settings)
+    except MeasurementError:
+        return False
+    return True
 
 
 def check_count(name: str, count: int, what: str, least: int) -> None:
@@ -128,17 +155,35 @@ def _identified(
     index: int, nominal: NominalRig, frame: ObjectModel, xy_px: Array, settings: IdentificationSettings
 ) -> ViewIdentification:
     half = Half.of(nominal.views()[index], nominal.lines, xy_px)
-    allowed = settings.handedness[index]
-    handedness = (1, -1) if allowed is None else (allowed,)
-    explainer = Explainer(half, frame.xyz_mm, settings.sigma_px)
-    outcome = contest(explainer, handedness, settings.least_share)
-    _check_explained(half, outcome.winner, frame, settings)
-    check_clear(half, outcome, frame, settings)
-    return identified(half, outcome, frame)
+    rivals = contest(Explainer(half, frame.xyz_mm, settings.sigma_px), settings.least_share)
+    _check_explained(half, settled(rivals).winner, frame, settings)
+    return identified(half, rivals, frame, settings, settings.handedness[index])
 
 
-def identified(half: Half, outcome: Outcome, frame: ObjectModel) -> ViewIdentification:
-    """What the winner of a contest says."""
+def identified(
+    half: Half,
+    rivals: Sequence[Hypothesis],
+    frame: ObjectModel,
+    settings: IdentificationSettings,
+    handedness: int | None,
+) -> ViewIdentification:
+    """What the winner of a contest says.
+
+    Args:
+        half: the blobs.
+        rivals: the hypotheses.
+        frame: the calibration frame.
+        settings: what is believed.
+        handedness: the only one allowed, if any.
+
+    Raises:
+        MeasurementError: the winner is not clear, or clearly not of the handedness allowed.
+    """
+    outcome = settled(rivals)
+    if handedness is not None:
+        _check_handedness(half, outcome, frame, settings, handedness)
+        outcome = settled(one for one in rivals if one.view.handedness == handedness)
+    _check_clear(half, outcome, frame, settings)
     winner, other = outcome.winner, outcome.runner_up
     return ViewIdentification(
         view=winner.view,
@@ -183,12 +228,21 @@ def _check_explained(
         )
 
 
-def check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings) -> None:
-    """Whether nothing else explains a view nearly as well.
+def _check_handedness(
+    half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings, handedness: int
+) -> None:
+    """An unclear picture is decided by the handedness stated; a clear one is not overruled."""
+    if outcome.winner.view.handedness == handedness or outcome.margin < settings.margin:
+        return
+    raise MeasurementError(
+        f"handedness {handedness:+d} is stated for the {half.view.name} view, but its picture says "
+        f"{outcome.winner.view.handedness:+d}: {described(outcome.winner, half, frame)}",
+        "count the mirrors of that view, an odd number makes -1; or let the handedness be found",
+    )
 
-    Raises:
-        MeasurementError: something does; the message names both hypotheses.
-    """
+
+def _check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings) -> None:
+    """Whether nothing else explains a view nearly as well."""
     if outcome.runner_up is None or outcome.margin >= settings.margin:
         return
     raise MeasurementError(

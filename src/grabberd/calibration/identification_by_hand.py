@@ -11,11 +11,10 @@ from grabberd.calibration.identification import (
     NAMES,
     Identification,
     ViewIdentification,
-    check_clear,
     check_count,
     identified,
 )
-from grabberd.calibration.identification_contest import settled
+from grabberd.calibration.identification_contest import HANDEDNESS, settled
 from grabberd.calibration.identification_growth import TURNS, Half
 from grabberd.calibration.identification_hypothesis import Explainer
 from grabberd.calibration.identification_pair import check_pair
@@ -87,14 +86,12 @@ def _by_marks(
     check_count(NAMES[index], len(xy_px), "blobs", settings.least_targets)
     half = Half.of(nominal.views()[index], nominal.lines, xy_px)
     given = _given(half, frame, [mark for mark in marks if mark.view == NAMES[index]])
-    allowed = settings.handedness[index]
     explainer = Explainer(half, frame.xyz_mm, settings.sigma_px, given)
-    handedness = (1, -1) if allowed is None else (allowed,)
-    outcome = settled([explainer.explain(_seen(half.handed(one), frame, given)) for one in handedness])
-    _check_marks(explainer, outcome.winner.view, frame)
-    check_count(NAMES[index], outcome.winner.found, "targets that can be identified", settings.least_targets)
-    check_clear(half, outcome, frame, settings)
-    return identified(half, outcome, frame)
+    rivals = [explainer.explain(_seen(half.handed(one), frame, given)) for one in HANDEDNESS]
+    winner = settled(rivals).winner
+    _check_marks(explainer, winner.view, frame)
+    check_count(NAMES[index], winner.found, "targets that can be identified", settings.least_targets)
+    return identified(half, rivals, frame, settings, settings.handedness[index])
 
 
 def _given(half: Half, frame: ObjectModel, marks: Sequence[Mark]) -> dict[int, int]:

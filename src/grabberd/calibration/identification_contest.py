@@ -1,6 +1,6 @@
 """The contest of all hypotheses of one view: the winner, and the best of those that say something else."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from grabberd.geometry import View
 
 Indices = NDArray[np.intp]
 
+HANDEDNESS = (1, -1)
 _ANCHORS = (3, 9)
 """Blobs to start from; more, where these lead nowhere."""
 _FINALISTS = 3
@@ -33,20 +34,19 @@ class Outcome:
         return np.inf if self.runner_up is None else self.runner_up.cost - self.winner.cost
 
 
-def contest(explainer: Explainer, handedness: Sequence[int], convincing: float) -> Outcome:
-    """The outcome for one view.
+def contest(explainer: Explainer, convincing: float) -> list[Hypothesis]:
+    """The hypotheses of either handedness that explain a view best, the winner's challengers among them.
 
     Args:
         explainer: of the view's blobs.
-        handedness: those to be tried.
         convincing: share of the blobs that a winner explains if the anchors were good ones.
     """
     rivals: list[Hypothesis] = []
     for count in _ANCHORS:
-        rivals += _grown(explainer, handedness, explainer.half.anchors(count))
+        rivals += _grown(explainer, explainer.half.anchors(count))
         if min(rivals, key=_cost).found >= convincing * len(explainer.half.xy_px):
             break
-    return _challenged(explainer, handedness, rivals)
+    return _challenged(explainer, rivals)
 
 
 def settled(rivals: Iterable[Hypothesis]) -> Outcome:
@@ -56,25 +56,25 @@ def settled(rivals: Iterable[Hypothesis]) -> Outcome:
     return Outcome(ranked[0], next(others, None))
 
 
-def _grown(explainer: Explainer, handedness: Sequence[int], anchors: Indices) -> list[Hypothesis]:
-    growths = [grow(explainer.half.handed(one), explainer.xyz_mm, anchors) for one in handedness]
+def _grown(explainer: Explainer, anchors: Indices) -> list[Hypothesis]:
+    growths = [grow(explainer.half.handed(one), explainer.xyz_mm, anchors) for one in HANDEDNESS]
     views = [view for growth in growths for view in growth.views(explainer.xyz_mm, _FINALISTS)]
     return [explainer.explain(view) for view in views]
 
 
-def _challenged(explainer: Explainer, handedness: Sequence[int], rivals: list[Hypothesis]) -> Outcome:
-    """The outcome after the winner has been challenged by what is easily mistaken for it."""
+def _challenged(explainer: Explainer, rivals: list[Hypothesis]) -> list[Hypothesis]:
+    """The rivals after the winner has been challenged by what is easily mistaken for it."""
     winner: Hypothesis | None = None
     for _ in range(_MOST_CHALLENGES):
         best = min(rivals, key=_cost)
-        if winner is best or not best.found:
+        if not best.found or (winner and best.says_the_same(winner)):
             break
         winner = best
-        rivals += _challengers(explainer, handedness, winner)
-    return settled(rivals)
+        rivals += _challengers(explainer, winner)
+    return rivals
 
 
-def _challengers(explainer: Explainer, handedness: Sequence[int], winner: Hypothesis) -> list[Hypothesis]:
+def _challengers(explainer: Explainer, winner: Hypothesis) -> list[Hypothesis]:
     """Hypotheses that shift the winner by a pitch or two, turn it by quarters, or mirror it."""
     known = np.flatnonzero(winner.target >= 0)
     middle = np.median(explainer.half.xy_px, axis=0)
@@ -82,7 +82,7 @@ def _challengers(explainer: Explainer, handedness: Sequence[int], winner: Hypoth
     away = np.linalg.norm(explainer.xyz_mm - explainer.xyz_mm[winner.target[anchor]], axis=1)
     targets = np.argsort(away, kind="stable")[: _CHALLENGED + 1]
     views: list[View] = []
-    for one in handedness:
+    for one in HANDEDNESS:
         half = replace(explainer.half, view=_undistorted(winner.view)).handed(one)
         views += regrow(half, explainer.xyz_mm, int(anchor), targets).views(explainer.xyz_mm, _FINALISTS)
     return [explainer.explain(view) for view in views]

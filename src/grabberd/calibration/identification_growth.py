@@ -56,7 +56,7 @@ class Half:
         return cls(view, lines, xy_px, spacing, corner, nearest.reshape(*cells))
 
     def handed(self, handedness: int) -> "Half":
-        """The same blobs, the nominal view of this handedness: it looks at the same place from the same place."""
+        """The same blobs, the nominal view of this handedness."""
         if handedness == self.view.handedness:
             return self
         middle = np.array([0.5 * (self.view.first_column + self.view.end_column - 1), self.view.y0_px])

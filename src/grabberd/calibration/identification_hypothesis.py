@@ -16,6 +16,8 @@ Indices = NDArray[np.intp]
 
 FALSE_BLOB, MISSING_TARGET = 13.0, 5.0
 """−2 ln of the odds: of a blob that is no target, against one found where it must be; of an unseen target."""
+_BEHIND = 1e6
+"""Of a camera behind the targets: one that is mirrored sees a planar frame from there just as well."""
 _GATES = (0.3, 0.2, 0.12, 0.12)
 """Of the blobs' spacing, while the view is being found."""
 _STEPS = 3
@@ -91,29 +93,41 @@ class Explainer:
             known = np.flatnonzero(target >= 0)
             places, seen_px = self.xyz_mm[target[known]], self.half.xy_px[known]
             view = resect(view, places, seen_px, self.sigma_px, prior=start, most_steps=_STEPS).view
-        target = self._assigned(view, self.gate_px)
+        target = self._undoubted(view)
         residual = np.full(self.half.xy_px.shape, np.nan)
         known = np.flatnonzero(target >= 0)
         residual[known] = self.half.xy_px[known] - project(view, self.xyz_mm[target[known]])
         return Hypothesis(view, target, residual, self._cost(view, residual))
 
+    def _undoubted(self, view: View) -> Indices:
+        """(B,) the target in a blob's gate, where neither has another one in its own."""
+        near = self._between(view) <= self.gate_px
+        alone = near & (near.sum(axis=1, keepdims=True) == 1) & (near.sum(axis=0) == 1)
+        return np.where(alone.any(axis=1), alone.argmax(axis=1), -1)
+
     def _assigned(self, view: View, gate_px: float) -> Indices:
         """(B,) the target to which a blob and which to it is the nearest."""
-        between = np.linalg.norm(self.half.xy_px[:, np.newaxis] - self.predicted(view), axis=2)
-        between = np.nan_to_num(between, nan=np.inf)
-        for blob, target in self.given.items():
-            between[blob], between[:, target] = np.inf, np.inf
-            between[blob, target] = 0.0
+        between = self._between(view)
         nearest = between.argmin(axis=1)
         blobs = np.arange(len(between))
         mutual = between.argmin(axis=0)[nearest] == blobs
         return np.where(mutual & (between[blobs, nearest] <= gate_px), nearest, -1)
 
+    def _between(self, view: View) -> Array:
+        """(B, T) distances of blobs from predictions in px; what is given lies in its place."""
+        between: Array = np.linalg.norm(self.half.xy_px[:, np.newaxis] - self.predicted(view), axis=2)
+        between[np.isnan(between)] = np.inf
+        for blob, target in self.given.items():
+            between[blob], between[:, target] = np.inf, np.inf
+            between[blob, target] = 0.0
+        return between
+
     def _cost(self, view: View, residual_px: Array) -> float:
         square = np.nan_to_num((residual_px**2).sum(axis=1) / self.sigma_px**2, nan=FALSE_BLOB)
         visible = self.half.shows(self.predicted(view)).sum()
+        behind = _BEHIND if view.Z0_mm < float(np.median(self.xyz_mm[:, 2])) else 0.0
         missing = max(0, int(visible) - int(np.isfinite(residual_px[:, 0]).sum()))
-        return float(np.minimum(square, FALSE_BLOB).sum()) + MISSING_TARGET * missing
+        return float(np.minimum(square, FALSE_BLOB).sum()) + MISSING_TARGET * missing + behind
 
 
 def _rotation(view: View) -> Array:

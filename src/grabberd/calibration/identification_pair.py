@@ -11,26 +11,19 @@ from grabberd.geometry import NominalRig, View, rotation_matrix
 
 Array = NDArray[np.float64]
 
-_SWAPPED_DEG = 90.0
-
 
 def check_pair(left: View, right: View, nominal: NominalRig, settings: IdentificationSettings) -> None:
     """Whether the views lie to one another, and to the calibration frame, as the nominal rig says.
 
     Raises:
-        MeasurementError: the views are swapped, or turned against one another, or base or distance are not
-            the rig's; the message has the values.
+        MeasurementError: the views are turned against one another, or base or distance are not the rig's; the
+            message has the values.
     """
     wanted = nominal.views((left.handedness, right.handedness))
     base_mm, nominal_mm = _base(left, right), _base(*wanted)
-    aside_deg = _angle_deg(base_mm, nominal_mm)
-    if aside_deg > _SWAPPED_DEG:
-        raise MeasurementError(
-            f"the views are swapped: the camera of the left half stands {_length(base_mm):.0f} mm to "
-            "the right of the other one",
-            "exchange the columns of the left and the right view in the rig's configuration",
-        )
-    turned_deg = max(aside_deg, _turn_deg(_relative(left, right) @ _relative(*wanted).T))
+    turned_deg = max(
+        _angle_deg(base_mm, nominal_mm), _turn_deg(_relative(left, right) @ _relative(*wanted).T)
+    )
     if turned_deg > settings.relative_deg:
         raise MeasurementError(
             f"the views are turned by {turned_deg:.0f} degrees against one another from where the nominal "

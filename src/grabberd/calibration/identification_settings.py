@@ -20,9 +20,9 @@ class IdentificationSettings:
 
     handedness: tuple[int | None, int | None] = (None, None)
     least_targets: int = 12
-    least_share: float = 0.6
+    least_share: float = 0.75
     sigma_px: float = 0.5
-    most_rms_px: float = 1.0
+    most_rms_px: float = 0.5
     margin: float = 60.0
-    relative: float = 0.35
+    relative: float = 0.3
     relative_deg: float = 20.0

@@ -29,7 +29,7 @@ class AdjustmentSettings:
 
     settled: float = 1e-10
     most_steps: int = 60
-    damping: float = 1e-4
+    damping: float = 1e-6
 
 
 class Minimum(NamedTuple):

@@ -44,8 +44,9 @@ class LocalFieldTrial:
     Attributes:
         accepted: whether held-out targets are predicted better with them, as the settings ask.
         fields: one a view; None where nothing was accepted.
-        adjustment: the views that belong to the fields, adjusted to image points less the fields, with σ as
-            found; the given adjustment where nothing was accepted.
+        adjustment: the views that belong to the fields, adjusted to image points less the fields; its σ are
+            those found and taken for true, so σ0 is 1: the fields have taken their part of the residuals. The
+            given adjustment where nothing was accepted.
         components: signal, correlation length, and the multiples of the given σ.
         held_out_px: (V, 2) RMS error in each view of predicting a target that was left out, per coordinate:
             without field, with it.
@@ -59,21 +60,12 @@ class LocalFieldTrial:
     held_out_px: Array
     gain: float
 
-    @property
-    def covariance(self) -> Array:
-        """(18 V, 18 V) of the views' parameters beside the fields' own σ."""
-        own = self.adjustment.parameter_covariance
-        return own / self.adjustment.sigma0**2 if self.accepted else own
-
-    @property
-    def sigma0_px(self) -> float:
-        """Standard deviation of an image coordinate of mean weight, fields taken off."""
-        mean = self.adjustment.sigma0_px
-        return mean / self.adjustment.sigma0 if self.accepted else mean
-
 
 def try_local_fields(
-    adjustment: Adjustment, lines: int, settings: LocalFieldSettings | None = None
+    adjustment: Adjustment,
+    lines: int,
+    settings: LocalFieldSettings | None = None,
+    unmodelled_px: float = 0.0,
 ) -> LocalFieldTrial:
     """Estimates the local fields that an adjustment's residuals show, and tries them on held-out targets.
 
@@ -81,11 +73,14 @@ def try_local_fields(
         adjustment: of all views, without blunders.
         lines: height of the picture in frame lines.
         settings: when to accept.
+        unmodelled_px: the part of the image points' σ that stands for what the model misses, and that is
+            sought here (`with_unmodelled`).
 
     Raises:
         MeasurementError: the adjustment with the fields taken off does not converge.
     """
-    collocation = _collocation(adjustment, adjustment.network)
+    located = _located(adjustment.network, unmodelled_px)
+    collocation = _collocation(adjustment, located)
     components = most_likely(collocation)
     smooth = Solution(collocation, components).held_out()
     rough = Solution(collocation, components.uncorrelated).held_out()
@@ -94,7 +89,7 @@ def try_local_fields(
     if not _acceptable(rough, smooth, gain, settings or LocalFieldSettings()):
         nothing = (None,) * len(adjustment.views)
         return LocalFieldTrial(False, nothing, adjustment, components, held_out_px, gain)
-    refined, solution = _refined(adjustment, components)
+    refined, solution = _refined(adjustment, located, components)
     fields = tuple(_field(solution, refined, view, lines) for view in range(len(refined.views)))
     return LocalFieldTrial(True, fields, refined, components, held_out_px, gain)
 
@@ -102,6 +97,11 @@ def try_local_fields(
 def _acceptable(rough: Array, smooth: Array, gain: float, settings: LocalFieldSettings) -> bool:
     share = float(np.sqrt((smooth**2).sum() / (rough**2).sum()))
     return gain > settings.significance and share < 1 - settings.relevance
+
+
+def _located(network: Network, unmodelled_px: float) -> Network:
+    """The network with the σ of location alone."""
+    return replace(network, sigma_px=np.sqrt(network.sigma_px**2 - unmodelled_px**2))
 
 
 def _collocation(adjustment: Adjustment, network: Network) -> Collocation:
@@ -120,9 +120,8 @@ def _rms(network: Network, *errors: Array) -> Array:
     return np.array([[np.sqrt((one[network.view == view] ** 2).mean()) for one in errors] for view in views])
 
 
-def _refined(adjustment: Adjustment, components: Components) -> tuple[Adjustment, Solution]:
+def _refined(adjustment: Adjustment, network: Network, components: Components) -> tuple[Adjustment, Solution]:
     """Adjustment and signal in turns; the last solution belongs to the last adjustment."""
-    network = adjustment.network
     weighted = replace(
         network,
         sigma_px=network.sigma_px * components.noise,
@@ -134,7 +133,19 @@ def _refined(adjustment: Adjustment, components: Components) -> tuple[Adjustment
         corrected = replace(weighted, xy_px=network.xy_px - signal, views=adjustment.views)
         adjustment = adjust(corrected, adjustment.unknowns)
         solution = Solution(_collocation(adjustment, network), components)
-    return adjustment, solution
+    return _certain(adjustment), solution
+
+
+def _certain(adjustment: Adjustment) -> Adjustment:
+    """The same with σ0 = 1."""
+    variance = adjustment.sigma0**2
+    return replace(
+        adjustment,
+        covariance=adjustment.covariance / variance,
+        place_covariance_mm2=adjustment.place_covariance_mm2 / variance,
+        place_coupling=adjustment.place_coupling / variance,
+        sigma0=1.0,
+    )
 
 
 def _field(solution: Solution, adjustment: Adjustment, view: int, lines: int) -> LocalField:
@@ -154,7 +165,7 @@ def _field(solution: Solution, adjustment: Adjustment, view: int, lines: int) ->
 def _sigma(solution: Solution, adjustment: Adjustment, view: int, xy_px: Array) -> Array:
     """(N, 2) what the adjustment's own covariance does not account for, at the targets' mean distance."""
     trend = _trend(adjustment, view, xy_px)
-    own = ((trend @ (adjustment.covariance / adjustment.sigma0**2)) * trend).sum(axis=2)
+    own = ((trend @ adjustment.covariance) * trend).sum(axis=2)
     left = np.maximum(solution.variance(view, xy_px, trend) - own, 0.0)
     seen = np.isfinite(left)  # beyond the fold of the distortion no target can be
     sigma: Array = np.sqrt(np.where(seen, left, solution.components.signal_px**2)).T

@@ -15,8 +15,6 @@ from grabberd.errors import MeasurementError
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_PRIOR_FREEDOM = 4.0
-"""Of the scatter that all targets have together, where it is joined with a target's own."""
 _FIELD_ORDER_GATE_PX = 3.5
 """A wrong field order shifts one parity by two frame lines against the other."""
 
@@ -27,13 +25,21 @@ class FieldImages:
 
     Attributes:
         xy_px: (N, 2) frame pixels.
-        sigma_px: (N, 2) standard deviation of one field's location in all: quantisation, noise, line jitter.
+        sigma_px: (N, 2) standard deviation of one field's location, without line jitter.
         parity: of the field.
+        jitter_px: (N,) standard deviation in x from line jitter.
     """
 
     xy_px: Array
     sigma_px: Array
     parity: int
+    jitter_px: Array | float = 0.0
+
+    @property
+    def jitter_px2(self) -> Array:
+        """(N, 2) variance from line jitter: nothing in y."""
+        variance: Array = np.multiply.outer(np.square(self.jitter_px) * np.ones(len(self.xy_px)), (1.0, 0.0))
+        return variance
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,61 +89,96 @@ class _Sums:
     """What is known of the clusters of one parity.
 
     Attributes:
-        count: (N,) fields; `xy_px`: (N, 2) mean; `square_px2`: (N, 2) Σ (x − mean)²; `variance_px2`: (N, 2)
-            mean of the single fields' σ².
+        count: (N,) fields.
+        xy_px: (N, 2) mean.
+        square_px2: (N, 2) Σ (x − mean)².
+        variance_px2: (N, 2) mean of the single fields' σ².
+        jitter_px2: (N, 2) mean of the single fields' variance from line jitter.
     """
 
     count: Indices
     xy_px: Array
     square_px2: Array
     variance_px2: Array
+    jitter_px2: Array
+
+    @classmethod
+    def new(cls, count: int) -> "_Sums":
+        """Clusters without a field."""
+        return cls(np.zeros(count, np.intp), *np.zeros((4, count, 2)))
+
+    def joined(self, other: "_Sums") -> "_Sums":
+        """These and others."""
+        return _Sums(
+            np.concatenate([self.count, other.count]),
+            np.concatenate([self.xy_px, other.xy_px]),
+            np.concatenate([self.square_px2, other.square_px2]),
+            np.concatenate([self.variance_px2, other.variance_px2]),
+            np.concatenate([self.jitter_px2, other.jitter_px2]),
+        )
 
     def select(self, chosen: NDArray[np.bool_] | Indices) -> "_Sums":
         """Some of them."""
         return _Sums(
-            self.count[chosen], self.xy_px[chosen], self.square_px2[chosen], self.variance_px2[chosen]
+            self.count[chosen],
+            self.xy_px[chosen],
+            self.square_px2[chosen],
+            self.variance_px2[chosen],
+            self.jitter_px2[chosen],
         )
 
     @property
     def mean_variance_px2(self) -> Array:
-        """(N, 2) variance of the mean: quantisation whole, noise divided by the number of fields."""
-        freedom = (self.count - 1)[:, np.newaxis]
-        common = self.square_px2.sum(axis=0) / max(freedom.sum(), 1)
-        noise = (self.square_px2 + _PRIOR_FREEDOM * common) / (freedom + _PRIOR_FREEDOM)
-        quantisation = np.maximum(self.variance_px2 - noise, 0.0)
+        """(N, 2) variance of the mean: quantisation whole, noise divided by the number of fields.
+
+        Quantisation is what the scatter does not show of the σ expected, and never more than the location's.
+        """
+        noise = self._noise_px2()
+        quantisation = np.clip(self.variance_px2 + self.jitter_px2 - noise, 0.0, self.variance_px2)
         variance: Array = quantisation + noise / self.count[:, np.newaxis]
         return variance
+
+    def _noise_px2(self) -> Array:
+        """(N, 2) variance of one field: each target's own, as far as they differ more than by chance.
+
+        Where no target was found twice, it is what line jitter makes.
+        """
+        freedom = self.count - 1
+        if not freedom.any():
+            return self.jitter_px2
+        common = self.square_px2.sum(axis=0) / freedom.sum()
+        own = self.square_px2 / np.maximum(freedom, 1)[:, np.newaxis]
+        chance = 2 * common**2 / np.maximum(freedom, 1)[:, np.newaxis]
+        real = np.maximum(own[freedom > 0].var(axis=0) - chance[freedom > 0].mean(axis=0), 0.0)
+        share = np.where(freedom[:, np.newaxis] > 0, real / np.maximum(real + chance, 1e-30), 0.0)
+        noise: Array = common + share * (own - common)
+        return noise
 
 
 def mean_images(fields: Sequence[FieldImages], settings: MeansSettings | None = None) -> MeanImages:
     """The mean places of everything that stands still in a capture.
 
     Args:
-        fields: the blobs of each, both views together; without those that a border cuts off.
+        fields: the blobs of each, of one view or of both, without those that a border cuts off; a field may
+            show none.
         settings: what counts as standing still.
 
     Raises:
-        MeasurementError: no field shows a blob, the calibration frame moved, or the parities contradict each
-            other (a wrong field order); the message says which, with values.
+        MeasurementError: the calibration frame moved, or the parities contradict each other (a wrong field
+            order); the message says which, with values.
     """
     settings = settings or MeansSettings()
-    if not any(len(one.xy_px) for one in fields):
-        raise MeasurementError(
-            f"none of the {len(fields)} fields shows a blob",
-            "light the calibration frame, check the threshold; look at the preview",
-        )
     parities = [
         _still([one for one in fields if one.parity == parity], parity, settings)
         for parity in sorted({one.parity for one in fields})
     ]
-    sums = [one for one in parities if len(one.count)]
-    _check_field_order(sums)
-    return _joined(sums, fields, settings)
+    _check_field_order(parities)
+    return _joined(parities or [_Sums.new(0)], fields, settings)
 
 
 def _still(fields: Sequence[FieldImages], parity: int, settings: MeansSettings) -> _Sums:
     """What stands still in the fields of one parity."""
-    sums = _Sums(np.empty(0, np.intp), np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)))
+    sums = _Sums.new(0)
     for one in fields:
         sums = _added(sums, one, settings.gate_px)
     kept = sums.select(sums.count >= settings.least_share * len(fields))
@@ -150,12 +191,7 @@ def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
     """The clusters with one more field: Welford's running mean; what is met for the first time is added."""
     cluster, blob = _pairs(sums.xy_px, field.xy_px, gate_px)
     new = np.setdiff1d(np.arange(len(field.xy_px)), blob)
-    grown = _Sums(
-        np.concatenate([sums.count, np.zeros(len(new), np.intp)]),
-        np.concatenate([sums.xy_px, field.xy_px[new]]),
-        np.concatenate([sums.square_px2, np.zeros((len(new), 2))]),
-        np.concatenate([sums.variance_px2, np.zeros((len(new), 2))]),
-    )
+    grown = sums.joined(_Sums.new(len(new)))
     cluster, blob = np.append(cluster, np.arange(len(sums.count), len(grown.count))), np.append(blob, new)
     grown.count[cluster] += 1
     count = grown.count[cluster, np.newaxis]
@@ -163,6 +199,7 @@ def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
     grown.xy_px[cluster] += off / count
     grown.square_px2[cluster] += off * off * (count - 1) / count
     grown.variance_px2[cluster] += (field.sigma_px[blob] ** 2 - grown.variance_px2[cluster]) / count
+    grown.jitter_px2[cluster] += (field.jitter_px2[blob] - grown.jitter_px2[cluster]) / count
     return grown
 
 

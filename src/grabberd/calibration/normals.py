@@ -89,6 +89,7 @@ class Problem:
         self.network = network
         self.unknowns = unknowns
         self.selection = unknowns.selection
+        self._blocks = self.selection.reshape(len(network.views), len(PARAMETERS), -1)
         shape = (2, len(network.views), len(network.target_mm))
         self._observed, self._weight = np.zeros(shape), np.zeros(shape)
         place = (slice(None), network.view, network.target)
@@ -156,6 +157,9 @@ class Problem:
     def normals(self, linear: Linear) -> Normals:
         """The normal equations of a linearised network."""
         matrix, right = self._of_parameters(linear)
+        if not len(self.moving):
+            nothing = np.empty((6, 0))
+            return Normals(matrix, right, nothing, nothing[:3], np.empty((3, 0, len(right))))
         places = self.by_place(linear)
         own = (places[:, :, _FIRST] * places[:, :, _SECOND]).sum(axis=(0, 1))
         own[_DIAGONAL, :] += self._own_prior
@@ -170,8 +174,7 @@ class Problem:
 
     def whitened_rows(self, linear: Linear) -> Array:
         """(2, V, T, U) whitened slopes of the image points by the unknowns."""
-        blocks = self.selection.reshape(len(self.network.views), len(PARAMETERS), -1)
-        rows: Array = linear.slopes.swapaxes(2, 3) @ blocks
+        rows: Array = linear.slopes.swapaxes(2, 3) @ self._blocks
         return rows
 
     def residuals_px(self, linear: Linear) -> Array:
@@ -181,21 +184,15 @@ class Problem:
         return residuals
 
     def _of_parameters(self, linear: Linear) -> tuple[Array, Array]:
-        """Views do not share slopes, so the full matrix is one block a view, folded onto the unknowns."""
-        views, parameters = linear.slopes.shape[1:3]
-        flat = linear.slopes.transpose(1, 2, 0, 3).reshape(views, parameters, -1)
-        full = np.zeros((views, parameters, views, parameters))
-        full[range(views), :, range(views)] = flat @ flat.swapaxes(1, 2)
-        right = flat @ linear.image.swapaxes(0, 1).reshape(views, -1, 1)
-        size = views * parameters
-        folded = self.selection.T @ full.reshape(size, size) @ self.selection
-        return folded, self.selection.T @ right.reshape(size)
+        """Views do not share slopes, so the matrix is one block a view, folded onto the unknowns."""
+        slopes, folding = linear.slopes, self._blocks.swapaxes(1, 2)
+        matrix = folding @ (slopes @ slopes.swapaxes(2, 3)).sum(axis=0) @ self._blocks
+        right = folding @ (slopes @ linear.image[..., np.newaxis]).sum(axis=0)
+        return matrix.sum(axis=0), right.sum(axis=0)[:, 0]
 
     def _cross(self, places: Array, slopes: Array) -> Array:
         _, views, parameters, _ = slopes.shape
         moving = len(self.moving)
-        if not moving:
-            return np.empty((3, 0, len(self.unknowns)))
         products = places[:, :, :, np.newaxis] * slopes[:, :, np.newaxis][..., self.moving]
         flat = products.sum(axis=0).transpose(1, 3, 0, 2).reshape(3 * moving, views * parameters)
         cross: Array = (flat @ self.selection).reshape(3, moving, -1)
@@ -205,6 +202,8 @@ class Problem:
 def reduced(normals: Normals, damping: float = 0.0) -> Reduced:
     """The places eliminated; `damping` is Marquardt's on their own diagonals."""
     count, unknowns = normals.cross.shape[1:]
+    if not count:
+        return Reduced(normals.matrix, normals.right, np.empty((3, 3, 0)), normals.cross)
     own = normals.own.copy()
     own[_DIAGONAL, :] *= 1.0 + damping
     inverse = _inverse(own)

@@ -71,6 +71,7 @@ def check_rank(network: Network, unknowns: Unknowns) -> None:
         network,
         views=tuple(replace(view, b=(0.0,) * 9) for view in network.views),
         sigma_px=np.full_like(network.sigma_px, np.sqrt(np.mean(network.sigma_px**2))),
+        target_sigma_mm=np.where(np.isfinite(network.target_sigma_mm), 0.0, np.inf),
     )
     problem = Problem(flat, unknowns)
     problem.check()

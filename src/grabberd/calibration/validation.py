@@ -28,8 +28,8 @@ class Validation:
         unchecked: (K,) intp, targets that fewer than two views see or whose place is not given.
         chi2: eᵀC⁻¹e summed over the blocks, the calibration's errors being common to a block.
         freedom: 3 N.
-        block_p: (B,) of so large a chi2 of a block where the predicted covariance is true; an exact F test, as
-            the σ0 that scales the covariance comes from the other blocks.
+        block_p: (B,) of so large a chi2 of a block where the predicted covariance is true; an exact F test,
+            as the σ0 that scales the covariance comes from the other blocks.
     """
 
     target: NDArray[np.intp]

@@ -1,5 +1,6 @@
 """The σ of X, Y, Z that a calibration promises, all over the volume of its frame."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 from grabberd.calibration.adjustment import Adjustment
 from grabberd.calibration.network import Network
 from grabberd.calibration.propagation import propagate
-from grabberd.geometry import Rig, View, project_all
+from grabberd.geometry import PARAMETERS, LocalField, Rig, View, project_all
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ def volume_sigma(
     adjusted: Adjustment,
     sigma_px: tuple[float, float] | None = None,
     shape: tuple[int, int, int] = (3, 12, 9),
+    local_fields: Sequence[LocalField | None] = (),
 ) -> VolumeSigma:
     """The σ of points over the box that the targets fill.
 
@@ -49,6 +51,7 @@ def volume_sigma(
         adjusted: the calibration.
         sigma_px: pointing in x and y; without it, that of the calibration's own image points.
         shape: number of planes of Z, of rows along X, of columns along Y.
+        local_fields: of the views, whose σ the calibration's share contains then.
     """
     sigma = np.array(sigma_px or adjusted.sigma0 * np.sqrt(np.mean(adjusted.network.sigma_px**2, axis=0)))
     grid = _grid(adjusted.xyz_mm, shape)
@@ -60,8 +63,20 @@ def volume_sigma(
     if good.any():
         network = _pictures(adjusted.views, flat[good], xy[:, :, good], seen[:, good], sigma)
         spread = propagate(network, adjusted.parameter_covariance)
-        pointing[good], share[good] = spread.pointing_mm2, spread.calibration_mm2
+        pointing[good] = spread.pointing_mm2
+        share[good] = spread.calibration_mm2 + _field_share(local_fields, xy[:, :, good], spread.influence)
     return VolumeSigma(grid, pointing.reshape(*shape, 3, 3), share.reshape(*shape, 3, 3))
+
+
+def _field_share(local_fields: Sequence[LocalField | None], xy: Array, influence: Array) -> Array:
+    """(N, 3, 3): an image point in error moves a place as its view's principal point does."""
+    share = np.zeros((len(influence), 3, 3))
+    for index, local_field in enumerate(local_fields):
+        if local_field is not None:
+            first = index * len(PARAMETERS) + PARAMETERS.index("x0_px")
+            moved = influence[:, :, first : first + 2] * local_field.sigma_at(xy[:, index].T)[:, np.newaxis]
+            share += moved @ moved.swapaxes(1, 2)
+    return share
 
 
 def _grid(places: Array, shape: tuple[int, int, int]) -> Array:

@@ -5,7 +5,18 @@ from typing import Annotated
 import typer
 
 from grabberd import __version__
-from grabberd.cli import accuracy, calibrate, capture, check_config, devices, export, measure, serve, status
+from grabberd.cli import (
+    accuracy,
+    calibrate,
+    capture,
+    check_config,
+    devices,
+    export,
+    measure,
+    plan,
+    serve,
+    status,
+)
 
 app = typer.Typer(
     name="grabberd",
@@ -32,5 +43,5 @@ def _options(
     pass
 
 
-for command in (serve, status, capture, calibrate, measure, accuracy, export, devices, check_config):
+for command in (serve, status, capture, calibrate, measure, accuracy, plan, export, devices, check_config):
     command.register(app)

@@ -6,16 +6,18 @@ quantised to a few bits and packed. Every field carries `y0` and `y_step`, so th
 """
 
 from grabberd.field.field import BOTTOM, TOP, Field, split_frame
-from grabberd.field.lines import double_lines
+from grabberd.field.lines import INTERPOLATIONS, double_bits, double_lines
 from grabberd.field.packed import BIT_DEPTHS, NumberedField, PackedField, quantise, unpack
 
 __all__ = [
     "BIT_DEPTHS",
     "BOTTOM",
+    "INTERPOLATIONS",
     "TOP",
     "Field",
     "NumberedField",
     "PackedField",
+    "double_bits",
     "double_lines",
     "quantise",
     "split_frame",

@@ -10,6 +10,8 @@ from grabberd.field.field import Field
 
 BIT_DEPTHS = (1, 2, 3, 4, 5, 6, 8)
 """The bit depths that a field can be quantised to."""
+MEDIAN_EVERY = 8
+"""Of a smooth map of thresholds one pixel in so many, each way, tells the median."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -64,11 +66,31 @@ def packed_shape(rows: int, columns: int, bits: int) -> tuple[int, int, int]:
     return (1, rows, columns) if bits == 8 else (bits, rows, -(-columns // 8))
 
 
-def quantise(field: Field, bits: int, threshold: int) -> PackedField:
+def quantise(field: Field, bits: int, threshold: int | NDArray[np.uint8]) -> PackedField:
     """The field with `bits` bits a pixel, packed; it shares no memory with `field`.
 
     At 1 bit a pixel is set where luma > threshold; with more, the most significant bits are kept.
+
+    Args:
+        field: grey values.
+        bits: one of `BIT_DEPTHS`.
+        threshold: of all pixels; or, at 1 bit, (rows, columns) uint8 of each one, whose median is then the
+            packed field's.
+
+    Raises:
+        ValueError: thresholds pixel by pixel for more than 1 bit, or for a picture of another size.
     """
+    if not isinstance(threshold, np.ndarray):
+        return _packed(field, bits, threshold, threshold)
+    if bits != 1 or threshold.shape != field.luma.shape:
+        raise ValueError(
+            f"thresholds of shape {threshold.shape} do not fit a field of {field.luma.shape} and {bits} bits"
+        )
+    median = int(np.median(threshold[::MEDIAN_EVERY, ::MEDIAN_EVERY]))
+    return _packed(field, bits, threshold, median)
+
+
+def _packed(field: Field, bits: int, threshold: int | NDArray[np.uint8], level: int) -> PackedField:
     return PackedField(
         _planes(field.luma, bits, threshold),
         bits,
@@ -76,11 +98,11 @@ def quantise(field: Field, bits: int, threshold: int) -> PackedField:
         field.parity,
         field.y0,
         field.y_step,
-        threshold,
+        level,
     )
 
 
-def _planes(luma: NDArray[np.uint8], bits: int, threshold: int) -> NDArray[np.uint8]:
+def _planes(luma: NDArray[np.uint8], bits: int, threshold: int | NDArray[np.uint8]) -> NDArray[np.uint8]:
     if bits == 8:
         return luma[np.newaxis].copy()
     if bits == 1:

@@ -10,6 +10,7 @@ from grabberd.geometry.calibration import SCHEMA, Calibration
 from grabberd.geometry.distortion import distortion
 from grabberd.geometry.document import Reading
 from grabberd.geometry.epipolar import Approach, approach
+from grabberd.geometry.glass import Plate, project_through, rays_through, seen_through
 from grabberd.geometry.inverse import correct, correct_all, directions_all, rays
 from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.model import (
@@ -33,6 +34,7 @@ __all__ = [
     "Calibration",
     "LocalField",
     "NominalRig",
+    "Plate",
     "Reading",
     "Rig",
     "View",
@@ -48,8 +50,11 @@ __all__ = [
     "parameter_slopes",
     "project",
     "project_all",
+    "project_through",
     "rays",
+    "rays_through",
     "rotation_angles",
     "rotation_derivatives",
     "rotation_matrix",
+    "seen_through",
 ]

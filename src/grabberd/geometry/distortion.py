@@ -26,6 +26,10 @@ _ONE, _X, _Y, _XX, _YY, _XY, _R2, _R4, _R6, _XX2, _YY2, _XY2, _XX4, _YY4, _XY4 =
 
 def polynomials(b: Sequence[float]) -> Array:
     """(4, 2, 15): the polynomials P, Q, S, T of the equations of dx and of dy, by their coefficients."""
+    return np.tensordot(b, _OF_EACH, axes=1)
+
+
+def _written_out(b: Sequence[float]) -> Array:
     b1, b2, b3, b4, b5, b6, b7, b8, b9 = b
     radial = {_R2: b3, _R4: b4, _R6: b5}
     return np.array(
@@ -97,3 +101,7 @@ def _row(terms: dict[int, float]) -> Array:
     row = np.zeros(15)
     row[list(terms)] = list(terms.values())
     return row
+
+
+_OF_EACH = np.array([_written_out(one) for one in np.eye(9).tolist()])
+"""(9, 4, 2, 15): they are linear in b1…b9."""

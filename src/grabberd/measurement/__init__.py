@@ -9,6 +9,7 @@ from grabberd.measurement.background import Background, background_of
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.location import METHODS, LocationSettings, measure
 from grabberd.measurement.threshold import ThresholdRule, choose_threshold, trinder_levels
+from grabberd.measurement.threshold_map import threshold_map, with_seen_size
 
 __all__ = [
     "METHODS",
@@ -19,5 +20,7 @@ __all__ = [
     "background_of",
     "choose_threshold",
     "measure",
+    "threshold_map",
     "trinder_levels",
+    "with_seen_size",
 ]

@@ -19,6 +19,7 @@ class Blobs:
             count 2).
         width_px: (N,) float64, columns it spans; `height_px`: (N,) float64, frame lines it spans.
         at_border: (N,) bool, it touches the edge of the field and so is cut off.
+        common_reach_px: blobs so many frame lines apart have e^−½ of that error in common.
         line_jitter_px: standard deviation of a line's shift in this field; None where it was not estimated.
     """
 
@@ -29,6 +30,7 @@ class Blobs:
     width_px: NDArray[np.float64]
     height_px: NDArray[np.float64]
     at_border: NDArray[np.bool_]
+    common_reach_px: float
     line_jitter_px: float | None = None
 
     def __len__(self) -> int:
@@ -44,5 +46,6 @@ class Blobs:
             self.width_px[chosen],
             self.height_px[chosen],
             self.at_border[chosen],
+            self.common_reach_px,
             self.line_jitter_px,
         )

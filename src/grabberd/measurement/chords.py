@@ -94,4 +94,5 @@ class _Grid(NamedTuple):
         """(N, h) sums of values (R,)."""
         shape = len(self.line), self.height
         at = self.after if after else self.before
-        return np.bincount(at, values, shape[0] * shape[1]).reshape(shape)
+        summed: Array = np.bincount(at, values, shape[0] * shape[1]).reshape(shape).astype(np.float64)
+        return summed

@@ -6,43 +6,34 @@ symmetrical, and so takes no part in the place.
 """
 
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-X, Y, CONTRAST, BACKGROUND, HALF_WIDTH, HALF_HEIGHT, LEAN = range(7)
-"""What describes a disc's picture: centre, grey values, half axes, and columns a line that chords move."""
+X, Y, CONTRAST, BACKGROUND, HALF_WIDTH, HALF_HEIGHT, LEAN, BLURRING = range(8)
+"""What describes a disc's picture: centre, grey values, half axes, columns a line that its chords move, and
+the variance of the spread function across the lines, which a camera's rows enlarge."""
 PER_SIGMA = 512
 REACH = 5.0
 
 Array = NDArray[np.float32]
 
 
-class Spread(NamedTuple):
-    """Variances of the spread function: `x` along the lines, `y` across, pixels and rows included."""
-
-    x: float
-    y: float
-
-    @classmethod
-    def of(cls, spread_px: float, row_px: float) -> "Spread":
-        """Of lens and video alike in x and y, a pixel of one column, and a row of so many frame lines."""
-        return cls(spread_px**2 + 1 / 12, spread_px**2 + row_px**2 / 12)
-
-
-def disc_images(discs: Array, x_px: Array, y_px: Array, spread: Spread) -> tuple[Array, Array]:
+def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tuple[Array, Array]:
     """Grey values of N discs and their derivatives.
 
     Args:
-        discs: (7, N), in the order of the constants above.
-        x_px: (w,) columns; `y_px`: (h,) frame lines, on the same origin as the centres.
-        spread: of the edges.
+        discs: (8, N), in the order of the constants above.
+        x_px: (w,) columns, from the same origin as the centres.
+        y_px: (h,) frame lines likewise.
+        blurring_x: variance of the spread function along the lines, pixels included.
 
     Returns:
-        (N, h, w) grey values, (N, 7, h, w) derivatives by the seven.
+        (N, h, w) grey values, (N, 8, h, w) derivatives by the eight.
     """
-    x, y, contrast, background, half_width, half_height, lean = discs[:, :, np.newaxis, np.newaxis]
+    x, y, contrast, background, half_width, half_height, lean, blurring_y = discs[
+        :, :, np.newaxis, np.newaxis
+    ]
     v = y_px[:, np.newaxis] - y
     u = (x_px - x - lean * v) / half_width
     down = v / half_height
@@ -50,11 +41,10 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, spread: Spread) -> tuple
     radius = np.sqrt(radius2)
     across, along = u / half_width, down / half_height - lean * u / half_width
     across2, along2 = across * across, along * along
-    steep2 = across2 + along2 + np.float32(1e-6)
-    blurring = np.float32(spread.x) * across2 + np.float32(spread.y) * along2 + np.float32(1e-6)
+    blurring = np.float32(blurring_x) * across2 + blurring_y * along2 + np.float32(1e-6)
     distance = (radius2 - radius) / np.sqrt(blurring)
     inside, density = _looked_up(distance)
-    slopes = np.empty((discs.shape[1], 7, len(y_px), len(x_px)), np.float32)
+    slopes = np.empty((discs.shape[1], 8, len(y_px), len(x_px)), np.float32)
     edge = contrast * density / np.sqrt(blurring)
     slopes[:, X], slopes[:, Y] = edge * across, edge * along
     slopes[:, CONTRAST], slopes[:, BACKGROUND] = inside, 1.0
@@ -63,6 +53,7 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, spread: Spread) -> tuple
         edge * down * down / half_height,
     )
     slopes[:, LEAN] = slopes[:, X] * v
+    slopes[:, BLURRING] = contrast * density * distance * along2 / (2 * blurring)
     return background + contrast * inside, slopes
 
 

@@ -1,25 +1,27 @@
 """The shift that each field line has in common to all blobs of both views: line jitter, solved for.
 
-The middle of blob i on field line k is c_ik = x_i + a_i Δy + s_k + noise, with one shift s_k ~ N(0, σj²) a line
-and a small lean a_i of a tilted disc. x_i and a_i are eliminated, which leaves normal equations in the shifts
-whose band is as wide as a blob is high. σj is where the data are most likely. What all lines of a group of
-blobs have in common moves the blobs likewise and cannot be known: its variance stays.
+The middle of blob i on field line k is c_ik = x_i + a_i Δy + s_k + noise, with one shift s_k ~ N(0, σj²) a
+line and a small lean a_i of a tilted disc. x_i and a_i are eliminated, which leaves normal equations in the
+shifts whose band is as wide as a blob is high. σj is where the data are likeliest. What all lines of a group
+of blobs have in common moves all of them alike and cannot be known: its variance stays.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.measurement.banded import band_of, factor, solve
 from grabberd.measurement.locator import Chords
 
 LEAN = 0.1
 """Standard deviation of a_i before the data are asked: columns a frame line."""
 LINES_APART = 2.0
 """Frame lines from one field line to the next."""
-TRIED = np.array([1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0, 2.0, 4.0])
-"""Shares of the expected line jitter that the data are asked about."""
-REFINED = np.array([0.71, 0.84, 1.0, 1.19, 1.41])
+TRIED = np.exp2(np.arange(-4.0, 3.0))
+"""Shares of the expected line jitter that the data are asked about, and then of the best of these."""
+REFINED = np.exp2(np.arange(-2.0, 3.0) / 4.0)
 UNSURE = 2.0
 """Standard deviation of the logarithm of the expected line jitter."""
 MEDIAN_OF_SQUARES = 0.455
@@ -36,11 +38,13 @@ class LineShifts(NamedTuple):
     Attributes:
         x_px: (N,) float64, the error of each x, to be subtracted.
         common_px: (N,) float64, standard deviation of what remains, common to all blobs on the same lines.
+        common_reach_px: blobs so many frame lines apart have e^−½ of that in common.
         line_jitter_px: σj as estimated.
     """
 
     x_px: Array
     common_px: Array
+    common_reach_px: float
     line_jitter_px: float
 
 
@@ -53,25 +57,35 @@ def line_shifts(chords: Chords, centre: Array, lines: int, expected_px: float) -
         lines: how many lines the field has.
         expected_px: the line jitter to expect; it counts for little beside the data.
     """
+    chords = chords._replace(centre=_from_the_surest(chords))
     first = _System.of(chords, centre, lines, LEAN)
-    tried_px = expected_px * TRIED
-    roughly_px = float(tried_px[np.argmax(first.log_likelihoods(tried_px, expected_px))])
-    residual, lean = first.residuals(roughly_px)
+    residual, lean = first.residuals(expected_px)
     trusted = chords._replace(weight=chords.weight * _trust(residual))
     system = _System.of(trusted, centre, lines, lean)
-    tried_px = roughly_px * REFINED
+    tried_px = system.roughly_px(expected_px) * REFINED
     jitter_px = _peak(tried_px, system.log_likelihoods(tried_px, expected_px))
-    between = system.covariance(jitter_px)[system.at[:, :, np.newaxis], system.at[:, np.newaxis, :]]
-    share = chords.share[:, np.newaxis, :]
-    common = (share @ between @ share.swapaxes(1, 2))[:, 0, 0]
+    common, beside = system.common_variance(jitter_px)
     x_px = (chords.share * system.shifts(jitter_px)[system.at]).sum(axis=1)
-    return LineShifts(x_px, np.sqrt(common), jitter_px)
+    return LineShifts(x_px, np.sqrt(common), _reach_px(common, beside), jitter_px)
 
 
-def unsolved_px(chords: Chords, jitter_px: float) -> Array:
-    """(N,) standard deviation of x from line jitter while the shifts are not solved for."""
-    common: Array = jitter_px * np.sqrt((chords.share**2).sum(axis=1))
-    return common
+def _from_the_surest(chords: Chords) -> Array:
+    """(N, h) middles of the chords from that of each blob's surest one: small numbers round less."""
+    surest = chords.weight.argmax(axis=1)[:, np.newaxis]
+    return chords.centre - np.take_along_axis(chords.centre, surest, axis=1)
+
+
+def unsolved(chords: Chords, jitter_px: float) -> LineShifts:
+    """What line jitter does to x while the shifts are not solved for."""
+    common = jitter_px**2 * (chords.share**2).sum(axis=1)
+    beside = jitter_px**2 * (chords.share[:, 1:] * chords.share[:, :-1]).sum(axis=1)
+    return LineShifts(np.zeros(len(common)), np.sqrt(common), _reach_px(common, beside), jitter_px)
+
+
+def _reach_px(common: Array, beside: Array) -> float:
+    """Of the error's variance (N,), and its covariance with what a blob one line further down would have."""
+    correlation = float(np.median(beside / np.maximum(common, np.finfo(np.float64).tiny)))
+    return LINES_APART / math.sqrt(-2.0 * math.log(min(max(correlation, 0.05), 0.99)))
 
 
 def _trust(residual: Array) -> Array:
@@ -104,17 +118,26 @@ class _System(NamedTuple):
     def of(cls, chords: Chords, centre: Array, lines: int, lean: float) -> "_System":
         line = chords.line[:, np.newaxis] + np.arange(chords.centre.shape[1])
         beside = LINES_APART * (line - centre[:, np.newaxis])
-        touched = np.unique(line[(chords.weight > 0) | (chords.share > 0)])
-        at = np.searchsorted(touched, line.clip(0, lines - 1)).clip(0, len(touched) - 1)
+        line = line.clip(0, lines - 1)
+        touched = np.bincount(line.ravel(), ((chords.weight > 0) | (chords.share > 0)).ravel(), lines) > 0
+        count = int(touched.sum())
+        at = (np.cumsum(touched) - 1)[line].clip(0)
         solver = _solver(chords.weight, beside, lean)
         explained = solver[:, :1] + beside[:, :, np.newaxis] * solver[:, 1:]
         own = np.eye(line.shape[1]) - explained
         matrix = chords.weight[:, :, np.newaxis] * own
-        right = np.bincount(at.ravel(), (matrix @ chords.centre[:, :, np.newaxis]).ravel(), len(touched))
-        return cls(chords, at, beside, lean, solver, _banded(at, matrix, len(touched)), right)
+        right: Array = np.bincount(
+            at.ravel(), (matrix @ chords.centre[:, :, np.newaxis]).ravel(), count
+        ).astype(np.float64)
+        return cls(chords, at, beside, lean, solver, band_of(at, matrix, count), right)
+
+    def roughly_px(self, expected_px: float) -> float:
+        """The likeliest of a few jitters."""
+        tried_px = expected_px * TRIED
+        return float(tried_px[np.argmax(self.log_likelihoods(tried_px, expected_px))])
 
     def log_likelihoods(self, tried_px: Array, expected_px: float) -> list[float]:
-        """Of the data with x, lean and shifts integrated out, at each jitter; and of that if one is expected."""
+        """Of the data, with x, lean and shifts integrated out, at each jitter; and of these beforehand."""
         return [
             self._log_likelihood(one) - 0.5 * (np.log(one / expected_px) / UNSURE) ** 2
             for one in tried_px.tolist()
@@ -122,11 +145,16 @@ class _System(NamedTuple):
 
     def shifts(self, jitter_px: float) -> Array:
         """(L,) the likeliest shifts."""
-        return _solve(self._factor(jitter_px), self.right)
+        return solve(factor(self.band, jitter_px**-2), self.right)
 
-    def covariance(self, jitter_px: float) -> Array:
-        """(L, L) of the shifts' errors."""
-        return _solve(self._factor(jitter_px), np.eye(len(self.right)))
+    def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
+        """(N,) of what the errors of the shifts do to x; and its covariance with x one line further down."""
+        covariance = solve(factor(self.band, jitter_px**-2), np.eye(len(self.right)))
+        share = self.chords.share[:, np.newaxis, :]
+        own = share @ covariance[self.at[:, :, np.newaxis], self.at[:, np.newaxis, :]]
+        below = np.minimum(self.at + 1, len(self.right) - 1)
+        other = share @ covariance[self.at[:, :, np.newaxis], below[:, np.newaxis, :]]
+        return (own * share).sum(axis=(1, 2)), (other * share).sum(axis=(1, 2))
 
     def residuals(self, jitter_px: float) -> tuple[Array, float]:
         """(N, h) of the chords, in units of their σ, 0 where there is none; and the σ of the blobs' leans."""
@@ -137,18 +165,9 @@ class _System(NamedTuple):
         return residual, float(np.sqrt(np.median(lean**2) / MEDIAN_OF_SQUARES + unsure.mean()))
 
     def _log_likelihood(self, jitter_px: float) -> float:
-        factor = self._factor(jitter_px)
-        fit = float(self.right @ _solve(factor, self.right))
-        return 0.5 * fit - float(np.log(factor[0]).sum() + len(self.right) * np.log(jitter_px))
-
-    def _factor(self, jitter_px: float) -> Array:
-        """(h, L) lower banded Cholesky factor of the normal matrix."""
-        from scipy.linalg.lapack import dpbtrf
-
-        band = self.band.copy(order="F")
-        band[0] += jitter_px**-2
-        factor: Array = dpbtrf(band, lower=1, overwrite_ab=1)[0]
-        return factor
+        lower = factor(self.band, jitter_px**-2)
+        fit = float(self.right @ solve(lower, self.right))
+        return 0.5 * fit - float(np.log(lower[0]).sum() + len(self.right) * np.log(jitter_px))
 
 
 def _solver(weight: Array, beside: Array, lean: float) -> Array:
@@ -158,31 +177,16 @@ def _solver(weight: Array, beside: Array, lean: float) -> Array:
     scale = 1.0 / np.maximum(a * c - b * b, np.finfo(np.float64).tiny)
     x = c[:, np.newaxis] * weight - b[:, np.newaxis] * tilted
     lean = a[:, np.newaxis] * tilted - b[:, np.newaxis] * weight
-    return np.stack([x, lean], axis=1) * scale[:, np.newaxis, np.newaxis]
-
-
-def _banded(at: NDArray[np.int64], matrix: Array, count: int) -> Array:
-    """(h, L) the sum of the blobs' (N, h, h) matrices, its diagonals from the main one down."""
-    height = at.shape[1]
-    below = at[:, :, np.newaxis] - at[:, np.newaxis, :]
-    lower = below >= 0
-    place = (below * count + at[:, np.newaxis, :])[lower]
-    return np.bincount(place, matrix[lower], height * count).reshape(height, count)
-
-
-def _solve(factor: Array, right: Array) -> Array:
-    from scipy.linalg.lapack import dpbtrs
-
-    solution: Array = dpbtrs(factor, right, lower=1)[0]
-    return solution
+    solver: Array = np.stack([x, lean], axis=1) * scale[:, np.newaxis, np.newaxis]
+    return solver
 
 
 def _peak(tried: Array, value: list[float]) -> float:
-    """Where a parabola in log(tried) through the greatest value and its neighbours is greatest."""
+    """Where a parabola in log(tried), equally spaced, through the greatest value and its neighbours peaks."""
     best = min(max(int(np.argmax(value)), 1), len(value) - 2)
-    near = slice(best - 1, best + 2)
-    x = np.log(tried[near])
-    curvature, slope, _ = np.polyfit(x - x[1], value[near], 2).tolist()
-    if curvature >= 0:
+    before, here, after = value[best - 1 : best + 2]
+    bend = before - 2.0 * here + after
+    if bend >= 0:
         return float(tried[int(np.argmax(value))])
-    return float(np.exp(x[1] + np.clip(-slope / (2 * curvature), x[0] - x[1], x[2] - x[1])))
+    steps = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
+    return float(tried[best] * (tried[1] / tried[0]) ** steps)

@@ -29,6 +29,8 @@ NOISE_BLOBS = 24
 LINES_APART = 2
 JITTER_OF_CENTRE = 0.54
 """Variance of a centroid's x per variance of a line's shift, times the lines that its radius spans."""
+JITTER_OF_ENDS = {1: 0.25, 2: 0.5}
+"""How much of that the posterior has: it takes a row's ends, and interpolated rows, to shift by themselves."""
 MOST_JITTER = 0.7
 """Of the variance of x: what is left is the blob's own."""
 UNEXPLAINED = 20.0
@@ -45,10 +47,10 @@ def locate_by_locale(seen: Seen) -> Located:
     centres = binary_centres(seen.runs, seen.label, len(seen.shapes))
     sigma_px = binary_sigma_px(seen.area_px, seen.packed.y_step)
     patterns = patterns_of(seen, centres)
-    if not len(patterns.blob):
+    if not patterns.alike:
         return Located(centres, sigma_px)
     found = _decoded(patterns, seen)
-    explained = found.evidence > np.median(found.evidence) - UNEXPLAINED
+    explained = patterns.fits & (found.evidence > np.median(found.evidence) - UNEXPLAINED)
     blob = patterns.blob[explained]
     centres[blob] = patterns.anchor[explained] + found.from_anchor_px[explained] / (1, seen.packed.y_step)
     variance = found.variance_px2[explained]
@@ -58,13 +60,13 @@ def locate_by_locale(seen: Seen) -> Located:
 
 
 def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:
-    """(M,) what line jitter adds to the variance of x: of each row's two ends as if they shifted apart."""
+    """(M,) what line jitter has added to the variances of x, which later rooms add as a whole."""
     lines = math.sqrt(4 / math.pi) / 2 * np.sqrt(seen.area_px[blob]) / LINES_APART
     common: Array = JITTER_OF_CENTRE * seen.settings.line_jitter_px**2 / lines
-    return common / 2
+    return JITTER_OF_ENDS[seen.packed.y_step] * common
 
 
-class _Posterior(NamedTuple):
+class Posterior(NamedTuple):
     """What the bits of M blobs say.
 
     Attributes:
@@ -77,53 +79,49 @@ class _Posterior(NamedTuple):
     evidence: Array
 
 
-def _decoded(patterns: Patterns, seen: Seen) -> _Posterior:
-    found = _posterior(_likelihoods(patterns, seen, NOISES[0]), seen.packed.y_step)
-    some = _thinned(patterns)
-    noise = _likeliest_noise(some.patterns, seen, float(found.evidence[some.chosen].sum()))
+def _decoded(patterns: Patterns, seen: Seen) -> Posterior:
+    found = posterior_of(_likelihoods(patterns, seen, NOISES[0]), seen.packed.y_step)
+    noise = _likeliest_noise(_thinned(patterns), seen)
     if noise == NOISES[0]:
         return found
-    return _posterior(_likelihoods(patterns, seen, noise), seen.packed.y_step)
+    return posterior_of(_likelihoods(patterns, seen, noise), seen.packed.y_step)
 
 
-def _likeliest_noise(patterns: Patterns, seen: Seen, evidence: float) -> float:
-    """The one of `NOISES` after which it gets worse; `evidence`: of the first one."""
+def _likeliest_noise(patterns: Patterns, seen: Seen) -> float:
+    """The one of `NOISES` after which it gets worse."""
+    evidence = _evidence(patterns, seen, NOISES[0])
     for noise, louder in pairwise(NOISES):
-        of_louder = _posterior(_likelihoods(patterns, seen, louder), seen.packed.y_step).evidence.sum()
+        of_louder = _evidence(patterns, seen, louder)
         if of_louder <= evidence:
             return noise
         evidence = of_louder
     return NOISES[-1]
 
 
-class _Thinned(NamedTuple):
-    """Some of the patterns, and which: (S,) int64."""
+def _evidence(patterns: Patterns, seen: Seen, noise: float) -> float:
+    """Of these blobs together; what is no target counts for little."""
+    each = posterior_of(_likelihoods(patterns, seen, noise), seen.packed.y_step).evidence
+    return float(np.maximum(each, np.median(each) - UNEXPLAINED).sum())
 
-    patterns: Patterns
-    chosen: NDArray[np.int64]
 
-
-def _thinned(patterns: Patterns) -> _Thinned:
-    """Evenly from the whole."""
-    step = max(1, len(patterns.blob) // NOISE_BLOBS)
-    chosen = np.arange(step // 2, len(patterns.blob), step)
-    fewer = patterns._replace(
-        blob=patterns.blob[chosen],
-        anchor=patterns.anchor[chosen],
-        ends=patterns.ends[chosen],
-        first=np.searchsorted(chosen, patterns.first),
-    )
-    return _Thinned(fewer, chosen)
+def _thinned(patterns: Patterns) -> Patterns:
+    """Those of the most frequent kinds, so that few tables are needed for them."""
+    frequent = sorted(patterns.alike, key=lambda some: -len(some.ends))
+    count = np.cumsum([len(some.ends) for some in frequent])
+    enough = int(np.searchsorted(count, NOISE_BLOBS)) + 1
+    return patterns._replace(alike=tuple(frequent[:enough]))
 
 
 def _likelihoods(patterns: Patterns, seen: Seen, noise: float) -> Single:
-    """(M, G) log likelihood of every blob at every place."""
-    found = np.empty((len(patterns.blob), len(places(seen.packed.y_step).x_px)), np.float32)
-    for kind, first, end in zip(patterns.kinds, patterns.first[:-1], patterns.first[1:], strict=True):
-        if end > first:
-            one = table(_appearance(kind, patterns, seen, noise), patterns.window, kind.interpolated)
-            np.matmul(patterns.ends[first:end], one.cumulated, out=found[first:end])
-            found[first:end] += one.empty
+    """(M, G) log likelihood of every blob at every place, in the order of `Patterns.alike`."""
+    count = sum(len(some.ends) for some in patterns.alike)
+    found = np.empty((count, len(places(seen.packed.y_step).x_px)), np.float32)
+    end = 0
+    for some in patterns.alike:
+        one = table(_appearance(some.kind, patterns, seen, noise), some.window, some.kind.interpolated)
+        first, end = end, end + len(some.ends)
+        np.matmul(some.ends, one.cumulated, out=found[first:end])
+        found[first:end] += one.empty
     return found
 
 
@@ -140,7 +138,8 @@ def _appearance(kind: Kind, patterns: Patterns, seen: Seen, noise: float) -> App
     )
 
 
-def _posterior(likelihood: Single, y_step: int) -> _Posterior:
+def posterior_of(likelihood: Single, y_step: int) -> Posterior:
+    """From the log likelihoods (M, G) of all `places`, each as likely as any other before."""
     x, y = places(y_step)
     greatest = likelihood.max(axis=1, keepdims=True)
     weight = np.exp(likelihood - greatest)
@@ -148,4 +147,4 @@ def _posterior(likelihood: Single, y_step: int) -> _Posterior:
     mean = sums[:, 1:3] / sums[:, :1]
     variance = sums[:, 3:] / sums[:, :1] - mean * mean
     evidence = greatest[:, 0] + np.log(sums[:, 0] / len(x))
-    return _Posterior(mean, variance, evidence)
+    return Posterior(mean, variance, evidence)

@@ -5,6 +5,7 @@ pixels, light is in units of the contrast.
 """
 
 import math
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ LINE_HEIGHT_PX = 1.6
 """Between the one frame line that a row collects and the two of a sensor that integrates fields."""
 SURE = 6.9
 """Greatest log odds of a pixel: one in a thousand is wrong for reasons that no model knows."""
-_NEWTON_STEPS = 8
+_NEWTON_STEPS = 6
 
 
 class Appearance(NamedTuple):
@@ -78,16 +79,19 @@ def light(
     return found
 
 
-def half_axes_px(seen: Appearance) -> tuple[float, float]:
-    """The ellipse whose light reaches the threshold where the appearance says."""
-    wanted = np.array([seen.half_width_px, seen.half_height_px])
+@lru_cache(maxsize=256)
+def half_axes_px(
+    seen_px: tuple[float, float], fraction: float, blur_px: tuple[float, float]
+) -> tuple[float, float]:
+    """The ellipse whose light falls to `fraction` at these half axes."""
+    wanted = np.array(seen_px)
     axes, origin = wanted.copy(), np.zeros(1)
-    slope = 0.35 / np.array(seen.blur_px)
+    slope = 0.35 / np.array(blur_px)
     for _ in range(_NEWTON_STEPS):
         both = (float(axes[0]), float(axes[1]))
-        right = light(both, 0.0, seen.blur_px, wanted[:1], origin)[0, 0]
-        below = light(both, 0.0, seen.blur_px, origin, wanted[1:])[0, 0]
-        axes = np.maximum(axes + (seen.fraction - np.array([right, below])) / slope, 0.5)
+        right = light(both, 0.0, blur_px, wanted[:1], origin)[0, 0]
+        below = light(both, 0.0, blur_px, origin, wanted[1:])[0, 0]
+        axes = np.maximum(axes + (fraction - np.array([right, below])) / slope, 0.5)
     return float(axes[0]), float(axes[1])
 
 
@@ -104,13 +108,19 @@ class Odds(NamedTuple):
 
 
 def log_odds(seen: Appearance, x: Array, y: Array) -> Odds:
-    """Log odds over an even grid of pixel places (relative to the target's centre), U in x and V in y."""
-    axes = half_axes_px(seen)
-    above, here, below = (light(axes, seen.lean, seen.blur_px, x, y + shift) for shift in (-1.0, 0.0, 1.0))
+    """Log odds over an even grid of pixel places (relative to the target's centre), U in x and V in y.
+
+    A whole number of the grid's steps makes a frame line.
+    """
+    axes = half_axes_px((seen.half_width_px, seen.half_height_px), seen.fraction, seen.blur_px)
+    line = round(1 / (y[1] - y[0]))
+    beyond = np.arange(1, line + 1) / line
+    further = np.concatenate([y[0] - beyond[::-1], y, y[-1] + beyond])
+    picture = light(axes, seen.lean, seen.blur_px, x, further)
     step = float(x[1] - x[0])
     return Odds(
-        _odds_of(here, step, seen, 1.0),
-        _odds_of((above + below) / 2, step, seen, 0.5),
+        _odds_of(picture[line:-line], step, seen, 1.0),
+        _odds_of((picture[: -2 * line] + picture[2 * line :]) / 2, step, seen, 0.5),
     )
 
 

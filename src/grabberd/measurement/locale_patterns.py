@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.locale_sizes import (
     NOMINAL_FRACTION,
-    STEP_PX,
+    STEPS,
     Sizes,
     is_delivered,
     moments_of,
@@ -36,24 +36,34 @@ class Kind(NamedTuple):
     interpolated: bool
 
 
+class Alike(NamedTuple):
+    """M blobs of a kind, all of which may be targets.
+
+    Attributes:
+        kind: theirs; `window`: of pixels about their anchors.
+        ends: (M, `Window.size`) float32, 1 where a run has ended, −1 where it begins.
+    """
+
+    kind: Kind
+    window: Window
+    ends: NDArray[np.float32]
+
+
 class Patterns(NamedTuple):
-    """M blobs that may be targets, those of a kind together.
+    """All blobs of a field that may be targets, those of a kind together.
 
     Attributes:
         blob: (M,) int64, their components.
         anchor: (M, 2) int64 column and row nearest to each centroid.
-        ends: (M, `Window.size`) float32, 1 where a run has ended, −1 where it begins.
-        kinds: the K kinds; `first`: (K + 1,) int64, where each begins among the M.
-        window: of pixels about the anchors.
+        fits: (M,) bool, whether it lies within its kind's window; the ends of others mean nothing.
+        alike: the kinds, in the same order, M blobs in all.
         fraction: the threshold's share of the contrast.
     """
 
     blob: Whole
     anchor: Whole
-    ends: NDArray[np.float32]
-    kinds: tuple[Kind, ...]
-    first: Whole
-    window: Window
+    fits: NDArray[np.bool_]
+    alike: tuple[Alike, ...]
     fraction: float
 
 
@@ -64,65 +74,70 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
         seen: a field of 1 bit.
         centres: (N, 2) float64, the centroids of its N components, columns and rows.
     """
-    packed, y_step = seen.packed, seen.packed.y_step
+    packed = seen.packed
     whole = seen.of_size & ~seen.shapes.touch_border(packed.rows, packed.columns)
     moments = moments_of(packed, seen.runs, seen.label, centres)
     sizes = sizes_of(moments, whole, centres, packed)
-    half_width, half_height = (STEP_PX * axis[whole].max(initial=1) for axis in sizes[:2])
-    window = Window.of(half_width, half_height, y_step)
-    anchor = np.rint(centres).astype(np.int64)
-    place, fits = _places(seen, anchor, window)
-    whole[seen.label[~fits]] = False
-    odd = ~is_delivered(packed, anchor[:, 1])
-    blob, kinds, first = _sorted_by_kind(np.flatnonzero(whole), sizes, odd)
     fraction = NOMINAL_FRACTION
-    if y_step == 1:
+    if packed.y_step == 1:
         fraction = threshold_fraction(seen.shapes.pixels, moments, sizes, whole, seen.settings.spread_px)
-    return Patterns(
-        blob, anchor[blob], _ends(seen.label, blob, place, window), kinds, first, window, fraction
-    )
+    anchor = np.rint(centres).astype(np.int64)
+    blob, kinds, count = _by_kind(whole, sizes, ~is_delivered(packed, anchor[:, 1]))
+    windows = [Window.of(kind.half_width_px, kind.half_height_px, packed.y_step) for kind in kinds]
+    ends, fits = _ends(seen, anchor, blob, np.repeat(np.array(windows, np.int64).reshape(-1, 2), count, axis=0))
+    shapes = zip(kinds, windows, count, strict=True)
+    alike, first = [], 0
+    for kind, window, many in shapes:
+        last = first + many * window.size
+        alike.append(Alike(kind, window, ends[first:last].reshape(many, window.size)))
+        first = last
+    return Patterns(blob, anchor[blob], fits, tuple(alike), fraction)
 
 
-class _Ends(NamedTuple):
-    """Where R runs begin and end in the windows of their blobs: (R,) int64 each."""
-
-    start: Whole
-    end: Whole
-
-
-def _places(seen: Seen, anchor: Whole, window: Window) -> tuple[_Ends, NDArray[np.bool_]]:
-    """Where all runs lie in their windows, and whether they do."""
-    column, row = anchor[seen.label].T
-    start = seen.runs.first - column + window.columns
-    end = seen.runs.last + 1 - column + window.columns
-    in_row = seen.runs.row - row + window.rows
-    fits = (start >= 0) & (end < window.ends) & (in_row >= 0) & (in_row <= 2 * window.rows)
-    return _Ends(in_row * window.ends + start, in_row * window.ends + end), fits
-
-
-def _sorted_by_kind(
-    blob: Whole, sizes: Sizes, odd: NDArray[np.bool_]
-) -> tuple[Whole, tuple[Kind, ...], Whole]:
-    """The blobs with those of a kind together, the kinds, and where each begins."""
+def _by_kind(
+    whole: NDArray[np.bool_], sizes: Sizes, odd: NDArray[np.bool_]
+) -> tuple[Whole, list[Kind], Whole]:
+    """The blobs with those of a kind together, the kinds, and how many blobs each has."""
+    blob = np.flatnonzero(whole)
     columns = (sizes.half_width[blob], sizes.half_height[blob], sizes.lean[blob], odd[blob].astype(np.int64))
     order = np.lexsort(columns)
     values = np.stack(columns, axis=1)[order]
-    new = np.flatnonzero((values[1:] != values[:-1]).any(axis=1)) + 1
-    begin = np.concatenate([[0], new]) if len(blob) else new
-    kinds = tuple(
-        Kind(width * STEP_PX, height * STEP_PX, lean * STEP_PX, bool(interpolated))
+    new = np.ones(len(blob), np.bool_)
+    new[1:] = (values[1:] != values[:-1]).any(axis=1)
+    begin = np.flatnonzero(new)
+    kinds = [
+        Kind(width * STEPS[0], height * STEPS[1], lean * STEPS[2], bool(interpolated))
         for width, height, lean, interpolated in values[begin].tolist()
-    )
-    return blob[order], kinds, np.append(begin, len(blob))
+    ]
+    return blob[order], kinds, np.diff(np.append(begin, len(blob)))
 
 
-def _ends(label: Whole, blob: Whole, place: _Ends, window: Window) -> NDArray[np.float32]:
-    number = np.full(int(label.max(initial=-1)) + 1, -1)
+def _ends(
+    seen: Seen, anchor: Whole, blob: Whole, windows: Whole
+) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """The ends in all windows, one after the other; and which blobs lie within theirs.
+
+    Args:
+        seen: the field.
+        anchor: (N, 2) of all components.
+        blob: (M,) those wanted.
+        windows: (M, 2) columns and rows of their windows.
+    """
+    number = np.full(len(anchor), -1)
     number[blob] = np.arange(len(blob))
-    of_run = number[label]
-    kept = of_run >= 0
-    ends = np.zeros((len(blob), window.size), np.float32)
-    flat, offset = ends.reshape(-1), of_run[kept] * window.size
-    flat[offset + place.start[kept]] = -1.0
-    flat[offset + place.end[kept]] = 1.0
-    return ends
+    run = np.flatnonzero(number[seen.label] >= 0)
+    label = seen.label[run]
+    of = number[label]
+    columns, rows = windows[of].T
+    start, end = seen.runs.first[run] - anchor[label, 0], seen.runs.last[run] + 1 - anchor[label, 0]
+    row = seen.runs.row[run] - anchor[label, 1]
+    inside = (start >= -columns) & (end <= columns + 1) & (np.abs(row) <= rows)
+    size = (2 * windows[:, 1] + 1) * (2 * windows[:, 0] + 2)
+    begin = np.cumsum(size) - size
+    middle = begin[of] + (row + rows) * (2 * columns + 2) + columns
+    ends = np.zeros(int(size.sum()), np.float32)
+    ends[(middle + start)[inside]] = -1.0
+    ends[(middle + end)[inside]] = 1.0
+    fits = np.ones(len(blob), np.bool_)
+    fits[of[~inside]] = False
+    return ends, fits

@@ -1,7 +1,7 @@
-"""How large targets appear, part by part of the picture, and how high the threshold is among them.
+"""How large targets appear over the picture, and how high the threshold is among them.
 
-One blob's size tells little: it jumps by whole pixels. The mean over neighbours tells the size to a fraction
-of a pixel, and it follows tilt and distance over the picture.
+One blob's size tells little: it jumps by whole pixels. A smooth surface through all of them tells the size to
+a fraction of a pixel, and it follows tilt and distance over the picture.
 """
 
 from functools import lru_cache
@@ -16,22 +16,22 @@ from grabberd.measurement.runs import Runs
 
 Array = NDArray[np.float64]
 
-CELLS_X, CELLS_Y = 8, 6
-"""Parts of the picture whose blobs are taken together; no part has blobs of both halves."""
-BORROWED = 4.0
-"""So many blobs of the whole field's mean are added to each part's own."""
-STEP_PX = 0.1
-"""Half axes and lean are rounded to this, so that few tables are needed."""
+STIFFNESS = 6.0
+"""So many blobs' worth of a half's mean hold its surface even where few blobs say otherwise."""
+STEPS = (0.15, 0.15, 0.2)
+"""Half width, half height (frame pixels) and lean are rounded to these, so that few tables are needed."""
 POINTING_PX2 = (0.009, 0.013)
 """What the error of its own centre takes off a blob's moments, per `y_step` in x and its square in y."""
+LEAST_PX2 = 0.25
+"""Least second moment of a target."""
 NOMINAL_FRACTION = 0.3
 """Of the contrast, where the threshold's height is not known otherwise."""
-FRACTIONS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5)
+FRACTIONS = (0.12, 0.2, 0.3, 0.42)
 PRIOR_BLOBS = 8.0
 
 
 class Sizes(NamedTuple):
-    """Half axes in frame pixels and lean of N blobs' surroundings, in units of `STEP_PX`: (N,) int64 each."""
+    """Half axes and lean of N blobs' surroundings, in units of `STEPS`: (N,) int64 each."""
 
     half_width: NDArray[np.int64]
     half_height: NDArray[np.int64]
@@ -65,29 +65,47 @@ def is_delivered(packed: PackedField, row: NDArray[np.int64]) -> NDArray[np.bool
 
 
 def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packed: PackedField) -> Sizes:
-    """The sizes round every blob.
+    """The sizes round every blob, which change as a quadratic over each half of the picture.
 
     Args:
         moments: of N blobs.
-        counted: (N,) which of them look like targets and so count for the means.
+        counted: (N,) which of them look like targets and so count.
         centres: (N, 2) columns and rows.
         packed: the field they are in.
     """
-    part = _part(centres, packed)
-    sums = np.stack([np.bincount(part, values * counted, CELLS_X * CELLS_Y) for values in moments])
-    blobs = np.maximum(np.count_nonzero(counted), 1)
-    total = sums + (BORROWED / blobs) * sums.sum(axis=1, keepdims=True)
-    xx, yy, xy = total[1:] / np.maximum(total[0], 1e-9)
-    yy = yy + POINTING_PX2[1] * packed.y_step**2
-    half_width = 2 * np.sqrt(np.maximum(xx + POINTING_PX2[0] * packed.y_step - xy * xy / yy, 0.25))
-    found = np.stack([half_width, 2 * np.sqrt(np.maximum(yy, 0.25)), xy / yy])
-    return Sizes(*np.rint(found / STEP_PX).astype(np.int64)[:, part])
+    smooth = np.empty((3, len(centres)))
+    right = centres[:, 0] >= (packed.columns - 1) / 2
+    for half in (right, ~right):
+        weight = moments.pixels[half] * counted[half]
+        sums = np.stack(moments[1:])[:, half] * counted[half]
+        smooth[:, half] = _smoothed(_terms(centres[half], weight), weight, sums)
+    xx, yy, xy = smooth
+    yy = np.maximum(yy + POINTING_PX2[1] * packed.y_step**2, LEAST_PX2)
+    across = np.maximum(xx + POINTING_PX2[0] * packed.y_step - xy * xy / yy, LEAST_PX2)
+    found = np.stack([2 * np.sqrt(across), 2 * np.sqrt(yy), xy / yy])
+    return Sizes(*np.rint(found / np.array(STEPS)[:, np.newaxis]).astype(np.int64))
 
 
-def _part(centres: Array, packed: PackedField) -> NDArray[np.int64]:
-    across = np.floor(centres * (CELLS_X / packed.columns, CELLS_Y / packed.rows)).astype(np.int64)
-    part: NDArray[np.int64] = across[:, 0] + across[:, 1] * CELLS_X
-    return part
+def _terms(centres: Array, weight: Array) -> Array:
+    """(N, 6) of a quadratic over the extent of those blobs that weigh."""
+    total = max(float(weight.sum()), 1e-9)
+    from_middle = centres - weight @ centres / total
+    extent = np.sqrt(np.maximum(weight @ (from_middle * from_middle) / total, 1.0))
+    x, y = (from_middle / extent).T
+    return np.stack([np.ones_like(x), x, y, x * y, x * x - 1, y * y - 1], axis=1)
+
+
+def _smoothed(terms: Array, weight: Array, sums: Array) -> Array:
+    """(K, N) surfaces through the ratios of `sums` (K, N) to `weight` (N,)."""
+    total = max(float(weight.sum()), 1e-9)
+    mean = sums.sum(axis=1) / total
+    blobs = max(1, int(np.count_nonzero(weight)))
+    held = STIFFNESS * total / blobs * np.diag([0.0, 1, 1, 1, 1, 1])
+    held[0, 0] = 1e-9
+    normal = (terms * weight[:, np.newaxis]).T @ terms + held
+    right = (sums - mean[:, np.newaxis] * weight) @ terms
+    smooth: Array = np.linalg.solve(normal, right.T).T @ terms.T + mean[:, np.newaxis]
+    return smooth
 
 
 def threshold_fraction(
@@ -105,8 +123,10 @@ def threshold_fraction(
         counted: whether it counts.
         spread_px: standard deviation of the spread function.
     """
-    half_axes = (float(np.mean(axis[counted])) if counted.any() else 1.0 for axis in sizes[:2])
-    width, height = (STEP_PX * round(axis) for axis in half_axes)
+    width, height = (
+        step * round(float(np.mean(axis[counted])) if counted.any() else 10.0)
+        for step, axis in zip(STEPS, sizes[:2], strict=False)
+    )
     ratios = np.array(fullness((width, height), spread_px))
     rows = delivered.pixels[counted]
     prior = PRIOR_BLOBS * (rows.mean() if len(rows) else 1.0)

@@ -17,12 +17,16 @@ from grabberd.measurement.locale_model import Appearance, Odds, log_odds
 Single = NDArray[np.float32]
 Whole = NDArray[np.int64]
 
-STEPS_X = 12
+STEPS_X = 10
 """Places looked at in a pixel of x; `STEPS_Y`: in a frame line of y."""
 STEPS_Y = 8
-REACH_X_PX = 0.9
+REACH_X_PX = 0.8
 """Places are looked at so far from the anchor, the pixel nearest to the centroid."""
-REACH_Y_PX = {1: 1.125, 2: 1.625}
+REACH_Y_PX = {1: 0.875, 2: 1.5}
+
+
+TABLES = 512
+"""So many are kept, of some 100 kB each."""
 
 
 class Window(NamedTuple):
@@ -79,8 +83,13 @@ def _axis(reach_px: float, steps: int) -> Whole:
     return np.arange(-whole, whole + 1)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=TABLES)
 def table(seen: Appearance, window: Window, interpolated: bool) -> Table:
+    """The table of an appearance, kept for the next field; arguments as of `built`."""
+    return built(seen, window, interpolated)
+
+
+def built(seen: Appearance, window: Window, interpolated: bool) -> Table:
     """The table of an appearance.
 
     Args:
@@ -110,6 +119,6 @@ def _gathered(odds: Odds, real: NDArray[np.bool_], at_u: Whole, at_v: Whole) -> 
     rows, columns, count = pixels.shape[0], pixels.shape[1], pixels.shape[2] * pixels.shape[3]
     cumulated = np.zeros((rows, columns + 1, count), np.float32)
     np.cumsum(pixels.reshape(rows, columns, count), axis=1, out=cumulated[:, 1:])
-    unset = -np.logaddexp(0.0, of_rows)
+    unset = -np.log1p(np.exp(of_rows))
     empty = unset[:, :, at_u].sum(axis=(0, 2), dtype=np.float64)
     return Table(empty.ravel().astype(np.float32), cumulated.reshape(-1, count))

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from grabberd.field import PackedField
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.centroid import locate_by_centroid
+from grabberd.measurement.correlation import locate_by_correlation
+from grabberd.measurement.edge import locate_by_edge
+from grabberd.measurement.interpolation import locate_by_tian_huhns, locate_by_vernier
 from grabberd.measurement.labels import label_runs
 from grabberd.measurement.line_jitter import Steadied, steadied
 from grabberd.measurement.locale import locate_by_locale
@@ -23,7 +26,7 @@ from grabberd.measurement.weighted import locate_by_weighted
 
 def _locate_by_the_best(seen: Seen) -> Located:
     """The method that measured best on fields of so many bits."""
-    return (locate_by_locale if seen.packed.bits == 1 else locate_by_centroid)(seen)
+    return (locate_by_locale if seen.packed.bits == 1 else locate_by_template)(seen)
 
 
 LOCATORS: Mapping[str, Locator] = MappingProxyType(
@@ -32,7 +35,11 @@ LOCATORS: Mapping[str, Locator] = MappingProxyType(
         "centroid": locate_by_centroid,
         "weighted": locate_by_weighted,
         "template": locate_by_template,
+        "edge": locate_by_edge,
+        "correlation": locate_by_correlation,
         "locale": locate_by_locale,
+        "vernier": locate_by_vernier,
+        "tian-huhns": locate_by_tian_huhns,
     }
 )
 """The locators by name."""
@@ -111,6 +118,7 @@ def _in_frame(seen: Seen, sigma_px: NDArray[np.float64], steady: Steadied) -> Bl
         width_px=(shapes.last_column - shapes.first_column + 1).astype(np.float64),
         height_px=(shapes.last_row - shapes.first_row + 1).astype(np.float64) * packed.y_step,
         at_border=shapes.touch_border(packed.rows, packed.columns),
+        common_reach_px=steady.common_reach_px,
         line_jitter_px=steady.line_jitter_px,
     )
 

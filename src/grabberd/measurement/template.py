@@ -1,4 +1,4 @@
-"""Least squares with the picture of a disc: as good as the noise allows, and seven numbers a target."""
+"""Least squares with the picture of a disc: as good as the noise allows, and eight numbers a target."""
 
 from typing import NamedTuple
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.disc_image import (
     BACKGROUND,
+    BLURRING,
     CONTRAST,
     HALF_HEIGHT,
     HALF_WIDTH,
     LEAN,
-    Spread,
     X,
     Y,
     disc_images,
@@ -19,24 +19,27 @@ from grabberd.measurement.disc_image import (
 from grabberd.measurement.grey import GREY, noise_of
 from grabberd.measurement.locator import Chords, Located, Seen, meant_for
 from grabberd.measurement.weighted import moments, weights_of
-from grabberd.measurement.windows import LINES_APART, Windows, windows_of
+from grabberd.measurement.windows import Windows, windows_of
 
 STEPS = 2
-LONGEST_STEP = (1.5, 1.5, np.inf, np.inf, 0.7, 0.7, 0.3)
+LONGEST_STEP = (1.5, 1.5, np.inf, np.inf, 0.7, 0.7, 0.3, 0.3)
 """Places and half axes may change by so much at once: a wild step would lose the blob."""
-PRIOR_SIGMA = (3.0, 3.0, 255.0, 255.0, 1.0, 1.0, 0.1)
-"""How far off the start may be, and how large a lean is: so much is known of what a faint blob cannot tell."""
+PRIOR_SIGMA = (3.0, 3.0, 255.0, 255.0, 1.0, 1.0, 0.1, 0.3)
+"""How far off the start may be, and how large a lean is: a faint blob cannot tell everything."""
 SMALLEST_PX = 0.4
 BLURRED_PX = 0.9
 """By so much a blob's pixels above a low threshold reach beyond the disc's edge."""
+PIXEL, ROW = 1 / 12, 0.2
+"""What a pixel adds to the variance of the spread function; and a row, of one line or the sum of two."""
 VAGUEST_CHORD_PX = 1.0
+LEAST = 1e-6
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 
 class _Fit(NamedTuple):
-    """Discs (7, N); covariance (N, 7, 7) of them; residual (N, h, w) and slopes by x (N, h, w)."""
+    """Discs (8, N); covariance (N, 8, 8) of them; residual (N, h, w) and slopes by x (N, h, w)."""
 
     discs: Single
     covariance: Array
@@ -52,52 +55,50 @@ def locate_by_template(seen: Seen) -> Located:
     """
     meant_for(seen, "template", GREY)
     windows, noise = windows_of(seen), noise_of(seen)
-    fit = _fitted(windows, _start(seen, windows), Spread.of(seen.settings.spread_px, LINES_APART), noise)
+    fit = _fitted(windows, _start(seen, windows), seen.settings.spread_px**2 + PIXEL, noise)
     sigma = np.sqrt(fit.covariance[:, (X, Y), (X, Y)])
     centres, sigma_px = windows.located(seen, fit.discs[X], fit.discs[Y], sigma)
     return Located(centres, sigma_px, _chords(windows, fit, noise))
 
 
 def _start(seen: Seen, windows: Windows) -> Single:
-    """(7, N) discs: weighted centroids, and half axes as the pixels above the threshold suggest them."""
-    discs = np.zeros((7, len(windows.blob)), np.float32)
+    """(8, N) discs, from the moments of the grey values' squares: a sharp disc's variance is R²/4."""
+    discs = np.zeros((8, len(windows.blob)), np.float32)
     weight = weights_of(windows)
-    discs[X], _ = moments(weight.sum(axis=1), windows.x_px)
-    discs[Y], _ = moments(weight.sum(axis=2), windows.y_px)
+    discs[X], across2 = moments(weight.sum(axis=1), windows.x_px)
+    discs[Y], down2 = moments(weight.sum(axis=2), windows.y_px)
+    discs[HALF_WIDTH], discs[HALF_HEIGHT] = 2.0 * np.sqrt(across2), 2.0 * np.sqrt(down2)
     discs[BACKGROUND] = windows.background
     discs[CONTRAST] = windows.grey.max(axis=(1, 2)) - discs[BACKGROUND]
-    shapes, blob = seen.shapes, windows.blob
-    columns = shapes.last_column[blob] - shapes.first_column[blob] + 1
-    lines = (shapes.last_row[blob] - shapes.first_row[blob] + 1) * seen.packed.y_step
-    discs[HALF_WIDTH] = np.maximum(columns / 2 - BLURRED_PX, 1.0)
-    discs[HALF_HEIGHT] = np.maximum(lines / 2 - BLURRED_PX, 1.0)
+    discs[BLURRING] = seen.settings.spread_px**2 + ROW
     return discs
 
 
-def _fitted(windows: Windows, start: Single, spread: Spread, noise: float) -> _Fit:
+def _fitted(windows: Windows, start: Single, blurring_x: float, noise: float) -> _Fit:
     """Gauss–Newton, all discs at once."""
     prior = (noise / np.array(PRIOR_SIGMA)) ** 2
     longest = np.array(LONGEST_STEP)
     discs = start
     for _ in range(STEPS):
-        image, slopes = disc_images(discs, windows.x_px, windows.y_px, spread)
-        slopes *= windows.inside[:, np.newaxis]
-        residual = (windows.grey - image) * windows.inside
-        design = slopes.reshape(len(slopes), 7, -1)
+        image, slopes = disc_images(discs, windows.x_px, windows.y_px, blurring_x)
+        residual = windows.grey - image
+        design = slopes.reshape(*slopes.shape[:2], image[0].size if len(image) else 1)
         normal = (design @ design.swapaxes(1, 2)).astype(np.float64) + np.diag(prior)
-        right = (design @ residual.reshape(len(slopes), -1, 1))[:, :, 0] + prior * (start - discs).T
+        right = (design @ residual.reshape(len(slopes), design.shape[2], 1))[:, :, 0] + prior * (
+            start - discs
+        ).T
         inverse = np.linalg.inv(normal)
         step = (inverse @ right[:, :, np.newaxis])[:, :, 0].clip(-longest, longest)
         discs = (discs + step.T).astype(np.float32)
         discs[HALF_WIDTH : HALF_HEIGHT + 1] = np.maximum(discs[HALF_WIDTH : HALF_HEIGHT + 1], SMALLEST_PX)
     left = residual - (step[:, np.newaxis].astype(np.float32) @ design).reshape(residual.shape)
-    return _Fit(discs, inverse * noise**2, left, slopes[:, X])
+    return _Fit(discs, (inverse * noise**2).astype(np.float64), left, slopes[:, X])
 
 
 def _chords(windows: Windows, fit: _Fit, noise: float) -> Chords:
     """Each line's own shift against the disc, by least squares; a line's share is its share of the weight."""
     weight = (fit.slope * fit.slope).sum(axis=2).astype(np.float64)
-    own = (fit.slope * fit.residual).sum(axis=2) / np.maximum(weight, np.finfo(np.float32).tiny)
+    own = (fit.slope * fit.residual).sum(axis=2) / np.maximum(weight, LEAST)
     beside = windows.y_px - fit.discs[Y][:, np.newaxis]
     along = fit.discs[X][:, np.newaxis] + fit.discs[LEAN][:, np.newaxis] * beside
     precision = weight / noise**2
@@ -106,5 +107,5 @@ def _chords(windows: Windows, fit: _Fit, noise: float) -> Chords:
         line=windows.line,
         centre=windows.column[:, np.newaxis] + (along + own).astype(np.float64),
         weight=np.where(precision > VAGUEST_CHORD_PX**-2, precision, 0.0),
-        share=weight / weight.sum(axis=1, keepdims=True),
+        share=weight / np.maximum(weight.sum(axis=1, keepdims=True), LEAST),
     )

@@ -7,13 +7,12 @@ from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
 from grabberd.measurement.background import Background, background_of
+from grabberd.measurement.locale_prediction import Scene, best_fraction
 
 KINDS = ("fixed", "trinder", "automatic")
 
 GREY_FRACTION = 0.13
 """Of the contrast, with 2 bits and more: five times better in y than one half."""
-BINARY_FRACTION = 0.3
-"""Of the contrast, at 1 bit: with 2 to 5 % noise the error in space is least between .2 and .35."""
 NOISE_MARGIN = 4.0
 """A threshold is at least so many standard deviations above the background."""
 SURELY_BRIGHT = 6.0
@@ -34,8 +33,10 @@ class ThresholdRule:
             of the contrast that is found in the picture.
         value: grey value of a fixed threshold.
         spread_px: standard deviation of the spread function; SF is twice that.
-        target_px: the target's diameter A.
-        fraction: of the contrast, for "automatic"; None: by the number of bits.
+        target_px: the target's diameter A, frame pixels.
+        fraction: of the contrast, for "automatic"; None: at 1 bit the one with the least predicted error for
+            this spread and diameter, with more bits `GREY_FRACTION`.
+        line_jitter_px: standard deviation of a line's shift, which the predicted error includes.
 
     Raises:
         ValueError: an unknown kind, a fixed rule without its value, or numbers out of range.
@@ -46,6 +47,7 @@ class ThresholdRule:
     spread_px: float = 0.7
     target_px: float = 5.0
     fraction: float | None = None
+    line_jitter_px: float = 0.12
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -58,7 +60,7 @@ class ThresholdRule:
             raise ValueError(f"fraction {self.fraction} is not between 0 and 1")
 
 
-def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: int) -> int:
+def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: int, y_step: int = 1) -> int:
     """The threshold for a picture.
 
     Equation (3) gives grey values of an 8-bit picture whose background is black, so the background's level is
@@ -68,6 +70,7 @@ def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: 
         histogram: (256,) int, how often each grey value occurs in the 8-bit picture.
         rule: how.
         bits: with which the picture will be quantised.
+        y_step: frame lines from row to row when it will be: 1 doubled, 2 intact.
 
     Returns:
         0 to 254.
@@ -82,7 +85,8 @@ def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: 
         height = trinder_levels(rule.spread_px, rule.target_px)
         return _whole(background_of(histogram).level + height)
     background = background_of(histogram)
-    return _whole(background.level + _automatic_height(histogram, background, rule, bits))
+    contrast = contrast_levels(histogram, background)
+    return _whole(background.level + height_levels(contrast, background.noise, rule, bits, y_step))
 
 
 def trinder_levels(spread_px: float, target_px: float) -> float:
@@ -90,12 +94,13 @@ def trinder_levels(spread_px: float, target_px: float) -> float:
     return float(74 * (2 * spread_px) ** 1.3 / target_px)
 
 
-def _automatic_height(
-    histogram: NDArray[np.integer], background: Background, rule: ThresholdRule, bits: int
-) -> float:
-    contrast = contrast_levels(histogram, background)
-    fraction = rule.fraction or (BINARY_FRACTION if bits == 1 else GREY_FRACTION)
-    return max(fraction * contrast, NOISE_MARGIN * background.noise)
+def height_levels(contrast: float, noise: float, rule: ThresholdRule, bits: int, y_step: int) -> float:
+    """An automatic threshold above the background: all in grey values."""
+    least = NOISE_MARGIN * noise
+    if rule.fraction is not None or bits > 1:
+        return max((rule.fraction or GREY_FRACTION) * contrast, least)
+    scene = Scene(rule.target_px, rule.spread_px, noise / contrast, rule.line_jitter_px, y_step)
+    return best_fraction(scene, least / contrast) * contrast
 
 
 def contrast_levels(histogram: NDArray[np.integer], background: Background) -> float:

@@ -40,7 +40,6 @@ def weights_of(windows: Windows) -> Single:
     """(N, h, w) squares of the grey value above the background, 0 where it is below."""
     height = windows.grey - windows.background[:, np.newaxis, np.newaxis]
     np.maximum(height, 0.0, out=height)
-    height *= windows.inside
     height *= height
     return height
 
@@ -60,7 +59,7 @@ def _chords(windows: Windows, weight: Single, noise: float) -> Chords:
     return Chords(
         blob=windows.blob,
         line=windows.line,
-        centre=windows.column[:, np.newaxis] + middle.astype(np.float64),
+        centre=(windows.column[:, np.newaxis] + middle).astype(np.float64),
         weight=np.where(amount > LEAST_SIGNAL * noise**2, precision, 0.0),
         share=amount / (amount.sum(axis=1, keepdims=True) + LEAST),
     )

@@ -10,34 +10,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.field import PackedField
+from grabberd.measurement.centroid import background_in
 from grabberd.measurement.locator import Seen
 from grabberd.measurement.mask import greys_at
 
 LINES_APART = 2
 """Frame lines from one field line to the next, whatever a packed field's rows are."""
-BEYOND_PX = 1.5
-"""A window reaches so far beyond the pixels above the threshold of all but the largest blobs."""
+BEYOND_PX = (1.2, 3.9)
+"""A window reaches so far beyond the pixels above the threshold of all but the largest blobs; and by so much
+more if the threshold is all of their height, since it then leaves more of them out."""
+LARGEST_SHARE = 0.5
 ALL_BUT_THE_LARGEST = 0.9
 
 Array = NDArray[np.float32]
 
 
 class Windows(NamedTuple):
-    """Windows of N blobs, each of `h` field lines and `w` columns.
+    """Windows of N blobs, each of `h` field lines and `w` columns, all within the field.
 
     Attributes:
         blob: (N,) int64, the component that each window belongs to.
-        grey: (N, h, w) float32, grey values; beyond the field's edge its last ones are repeated.
-        inside: (N, h, w) float32, 1 where the field is, 0 beyond its edge.
+        grey: (N, h, w) float32, grey values.
+        background: (N,) float32, the median of each window: more than half of it is no target.
         line: (N,) int64, the field line of the first row, counted as the camera delivered them.
         column: (N,) int64, the first column.
+        middle: (N, 2) float32, where in the window the middle of the blob's extent is: columns, frame lines.
     """
 
     blob: NDArray[np.int64]
     grey: Array
-    inside: Array
+    background: Array
     line: NDArray[np.int64]
     column: NDArray[np.int64]
+    middle: Array
 
     @property
     def x_px(self) -> Array:
@@ -48,12 +53,6 @@ class Windows(NamedTuple):
     def y_px(self) -> Array:
         """(h,) frame lines from the first."""
         return np.arange(self.grey.shape[1], dtype=np.float32) * np.float32(LINES_APART)
-
-    @property
-    def background(self) -> Array:
-        """(N,) the median of each window: more than half of it is no target."""
-        median: Array = np.median(self.grey.reshape(len(self.grey), -1), axis=1)
-        return median
 
     def located(
         self,
@@ -76,17 +75,20 @@ class Windows(NamedTuple):
 
 
 def windows_of(seen: Seen) -> Windows:
-    """The windows around those components that have the size of a target."""
+    """The windows around those components that have the size of a target; off their middle at an edge."""
     blob = np.flatnonzero(seen.of_size)
     shapes, packed = seen.shapes, seen.packed
-    centres = middles(seen)[blob]
-    half_columns = _half(shapes.last_column[blob] - shapes.first_column[blob] + 1, 1)
-    half_lines = _half((shapes.last_row[blob] - shapes.first_row[blob] + 1) * packed.y_step, LINES_APART)
-    column = np.rint(centres[:, 0]).astype(np.int64) - half_columns
-    line = np.rint(line_of_row(packed, centres[:, 1])).astype(np.int64) - half_lines
-    columns = column[:, np.newaxis] + np.arange(2 * half_columns + 1)
-    lines = line[:, np.newaxis] + np.arange(2 * half_lines + 1)
-    return Windows(blob, *_gathered(packed, lines, columns), line, column)
+    x, row = middles(seen)[blob].T
+    beyond = _beyond_px(packed, x, row)
+    columns = _size(shapes.last_column[blob] - shapes.first_column[blob] + 1, beyond, 1, packed.columns)
+    extent = (shapes.last_row[blob] - shapes.first_row[blob] + 1) * packed.y_step
+    lines = _size(extent, beyond, LINES_APART, lines_of(packed))
+    y = line_of_row(packed, row)
+    column, line = _first(x, columns, packed.columns), _first(y, lines, lines_of(packed))
+    middle = np.stack([x - column, LINES_APART * (y - line)], axis=1).astype(np.float32)
+    grey = _gathered(packed, line, lines, column, columns)
+    background = np.median(grey.reshape(len(grey), lines * columns), axis=1)
+    return Windows(blob, grey, background, line, column, middle)
 
 
 def middles(seen: Seen) -> NDArray[np.float64]:
@@ -101,23 +103,36 @@ def lines_of(packed: PackedField) -> int:
     return packed.rows * packed.y_step // LINES_APART
 
 
-def _half(extent: NDArray[np.int64], step: int) -> int:
-    """Half a window's size in steps of so many pixels."""
-    if not len(extent):
-        return 1
-    return math.ceil((float(np.quantile(extent, ALL_BUT_THE_LARGEST)) / 2 + BEYOND_PX) / step - 0.01)
+def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.float64]) -> float:
+    """How far windows reach beyond the pixels above the threshold."""
+    if not len(x):
+        return BEYOND_PX[0]
+    stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
+    place = row.astype(np.int64) * stride + x.astype(np.int64)
+    background = background_in(packed).level
+    height = max(float(np.median(greys_at(packed, place))) - background, 1.0)
+    share = (packed.threshold - background) / height
+    return BEYOND_PX[0] + BEYOND_PX[1] * min(max(share, 0.0), LARGEST_SHARE)
+
+
+def _size(extent: NDArray[np.int64], beyond_px: float, step: int, most: int) -> int:
+    """A window's size in steps of so many pixels: odd, unless the field has not so many."""
+    reach = float(np.quantile(extent, ALL_BUT_THE_LARGEST)) / 2 + beyond_px if len(extent) else 1.0
+    return min(2 * math.ceil(reach / step - 0.01) + 1, most)
+
+
+def _first(middle: NDArray[np.float64], size: int, end: int) -> NDArray[np.int64]:
+    return (np.rint(middle).astype(np.int64) - size // 2).clip(0, end - size)
 
 
 def _gathered(
-    packed: PackedField, lines: NDArray[np.int64], columns: NDArray[np.int64]
-) -> tuple[Array, Array]:
-    line, column = lines.clip(0, lines_of(packed) - 1), columns.clip(0, packed.columns - 1)
+    packed: PackedField, line: NDArray[np.int64], lines: int, column: NDArray[np.int64], columns: int
+) -> Array:
     stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
-    row = (line * (LINES_APART // packed.y_step) + first_row(packed)) * stride
-    place = row[:, :, np.newaxis] + column[:, np.newaxis, :]
-    grey = greys_at(packed, place.ravel()).reshape(place.shape).astype(np.float32)
-    inside = (line == lines)[:, :, np.newaxis] & (column == columns)[:, np.newaxis, :]
-    return grey, inside.astype(np.float32)
+    first = (line * (LINES_APART // packed.y_step) + first_row(packed)) * stride + column
+    within = np.arange(lines)[:, np.newaxis] * (LINES_APART // packed.y_step * stride) + np.arange(columns)
+    place = first[:, np.newaxis, np.newaxis] + within
+    return greys_at(packed, place.ravel()).reshape(place.shape).astype(np.float32)
 
 
 def first_row(packed: PackedField) -> int:
@@ -126,8 +141,10 @@ def first_row(packed: PackedField) -> int:
 
 
 def line_of_row(packed: PackedField, row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The line that the camera delivered at a row of the field, fractions included."""
     return (row - first_row(packed)) * packed.y_step / LINES_APART
 
 
 def row_of_line(packed: PackedField, line: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where in the field such a line is."""
     return line * LINES_APART / packed.y_step + first_row(packed)

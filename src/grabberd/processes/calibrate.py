@@ -33,6 +33,7 @@ from grabberd.calibration import (
     normality,
     try_local_fields,
     volume_sigma,
+    with_unmodelled,
     without_blunders,
 )
 from grabberd.errors import MeasurementError
@@ -44,6 +45,10 @@ from grabberd.reconstruction import ObjectModel
 
 Array = NDArray[np.float64]
 
+ENOUGH_SEEN = 0.9
+ENOUGH_FIELDS = 16
+MUCH_UNMODELLED_PX = 0.15
+"""Where a person should be told; uneven mirrors have .06 px."""
 BLOCKS = 6
 """Targets are held out in so many blocks."""
 
@@ -83,9 +88,12 @@ class CalibrateResult:
         frame: the calibration frame; `settings`: how it was made; `nominal`: the rig as built.
         bits: of the fields; `y_step`: of their rows.
         images: mean images of each view, left then right; `identification`: which target each is.
-        adjustment: the final one; `elimination`: how its parameters were chosen, None where none were tested.
+        adjustment: of the functional model; `elimination`: how its parameters were chosen, None where none
+            were tested.
         blunders: image points left out.
-        local: the trial of local fields, None where it was not asked for.
+        unmodelled_px: what every image point's σ was enlarged by so that σ0 is 1.
+        local: the trial of local fields, None where it was not asked for; where they were accepted, the views
+            are those that it ends with.
         differences, normality, volume: what is known of the result.
         validation: of the model without local fields; None where too few targets are left to hold some out.
         warnings: what a person should know, in sentences.
@@ -101,12 +109,23 @@ class CalibrateResult:
     adjustment: Adjustment
     elimination: Elimination | None
     blunders: tuple[Blunder, ...]
+    unmodelled_px: float
     local: LocalFieldTrial | None
     differences: tuple[Difference, ...]
     normality: tuple[Normality, ...]
     validation: Validation | None
     volume: VolumeSigma
     warnings: tuple[str, ...]
+
+    @property
+    def final(self) -> Adjustment:
+        """The adjustment that the calibration's views and covariance are from."""
+        return self.local.adjustment if self.local else self.adjustment
+
+    @property
+    def views(self) -> tuple[View, ...]:
+        """The views as calibrated."""
+        return self.final.views
 
     def calibration(
         self,
@@ -118,7 +137,7 @@ class CalibrateResult:
     ) -> Calibration:
         """The calibration itself, under a name."""
         trial = self.local
-        left, right = self.adjustment.views
+        left, right = self.views
         return Calibration(
             id=name,
             created_utc=created_utc,
@@ -127,8 +146,8 @@ class CalibrateResult:
             lines=self.nominal.lines,
             left=left,
             right=right,
-            covariance=trial.covariance if trial else self.adjustment.parameter_covariance,
-            sigma0_px=trial.sigma0_px if trial else self.adjustment.sigma0_px,
+            covariance=self.final.parameter_covariance,
+            sigma0_px=self.final.sigma0_px,
             glass=glass,
             local_fields=(trial.fields[0], trial.fields[1]) if trial else (None, None),
             details=details,
@@ -160,9 +179,13 @@ def calibrate(
     images = (mean_images(seen[0]), mean_images(seen[1]))
     identification = _identify(nominal, frame, images, settings, by_hand)
     network = network_of(images, identification, frame, settings)
-    adjustment, blunders, elimination = _adjusted(network, settings)
-    local = try_local_fields(adjustment, nominal.lines) if settings.local_field else None
-    final = local.adjustment if local else adjustment
+    done = _adjusted(network, settings)
+    adjustment = done.adjustment
+    local = (
+        try_local_fields(adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
+        if settings.local_field
+        else None
+    )
     validation, unvalidated = _validated(adjustment)
     return CalibrateResult(
         frame=frame,
@@ -172,15 +195,18 @@ def calibrate(
         y_step=y_step,
         images=images,
         identification=identification,
-        adjustment=final,
-        elimination=elimination,
-        blunders=blunders,
+        adjustment=adjustment,
+        elimination=done.elimination,
+        blunders=done.blunders,
+        unmodelled_px=done.unmodelled_px,
         local=local,
-        differences=compare(final),
-        normality=normality(final),
+        differences=compare(adjustment),
+        normality=normality(adjustment),
         validation=validation,
-        volume=volume_sigma(final),
-        warnings=(*_warnings(images, final, blunders, frame), *unvalidated),
+        volume=volume_sigma(
+            local.adjustment if local else adjustment, local_fields=local.fields if local else ()
+        ),
+        warnings=(*_warnings(images, done, frame), *unvalidated),
     )
 
 
@@ -239,17 +265,27 @@ def network_of(
     )
 
 
-def _adjusted(
-    network: Network, settings: CalibrateSettings
-) -> tuple[Adjustment, tuple[Blunder, ...], Elimination | None]:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Adjusted:
+    """The functional model adjusted, and how it came about."""
+
+    adjustment: Adjustment
+    blunders: tuple[Blunder, ...]
+    elimination: Elimination | None
+    unmodelled_px: float
+
+
+def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
     unknowns = Unknowns.of(network.views, settings.free, shared=settings.shared, tied=settings.tied)
     check_rank(network, unknowns)
-    adjustment, blunders = without_blunders(network, unknowns)
-    if settings.alpha is None:
-        return adjustment, blunders, None
-    clean = adjustment.network.starting_from(adjustment.views)
-    elimination = eliminate(clean, unknowns, settings.alpha)
-    return elimination.adjustment, blunders, elimination
+    weighted, unmodelled_px = with_unmodelled(network, unknowns)
+    adjustment, blunders = without_blunders(weighted, unknowns)
+    elimination = None
+    if settings.alpha is not None:
+        clean = adjustment.network.starting_from(adjustment.views)
+        elimination = eliminate(clean, unknowns, settings.alpha)
+        adjustment = elimination.adjustment
+    return _Adjusted(adjustment, blunders, elimination, unmodelled_px)
 
 
 def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ...]]:
@@ -261,26 +297,18 @@ def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ..
         return None, (f"no targets could be held out to validate it: {error.message}",)
 
 
-def _warnings(
-    images: tuple[MeanImages, MeanImages],
-    adjustment: Adjustment,
-    blunders: tuple[Blunder, ...],
-    frame: ObjectModel,
-) -> Iterable[str]:
-    if blunders:
-        yield f"{len(blunders)} image points contradicted the others and were left out"
-    for view, side in zip(adjustment.views, images, strict=True):
-        if (found := _count(adjustment, view)) < 0.9 * len(frame):
+def _warnings(images: tuple[MeanImages, MeanImages], done: _Adjusted, frame: ObjectModel) -> Iterable[str]:
+    adjustment = done.adjustment
+    if done.blunders:
+        yield f"{len(done.blunders)} image points contradicted the others and were left out"
+    for index, (view, side) in enumerate(zip(adjustment.views, images, strict=True)):
+        found = int((adjustment.network.view == index).sum())
+        if found < ENOUGH_SEEN * len(frame):
             yield f"the {view.name} view shows {found} of {len(frame)} targets"
-        if side.of_fields < 2:
-            yield "a single field was used: noise and line jitter are not averaged"
-    if not 0.5 < adjustment.sigma0 < 2:
+        if side.of_fields < ENOUGH_FIELDS:
+            yield f"only {side.of_fields} fields: noise and line jitter are hardly averaged"
+    if done.unmodelled_px > MUCH_UNMODELLED_PX:
         yield (
-            f"sigma 0 is {adjustment.sigma0:.2f}, far from 1: the σ of the image points or of the "
-            "calibration frame are not what they are said to be, or the model lacks something"
+            f"the image points are off by {done.unmodelled_px:.2f} px beyond their own σ: dirty or bent "
+            "mirrors, a calibration frame that is not as its file says, or terms that were held"
         )
-
-
-def _count(adjustment: Adjustment, view: View) -> int:
-    index = [one.name for one in adjustment.views].index(view.name)
-    return int((adjustment.network.view == index).sum())

@@ -17,7 +17,7 @@ SCHEMA = "grabberd/calibration-report/1"
 AXES = ("x", "y", "z")
 UNITS = {"mm": "mm", "px": "px", "rad": "rad"}
 DISTORTION_UNITS = ("1", "1", "mm⁻²", "mm⁻⁴", "mm⁻⁶", "mm⁻¹", "mm⁻¹", "mm⁻²", "mm⁻²")
-GRID_PX = 40
+GRID_PX = 20
 """Distortion and local field are shown at nodes so far apart."""
 
 
@@ -42,7 +42,7 @@ def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[s
         "glass": about.get("glass"),
         "settings": _settings(result),
         "identification": _identification(result),
-        "result": _result(adjustment),
+        "result": {**_result(adjustment), "unmodelled_px": result.unmodelled_px},
         "views": [_view(result, index) for index in range(len(adjustment.views))],
         "unknowns": {
             "names": list(adjustment.unknowns.names),
@@ -56,7 +56,7 @@ def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[s
         "normality": [_normality(one) for one in result.normality],
         "validation": _validation(result),
         "volume": _volume(result),
-        "distortion": [_distortion(view, result.nominal.lines) for view in adjustment.views],
+        "distortion": [_distortion(view, result.nominal.lines) for view in result.views],
         "local_field": _local_field(result),
         "geometry": _geometry(result),
         "warnings": list(result.warnings),
@@ -128,18 +128,19 @@ def _result(adjustment: Adjustment) -> dict[str, Any]:
 
 
 def _view(result: CalibrateResult, index: int) -> dict[str, Any]:
-    view, unknowns = result.adjustment.views[index], result.adjustment.unknowns
-    sigma = result.adjustment.sigma
+    view, unknowns = result.views[index], result.adjustment.unknowns
+    sigma = np.sqrt(np.diag(result.final.parameter_covariance)).reshape(len(result.views), -1)[index]
     dropped = set(result.elimination.dropped) if result.elimination else set()
     rows = []
-    for name, value, unknown in zip(PARAMETERS, view.vector(), unknowns.number[index], strict=True):
+    numbers = zip(PARAMETERS, view.vector(), sigma, unknowns.number[index], strict=True)
+    for name, value, deviation, unknown in numbers:
         known = unknown >= 0
         rows.append(
             {
                 "name": name,
                 "unit": unit_of(name),
                 "value": float(value),
-                "sigma": float(sigma[unknown]) if known else None,
+                "sigma": float(deviation) if known else None,
                 "state": "adjusted" if known else _held_or_dropped(view, name, dropped),
                 "unknown": unknowns.names[unknown] if known else None,
             }
@@ -297,7 +298,7 @@ def _local_field(result: CalibrateResult) -> dict[str, Any] | None:
     trial = result.local
     if trial is None:
         return None
-    views = result.adjustment.views
+    views = result.views
     held_out = {
         view.name: {"without": float(one[0]), "with": float(one[1])}
         for view, one in zip(views, trial.held_out_px, strict=True)
@@ -344,7 +345,7 @@ def _grid(name: str, columns: Array, rows: Array, shift_px: Array) -> dict[str, 
 
 
 def _geometry(result: CalibrateResult) -> dict[str, Any]:
-    views = result.adjustment.views
+    views = result.views
     rig = Rig.of_views(views)
     centers, axes = rig.center_mm[:, :, 0], -rig.rotation[:, 2]
     middles = [_rays(rig, index, _middle(view, result.nominal.lines))[0] for index, view in enumerate(views)]
@@ -361,7 +362,7 @@ def _geometry(result: CalibrateResult) -> dict[str, Any]:
         ],
         "targets_mm": result.adjustment.xyz_mm.tolist(),
         "base_mm": float(np.linalg.norm(base)),
-        "distance_mm": float(np.mean(np.linalg.norm(centers - result.frame.xyz_mm.mean(axis=0), axis=1))),
+        "distance_mm": float(np.linalg.norm(centers.mean(axis=0) - result.frame.xyz_mm.mean(axis=0))),
         "convergence_deg": math.degrees(math.acos(float(np.clip(middles[0] @ middles[1], -1, 1)))),
         "planar_motion_mm": _planar_motion(rig, base),
     }

@@ -1,7 +1,7 @@
 """Fields in, points out: location, correspondence and intersection (paper figures 4 and 10)."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -67,13 +67,14 @@ class _Step:
         self.y_step = y_step
         self._setup = setup
         rig = Rig.of(setup.calibration)
+        self._location = replace(setup.location, line_jitter_px=setup.line_jitter_px)
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
         self._track: Track = self._tracker.start()
         self._last_ns: int | None = None
 
     def measure(self, numbered: NumberedField) -> MeasuredField:
-        blobs = measure(numbered.packed, None, self._setup.location)
+        blobs = measure(numbered.packed, None, self._location)
         known = self._setup.calibration
         halves = zip(known.views, known.local_fields, strict=True)
         left, right = (whole_blobs(blobs, view, local_field) for view, local_field in halves)
@@ -95,7 +96,7 @@ def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None)
     xy_px = blobs.xy_px[own]
     if local_field is not None:
         xy_px = xy_px - local_field.at(xy_px)
-    return ViewBlobs(xy_px, blobs.sigma_px[own])
+    return ViewBlobs(xy_px, blobs.sigma_px[own], blobs.common_px[own], blobs.common_reach_px)
 
 
 def whole(blobs: Blobs, first_column: int, end_column: int) -> NDArray[np.bool_]:

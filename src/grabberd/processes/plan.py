@@ -21,7 +21,11 @@ _GREY_OF_BOUND = (1.2, 1.5)
 """Error of a grey centre in x, y over the Cramér–Rao bound: .019 and .024 px at D = 5, 2 % noise."""
 _FEW_BITS = {2: 6.0, 3: 3.0, 4: 1.7}
 """By how much a grey centre is worse with so few bits; 5 are as good as 8."""
+_UNSOLVED = 0.7
+"""What is left of line jitter after the line shifts have been solved for."""
 _VARIED_BY = 0.2
+_SMALL = 1e-3
+"""Share of the noise that a simulated adjustment is given: its covariance is then that of the nominal rig."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,14 +83,23 @@ def plan(rig: Rig, low_mm: Array, high_mm: Array, settings: PlanSettings) -> Pla
 
     Args:
         rig: both views, nominal or calibrated; with a covariance the calibration's share is given too.
-        low_mm: (3,) one corner of the box; `high_mm`: (3,) the opposite one.
+        low_mm: (3,) one corner of the box.
+        high_mm: (3,) the opposite one.
         settings: what the picture will be like.
+
+    Raises:
+        InputError: not both views see the middle of the box.
     """
-    names, places = zip(*_places(low_mm, high_mm), strict=True)
-    xyz = np.array(places)
-    sigma = _pointing(rig, xyz, settings)
-    covariance, share = _covariance(rig, xyz, sigma, settings)
+    named = list(_places(low_mm, high_mm))
+    xyz = np.array([place for _, place in named])
     seen = _seen(rig, xyz)
+    if not seen[0]:
+        raise InputError(
+            f"not both views see the middle of the volume, at {xyz[0].round(1).tolist()} mm",
+            "check the rig's nominal numbers and the object's places",
+        )
+    covariance, share = np.full((2, len(xyz), 3, 3), np.nan)
+    covariance[seen], share[seen] = _covariance(rig, xyz[seen], settings)
     planned = tuple(
         PlannedPlace(
             name,
@@ -94,19 +107,20 @@ def plan(rig: Rig, low_mm: Array, high_mm: Array, settings: PlanSettings) -> Pla
             Axes.of(np.diag(own)) if visible else None,
             Axes.of(np.diag(common)) if visible and rig.factor is not None else None,
         )
-        for name, at, own, common, visible in zip(names, xyz, covariance, share, seen, strict=True)
+        for (name, at), own, common, visible in zip(named, covariance, share, seen, strict=True)
     )
     x_px, y_px = (1.0 / _px_per_mm(rig, xyz[:1])).ravel().tolist()
+    sigma = _pointing(rig, xyz[:1], settings)
     return Plan(planned, (float(sigma[0, 0]), float(sigma[0, 1])), (x_px, y_px))
 
 
 def variations(rig: NominalRig, settings: PlanSettings) -> Iterator[tuple[str, NominalRig, PlanSettings]]:
     """The rig as it is, then with one thing changed at a time: base, distance, bits."""
     yield "as it is", rig, settings
-    for name, factor in (("less", 1.0 - _VARIED_BY), ("more", 1.0 + _VARIED_BY)):
-        percent = f"{100 * _VARIED_BY:.0f} % {name}"
-        yield f"base {percent}", _agreeing(replace(rig, base_mm=rig.base_mm * factor)), settings
-        yield f"distance {percent}", _agreeing(replace(rig, distance_mm=rig.distance_mm * factor)), settings
+    for name in ("base", "distance"):
+        for share in (-_VARIED_BY, _VARIED_BY):
+            changed = {f"{name}_mm": getattr(rig, f"{name}_mm") * (1.0 + share)}
+            yield f"{name} {100 * share:+.0f} %", _agreeing(replace(rig, **changed)), settings
     if settings.sigma_px is None:
         for bits, doubled in ((1, True), (1, False), (4, False), (8, False)):
             words = f"{bits} bit{'s' * (bits > 1)}, {'doubled' if doubled else 'intact'} lines"
@@ -127,7 +141,9 @@ def nominal_calibration(
     """
     views = rig.views(handedness)
     ready = Rig.of_views(views)
-    sigma = _whole_sigma(ready, frame.xyz_mm, settings)
+    sigma = np.hypot(
+        _pointing(ready, frame.xyz_mm, settings), (_jitter_px(ready, frame.xyz_mm, settings), 0.0)
+    )
     xy = project_all(ready, frame.xyz_mm)
     inside = np.array([_holds(view, xy[:, index], rig.lines) for index, view in enumerate(views)])
     if inside.sum(axis=1).min() < 12:
@@ -137,9 +153,10 @@ def nominal_calibration(
             "check the rig's nominal numbers, or take a smaller calibration frame",
         )
     view, target = np.nonzero(inside)
-    truth = np.random.default_rng(0).normal(xy[:, view, target].T, sigma[target])
+    noise = np.random.default_rng(0).normal(size=(len(target), 2)) * sigma[target]
+    places = xy[:, view, target].T + _SMALL * noise
     known = np.full_like(frame.xyz_mm, frame.sigma_mm)
-    network = Network(views, view, target, truth, sigma[target], frame.xyz_mm, known)
+    network = Network(views, view, target, places, sigma[target], frame.xyz_mm, known)
     adjusted = adjust(network, Unknowns.of(views, tied=True))
     left, right = views
     return Calibration(
@@ -166,26 +183,32 @@ def _places(low_mm: Array, high_mm: Array) -> Iterator[tuple[str, Array]]:
         yield letters, middle + signs * half
 
 
-def _covariance(rig: Rig, xyz_mm: Array, sigma_px: Array, settings: PlanSettings) -> tuple[Array, Array]:
-    """(N, 3, 3) from pointing and line jitter, and the calibration's share."""
-    image = project_all(rig, xyz_mm)
-    left, right = (ViewBlobs(image[:, view].T.copy(), sigma_px) for view in (0, 1))
-    jitter = 0.0 if settings.sigma_px else settings.line_jitter_px
-    radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm[:1])[0, 1])
-    noise = ImageNoise(jitter, 1 if settings.doubled else 2, radius)
-    points = intersect(rig, np.arange(len(xyz_mm), dtype=np.int32), left, right, noise, xyz_mm)
-    return points.covariance_mm2, points.calibration_covariance_mm2
+def _covariance(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> tuple[Array, Array]:
+    """(N, 3, 3) from pointing and line jitter, and the calibration's share.
+
+    A target's images in the two views share half of the line jitter: in between the same lines, as the
+    nominal rig has it, and none, as mirrors askew may make it.
+    """
+    pointing, jitter_px = _pointing(rig, xyz_mm, settings), _jitter_px(rig, xyz_mm[:1], settings)
+    whole = np.hypot(pointing, (jitter_px, 0.0))
+    image, slopes = linearise(rig, xyz_mm)
+    design = slopes.transpose(3, 0, 1, 2).reshape(-1, 4, 3)
+    noise = np.repeat(whole, 2, axis=1)[:, :, np.newaxis] ** 2 * np.eye(4)
+    noise[:, (0, 1), (1, 0)] += 0.5 * jitter_px**2
+    covariance: Array = np.linalg.inv(design.swapaxes(1, 2) @ np.linalg.solve(noise, design))
+    left, right = (ViewBlobs(image[:, view].T.copy(), whole) for view in (0, 1))
+    number = np.arange(len(xyz_mm), dtype=np.int32)
+    points = intersect(rig, number, left, right, ImageNoise(0.0, 2, 1.0), xyz_mm)
+    return covariance, points.calibration_covariance_mm2
 
 
-def _whole_sigma(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
-    """(N, 2) pointing with line jitter."""
-    sigma = _pointing(rig, xyz_mm, settings)
+def _jitter_px(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> float:
+    """What line jitter alone gives a blob's x, less where the shifts of grey, intact lines are solved for."""
     if settings.sigma_px:
-        return sigma
-    radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm[:1])[0, 1])
-    jitter = ImageNoise(settings.line_jitter_px, 1 if settings.doubled else 2, radius).blob_jitter_px
-    whole: Array = np.hypot(sigma, (jitter, 0.0))
-    return whole
+        return 0.0
+    radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm)[0, 1])
+    jitter_px = ImageNoise(settings.line_jitter_px, 1 if settings.doubled else 2, radius).blob_jitter_px
+    return jitter_px if settings.bits == 1 or settings.doubled else _UNSOLVED * jitter_px
 
 
 def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:

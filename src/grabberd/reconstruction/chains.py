@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _STATES = 4
+_MOST_SURPRISE = 25.0
 _START_MM2 = 1e4
 _START_RATE_MM2_S2 = 500.0**2
 _ACCELERATES_EVERY_S = 0.02
@@ -61,15 +62,17 @@ class _Step(NamedTuple):
     weight: Array
 
 
-def likelihood(chains: Chains) -> float:
-    """Logarithm of the measurements' likelihood, but for a constant."""
-    total = 0.0
+def likelihood(chains: Chains) -> Array:
+    """(B,) logarithm of the likelihood of each chain's measurements, but for a constant.
+
+    None counts for more than five standard deviations, so that a wild one decides nothing.
+    """
+    total = np.zeros(chains.value_mm.shape[1])
     state, covariance = _start(chains)
     for k in range(len(chains.value_mm)):
         step = _step(chains, k, state, covariance)
-        used = step.weight > 0
-        squares = step.surprise[used] ** 2 * step.weight[used]
-        total -= 0.5 * float((squares - np.log(step.weight[used])).sum())
+        logarithm = np.log(np.where(step.weight > 0, step.weight, 1.0))
+        total += 0.5 * (logarithm - np.minimum(step.surprise**2 * step.weight, _MOST_SURPRISE))
         state, covariance = step.state, step.covariance
     return total
 
@@ -95,7 +98,7 @@ def _start(chains: Chains) -> tuple[Array, Array]:
     state[0] = np.nan_to_num(chains.value_mm[first, np.arange(count)])
     covariance = np.zeros((_STATES, _STATES, count))
     covariance[0, 0] = _START_MM2
-    covariance[1, 1] = _START_RATE_MM2_S2 if chains.acceleration_mm_s2.any() else 0.0
+    covariance[1, 1] = _START_RATE_MM2_S2 * chains.acceleration_mm_s2.any()
     covariance[2, 2] = covariance[3, 3] = 1.0
     return state, covariance
 

@@ -42,23 +42,45 @@ class ImageNoise:
         """Standard deviation that line jitter alone gives a blob's x."""
         return _JITTER_OF_A_BLOB * self.jitter_px * math.sqrt(self.y_step / self.radius_lines)
 
-    def whitening(self, lines: Array, sigma_px: Array) -> "Whitening":
+    def expected(self, lines: Array) -> "Common":
+        """What blobs on these frame lines (2, N) share while nobody has solved for the shifts."""
+        overlap = np.maximum(1.0 - np.abs(lines[0] - lines[1]) / (2.0 * self.radius_lines), 0.0)
+        return Common(np.full_like(lines, self.blob_jitter_px), overlap)
+
+    def whitening(self, lines: Array, sigma_px: Array, common: "Common | None" = None) -> "Whitening":
         """The transformation that makes the four coordinates uncorrelated with unit weight.
 
         Args:
             lines: (2, N) y of the blobs in frame lines: left, right.
             sigma_px: (2, 2, N) pointing of x and y (first axis) in the left and the right view (second).
+            common: what line jitter leaves in x, where that is known better than `expected`.
         """
-        overlap = np.maximum(1.0 - np.abs(lines[0] - lines[1]) / (2.0 * self.radius_lines), 0.0)
-        jitter2 = self.blob_jitter_px**2
+        sigma, overlap = common or self.expected(lines)
         scale = np.empty_like(sigma_px)
         np.divide(1.0, sigma_px[1], out=scale[1])
-        variance = sigma_px[0] * sigma_px[0] + jitter2
-        shared = jitter2 * overlap
+        variance = sigma_px[0] * sigma_px[0] + sigma * sigma
+        shared = sigma[0] * sigma[1] * overlap
         np.divide(1.0, np.sqrt(variance[0]), out=scale[0, 0])
         mixed = shared * scale[0, 0]
         np.divide(1.0, np.sqrt(variance[1] - mixed * mixed), out=scale[0, 1])
         return Whitening(scale, mixed * scale[0, 1])
+
+
+class Common(NamedTuple):
+    """The error in x that both blobs of a target may share, since they lie on the same lines.
+
+    Attributes:
+        sigma_px: (2, N) its standard deviation in the left and the right view.
+        overlap: (N,) correlation of the two.
+    """
+
+    sigma_px: Array
+    overlap: Array
+
+    @classmethod
+    def of(cls, sigma_px: Array, lines: Array, reach_px: float) -> "Common":
+        """Of blobs on these frame lines (2, N), the correlation falling to e^−½ over the reach."""
+        return cls(sigma_px, np.exp(-0.5 * ((lines[0] - lines[1]) / reach_px) ** 2))
 
 
 class Whitening(NamedTuple):

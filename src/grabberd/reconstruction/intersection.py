@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig, approach, correct_all, directions_all, linearise, parameter_slopes
-from grabberd.reconstruction.image_noise import ImageNoise, Whitening
+from grabberd.reconstruction.image_noise import Common, ImageNoise, Whitening
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ViewBlobs
 
@@ -52,7 +52,7 @@ def intersect(
         target: (N,) int32, ids, ascending.
         left: N blobs of the left view, in the order of `target`.
         right: N blobs of the right view.
-        noise: line jitter.
+        noise: line jitter, for blobs that do not say what they share.
         start_mm: (N, 3) where to start from, to within some millimetres; without it, from the middle of the
             rays' shortest connection.
 
@@ -63,7 +63,8 @@ def intersect(
         return Points.none()
     observed = _stack(left.xy_px, right.xy_px)
     start = middles(rig, observed) if start_mm is None else start_mm
-    whitening = noise.whitening(observed[1], _stack(left.sigma_px, right.sigma_px))
+    common = _common(left, right, observed[1])
+    whitening = noise.whitening(observed[1], _stack(left.sigma_px, right.sigma_px), common)
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
         adjusted = _adjust(rig, observed, whitening, start)
         share = _calibration_share(rig, observed, whitening, adjusted)
@@ -82,6 +83,13 @@ def middles(rig: Rig, observed_px: Array) -> Array:
     left, right = directions_all(rig, correct_all(rig, observed_px)).swapaxes(1, 2)
     centers = rig.center_mm[:, :, 0]
     return approach(centers[0], left, centers[1], right).middle_mm
+
+
+def _common(left: ViewBlobs, right: ViewBlobs, lines: Array) -> Common | None:
+    """What N pairs share by line jitter, where their blobs say."""
+    if left.common_px is None or right.common_px is None:
+        return None
+    return Common.of(np.array([left.common_px, right.common_px]), lines, left.common_reach_px)
 
 
 def _adjust(rig: Rig, observed: Array, whitening: Whitening, start_mm: Array) -> _Adjusted:

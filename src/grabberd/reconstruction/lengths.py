@@ -131,6 +131,8 @@ def measuring_lines(xyz_mm: Array) -> Indices:
 
 def _candidates(xyz_mm: Array) -> Indices:
     """(C, 6) all pairs of targets with the four that divide the way between them, where all six differ."""
+    if len(xyz_mm) <= LENGTHS:
+        return np.empty((0, LENGTHS + 1), np.intp)
     first, last = np.triu_indices(len(xyz_mm), 1)
     lines = [first]
     for share in np.arange(1, LENGTHS) / LENGTHS:

@@ -10,6 +10,9 @@ from grabberd.reconstruction.points import Points
 
 Array = NDArray[np.float64]
 
+ALL = slice(None)
+"""All fields, or all targets."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointSeries:
@@ -60,28 +63,16 @@ class PointSeries:
         """(F,) 0 or 1: fields of the same number show the same lines; parities alternate every 20 ms."""
         return (self.n & 1).astype(np.intp)
 
-    def of_targets(self, chosen: NDArray[np.intp]) -> "PointSeries":
-        """The same of some of its targets, by index."""
-        return PointSeries(
-            self.n,
-            self.time_s,
-            self.target[chosen],
-            self.xyz_mm[:, chosen],
-            self.covariance_mm2[:, chosen],
-            self.calibration_covariance_mm2[:, chosen],
-            self.image_px[:, chosen],
-        )
-
-    def in_span(self, span: slice) -> "PointSeries":
-        """The same in some of its fields, all targets kept."""
+    def part(self, span: slice, chosen: slice | NDArray[np.intp] = ALL) -> "PointSeries":
+        """The same in some of its fields, and of some of its targets by index."""
         return PointSeries(
             self.n[span],
             self.time_s[span],
-            self.target,
-            self.xyz_mm[span],
-            self.covariance_mm2[span],
-            self.calibration_covariance_mm2[span],
-            self.image_px[span],
+            self.target[chosen],
+            self.xyz_mm[span][:, chosen],
+            self.covariance_mm2[span][:, chosen],
+            self.calibration_covariance_mm2[span][:, chosen],
+            self.image_px[span][:, chosen],
         )
 
     def without(self, gone: NDArray[np.bool_]) -> "PointSeries":

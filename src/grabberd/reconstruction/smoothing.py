@@ -10,6 +10,7 @@ X, Y and Z are filtered one by one: Kalman forward, and backward after Bryson an
 inverse and so no motion noise at all.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -141,22 +142,20 @@ def _acceleration(series: PointSeries, rest: Mask, settings: SmoothingSettings) 
     if settings.acceleration_mm_s2 is not None:
         return np.full(len(series.n), settings.acceleration_mm_s2)
     some, at_rest = _some(series, rest)
-    everywhere = _likeliest(some, [np.full(len(at_rest), each) for each in ACCELERATIONS_MM_S2])
-    overall = float(everywhere[0])
+    everywhere = np.ones_like(at_rest)
+    overall = _likeliest(some, everywhere, ACCELERATIONS_MM_S2, REST)
     if overall == REST:
-        return np.zeros(len(series.n))
+        return np.zeros(len(rest))
     slower = [each for each in ACCELERATIONS_MM_S2 if REST < each <= overall]
-    quiet = _likeliest(some, [np.where(at_rest, each, overall) for each in slower])
-    slow = float(quiet[at_rest][0]) if at_rest.any() else overall
+    slow = _likeliest(some, at_rest, slower, overall)
     faster = [each for each in ACCELERATIONS_MM_S2 if each >= overall]
-    lively = _likeliest(some, [np.where(at_rest, slow, each) for each in faster])
-    fast = float(lively[~at_rest][0]) if not at_rest.all() else overall
-    return np.where(rest, slow, fast)
+    return np.where(rest, slow, _likeliest(some, ~at_rest, faster, slow))
 
 
-def _likeliest(series: PointSeries, accelerations: list[Array]) -> Array:
-    values = [likelihood(_chains(series, each)) for each in accelerations]
-    return accelerations[int(np.argmax(values))]
+def _likeliest(series: PointSeries, where: Mask, tried: Sequence[float], elsewhere: float) -> float:
+    """Of the accelerations tried in some fields the likeliest, with another one elsewhere."""
+    chains = [_chains(series, np.where(where, one, elsewhere)) for one in tried]
+    return tried[int(np.argmax([likelihood(each).sum() for each in chains]))]
 
 
 def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
@@ -166,7 +165,7 @@ def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
     count = len(series.target)
     chosen = np.linspace(0, count - 1, min(targets, count)).astype(np.intp)
     span = slice(first, first + fields)
-    return series.of_targets(chosen).in_span(span), rest[span]
+    return series.part(span, chosen), rest[span]
 
 
 def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
@@ -189,7 +188,8 @@ def _result(
     nearest = _nearest_seen(seen)
     targets = np.arange(shape[1])
     measured = series.covariance_mm2[nearest, targets]
-    scale = np.sqrt(chains.variance_mm2.reshape(shape) / np.diagonal(measured, axis1=2, axis2=3)) + outside
+    variance = chains.variance_mm2.reshape(shape).clip(0.0)
+    scale = np.sqrt(variance / np.diagonal(measured, axis1=2, axis2=3)) + outside
     smoothed = replace(
         series,
         xyz_mm=chains.value_mm.reshape(shape) + outside,

@@ -16,6 +16,9 @@ class ViewBlobs:
         xy_px: (N, 2) float64, frame pixels.
         sigma_px: (N, 2) float64, above 0: standard deviation of `xy_px` from location alone, without line
             jitter.
+        common_px: (N,) float64, standard deviation of the error in x that blobs on the same lines share in
+            both views; None: as the line jitter of `ImageNoise` has it.
+        common_reach_px: blobs so many frame lines apart have e^−½ of that error in common.
 
     Raises:
         MeasurementError: a place or a standard deviation is not a number, or a standard deviation not above
@@ -24,6 +27,8 @@ class ViewBlobs:
 
     xy_px: NDArray[np.float64]
     sigma_px: NDArray[np.float64]
+    common_px: NDArray[np.float64] | None = None
+    common_reach_px: float = 0.0
 
     def __post_init__(self) -> None:
         if not ((self.sigma_px > 0.0).all() and np.isfinite(self.xy_px).all()):
@@ -37,4 +42,5 @@ class ViewBlobs:
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "ViewBlobs":
         """The blobs that a mask or index array chooses."""
-        return ViewBlobs(self.xy_px[chosen], self.sigma_px[chosen])
+        common_px = None if self.common_px is None else self.common_px[chosen]
+        return ViewBlobs(self.xy_px[chosen], self.sigma_px[chosen], common_px, self.common_reach_px)

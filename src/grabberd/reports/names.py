@@ -25,6 +25,7 @@ COLOURS: Mapping[str, str] = {"left": "#0072b2", "right": "#b34700"}
 
 _INSTANT = re.compile(r"^(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)(?:\.\d+)?(?:Z|\+00:00)$")
 _OTHER_VIEWS = ("#007a5a", "#8a4f7d", "#7a6a00", "#444444")
+_WORDS = {"frame": "calibration frame's targets", "alpha": "level of the tests α"}
 _UNITS = {"mm": "mm", "px": "px", "deg": "°", "rad": "rad", "C": "°C", "s": "s", "ms": "ms", "utc": "UTC"}
 
 
@@ -48,7 +49,7 @@ def unknown(name: str) -> str:
 
 def label(key: str) -> str:
     """A key of the document in words, its unit in brackets: "target diameter [mm]"."""
-    words = key.split("_")
+    words = _WORDS.get(key, key).split("_")
     unit = _UNITS.get(words[-1]) if len(words) > 1 else None
     return f"{' '.join(words[:-1])} [{unit}]" if unit else " ".join(words)
 
@@ -65,7 +66,7 @@ def spelled(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, str):
-        return instant(value)
+        return SYMBOLS.get(value) or instant(value)
     if isinstance(value, Mapping):
         return "; ".join(f"{label(str(key))} {spelled(inner)}" for key, inner in value.items()) or "none"
     if isinstance(value, Sequence):

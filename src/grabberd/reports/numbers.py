@@ -50,6 +50,12 @@ def probability(value: float | None) -> str:
     return "< 0.001" if value < 0.0005 else fixed(value, 3)
 
 
+def chance(p: float | None) -> str:
+    """A probability as an equation that no line breaks: p = 0.123, p < 0.001."""
+    written = probability(p)
+    return f"p {written if written.startswith('<') else f'= {written}'}".replace(" ", "\u00a0")
+
+
 def measured(value: float | None, sigma: float | None, exponent: int = 0) -> Measured:
     """σ to two digits and the value to the same place, both divided by ten to the exponent.
 

@@ -23,7 +23,7 @@ def configured_row(document: Mapping[str, Any], device: str) -> dict[str, Any]:
 def stored_row(entry: StoredCalibration) -> dict[str, Any]:
     """A stored calibration; of a damaged one only the id and what is wrong."""
     record = entry.record
-    if record is None or entry.document is None:
+    if entry.problem is not None:
         return _row(entry.id, "", None) | {"problem": entry.problem}
     made = {"note": record.note, "capture": record.capture, "stored_utc": record.stored_utc or None}
     return _row(entry.id, record.device, record.origin) | summary(entry.document) | made

@@ -40,7 +40,6 @@ def calibrate(
         made = CalibrationStore(scratch)
         result = dict(calibrator(capture, frame, options, scratch, progress))
         entry = made.get(result["calibration"])
-        assert entry.document is not None
         report = _parsed(made.report(entry.id))
         page, record = _draw(report, record)
         record = replace(record, stored_utc=iso_utc(SystemClock().utc_now()))

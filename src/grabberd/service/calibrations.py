@@ -57,8 +57,7 @@ class Calibrations:
             NotFound: there is none of that id.
             StorageError: it is damaged.
         """
-        configured = self._configured(calibration_id)
-        return configured or self.store.get(calibration_id).document or {}
+        return self._configured(calibration_id) or self.store.get(calibration_id).document
 
     def content(self, calibration_id: str) -> bytes:
         """The document as JSON; a stored one's byte for byte as it was stored.
@@ -74,8 +73,7 @@ class Calibrations:
     def owners(self, calibration_id: str) -> set[str]:
         """The devices whose calibration it is."""
         owners = {device for device, document in self.configured.items() if document["id"] == calibration_id}
-        record = None if owners else self.store.get(calibration_id).record
-        return {record.device} if record else owners
+        return owners or {self.store.get(calibration_id).record.device}
 
     def report(self, calibration_id: str) -> bytes:
         """The report as a JSON document.
@@ -100,7 +98,7 @@ class Calibrations:
         page = self._beside(calibration_id, self.store.page)
         if page is None:
             self.report(calibration_id)
-            raise _no_page(calibration_id, self.store.get(calibration_id).record or CalibrationRecord())
+            raise _no_page(calibration_id, self.store.get(calibration_id).record)
         return page
 
     def add(self, document: Document, record: CalibrationRecord) -> str:

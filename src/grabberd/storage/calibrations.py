@@ -16,7 +16,7 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -62,12 +62,11 @@ class CalibrationRecord:
 
 @dataclass(frozen=True, slots=True)
 class StoredCalibration:
-    """One folder of the store; of a damaged one only `id` and `problem` are known."""
+    """One folder of the store; of a damaged one only `id` and `problem` are known, and nothing is in it."""
 
     id: str
-    document: Mapping[str, Any] | None = None
-    calibration: Calibration | None = None
-    record: CalibrationRecord | None = None
+    document: Mapping[str, Any] = field(default_factory=dict)
+    record: CalibrationRecord = field(default_factory=CalibrationRecord)
     problem: str | None = None
 
 
@@ -148,7 +147,7 @@ class CalibrationStore:
     def list(self) -> list[StoredCalibration]:
         """All calibrations, the newest first, the damaged ones last."""
         names = sorted(path.name for path in self.directory.glob("*") if not path.name.startswith("."))
-        return sorted(map(self._entry, names), key=_moment, reverse=True)
+        return sorted(map(self._entry, names), key=_age_order, reverse=True)
 
     def get(self, calibration_id: str) -> StoredCalibration:
         """One calibration that can be used.
@@ -240,9 +239,8 @@ def moment_of(created_utc: str) -> datetime:
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
-def _moment(entry: StoredCalibration) -> datetime:
-    created = entry.calibration.created_utc if entry.calibration else "0001-01-01"
-    return moment_of(created)
+def _age_order(entry: StoredCalibration) -> tuple[bool, datetime]:
+    return entry.problem is None, moment_of(entry.document.get("created_utc", "0001-01-01"))
 
 
 def _read(folder: Path) -> StoredCalibration:
@@ -254,7 +252,7 @@ def _read(folder: Path) -> StoredCalibration:
     calibration = Calibration.from_document(document)
     if calibration.id != folder.name:
         raise ValueError(f"its folder is called {folder.name}, it is {calibration.id}")
-    return StoredCalibration(folder.name, document, calibration, record)
+    return StoredCalibration(folder.name, document, record)
 
 
 def _json(document: Mapping[str, Any]) -> bytes:

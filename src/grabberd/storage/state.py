@@ -76,7 +76,7 @@ class StateStore:
             yield
         except (sqlite3.Error, OSError, ValueError) as error:
             raise StorageError(
-                f"{self.path} cannot be used: {error}",
+                f"{self.path.name} cannot be used: {error}",
                 "make room, mend the disk, or put back its latest backup",
             ) from error
 
@@ -85,5 +85,5 @@ def _check_version(connection: sqlite3.Connection, path: Path) -> None:
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if version > VERSION:
         raise StorageError(
-            f"{path} is of version {version}, this program knows up to {VERSION}", "use a newer grabberd"
+            f"{path.name} is of version {version}, this program knows up to {VERSION}", "use a newer grabberd"
         )

@@ -7,7 +7,7 @@ from typing import Any
 from grabberd.reports.chapters.head import alpha
 from grabberd.reports.figures import validation_svg, volume_svg
 from grabberd.reports.markup import Html, absent, element, figure, joined, paragraph, table
-from grabberd.reports.numbers import count, fixed, probability, significant
+from grabberd.reports.numbers import chance, count, fixed, significant
 
 Document = Mapping[str, Any]
 
@@ -76,7 +76,7 @@ def _outcome(known: Mapping[str, Any], level: float) -> str:
     verdict = "are as large as predicted" if known["p"] >= level else "are not as predicted"
     return (
         f"{blocks} Their errors {verdict}: χ² = {significant(known.get('chi2'), 4)} with "
-        f"{count(known.get('freedom'))} degrees of freedom, p = {probability(known['p'])}."
+        f"{count(known.get('freedom'))} degrees of freedom, {chance(known['p'])}."
     )
 
 

@@ -5,7 +5,7 @@ from typing import Any
 
 from grabberd.reports.markup import Html, element, facts, items, joined, paragraph
 from grabberd.reports.names import instant, spelled
-from grabberd.reports.numbers import count, fixed, probability, significant
+from grabberd.reports.numbers import chance, count, fixed, significant
 
 Document = Mapping[str, Any]
 
@@ -22,6 +22,7 @@ def head(document: Document) -> Html:
         "header",
         element("h1", "Calibration report"),
         paragraph(origin),
+        *([paragraph(document["note"])] if document.get("note") else []),
         paragraph(verdict(document), class_="verdict"),
         facts("Result at a glance", _glance(document)),
         _warnings(document),
@@ -76,9 +77,7 @@ def _checked(document: Document) -> str:
     if validation.get("p") is None:
         return "Targets were held out; their errors were not tested."
     agree = "agree" if validation["p"] >= alpha(document) else "do not agree"
-    chance = probability(validation["p"]).replace(" ", "\u00a0")
-    equals = "\u00a0" if chance.startswith("<") else _EQUALS
-    return f"The errors of held-out targets {agree} with their predicted σ (p{equals}{chance})."
+    return f"The errors of held-out targets {agree} with their predicted σ ({chance(validation['p'])})."
 
 
 def _glance(document: Document) -> list[tuple[object, object]]:

@@ -32,7 +32,9 @@ def local_field(document: Document) -> Html:
         "not accepted: held-out targets are not nearer with it, and it has no part in the calibration"
     )  # fmt: skip
     return joined(
-        paragraph(f"The local residual field was {accepted}."), _field_table(field), _field_figure(document)
+        paragraph(f"The local residual field was {accepted}.", _gain(field)),
+        _field_table(field),
+        _field_figure(document),
     )
 
 
@@ -47,6 +49,12 @@ def geometry(document: Document) -> Html:
         "the fields of view of their halves (shaded) and their optical axes (dash-dotted)."
     )
     return joined(figure(drawn, caption), facts("Geometry of the rig", _lengths(known)), _cameras(known))
+
+
+def _gain(field: Mapping[str, Any]) -> str:
+    if field.get("gain") is None:
+        return ""
+    return f" The squares of their residuals change by {significant(-field['gain'])} standard errors with it."
 
 
 def _field_table(field: Mapping[str, Any]) -> Html:
@@ -76,7 +84,7 @@ def _lengths(known: Mapping[str, Any]) -> list[tuple[object, object]]:
     return [
         ("Base", f"{fixed(known.get('base_mm'), 2)} mm"),
         ("Distance from the base to the middle of the targets", f"{fixed(known.get('distance_mm'), 2)} mm"),
-        ("Convergence at the middle of the targets", f"{fixed(known.get('convergence_deg'), 3)}°"),
+        ("Convergence of the middle rays of both halves", f"{fixed(known.get('convergence_deg'), 3)}°"),
         ("Departure from planar motion", f"{fixed(known.get('planar_motion_mm'), 3)} mm"),
         ("Targets", count(len(known["targets_mm"]))),
     ]

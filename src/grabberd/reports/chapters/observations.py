@@ -56,12 +56,14 @@ def _blunders(document: Document) -> Html:
         return absent("Blunders were not sought.")
     if not blunders:
         return paragraph("No image coordinate exceeds the critical value of Pope's τ.")
+    kept = {(row["view"], row["target"]) for row in document["residuals"]}
     rows = [
         (row["view"], count(row["target"]), row["axis"], significant(row.get("residual_px")),
-         fixed(row.get("tau"), 2), fixed(row.get("critical"), 2))
+         fixed(row.get("tau"), 2), fixed(row.get("critical"), 2),
+         "kept" if (row["view"], row["target"]) in kept else "left out")
         for row in blunders
     ]  # fmt: skip
-    heads = ["View", "Target", "Axis", "Residual [px]", "τ", "Critical τ"]
+    heads = ["View", "Target", "Axis", "Residual [px]", "τ", "Critical τ", "Image point"]
     return table("Blunders, found one at a time", heads, rows)
 
 

@@ -1,6 +1,6 @@
 """What the calibration was made from, and how its targets were told apart."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from grabberd.reports.markup import Html, absent, element, facts, joined, paragraph, table
@@ -36,19 +36,23 @@ def identification(document: Document) -> Html:
          *(_rms(found, key, view) for key in ("rms_px", "runner_up_rms_px")))
         for view in views
     ]  # fmt: skip
-    how = (
-        f"Identified by {_HOW.get(found.get('by'), 'a way not recorded')}: {count(found.get('of'))} targets."
-    )
     heads = ["View", "Handedness", "Targets found", "Blobs unmatched", "RMS [px]", "Runner-up's RMS [px]"]
     return joined(
-        paragraph(how),
-        table("Identification", heads, rows),
+        _how(found, views),
+        table(f"Identification of {count(found.get('of'))} targets", heads, rows),
         paragraph(
             "RMS is the misfit of the hypothesis that was taken, runner-up's that of the next best: the "
             "further apart they are, the clearer the identification. Handedness −1 is a view whose light was "
             "reflected an odd number of times."
         ),
     )
+
+
+def _how(found: Mapping[str, Any], views: Sequence[str]) -> Html:
+    if by := found.get("by"):
+        return paragraph(f"Identified by {_HOW.get(by, by)}.")
+    described = found.get("description") or {}
+    return joined(*(paragraph(f"{view}: {described[view]}.") for view in views if described.get(view)))
 
 
 def _part(document: Document, key: str, caption: str, otherwise: str) -> Html:

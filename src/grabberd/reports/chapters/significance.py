@@ -1,17 +1,18 @@
 """Which parameters stayed in the model, which went and why, and how the rest depend on each other."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from grabberd.reports.chapters.head import alpha
 from grabberd.reports.figures import correlation_svg
 from grabberd.reports.markup import Html, absent, element, figure, joined, paragraph, table
-from grabberd.reports.names import unknown
+from grabberd.reports.names import spelled, unknown
 from grabberd.reports.numbers import count, fixed, probability, significant
 
 Document = Mapping[str, Any]
 
 _STRONG = 0.95
+_MANY = 36
 
 
 def tests(document: Document) -> Html:
@@ -20,15 +21,15 @@ def tests(document: Document) -> Html:
     if not rows:
         return absent("No parameter was tested for significance.")
     heads = ["Round", "Test", "Parameters", "F", "q", "r", "p", "Effect [px]", "Decision"]
-    level = significant(alpha(document), 2)
+    level = spelled(alpha(document))
     return joined(
         paragraph(_outcome(document)),
-        table("Protocol of the F tests", heads, [_test(row) for row in rows]),
+        table("Protocol of the F tests", heads, [_test(row) for row in rows], class_=_size(rows)),
         paragraph(
             "F = (ΔΩ/q) / (Ω/r): by how much the weighted sum of squares Ω grows without the q parameters, "
             "beside the variance of the larger model with r degrees of freedom. In each round the least "
             f"significant group goes if its p is above α = {level}, and the rest is adjusted anew. Effect: "
-            "by how much the parameters move an image point, RMS over the targets."
+            "by how much the parameters move an image point, at most."
         ),
     )
 
@@ -44,6 +45,10 @@ def correlations(document: Document) -> Html:
         f"shared by both in black. A dot marks |ρ| > {_STRONG}."
     )
     return joined(figure(drawn, caption), _strong(unknowns))
+
+
+def _size(rows: Sequence[object]) -> str | None:
+    return "dense" if len(rows) > _MANY else None
 
 
 def _outcome(document: Document) -> str:

@@ -39,8 +39,8 @@ def definitions(_document: Mapping[str, Any]) -> Html:
             "x, y are sensor coordinates in mm reduced to the principal point, x to the right and y up; "
             "r² = x² + y²; R = Rκ·Rφ·Rω, the camera looks along −z, and handedness −1 is diag(−1, 1, 1)·R. "
             "X, Y, Z are the object's frame, right-handed, in mm, given by the calibration frame. "
-            "b₁ affinity, b₂ lack of orthogonality, b₃ to b₅ radial, b₆ and b₇ decentering, b₈ and b₉ mirror distortion. "
-            "The distortion is added to the ideal point."
+            "b₁ affinity, b₂ lack of orthogonality, b₃ to b₅ radial, b₆ and b₇ decentering, b₈ and b₉ mirror "
+            "distortion. The distortion is added to the ideal point."
         ),
         element("h3", "Statistics"),
         items(_STATISTICS),

@@ -13,15 +13,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_STEPS = 41
+
 
 def correlation_svg(unknowns: Mapping[str, Any]) -> Html:
     """The lower triangle: blue negative, red positive, white none; names in the colour of their view."""
+    from matplotlib import colormaps  # noqa: PLC0415
+
     names, matrix = unknowns["names"], np.array(unknowns["correlation"], dtype=np.float64)
+    steps = colormaps["RdBu_r"].resampled(_STEPS)
     shown = np.ma.masked_array(matrix, mask=np.triu(np.ones(matrix.shape, bool)))
 
     def draw(canvas: "Figure") -> None:
         axes = canvas.add_axes((0.06, 0.06, 0.93, 0.93))
-        cells = axes.pcolormesh(shown, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", linewidth=0.4)
+        cells = axes.pcolormesh(shown, cmap=steps, vmin=-1, vmax=1, edgecolors="white", linewidth=0.4)
         axes.set_aspect("equal", anchor="NW")
         axes.invert_yaxis()
         _name(axes, names)

@@ -114,7 +114,7 @@ def _view(axes: "Axes", scene: _Scene, geometry: Mapping[str, Any], across: int)
         edge = foot[:, across]
         outline = np.array([center[flat], foot[edge.argmin()][flat], foot[edge.argmax()][flat]])
         axes.fill(*outline.T, color=paint, alpha=0.10, linewidth=0)
-        axes.plot(*_rays(center[flat], scene.targets[:, flat]), color=paint, alpha=0.35, linewidth=0.25)
+        axes.plot(*_rays(center[flat], scene.targets[:, flat]), color=paint, alpha=0.28, linewidth=0.25)
         _camera(axes, center[flat], outline[1:], paint)
         axis = scene.turn @ np.array(camera["axis"], dtype=np.float64)
         end = center + axis * 0.42 * np.linalg.norm(center - scene.middle)
@@ -168,6 +168,18 @@ def _object_axes(axes: "Axes", scene: _Scene, flat: list[int]) -> None:
             axes.annotate(name, place, ha="center", va="center", style="italic")
 
 
+def _meeting(scene: _Scene, geometry: Mapping[str, Any]) -> Array | None:
+    """Where the middle rays of the first and the last half meet in the plan, if they do before the base."""
+    first, last = scene.centers[0][[0, 2]], scene.centers[-1][[0, 2]]
+    rays = [np.mean(camera["corners"], axis=0) @ scene.turn.T for camera in geometry["cameras"]]
+    directions = np.stack([rays[0][[0, 2]], -rays[-1][[0, 2]]], axis=1)
+    if abs(np.linalg.det(directions)) < 1e-3:
+        return None
+    along = np.linalg.solve(directions, last - first)
+    meeting: Array = first + along[0] * directions[:, 0]
+    return None if (along <= 0).any() else meeting
+
+
 def _pair(place: Array) -> tuple[float, float]:
     return float(place[0]), float(place[1])
 
@@ -179,5 +191,7 @@ def _dimensions(axes: "Axes", scene: _Scene, geometry: Mapping[str, Any]) -> Non
     if (distance := geometry.get("distance_mm")) is not None:
         dimension(axes, middle, (first + last) / 2, f"distance {significant(distance, 5)} mm", share=0.68)
     if (convergence := geometry.get("convergence_deg")) is not None:
-        angle(axes, middle, (first, last), f"{significant(convergence, 4)}°")
+        meeting = _meeting(scene, geometry)
+        if meeting is not None:
+            angle(axes, meeting, (first, last), f"{significant(convergence, 4)}°")
     axes.plot(*middle, "+", color=FAINT, markersize=5, mew=0.6)

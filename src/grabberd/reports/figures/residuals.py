@@ -42,14 +42,10 @@ def _vectors(axes: "Axes", residuals: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _blunders(axes: "Axes", document: Mapping[str, Any]) -> None:
-    named = {(row["view"], row["target"]) for row in document.get("blunders") or []}
-    for row in document["residuals"]:
-        if (row["view"], row["target"]) in named:
-            axes.plot(row["x_px"], row["y_px"], "o", mfc="none", mec=INK, markersize=13, mew=0.9)
-            axes.annotate(
-                f"{row['target']}",
-                (row["x_px"], row["y_px"]),
-                xytext=(8, 6),
-                textcoords="offset points",
-                weight="bold",
-            )
+    """Rings at the blunders' own places, or at those of their image points where they stayed in."""
+    places = {(row["view"], row["target"]): (row["x_px"], row["y_px"]) for row in document["residuals"]}
+    for row in document.get("blunders") or []:
+        own = (row["x_px"], row["y_px"]) if row.get("x_px") is not None else None
+        if place := own or places.get((row["view"], row["target"])):
+            axes.plot(*place, "o", mfc="none", mec=INK, markersize=13, mew=0.9)
+            axes.annotate(f"{row['target']}", place, (8, 6), textcoords="offset points", weight="bold")

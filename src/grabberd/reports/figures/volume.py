@@ -8,7 +8,7 @@ import numpy as np
 from grabberd.reports.figures.drawing import WIDTH_MM, drawn
 from grabberd.reports.figures.picture import Array
 from grabberd.reports.markup import Html
-from grabberd.reports.names import spelled
+from grabberd.reports.numbers import fixed
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,7 +89,7 @@ def _say(axes: "Axes", axis: str, z_mm: float, *, first: bool, last: bool) -> No
     if last:
         axes.set_xlabel("X [mm]")
     if axis == "x":
-        axes.set_ylabel(f"Z = {spelled(z_mm)} mm\nY [mm]")
+        axes.set_ylabel(f"Z = {fixed(z_mm, 1)} mm\nY [mm]")
 
 
 def _scale(canvas: "Figure", filled: "QuadContourSet", box: tuple[float, float, float, float]) -> None:

@@ -1,0 +1,168 @@
+"""`grabberd plan`: the σ to expect of X, Y, Z before anything is built."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from rich.table import Table
+
+from grabberd.cli.options import ConfigOption, JsonOption, console, load, only_device, print_json
+from grabberd.config import DeviceConfig, RigConfig, shipped_configs
+
+if TYPE_CHECKING:
+    from grabberd.geometry import NominalRig, Rig
+    from grabberd.processes.plan import Plan, PlannedPlace, PlanSettings
+    from grabberd.reconstruction import ObjectModel
+    from grabberd.reconstruction.accuracy import Axes
+
+COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
+USUAL_FRAME = "calibration-frames/paper-108.yaml"
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("plan")(plan)
+
+
+def plan(  # noqa: PLR0913, PLR0917 - options of a command
+    config: ConfigOption = None,
+    device: Annotated[
+        str | None, typer.Option(help="A configured device; needed if there are several.")
+    ] = None,
+    calibration_frame: Annotated[
+        Path | None, typer.Option(help="Calibration frame (YAML); default: the paper's, with 108 targets.")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="A calibration (JSON) in place of the nominal rig.")
+    ] = None,
+    object_model: Annotated[
+        Path | None,
+        typer.Option("--object", help="Object (YAML) whose box is the volume; default: configured."),
+    ] = None,
+    bits: Annotated[int | None, typer.Option(min=1, max=8, help="Bits a pixel; default: configured.")] = None,
+    lines: Annotated[Literal["doubled", "field"] | None, typer.Option(help="Default: configured.")] = None,
+    noise: Annotated[
+        float, typer.Option(min=0, max=0.5, help="Of a pixel, as a share of the contrast.")
+    ] = 0.02,
+    sigma_px: Annotated[
+        tuple[float, float] | None, typer.Option(help="Pointing in x and y, line jitter in it, if known.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Say which σ to expect of X, Y and Z over the volume, and what base, distance and bits do to it.
+
+    Example: grabberd plan --config configs/fake.yaml --bits 8
+    """
+    from grabberd.geometry import Rig  # noqa: PLC0415
+    from grabberd.processes import plan as planning  # noqa: PLC0415
+
+    known = load(config)
+    chosen = known.devices[only_device(known, device, config)]
+    model = _model(object_model or chosen.object)
+    frame = _model(calibration_frame) or _model(shipped_configs() / USUAL_FRAME)
+    assert frame is not None
+    settings = _settings(chosen, model or frame, bits, lines, noise, sigma_px)
+    low, high = ((model or frame).xyz_mm.min(axis=0), (model or frame).xyz_mm.max(axis=0))
+    nominal = _nominal(chosen.rig)
+
+    def rig_of(one: "NominalRig", wanted: "PlanSettings") -> Rig:
+        return Rig.of(planning.nominal_calibration(one, frame, wanted))
+
+    rig = _calibrated(calibration) if calibration else rig_of(nominal, settings)
+    expected = planning.plan(rig, low, high, settings)
+    influence = [
+        (name, planning.plan(rig_of(one, wanted), low, high, wanted).places[0])
+        for name, one, wanted in planning.variations(nominal, settings)
+    ]
+    if json:
+        print_json(_document(expected, influence))
+    else:
+        _show(expected, influence)
+
+
+def _model(file: Path | None) -> "ObjectModel | None":
+    from grabberd.reconstruction import ObjectModel  # noqa: PLC0415
+    from grabberd.service.setup import read_documents  # noqa: PLC0415
+
+    return None if file is None else ObjectModel.from_document(read_documents(None, file)["object"])
+
+
+def _calibrated(file: Path) -> "Rig":
+    from grabberd.geometry import Calibration, Rig  # noqa: PLC0415
+    from grabberd.service.setup import read_documents  # noqa: PLC0415
+
+    return Rig.of(Calibration.from_document(read_documents(file, None)["calibration"]))
+
+
+def _nominal(rig: RigConfig) -> "NominalRig":
+    from grabberd.geometry import NominalRig  # noqa: PLC0415
+
+    left, right = ((view.first_column, view.end_column) for view in (rig.views.left, rig.views.right))
+    same = ("columns", "lines", "distance_mm", "base_mm", "convergence_deg", "focal_length_mm")
+    pixel = {name: getattr(rig, name) for name in (*same, "pixel_x_mm", "pixel_y_mm")}
+    return NominalRig(left=left, right=right, **pixel)
+
+
+def _settings(
+    device: DeviceConfig,
+    model: "ObjectModel",
+    bits: int | None,
+    lines: str | None,
+    noise: float,
+    sigma_px: tuple[float, float] | None,
+) -> "PlanSettings":
+    from grabberd.processes.plan import PlanSettings  # noqa: PLC0415
+
+    wanted = device.ring.bits if bits is None else bits
+    usual = device.ring.lines if bits is None else None
+    kept = lines or usual or ("doubled" if wanted == 1 else "field")
+    return PlanSettings(
+        target_diameter_mm=model.target_diameter_mm,
+        bits=wanted,
+        doubled=kept == "doubled",
+        noise=noise,
+        spread_px=device.spread_px,
+        line_jitter_px=device.line_jitter_px,
+        sigma_px=sigma_px,
+    )
+
+
+def _show(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]") -> None:
+    table = Table("σ in mm at", *COLUMNS, title="To expect of one field")
+    for place in expected.places:
+        table.add_row(place.name, *_cells(place))
+    console.print(table)
+    changes = Table("σ in mm at the centre", *COLUMNS, title="What would change it")
+    for name, place in influence:
+        changes.add_row(name, *_cells(place))
+    console.print(changes)
+    (x, y), (along, across) = expected.sigma_px, expected.mm_per_px
+    console.print(
+        f"pointing {x:.3f} px in x, {y:.3f} px in y; {along:.3f} mm/px along the lines, {across:.3f} across",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _cells(place: "PlannedPlace") -> list[str]:
+    if place.pointing is None:
+        return ["not in both views", "", "", "", ""]
+    share = f"{place.calibration.xyz_mm:.4f}" if place.calibration else "not known"
+    return [*(f"{value:.4f}" for value in place.pointing), share]
+
+
+def _document(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]") -> dict[str, Any]:
+    return {
+        "sigma_px": expected.sigma_px,
+        "mm_per_px": expected.mm_per_px,
+        "places": [_place(place) for place in expected.places],
+        "influence": [{**_place(place), "name": name} for name, place in influence],
+    }
+
+
+def _place(place: "PlannedPlace") -> dict[str, Any]:
+    def axes(value: "Axes | None") -> dict[str, float] | None:
+        return value and value._asdict()
+
+    return {**place._asdict(), "pointing": axes(place.pointing), "calibration": axes(place.calibration)}

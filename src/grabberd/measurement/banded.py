@@ -1,0 +1,49 @@
+"""Symmetric positive definite equations whose matrix is a band."""
+
+from functools import cache
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def band_of(at: NDArray[np.int64], matrices: Array, count: int) -> Array:
+    """(h, count) the sum of N symmetric matrices, its diagonals from the main one down.
+
+    Args:
+        at: (N, h) int64, the equation of each row and column, ascending and at most h apart.
+        matrices: (N, h, h) float64.
+        count: how many equations there are.
+    """
+    height = at.shape[1]
+    below = at[:, :, np.newaxis] - at[:, np.newaxis, :]
+    lower = below >= 0
+    place = (below * count + at[:, np.newaxis, :])[lower]
+    band: Array = (
+        np.bincount(place, matrices[lower], height * count).reshape(height, count).astype(np.float64)
+    )
+    return band
+
+
+def factor(band: Array, more: float) -> Array:
+    """(h, count) lower Cholesky factor of a band with so much more on its main diagonal."""
+    own = band.copy(order="F")
+    own[0] += more
+    lower: Array = _lapack().dpbtrf(own, lower=1, overwrite_ab=1)[0]
+    return lower
+
+
+def solve(lower: Array, right: Array) -> Array:
+    """Solution for the right sides (count,) or (count, M)."""
+    solution: Array = _lapack().dpbtrs(lower, right, lower=1)[0]
+    return solution
+
+
+@cache
+def _lapack() -> ModuleType:
+    """Loaded when it is needed first: that takes half a second."""
+    from scipy.linalg import lapack  # noqa: PLC0415
+
+    return lapack
