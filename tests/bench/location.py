@@ -135,7 +135,8 @@ def _pointing(method: str, variant: Variant, scene: Scene) -> Pointing | None:
 
 
 def _known(scene: Scene) -> dict[str, float]:
-    return {"line_jitter_px": scene.jitter_px, "min_diameter_px": 1.5}
+    smallest_px = min(2.5, scene.diameter_mm / MM_A_PX * 0.9)
+    return {"line_jitter_px": scene.jitter_px, "min_diameter_px": smallest_px}
 
 
 def _sigma_px(blobs: Blobs) -> Array:

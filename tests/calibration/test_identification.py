@@ -115,10 +115,11 @@ def test_another_calibration_frame_than_the_files_is_refused():
         identify(sights, frame=frame_of(other))
 
 
-def test_a_frame_of_another_size_shows_in_base_and_distance():
+def test_a_base_that_is_far_from_nominal_is_refused():
     _, sights = scene(7)
-    with pytest.raises(MeasurementError, match=r"base comes out as \d+ mm, the nominal rig has 128 mm"):
-        identify(sights, frame=frame_of(1.35 * FRAME.xyz_mm))
+    narrow = replace(NOMINAL, base_mm=85.0, convergence_deg=20.0)
+    with pytest.raises(MeasurementError, match=r"base comes out as 1\d\d mm, the nominal rig has 85 mm"):
+        identify(sights, narrow)
 
 
 @pytest.mark.parametrize("handedness", [1, -1])

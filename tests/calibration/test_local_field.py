@@ -182,3 +182,8 @@ def test_views_share_no_signal():
         np.ix_(one.collocation.network.view == 0, one.collocation.network.view == 1)
     ]
     assert np.isinf(apart).all()
+
+
+def test_few_targets_make_no_field_out_of_nothing():
+    few = network(places=frame(5, 4), sigma_px=NOISE_PX)
+    assert not try_local_fields(adjusted(few), 576).accepted

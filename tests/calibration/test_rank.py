@@ -21,6 +21,7 @@ def printed_b1(view) -> np.ndarray:
 def test_a_calibration_frame_with_depth_determines_everything():
     check_rank(network(start=rough()), tied())
     check_rank(network(target_sigma_mm=0.02), Unknowns.of(TRUE, shared=LENS))
+    check_rank(network(sigma_px=0.002, target_sigma_mm=0.01), Unknowns.of(TRUE))
 
 
 @pytest.mark.parametrize("views", [TRUE, tuple(replace(view, b=(0.0,) * 9) for view in TRUE)])

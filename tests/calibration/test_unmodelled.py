@@ -8,10 +8,10 @@ from grabberd.calibration import adjust, with_unmodelled, without_blunders
 
 
 def contradictory(rms_px=0.06, seed=1, target_sigma_mm=0.0):
-    """Image points located to .0003 to .016 px, that a model misses by far more."""
+    """Image points located to .001 to .016 px, that a model misses by far more."""
     rng = np.random.default_rng(seed)
     given = network(sigma_px=0.005, seed=seed, target_sigma_mm=target_sigma_mm)
-    sigma = 10 ** rng.uniform(-3.5, -1.8, given.xy_px.shape)
+    sigma = 10 ** rng.uniform(-3.0, -1.8, given.xy_px.shape)
     return replace(given, xy_px=given.xy_px + rng.normal(size=sigma.shape) * rms_px, sigma_px=sigma)
 
 

@@ -32,7 +32,7 @@ def investigated(scene, bits, lines, **settings):
 @pytest.mark.parametrize("scene", ["at_rest", "pulsating"])
 def test_the_smoothed_points_have_the_sigma_that_they_are_given(scene, bits, request):
     result = investigated(request.getfixturevalue(scene), bits, "doubled" if bits == 1 else "field")
-    assert 0.8 < np.sqrt(result.smoothed.chi2) < 1.25
+    assert 0.75 < np.sqrt(result.smoothed.chi2) < 1.25
 
 
 @pytest.mark.slow
@@ -46,8 +46,9 @@ def test_smoothing_betters_every_axis_at_rest_and_in_movement(at_rest, pulsating
 
 def test_at_one_bit_32_fields_at_rest_are_not_32_times_as_good(at_rest):
     result = investigated(at_rest, 1, "doubled")
-    assert result.smoothed.accuracy.rmse.xyz_mm > 0.3 * result.single.accuracy.rmse.xyz_mm
-    assert result.smoothed.sigma.xyz_mm > 0.3 * result.single.sigma.xyz_mm
+    white = 32**-0.5
+    assert result.smoothed.accuracy.rmse.xyz_mm > 1.15 * white * result.single.accuracy.rmse.xyz_mm
+    assert result.smoothed.sigma.xyz_mm > 1.5 * white * result.single.sigma.xyz_mm
 
 
 def test_eight_bits_at_rest_reach_hundredths_of_a_millimetre(at_rest):

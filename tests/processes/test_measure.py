@@ -137,6 +137,8 @@ def test_a_view_has_its_own_whole_blobs_only(liner):
 def test_a_views_local_field_is_taken_off_its_blobs(liner):
     x_only = np.full((41, 50, 2), (0.25, 0.0))
     local_field = LocalField.through((-0.5, -0.5), 15.0, x_only, np.zeros_like(x_only))
-    blobs = Blobs(np.array([[100.0, 50.0]]), np.full((1, 2), 0.1), *np.full((4, 1), 6.0), np.zeros(1, bool), 2.0)
+    blobs = Blobs(
+        np.array([[100.0, 50.0]]), np.full((1, 2), 0.1), *np.full((4, 1), 6.0), np.zeros(1, bool), 2.0
+    )
     left, _ = liner.setup.calibration.views
     assert whole_blobs(blobs, left, local_field).xy_px == pytest.approx(np.array([[99.75, 50.0]]))

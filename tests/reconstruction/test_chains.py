@@ -85,6 +85,12 @@ def test_the_likelihood_is_that_of_all_measurements_together(acceleration):
     assert likelihood(known) == pytest.approx([dense(known, chain)[3] for chain in range(COUNT)], abs=1e-5)
 
 
+def test_many_chains_are_smoothed_in_parts():
+    known = chains()
+    for one, other in zip(smoothed_chains(known), smoothed_chains(known, 2 * FIELDS), strict=True):
+        assert np.allclose(one, other, rtol=1e-9)
+
+
 def test_at_rest_with_white_noise_the_place_is_the_weighted_mean():
     known = chains(0.0, 3, missing=0.0)
     nothing = np.zeros((FIELDS, COUNT))

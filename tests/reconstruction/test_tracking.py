@@ -87,6 +87,19 @@ def test_a_liner_that_starts_and_moves_two_millimetres_a_field_is_followed():
         assert track.found >= 0.97 * len(seen.visible)
 
 
+def test_a_wall_that_stops_at_once_is_identified_anew_and_keeps_its_velocity():
+    depths = (0.0, 2.0, 4.0, 6.0, 6.0)
+    rng = np.random.default_rng(17)
+    scenes = [see(*wall(depth), rng, noise=0.5, missing=0.0, false=0.0) for depth in depths]
+    results = follow(scenes)
+    for seen, points, _ in results:
+        assert (identities(seen, points) == points.target[:, np.newaxis] - 1).all()
+        assert len(points) >= 0.97 * len(seen.visible)
+    moving, stopped = (results[field][2].velocity_mm_s[:, 2].min() for field in (3, 4))
+    assert moving < -85.0
+    assert stopped > -40.0
+
+
 def test_velocities_are_those_of_the_wall():
     *_, (_, _, track) = follow(pulsation(8, noise=0.1, missing=0.0, false=0.0))
     true = (wall(deflection_mm(7))[0] - wall(deflection_mm(6))[0]) / FIELD_S

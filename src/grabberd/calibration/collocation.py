@@ -180,5 +180,6 @@ class Solution:
         for target in np.unique(network.target):
             own = np.flatnonzero(network.target == target)
             rows = np.concatenate([own, count + own])
-            error[rows] = np.linalg.solve(self.projected[np.ix_(rows, rows)], self.influence[rows])
+            own_share = self.projected[np.ix_(rows, rows)]
+            error[rows] = np.linalg.lstsq(own_share, self.influence[rows], rcond=None)[0]
         return error.reshape(2, count).T

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from grabberd.calibration.adjustment import Adjustment, adjust
 from grabberd.calibration.collocation import Collocation, Components, Solution
 from grabberd.calibration.components import most_likely
+from grabberd.calibration.iteration import AdjustmentSettings
 from grabberd.calibration.network import Network
 from grabberd.geometry import LocalField, parameter_derivatives, rays
 
@@ -19,6 +20,8 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 3
 """Of adjustment and collocation; they solve one linear problem, and its curvature asks for more than one."""
+_SETTLED = AdjustmentSettings(settled=1e-7)
+"""Each of them starts beside its end."""
 _NODES_A_LENGTH = 1.6
 """A spline with this many nodes a correlation length follows the signal to a few per cent of it."""
 _DECIMALS = 5
@@ -131,7 +134,7 @@ def _refined(adjustment: Adjustment, network: Network, components: Components) -
     for _ in range(_ROUNDS):
         signal = solution.signal(network.view, network.xy_px)
         corrected = replace(weighted, xy_px=network.xy_px - signal, views=adjustment.views)
-        adjustment = adjust(corrected, adjustment.unknowns)
+        adjustment = adjust(corrected, adjustment.unknowns, _SETTLED)
         solution = Solution(_collocation(adjustment, network), components)
     return _certain(adjustment), solution
 

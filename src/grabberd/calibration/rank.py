@@ -59,9 +59,10 @@ def null_vectors(
 def check_rank(network: Network, unknowns: Unknowns) -> None:
     """Whether a network determines its unknowns: to be asked before it is adjusted.
 
-    The Jacobian is judged with equal weights, for the geometry is in question, and without distortion: with
-    it, a planar frame's smallest singular value is no longer zero, though as little can be learnt from it. So
-    the targets' depth is tested by itself too, for all views whose focal length or principal point is sought.
+    The Jacobian is judged with equal weights and known places held, for the geometry is in question, and
+    without distortion: with it, a planar frame's smallest singular value is no longer zero, though as little
+    can be learnt from it. So the targets' depth is tested by itself too, for all views whose focal length or
+    principal point is sought.
 
     Raises:
         RankDeficient: it does not; the message names the parameters of every null vector.

@@ -47,7 +47,7 @@ class _Cuts(NamedTuple):
 
 
 def _chords(seen: Seen, cuts: _Cuts) -> Chords:
-    """Interpolated rows make no chord, but give half their share to each of the lines beside them."""
+    """Interpolated rows make no chord; their share is that of the lines beside them."""
     low = seen.of_size & (_height_px(seen) <= TALLEST * seen.settings.max_diameter_px)
     chosen = low[seen.label]
     cuts = _Cuts(*(values[chosen] for values in cuts))
@@ -59,7 +59,8 @@ def _chords(seen: Seen, cuts: _Cuts) -> Chords:
     with np.errstate(invalid="ignore", divide="ignore"):
         centre = np.where(amount > 0, grid.sums(cuts.amount * cuts.middle * delivered) / amount, 0.0)
         weight = np.where(amount > 0, amount**2 / spread, 0.0)
-    share = (grid.sums(cuts.amount) + grid.sums(cuts.amount, after=True)) / 2
+    before = grid.part_before(amount)
+    share = grid.sums(cuts.amount * before) + grid.sums(cuts.amount * (1.0 - before), after=True)
     return Chords(np.flatnonzero(low), grid.line, centre, weight, share / share.sum(axis=1, keepdims=True))
 
 
@@ -89,6 +90,12 @@ class _Grid(NamedTuple):
         np.minimum.at(line, blob, before)
         height = int((after - line[blob]).max(initial=0)) + 1
         return cls(line, height, *(blob * height + at - line[blob] for at in (before, after)))
+
+    def part_before(self, amount: Array) -> Array:
+        """(R,) what of a row belongs to the line before it: all or nothing where only one is bright."""
+        bright = amount.ravel() > 0
+        part: Array = 0.5 + 0.5 * (bright[self.before].astype(np.float64) - bright[self.after])
+        return part
 
     def sums(self, values: Array, *, after: bool = False) -> Array:
         """(N, h) sums of values (R,)."""

@@ -57,8 +57,11 @@ def locate_by_correlation(seen: Seen) -> Located:
     meant_for(seen, "correlation", GREY)
     windows, noise = windows_of(seen), noise_of(seen)
     place, sigma = np.zeros((len(windows.blob), 2), np.float32), np.zeros((len(windows.blob), 2), np.float32)
-    usual, group = np.unique(np.rint(windows.middle / (1, LINES_APART)), axis=0, return_inverse=True)
-    for index, middle in enumerate(usual * (1, LINES_APART)):
+    regular = np.array([windows.x_px[-1] // 2, windows.y_px[-1] / 2 // LINES_APART * LINES_APART])
+    displaced = np.abs(windows.middle - regular).max(axis=1, keepdims=True) > LINES_APART
+    middles = np.where(displaced, np.rint(windows.middle), regular)
+    usual, group = np.unique(middles, axis=0, return_inverse=True)
+    for index, middle in enumerate(usual):
         own = group.ravel() == index
         place[own], sigma[own] = _located(windows.grey[own], _templates(seen, windows, middle))
     return Located(*windows.located(seen, place[:, 0], place[:, 1], noise * sigma))
@@ -88,9 +91,9 @@ def _templates(seen: Seen, windows: Windows, middle: NDArray[np.float64]) -> _Te
     images, slopes = disc_images(discs.reshape(8, -1), windows.x_px, windows.y_px, spread2 + PIXEL)
     flat = images.reshape(len(images), -1)
     flat = flat - flat.mean(axis=1, keepdims=True)
-    norm = np.sqrt((flat * flat).sum(axis=1, keepdims=True))
+    norm = np.sqrt((flat * flat).sum(axis=1, keepdims=True)) + LEAST
     centre = len(flat) // 2
-    slope2 = (slopes[centre, (X, Y)] ** 2).sum(axis=(1, 2))
+    slope2 = (slopes[centre, (X, Y)] ** 2).sum(axis=(1, 2)) + LEAST
     return _Templates(x, y, flat / norm, slope2, float(norm[centre, 0]))
 
 

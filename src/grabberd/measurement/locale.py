@@ -6,21 +6,20 @@ with the least error, and the weighted variance is its own.
 """
 
 import math
+from collections.abc import Iterable
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.measurement.locale_memory import Asked, Posterior, Row, decoded
 from grabberd.measurement.locale_model import Appearance
-from grabberd.measurement.locale_patterns import Kind, Patterns, patterns_of
-from grabberd.measurement.locale_table import places, table
+from grabberd.measurement.locale_patterns import Alike, Patterns, patterns_of
 from grabberd.measurement.locator import Located, Seen, meant_for
 from grabberd.measurement.shapes import binary_centres
 from grabberd.measurement.sigma import binary_sigma_px
 
 Array = NDArray[np.float64]
-Single = NDArray[np.float32]
 
 NOISES = (0.025, 0.05, 0.1)
 """Standard deviation of a pixel, in contrasts; the field's own bits say which."""
@@ -30,7 +29,9 @@ LINES_APART = 2
 JITTER_OF_CENTRE = 0.54
 """Variance of a centroid's x per variance of a line's shift, times the lines that its radius spans."""
 JITTER_OF_ENDS = {1: 0.25, 2: 0.5}
-"""How much of that the posterior has: it takes a row's ends, and interpolated rows, to shift by themselves."""
+"""How much of that the posterior has: it takes a row's ends, and interpolated rows, to shift apart."""
+SHARED_NOISE = {1: 1.15, 2: 1.0}
+"""On the variance of x: interpolated rows have no noise of their own, but are counted as if they had."""
 MOST_JITTER = 0.7
 """Of the variance of x: what is left is the blob's own."""
 UNEXPLAINED = 20.0
@@ -54,6 +55,7 @@ def locate_by_locale(seen: Seen) -> Located:
     blob = patterns.blob[explained]
     centres[blob] = patterns.anchor[explained] + found.from_anchor_px[explained] / (1, seen.packed.y_step)
     variance = found.variance_px2[explained]
+    variance[:, 0] *= SHARED_NOISE[seen.packed.y_step]
     variance[:, 0] -= np.minimum(_jitter_px2(seen, blob), MOST_JITTER * variance[:, 0])
     sigma_px[blob] = np.sqrt(variance)
     return Located(centres, sigma_px)
@@ -66,85 +68,38 @@ def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:
     return JITTER_OF_ENDS[seen.packed.y_step] * common
 
 
-class Posterior(NamedTuple):
-    """What the bits of M blobs say.
-
-    Attributes:
-        from_anchor_px: (M, 2) mean place, frame pixels; `variance_px2`: (M, 2) its variance.
-        evidence: (M,) logarithm of how likely the pattern is at all, up to a constant.
-    """
-
-    from_anchor_px: Array
-    variance_px2: Array
-    evidence: Array
-
-
 def _decoded(patterns: Patterns, seen: Seen) -> Posterior:
-    found = posterior_of(_likelihoods(patterns, seen, NOISES[0]), seen.packed.y_step)
-    noise = _likeliest_noise(_thinned(patterns), seen)
-    if noise == NOISES[0]:
-        return found
-    return posterior_of(_likelihoods(patterns, seen, noise), seen.packed.y_step)
+    noise = _likeliest_noise(patterns, seen)
+    return Posterior.of_rows(_rows(patterns.alike, patterns.fraction, seen, noise))
 
 
 def _likeliest_noise(patterns: Patterns, seen: Seen) -> float:
-    """The one of `NOISES` after which it gets worse."""
-    evidence = _evidence(patterns, seen, NOISES[0])
-    for noise, louder in pairwise(NOISES):
-        of_louder = _evidence(patterns, seen, louder)
-        if of_louder <= evidence:
-            return noise
-        evidence = of_louder
+    """The one of `NOISES` after which it gets worse, for blobs of the most frequent kinds."""
+    frequent = sorted(patterns.alike, key=lambda some: -len(some.first))
+    count = np.cumsum([len(some.first) - 1 for some in frequent])
+    enough = frequent[: int(np.searchsorted(count, NOISE_BLOBS)) + 1]
+    evidence = -math.inf
+    for quieter, noise in pairwise((NOISES[0], *NOISES)):
+        of_this = _evidence(_rows(enough, patterns.fraction, seen, noise))
+        if of_this <= evidence:
+            return quieter
+        evidence = of_this
     return NOISES[-1]
 
 
-def _evidence(patterns: Patterns, seen: Seen, noise: float) -> float:
+def _evidence(rows: list[Row]) -> float:
     """Of these blobs together; what is no target counts for little."""
-    each = posterior_of(_likelihoods(patterns, seen, noise), seen.packed.y_step).evidence
+    each = Posterior.of_rows(rows).evidence
     return float(np.maximum(each, np.median(each) - UNEXPLAINED).sum())
 
 
-def _thinned(patterns: Patterns) -> Patterns:
-    """Those of the most frequent kinds, so that few tables are needed for them."""
-    frequent = sorted(patterns.alike, key=lambda some: -len(some.ends))
-    count = np.cumsum([len(some.ends) for some in frequent])
-    enough = int(np.searchsorted(count, NOISE_BLOBS)) + 1
-    return patterns._replace(alike=tuple(frequent[:enough]))
-
-
-def _likelihoods(patterns: Patterns, seen: Seen, noise: float) -> Single:
-    """(M, G) log likelihood of every blob at every place, in the order of `Patterns.alike`."""
-    count = sum(len(some.ends) for some in patterns.alike)
-    found = np.empty((count, len(places(seen.packed.y_step).x_px)), np.float32)
-    end = 0
-    for some in patterns.alike:
-        one = table(_appearance(some.kind, patterns, seen, noise), some.window, some.kind.interpolated)
-        first, end = end, end + len(some.ends)
-        np.matmul(some.ends, one.cumulated, out=found[first:end])
-        found[first:end] += one.empty
-    return found
-
-
-def _appearance(kind: Kind, patterns: Patterns, seen: Seen, noise: float) -> Appearance:
-    return Appearance(
-        kind.half_width_px,
-        kind.half_height_px,
-        kind.lean,
-        patterns.fraction,
-        noise,
-        seen.settings.spread_px,
-        seen.settings.line_jitter_px,
-        seen.packed.y_step,
-    )
-
-
-def posterior_of(likelihood: Single, y_step: int) -> Posterior:
-    """From the log likelihoods (M, G) of all `places`, each as likely as any other before."""
-    x, y = places(y_step)
-    greatest = likelihood.max(axis=1, keepdims=True)
-    weight = np.exp(likelihood - greatest)
-    sums = (weight @ np.stack([np.ones_like(x), x, y, x * x, y * y], axis=1)).astype(np.float64)
-    mean = sums[:, 1:3] / sums[:, :1]
-    variance = sums[:, 3:] / sums[:, :1] - mean * mean
-    evidence = greatest[:, 0] + np.log(sums[:, 0] / len(x))
-    return Posterior(mean, variance, evidence)
+def _rows(alike: Iterable[Alike], fraction: float, seen: Seen, noise: float) -> list[Row]:
+    settings, y_step = seen.settings, seen.packed.y_step
+    asked = []
+    for some in alike:
+        width, height, lean, _ = some.kind
+        look = Appearance(
+            width, height, lean, fraction, noise, settings.spread_px, settings.line_jitter_px, y_step
+        )
+        asked.append(Asked(look, some))
+    return decoded(asked)

@@ -1,5 +1,7 @@
 """The bits of blobs, ready to be compared with what targets of their size would show."""
 
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -41,12 +43,21 @@ class Alike(NamedTuple):
 
     Attributes:
         kind: theirs; `window`: of pixels about their anchors.
-        ends: (M, `Window.size`) float32, 1 where a run has ended, −1 where it begins.
+        start: (R,) int32 places of the runs' beginnings in the window's ends; `end`: of their ends.
+        first: (M + 1,) int64, where each blob's runs begin.
     """
 
     kind: Kind
     window: Window
-    ends: NDArray[np.float32]
+    start: NDArray[np.int32]
+    end: NDArray[np.int32]
+    first: Whole
+
+    def patterns(self) -> list[bytes]:
+        """Of each blob, what tells its bits from other patterns of the kind."""
+        both = np.stack([self.start, self.end], axis=1).tobytes()
+        at = (8 * self.first).tolist()
+        return [both[begin:end] for begin, end in pairwise(at)]
 
 
 class Patterns(NamedTuple):
@@ -55,7 +66,7 @@ class Patterns(NamedTuple):
     Attributes:
         blob: (M,) int64, their components.
         anchor: (M, 2) int64 column and row nearest to each centroid.
-        fits: (M,) bool, whether it lies within its kind's window; the ends of others mean nothing.
+        fits: (M,) bool, whether it lies within its kind's window; the runs of others are cut short.
         alike: the kinds, in the same order, M blobs in all.
         fraction: the threshold's share of the contrast.
     """
@@ -84,14 +95,26 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
     anchor = np.rint(centres).astype(np.int64)
     blob, kinds, count = _by_kind(whole, sizes, ~is_delivered(packed, anchor[:, 1]))
     windows = [Window.of(kind.half_width_px, kind.half_height_px, packed.y_step) for kind in kinds]
-    ends, fits = _ends(seen, anchor, blob, np.repeat(np.array(windows, np.int64).reshape(-1, 2), count, axis=0))
-    shapes = zip(kinds, windows, count, strict=True)
-    alike, first = [], 0
-    for kind, window, many in shapes:
-        last = first + many * window.size
-        alike.append(Alike(kind, window, ends[first:last].reshape(many, window.size)))
-        first = last
-    return Patterns(blob, anchor[blob], fits, tuple(alike), fraction)
+    of_blob = np.repeat(np.array(windows, np.int64).reshape(-1, 2), count, axis=0)
+    placed = _placed(seen, anchor, blob, of_blob)
+    alike = _parted(placed, kinds, windows, np.append(0, np.cumsum(count)).tolist())
+    return Patterns(blob, anchor[blob], placed.fits, tuple(alike), fraction)
+
+
+class _Placed(NamedTuple):
+    """The runs of M blobs, blob by blob: `start`, `end` (R,), `first` (M + 1,) as in `Alike`; `fits` (M,)."""
+
+    start: NDArray[np.int32]
+    end: NDArray[np.int32]
+    first: Whole
+    fits: NDArray[np.bool_]
+
+
+def _parted(placed: _Placed, kinds: list[Kind], windows: list[Window], bounds: list[int]) -> Iterator[Alike]:
+    for kind, window, (begin, end) in zip(kinds, windows, pairwise(bounds), strict=True):
+        first = placed.first[begin : end + 1]
+        runs = slice(int(first[0]), int(first[-1]))
+        yield Alike(kind, window, placed.start[runs], placed.end[runs], first - first[0])
 
 
 def _by_kind(
@@ -112,10 +135,8 @@ def _by_kind(
     return blob[order], kinds, np.diff(np.append(begin, len(blob)))
 
 
-def _ends(
-    seen: Seen, anchor: Whole, blob: Whole, windows: Whole
-) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """The ends in all windows, one after the other; and which blobs lie within theirs.
+def _placed(seen: Seen, anchor: Whole, blob: Whole, windows: Whole) -> _Placed:
+    """Where the runs lie in the windows.
 
     Args:
         seen: the field.
@@ -125,19 +146,17 @@ def _ends(
     """
     number = np.full(len(anchor), -1)
     number[blob] = np.arange(len(blob))
-    run = np.flatnonzero(number[seen.label] >= 0)
+    run = np.argsort(number[seen.label], kind="stable")
+    run = run[np.count_nonzero(number[seen.label] < 0) :]
     label = seen.label[run]
     of = number[label]
     columns, rows = windows[of].T
     start, end = seen.runs.first[run] - anchor[label, 0], seen.runs.last[run] + 1 - anchor[label, 0]
     row = seen.runs.row[run] - anchor[label, 1]
     inside = (start >= -columns) & (end <= columns + 1) & (np.abs(row) <= rows)
-    size = (2 * windows[:, 1] + 1) * (2 * windows[:, 0] + 2)
-    begin = np.cumsum(size) - size
-    middle = begin[of] + (row + rows) * (2 * columns + 2) + columns
-    ends = np.zeros(int(size.sum()), np.float32)
-    ends[(middle + start)[inside]] = -1.0
-    ends[(middle + end)[inside]] = 1.0
     fits = np.ones(len(blob), np.bool_)
     fits[of[~inside]] = False
-    return ends, fits
+    begin = (row.clip(-rows, rows) + rows) * (2 * columns + 2) + columns
+    start, end = start.clip(-columns, columns + 1), end.clip(-columns, columns + 1)
+    first = np.append(0, np.cumsum(np.bincount(of, minlength=len(blob))))
+    return _Placed((begin + start).astype(np.int32), (begin + end).astype(np.int32), first, fits)

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locale import NOISES, posterior_of
+from grabberd.measurement.locale import NOISES
+from grabberd.measurement.locale_memory import Posterior, posterior_rows
 from grabberd.measurement.locale_model import Appearance, light
-from grabberd.measurement.locale_table import STEPS_X, STEPS_Y, Table, Window, built, places
+from grabberd.measurement.locale_table import STEPS_X, STEPS_Y, Table, Window, axes, built
 
 Array = NDArray[np.float64]
 
@@ -81,8 +82,8 @@ def _variance(scene: Scene, fraction: float, diameter_px: float) -> Array:
     anchors = (False, True) if scene.y_step == 1 else (False,)
     tables = [built(seen, window, interpolated) for interpolated in anchors]
     likelihoods = [_ends(one, window, scene.y_step) @ one.cumulated + one.empty for one in tables]
-    variances = [posterior_of(one, scene.y_step).variance_px2 for one in likelihoods]
-    mean: Array = np.concatenate(variances).mean(axis=0)
+    rows = [row for likelihood in likelihoods for row in posterior_rows(likelihood, scene.y_step)]
+    mean: Array = Posterior.of_rows(rows).variance_px2.mean(axis=0)
     return mean
 
 
@@ -99,7 +100,7 @@ def _appearance(scene: Scene, fraction: float, diameter_px: float) -> Appearance
 
 def _ends(one: Table, window: Window, y_step: int) -> NDArray[np.float32]:
     """(P, window size) ends of the runs seen without noise, from places all over a pixel and a row."""
-    x, y = places(y_step)
+    y, x = (one.ravel() for one in np.meshgrid(*axes(y_step)[::-1], indexing="ij"))
     step_x, step_y = np.rint(x * STEPS_X), np.rint(y * STEPS_Y)
     chosen = (np.abs(2 * x + 1 / STEPS_X) <= 1) & (np.abs(2 * y + 1 / STEPS_Y) <= y_step)
     chosen &= (step_x % EVERY_X == 0) & (step_y % EVERY_Y == 0)

@@ -52,13 +52,6 @@ class Window(NamedTuple):
         return (2 * self.rows + 1) * self.ends
 
 
-class Places(NamedTuple):
-    """The places looked at, G of them, relative to the anchor in frame pixels: (G,) float32 each."""
-
-    x_px: Single
-    y_px: Single
-
-
 class Table(NamedTuple):
     """Log likelihoods of G places.
 
@@ -71,11 +64,17 @@ class Table(NamedTuple):
     cumulated: Single
 
 
+class Axes(NamedTuple):
+    """Where places are looked at relative to the anchor, frame pixels: the first runs through x."""
+
+    x_px: NDArray[np.float64]
+    y_px: NDArray[np.float64]
+
+
 @lru_cache(maxsize=4)
-def places(y_step: int) -> Places:
-    """The places looked at, row by row."""
-    x, y = _axis(REACH_X_PX, STEPS_X) / STEPS_X, _axis(REACH_Y_PX[y_step], STEPS_Y) / STEPS_Y
-    return Places(np.tile(x, len(y)).astype(np.float32), np.repeat(y, len(x)).astype(np.float32))
+def axes(y_step: int) -> Axes:
+    """All places are the pairs of these, row by row."""
+    return Axes(_axis(REACH_X_PX, STEPS_X) / STEPS_X, _axis(REACH_Y_PX[y_step], STEPS_Y) / STEPS_Y)
 
 
 def _axis(reach_px: float, steps: int) -> Whole:

@@ -13,6 +13,7 @@ from grabberd.field import PackedField
 from grabberd.measurement.centroid import background_in
 from grabberd.measurement.locator import Seen
 from grabberd.measurement.mask import greys_at
+from grabberd.measurement.shapes import binary_centres
 
 LINES_APART = 2
 """Frame lines from one field line to the next, whatever a packed field's rows are."""
@@ -34,7 +35,7 @@ class Windows(NamedTuple):
         background: (N,) float32, the median of each window: more than half of it is no target.
         line: (N,) int64, the field line of the first row, counted as the camera delivered them.
         column: (N,) int64, the first column.
-        middle: (N, 2) float32, where in the window the middle of the blob's extent is: columns, frame lines.
+        middle: (N, 2) float32, where in the window the blob's centroid is: columns, frame lines.
     """
 
     blob: NDArray[np.int64]
@@ -63,10 +64,10 @@ class Windows(NamedTuple):
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Centres and standard deviations of all components, from places (N,) and (N, 2) in the windows.
 
-        A component without a window, which is too small or too large for a target, is placed in its middle,
+        A component without a window, which is too small or too large for a target, keeps its centroid,
         and how well is not known (NaN).
         """
-        centres, sigma = middles(seen), np.full((len(seen.shapes), 2), np.nan)
+        centres, sigma = _centroids(seen), np.full((len(seen.shapes), 2), np.nan)
         line = self.line + y_px.astype(np.float64) / LINES_APART
         centres[self.blob, 0] = self.column + x_px.astype(np.float64)
         centres[self.blob, 1] = row_of_line(seen.packed, line)
@@ -78,7 +79,7 @@ def windows_of(seen: Seen) -> Windows:
     """The windows around those components that have the size of a target; off their middle at an edge."""
     blob = np.flatnonzero(seen.of_size)
     shapes, packed = seen.shapes, seen.packed
-    x, row = middles(seen)[blob].T
+    x, row = _centroids(seen)[blob].T
     beyond = _beyond_px(packed, x, row)
     columns = _size(shapes.last_column[blob] - shapes.first_column[blob] + 1, beyond, 1, packed.columns)
     extent = (shapes.last_row[blob] - shapes.first_row[blob] + 1) * packed.y_step
@@ -91,16 +92,14 @@ def windows_of(seen: Seen) -> Windows:
     return Windows(blob, grey, background, line, column, middle)
 
 
-def middles(seen: Seen) -> NDArray[np.float64]:
-    """(components, 2) columns and rows of the middles of their extents."""
-    shapes = seen.shapes
-    column, row = shapes.first_column + shapes.last_column, shapes.first_row + shapes.last_row
-    return np.stack([column, row], axis=1) / 2
-
-
 def lines_of(packed: PackedField) -> int:
     """How many lines the camera delivered."""
     return packed.rows * packed.y_step // LINES_APART
+
+
+def _centroids(seen: Seen) -> NDArray[np.float64]:
+    """(components, 2) columns and rows; noise moves them less than it does the middle of an extent."""
+    return binary_centres(seen.runs, seen.label, len(seen.shapes))
 
 
 def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.float64]) -> float:

@@ -5,7 +5,7 @@ z = x + h_c·c ± h_d·d + white noise, with + for one parity and − for the ot
 their last axis.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 _STATES = 4
 _MOST_SURPRISE = 25.0
+AT_ONCE = 1_000_000
+"""Measurements that are smoothed at once; each of them takes two hundred bytes."""
 _START_MM2 = 1e4
 _START_RATE_MM2_S2 = 500.0**2
 _ACCELERATES_EVERY_S = 0.02
@@ -42,6 +44,17 @@ class Chains:
     keeps: Array
     elapsed_s: Array
     acceleration_mm_s2: Array
+
+    def part(self, chosen: slice) -> "Chains":
+        """Some of the chains."""
+        return replace(
+            self,
+            value_mm=self.value_mm[:, chosen],
+            white_mm2=self.white_mm2[:, chosen],
+            common_mm=self.common_mm[:, chosen],
+            opposite_mm=self.opposite_mm[:, chosen],
+            keeps=self.keeps[:, chosen],
+        )
 
 
 class SmoothedChains(NamedTuple):
@@ -77,11 +90,22 @@ def likelihood(chains: Chains) -> Array:
     return total
 
 
-def smoothed_chains(chains: Chains) -> SmoothedChains:
+def smoothed_chains(chains: Chains, at_once: int = AT_ONCE) -> SmoothedChains:
     """Places and rates from all measurements, those before and those after.
 
     Where nothing has been measured yet the filter knows nothing, and what is returned there is worthless.
+
+    Args:
+        chains: B chains of F measurements.
+        at_once: no more measurements than these at a time, for memory's sake.
     """
+    fields, count = chains.value_mm.shape
+    width = max(at_once // max(fields, 1), 1)
+    parts = [_smoothed(chains.part(slice(first, first + width))) for first in range(0, count, width)]
+    return SmoothedChains(*(np.concatenate(each, axis=1) for each in zip(*parts, strict=True)))
+
+
+def _smoothed(chains: Chains) -> SmoothedChains:
     steps: list[_Step] = []
     state, covariance = _start(chains)
     for k in range(len(chains.value_mm)):

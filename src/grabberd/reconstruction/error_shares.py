@@ -8,8 +8,8 @@ A point's error, beside the calibration's, has three parts:
 - *common*, locked likewise, but the same for both parities.
 
 Where the object rests, fields of one parity differ by the white part alone, fields of different parity by the
-opposite part too. The common part cannot be told from the place: it is a share of the others that was found with
-the simulator, and at 1 bit at least what the points' covariance leaves.
+opposite part too. The common part cannot be told from the place: it is a share of the others that was found
+with the simulator, and at 1 bit at least what the points' covariance leaves.
 """
 
 import math
@@ -23,9 +23,9 @@ from grabberd.reconstruction.series import PointSeries
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_COMMON = {2: 0.3, 3: 0.25, 4: 0.15}
-_USUAL_COMMON = 0.12
-"""The common part as a share of what repeated measurements differ by: by bits a pixel, and of all others."""
+_COMMON = {1: 0.11, 2: 0.3, 3: 0.25, 4: 0.15}
+_COMMON_OF_GREY = 0.08
+"""The common part as a share of what repeated measurements differ by, for few bits and for more."""
 _LEAST_WHITE = 0.02
 _LEAST_PAIRS = 60
 _LEAST_TARGETS = 3
@@ -64,7 +64,7 @@ class ErrorShares:
         white = same.clip(_LEAST_WHITE)
         opposite = 0.5 * (other - same).clip(0.0)
         seen = white + opposite
-        common = _COMMON.get(bits, _USUAL_COMMON) * seen
+        common = _COMMON.get(bits, _COMMON_OF_GREY) * seen
         return cls(white, opposite, np.maximum(common, 1.0 - seen) if bits == 1 else common)
 
 

@@ -183,7 +183,7 @@ class Service:
             calibrator=self._calibrator,
             capture=path,
             frame=frame_document(frame),
-            options=dict(options or {}),
+            options={**(options or {}), **({"note": note} if note else {})},
             store=self.calibrations.store.directory,
             record=CalibrationRecord(owner, "capture", note=note, capture=capture_id),
         )
