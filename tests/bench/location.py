@@ -95,10 +95,13 @@ def table_of_sizes() -> str:
 
 def _size_row(ratio: float) -> str:
     scene = Scene(0.0, QUIET, ratio * SPREAD_PX * MM_A_PX)
-    found = [_pointing(method, Variant(8, False, False), scene) for method in ("weighted", "template")]
-    numbers = np.concatenate([one.rms_px for one in found if one])
-    good = "yes" if numbers.max() <= GOOD_PX else "no"
-    return f"| {ratio:.0f} | " + " | ".join(f"{number:.3f}" for number in numbers) + f" | {good} |"
+    found = {
+        method: _pointing(method, Variant(8, False, False), scene) for method in ("weighted", "template")
+    }
+    rms = {method: one.rms_px for method, one in found.items() if one}
+    good = ", ".join(method for method, one in rms.items() if one.max() <= GOOD_PX)
+    numbers = " | ".join(f"{number:.3f}" for number in np.concatenate(list(rms.values())))
+    return f"| {ratio:.0f} | {numbers} | {good or '–'} |"
 
 
 def _variants(jitter_px: float) -> list[Variant]:

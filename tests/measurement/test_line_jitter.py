@@ -33,10 +33,10 @@ def scene_of(seed):
     return Field.intact(luma, TOP), places + np.outer(lower, (0, 2))
 
 
-def located(scene, method, bits, doubled, **known):
+def located(scene, method, bits, doubled, *, line_shifts=True, **known):
     field, places = scene
     packed = quantise(double_lines(field) if doubled else field, bits, 70)
-    blobs = measure(packed, None, LocationSettings(method=method, **known))
+    blobs = measure(packed, None, LocationSettings(method=method, line_shifts=line_shifts, **known))
     error, blob = errors_px(blobs, places)
     return error, blobs.select(blob)
 
@@ -105,3 +105,10 @@ def test_a_long_bright_streak_does_not_hinder(scenes):
     luma[3:-3, 3] = 255
     error, _ = located((Field.intact(luma, TOP), places), "centroid", 8, False, max_diameter_px=40.0)
     assert len(error) == len(places)
+
+
+@pytest.mark.parametrize(("bits", "solved"), [(1, False), (2, True), (8, True)])
+def test_unless_told_otherwise_shifts_are_solved_for_where_it_is_worth_it(scenes, bits, solved):
+    field, _ = scenes[0]
+    blobs = measure(quantise(field, bits, 70), None, LocationSettings())
+    assert (blobs.line_jitter_px is not None) == solved

@@ -11,9 +11,7 @@ from grabberd.measurement import LocationSettings, measure
 from measurement.rendering import BOTTOM, TOP, errors_px, grid_of_discs
 
 SETTINGS = LocationSettings(method="centroid")
-EVERYTHING = LocationSettings(
-    method="centroid", min_diameter_px=0.0, max_diameter_px=1e4, line_jitter_px=0.0
-)
+EVERYTHING = LocationSettings(method="centroid", min_diameter_px=0.0, max_diameter_px=1e4, line_jitter_px=0.0)
 
 
 @pytest.fixture(scope="module")
@@ -144,7 +142,10 @@ def test_the_same_field_gives_the_same_blobs_bit_for_bit(scene):
 
 def test_noise_that_is_known_takes_the_place_of_the_estimate(scene):
     packed = quantise(scene[0], 8, 53)
-    quiet, loud = (measure(packed, None, LocationSettings(method="centroid", noise_levels=levels)) for levels in (3.6, 36.0))
+    quiet, loud = (
+        measure(packed, None, LocationSettings(method="centroid", noise_levels=levels))
+        for levels in (3.6, 36.0)
+    )
     estimated = measure(packed, None, SETTINGS)
     np.testing.assert_allclose(estimated.sigma_px, quiet.sigma_px, rtol=0.05)
     assert (loud.sigma_px > 2 * quiet.sigma_px).all()

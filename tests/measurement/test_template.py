@@ -72,11 +72,3 @@ def test_doubled_lines_add_nothing_and_take_nothing_away(scene):
     field, places = scene
     doubled, _ = located((double_lines(field), places), "template")
     assert (rms(doubled) < (0.020, 0.023)).all()
-
-
-@pytest.mark.parametrize(("method", "limit_px"), [("edge", (0.026, 0.045)), ("correlation", (0.021, 0.024))])
-def test_edge_and_correlation_have_their_own_accuracy(scene, method, limit_px):
-    error, sigma = located(scene, method)
-    assert (rms(error) < limit_px).all()
-    in_sigmas = rms(error / sigma)
-    assert ((in_sigmas > 0.7) & (in_sigmas < 1.4)).all()

@@ -27,7 +27,7 @@ class Camera:
         forward = np.array([0.0, math.sin(turn), -math.cos(turn)])
         self.rotation = np.array([right, np.cross(forward, right), forward])
         self.mirror = np.diag([-1.0, 1.0, 1.0]) if mirrored else np.eye(3)
-        self.center = np.array([1.5 * side, side * BASE_MM / 2, DISTANCE_MM])
+        self.center = np.array([0.3 * side, side * BASE_MM / 2, DISTANCE_MM])
         focal = [FOCAL_MM / PIXEL_MM[0], FOCAL_MM / PIXEL_MM[1]]
         self.matrix = np.array([[focal[0], 0, PRINCIPAL_PX[0]], [0, focal[1], PRINCIPAL_PX[1]], [0, 0, 1.0]])
         self.lens = np.array(LENS[name])
@@ -38,7 +38,9 @@ class Camera:
         return points[:, 0]
 
 
-def still(places: np.ndarray, diameter_mm: float, mirrored: bool = False, spread_px: float = 0.75) -> np.ndarray:
+def still(
+    places: np.ndarray, diameter_mm: float, mirrored: bool = False, spread_px: float = 0.75
+) -> np.ndarray:
     """(576, 720) brightness from 0 to 1 of discs that face +Z, each in its half."""
     picture = np.zeros((LINES, COLUMNS))
     angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)

@@ -17,7 +17,7 @@ from grabberd.calibration.means import FieldImages, MeanImages, MeansSettings, m
 from grabberd.calibration.network import Network
 from grabberd.calibration.normality import Normality, normality
 from grabberd.calibration.propagation import Propagated, intersect_network, propagate
-from grabberd.calibration.rank import NullVector, check_rank, null_vectors
+from grabberd.calibration.rank import NullVector, check_depth, check_rank, null_vectors
 from grabberd.calibration.resection import Resection, resect
 from grabberd.calibration.significance import Elimination, FTest, eliminate, f_tests
 from grabberd.calibration.unknowns import LENS, Unknowns
@@ -51,6 +51,7 @@ __all__ = [
     "ViewIdentification",
     "VolumeSigma",
     "adjust",
+    "check_depth",
     "check_rank",
     "compare",
     "cross_validate",

@@ -4,17 +4,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.calibration.identification_growth import grow, regrow
+from grabberd.calibration.identification_growth import QUICK, THOROUGH, Effort, grow, regrow
 from grabberd.calibration.identification_hypothesis import Explainer, Hypothesis
 from grabberd.geometry import View
 
-Indices = NDArray[np.intp]
-
 HANDEDNESS = (1, -1)
-_ANCHORS = (3, 9)
-"""Blobs to start from; more, where these lead nowhere."""
 _FINALISTS = 3
 _CHALLENGED = 24
 """A winner is challenged by so many targets around its own: every shift by one and by two pitches."""
@@ -39,11 +34,11 @@ def contest(explainer: Explainer, convincing: float) -> list[Hypothesis]:
 
     Args:
         explainer: of the view's blobs.
-        convincing: share of the blobs that a winner explains if the anchors were good ones.
+        convincing: share of the blobs that a winner has to explain; else they are sought harder.
     """
     rivals: list[Hypothesis] = []
-    for count in _ANCHORS:
-        rivals += _grown(explainer, explainer.half.anchors(count))
+    for effort in (QUICK, THOROUGH):
+        rivals += _grown(explainer, effort)
         if min(rivals, key=_cost).found >= convincing * len(explainer.half.xy_px):
             break
     return _challenged(explainer, rivals)
@@ -56,8 +51,8 @@ def settled(rivals: Iterable[Hypothesis]) -> Outcome:
     return Outcome(ranked[0], next(others, None))
 
 
-def _grown(explainer: Explainer, anchors: Indices) -> list[Hypothesis]:
-    growths = [grow(explainer.half.handed(one), explainer.xyz_mm, anchors) for one in HANDEDNESS]
+def _grown(explainer: Explainer, effort: Effort) -> list[Hypothesis]:
+    growths = [grow(explainer.half.handed(one), explainer.xyz_mm, effort) for one in HANDEDNESS]
     views = [view for growth in growths for view in growth.views(explainer.xyz_mm, _FINALISTS)]
     return [explainer.explain(view) for view in views]
 

@@ -6,7 +6,6 @@ improves its pose, and looks further. Nothing here needs a grid: it is the targe
 hypothesis, and its growth is where they show.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,12 +16,47 @@ from grabberd.geometry import View
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-_Rounds = Sequence[tuple[int, float, int]]
 
 TURNS = 12
 """Equal steps of a whole turn that the calibration frame may be mounted at; each catches ± half a step."""
-_ROUNDS = ((9, 0.42, 0), (9, 0.35, 600), (25, 0.35, 0), (25, 0.25, 100), (60, 0.25, 0), (60, 0.2, 40))
-"""Targets looked at, gate as a share of the blobs' spacing, how many of the best stay (0: all)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How hard hypotheses are sought.
+
+    Attributes:
+        anchors: number of blobs to start from.
+        turns: equal steps of a whole turn that are tried.
+        rounds: targets looked at, gate as a share of the blobs' spacing, how many of the best stay (0: all).
+    """
+
+    anchors: int
+    turns: int
+    rounds: tuple[tuple[int, float, int], ...]
+
+
+QUICK = Effort(
+    3,
+    TURNS,
+    (
+        (9, 0.42, 0),
+        (9, 0.42, 0),
+        (9, 0.35, 600),
+        (25, 0.35, 0),
+        (25, 0.25, 100),
+        (60, 0.25, 0),
+        (60, 0.2, 40),
+    ),
+)
+THOROUGH = Effort(
+    6,
+    2 * TURNS,
+    (
+        *((9, 0.42, 0), (9, 0.42, 0), (9, 0.42, 0), (9, 0.35, 2000)),
+        *((25, 0.35, 0), (25, 0.25, 300), (60, 0.25, 0), (60, 0.2, 100)),
+    ),
+)
 _WHOLE = (0.25, 0.2, 0.2)
 _CELL_PX = 4.0
 
@@ -118,30 +152,28 @@ class Growth:
         return [self.poses.view(self.half.view, index) for index in chosen]
 
 
-def grow(half: Half, xyz_mm: Array, anchors: Indices) -> Growth:
-    """The best hypotheses of the handedness of the half's nominal view.
+def grow(half: Half, xyz_mm: Array, effort: Effort) -> Growth:
+    """The best hypotheses of the handedness of the half's nominal view; any target may be at any anchor.
 
     Args:
         half: the blobs, with the nominal view.
         xyz_mm: (T, 3) the calibration frame.
-        anchors: blobs to start from; each may be every target.
+        effort: how hard they are sought.
     """
-    return _grown(half, xyz_mm, anchors, np.arange(len(xyz_mm)), TURNS, _ROUNDS)
+    return _grown(half, xyz_mm, half.anchors(effort.anchors), np.arange(len(xyz_mm)), effort)
 
 
 def regrow(half: Half, xyz_mm: Array, anchor: int, targets: Indices) -> Growth:
     """Hypotheses with one of some targets at an anchor, turned by quarters."""
-    return _grown(half, xyz_mm, np.array([anchor]), targets, 4, _ROUNDS)
+    return _grown(half, xyz_mm, np.array([anchor]), targets, replace(QUICK, turns=4))
 
 
-def _grown(
-    half: Half, xyz_mm: Array, anchors: Indices, targets: Indices, turns: int, rounds: _Rounds
-) -> Growth:
-    poses = Poses.anchored(half.view, turns, half.xy_px[anchors], xyz_mm[targets])
+def _grown(half: Half, xyz_mm: Array, anchors: Indices, targets: Indices, effort: Effort) -> Growth:
+    poses = Poses.anchored(half.view, effort.turns, half.xy_px[anchors], xyz_mm[targets])
     start = np.tile(targets, len(poses) // len(targets))
     growth = Growth(half, poses, start, np.zeros(len(poses)))
     nearby = np.argsort(_squares(xyz_mm, xyz_mm), axis=1, kind="stable")
-    for reach, gate, kept in rounds:
+    for reach, gate, kept in effort.rounds:
         growth = _round(growth, xyz_mm, nearby[:, :reach], gate)
         growth = growth.best(kept) if kept else growth
     for gate in _WHOLE:

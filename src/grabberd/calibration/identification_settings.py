@@ -20,7 +20,7 @@ class IdentificationSettings:
 
     handedness: tuple[int | None, int | None] = (None, None)
     least_targets: int = 12
-    least_share: float = 0.75
+    least_share: float = 0.8
     sigma_px: float = 0.5
     most_rms_px: float = 0.5
     margin: float = 60.0

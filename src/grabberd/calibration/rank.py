@@ -134,15 +134,28 @@ def _check_depth(network: Network, unknowns: Unknowns) -> None:
         sought = [
             name for name, number in zip(PARAMETERS, unknowns.number[index], strict=True) if number >= 0
         ]
-        if not set(sought) & set(_INTERIOR):
-            continue
-        places = network.target_mm[network.target[network.view == index]]
-        extents = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-        if extents[-1] < LEAST_DEPTH * extents[0]:
-            names = [f"{view.name}.{name}" for name in sought if name in _INTERIOR + _POSE]
-            raise RankDeficient(
-                f"the targets in view {view.name} lie in a plane (depth {extents[-1] / extents[0]:.1%} of "
-                f"their extent), which does not determine {', '.join(names)} together",
-                "use a calibration frame with depth, ±8 mm is enough, or hold f_mm, x0_px and y0_px",
-                names,
-            )
+        names = [f"{view.name}.{name}" for name in sought if name in _INTERIOR + _POSE]
+        if set(sought) & set(_INTERIOR):
+            places = network.target_mm[network.target[network.view == index]]
+            check_depth(places, names, f"the targets in view {view.name}")
+
+
+def check_depth(places_mm: Array, names: Sequence[str], what: str) -> None:
+    """Whether places (N, 3) have the depth that an interior orientation needs.
+
+    Args:
+        places_mm: of the targets.
+        names: of the parameters that they are to determine.
+        what: the places are, for people.
+
+    Raises:
+        RankDeficient: they lie in a plane.
+    """
+    extents = np.linalg.svd(places_mm - places_mm.mean(axis=0), compute_uv=False)
+    if extents[-1] < LEAST_DEPTH * extents[0]:
+        raise RankDeficient(
+            f"{what} lie in a plane (depth {extents[-1] / extents[0]:.1%} of their extent), which does not "
+            f"determine {', '.join(names)} together",
+            "use a calibration frame with depth, ±8 mm is enough, or hold f_mm, x0_px and y0_px",
+            names,
+        )

@@ -38,7 +38,8 @@ def steadied(seen: Seen, located: Located) -> Steadied:
     chords = _chords(seen) if located.chords is None else located.chords
     if not (chords.weight > 0).any():
         return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
-    if not seen.settings.line_shifts:
+    wanted = seen.settings.line_shifts
+    if not (seen.packed.bits > 1 if wanted is None else wanted):
         return _corrected(located.centres, chords, unsolved(chords, expected_px))._replace(
             line_jitter_px=None
         )

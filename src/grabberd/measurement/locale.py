@@ -41,6 +41,9 @@ UNEXPLAINED = 20.0
 def locate_by_locale(seen: Seen) -> Located:
     """Posterior means; a blob that no target explains keeps its centroid and the centroid's σ.
 
+    Size, lean, the threshold's height and the noise come from the field's own blobs, spread and line jitter
+    from the settings.
+
     Raises:
         InputError: a field of more than 1 bit.
     """

@@ -23,6 +23,7 @@ from grabberd.calibration import (
     Unknowns,
     Validation,
     VolumeSigma,
+    check_depth,
     check_rank,
     compare,
     cross_validate,
@@ -45,6 +46,7 @@ from grabberd.reconstruction import ObjectModel
 
 Array = NDArray[np.float64]
 
+INTERIOR = PARAMETERS[:3]
 ENOUGH_SEEN = 0.9
 ENOUGH_FIELDS = 16
 MUCH_UNMODELLED_PX = 0.15
@@ -175,6 +177,8 @@ def calibrate(
             frame, an unclear identification, or no convergence; the message says which.
     """
     settings = settings or CalibrateSettings()
+    if interior := [name for name in settings.free if name.rpartition(".")[2] in INTERIOR]:
+        check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
     seen, bits, y_step = _located(fields, nominal, settings.location)
     images = (mean_images(seen[0]), mean_images(seen[1]))
     identification = _identify(nominal, frame, images, settings, by_hand)
