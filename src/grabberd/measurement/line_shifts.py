@@ -16,7 +16,7 @@ from grabberd.measurement.banded import band_of, factor, solve
 from grabberd.measurement.locator import Chords
 
 LEAN = 0.1
-"""Standard deviation of a_i before the data are asked: columns a frame line."""
+"""Standard deviation of a_i, columns a frame line: at least, for one too small leaks leans into the shifts."""
 LINES_APART = 2.0
 """Frame lines from one field line to the next."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))
@@ -61,7 +61,7 @@ def line_shifts(chords: Chords, centre: Array, lines: int, expected_px: float) -
     first = _System.of(chords, centre, lines, LEAN)
     residual, lean = first.residuals(expected_px)
     trusted = chords._replace(weight=chords.weight * _trust(residual))
-    system = _System.of(trusted, centre, lines, lean)
+    system = _System.of(trusted, centre, lines, max(lean, LEAN))
     tried_px = system.roughly_px(expected_px) * REFINED
     jitter_px = _peak(tried_px, system.log_likelihoods(tried_px, expected_px))
     common, beside = system.common_variance(jitter_px)
