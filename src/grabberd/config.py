@@ -129,6 +129,14 @@ class ThresholdConfig(Section):
         return self
 
 
+class LocationConfig(Section):
+    """How targets are located in the picture."""
+
+    method: str = Field("automatic", description="a locator by name, or what measured best for the bits")
+    target_px: float | None = Field(None, gt=0, le=100, description="size of the targets; default: as seen")
+    line_shifts: bool | None = Field(None, description="solve for the lines' shifts; default: where it pays")
+
+
 class DeviceConfig(Section):
     """One grabber, the rig before it and how its fields are treated."""
 
@@ -139,6 +147,7 @@ class DeviceConfig(Section):
     object: ExistingFile | None = None
     ring: RingConfig = RingConfig()
     threshold: ThresholdConfig = ThresholdConfig()
+    location: LocationConfig = LocationConfig()
     line_jitter_px: float = Field(0.12, ge=0, le=2)
     spread_px: float = Field(0.8, gt=0, le=5)
 

@@ -9,7 +9,7 @@ import typer
 from rich.progress import Progress
 
 from grabberd.cli.options import JsonOption, console, print_json, progress_console
-from grabberd.errors import InputError, NotReady
+from grabberd.errors import NotReady
 
 if TYPE_CHECKING:
     from grabberd.processes.accuracy import Investigation, InvestigationSettings, Truth
@@ -118,7 +118,7 @@ def _setup(
     method: str | None,
 ) -> "MeasureSetup":
     """What to measure with: what is named on the command line, else what the capture was taken with."""
-    from grabberd.service.setup import measure_setup, read_documents  # noqa: PLC0415
+    from grabberd.service.setup import measure_setup, read_documents, settings_of_capture  # noqa: PLC0415
 
     stored = reader.runs[-1].made_with if reader.runs else {}
     named = read_documents(calibration, object_model or _configured(reader, stored))
@@ -126,22 +126,17 @@ def _setup(
     for key, option in (("calibration", "--calibration"), ("object", "--object")):
         if not documents[key]:
             raise NotReady(f"capture {reader.meta.id} was taken without {key}", f"name one with {option}")
-    jitter = reader.meta.config.get("line_jitter_px", 0.12) if line_jitter is None else line_jitter
-    setup = measure_setup(documents, jitter)
-    return setup if method is None else _with_method(setup, method)
+    chosen = {"line_jitter_px": line_jitter, "method": method}
+    settings = settings_of_capture(reader.meta.config) | {
+        key: value for key, value in chosen.items() if value is not None
+    }
+    return measure_setup(documents, settings)
 
 
 def _configured(reader: "CaptureReader", stored: dict[str, Any]) -> Path | None:
     """The object model's file in the capture's configuration, where no run has its document."""
     name = reader.meta.config.get("object")
     return Path(name) if name and not stored.get("object") else None
-
-
-def _with_method(setup: "MeasureSetup", method: str) -> "MeasureSetup":
-    try:
-        return replace(setup, location=replace(setup.location, method=method))
-    except ValueError as error:
-        raise InputError(str(error), "choose one of them") from error
 
 
 def _bits(text: str | None) -> list[int]:

@@ -18,7 +18,10 @@ def measure(
     capture: Annotated[Path, typer.Argument(help="A capture file, NAME.grab.")],
     calibration: Annotated[Path, typer.Option(help="Calibration (JSON).")],
     object_model: Annotated[Path, typer.Option("--object", help="Object model (YAML).")],
-    line_jitter: Annotated[float, typer.Option("--line-jitter-px", min=0, max=2)] = 0.12,
+    method: Annotated[str | None, typer.Option(help="Location method; default: the capture's own.")] = None,
+    line_jitter: Annotated[
+        float | None, typer.Option("--line-jitter-px", min=0, max=2, help="Default: the capture's own.")
+    ] = None,
     json: JsonOption = False,
 ) -> None:
     """Measure a capture with a calibration; the points become a further run in the file.
@@ -26,9 +29,14 @@ def measure(
     Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner.yaml
     """
     from grabberd.service.measuring import measure_file  # noqa: PLC0415
-    from grabberd.service.setup import read_documents  # noqa: PLC0415
+    from grabberd.service.setup import read_documents, settings_of_capture  # noqa: PLC0415
+    from grabberd.storage import CaptureReader  # noqa: PLC0415
 
-    made_with = {**read_documents(calibration, object_model), "settings": {"line_jitter_px": line_jitter}}
+    chosen = {"method": method, "line_jitter_px": line_jitter}
+    with CaptureReader(capture) as reader:
+        settings = settings_of_capture(reader.meta.config)
+    settings |= {key: value for key, value in chosen.items() if value is not None}
+    made_with = {**read_documents(calibration, object_model), "settings": settings}
     with Progress(console=progress_console, transient=True) as progress:
         task = progress.add_task("measuring", total=1.0)
         result = measure_file(

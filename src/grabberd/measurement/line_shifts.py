@@ -16,7 +16,7 @@ from grabberd.measurement.banded import band_of, factor, solve
 from grabberd.measurement.locator import Chords
 
 LEAN = 0.1
-"""Standard deviation of a_i, columns a frame line: at least, for one too small leaks leans into the shifts."""
+"""Standard deviation of a_i, columns a frame line, at least: where too small, leans leak into the shifts."""
 LINES_APART = 2.0
 """Frame lines from one field line to the next."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))

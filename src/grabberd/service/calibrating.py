@@ -15,12 +15,12 @@ from grabberd.config import RigConfig
 from grabberd.errors import InputError
 from grabberd.field import NumberedField
 from grabberd.geometry import PARAMETERS, NominalRig
-from grabberd.measurement import LocationSettings
 from grabberd.processes.calibrate import CalibrateResult, CalibrateSettings, calibrate
 from grabberd.processes.calibration_report import report_document
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs import Progress
+from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.calibrations import CalibrationRecord, CalibrationStore
 
@@ -128,7 +128,7 @@ def settings_of(options: Mapping[str, Any], config: Mapping[str, Any]) -> Calibr
         alpha=given.get("alpha", default.alpha),
         local_field=bool(given.get("local_field", default.local_field)),
         handedness=given.get("handedness"),
-        location=LocationSettings(),
+        location=location_settings(settings_of_capture(config)),
     )
 
 

@@ -17,7 +17,7 @@ from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.intake import Armed, Intake
 from grabberd.service.recorder import CaptureRequest, Recorder
 from grabberd.service.session import CaptureSession
-from grabberd.service.setup import DeviceSetup, check_rig
+from grabberd.service.setup import DeviceSetup, check_rig, settings_of
 from grabberd.service.states import DeviceState
 from grabberd.service.status import StatusBoard
 from grabberd.service.worker import Worker
@@ -225,7 +225,7 @@ class Instrument:
     @property
     def made_with(self) -> dict[str, Any]:
         """The documents that points are made with, as a run keeps them."""
-        return {**self.setup.documents, "settings": {"line_jitter_px": self.setup.config.line_jitter_px}}
+        return {**self.setup.documents, "settings": settings_of(self.setup.config)}
 
     def _sealed(self, session: CaptureSession) -> None:
         self.intake.hold_threshold = False

@@ -33,7 +33,7 @@ def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]
         raise NotReady(
             "there is no calibration or no object model to measure with", "name both in the configuration"
         )
-    setup = measure_setup(made_with, made_with["settings"]["line_jitter_px"])
+    setup = measure_setup(made_with, made_with["settings"])
     with CaptureReader(path) as reader:
         fields = _counted(reader.received(), reader.field_count, progress)
         results = [(measured.n, measured.points) for measured in measure_fields(fields, setup)]

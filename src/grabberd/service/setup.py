@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,6 +13,7 @@ from grabberd.acquisition.device import Grabber
 from grabberd.config import Config, DeviceConfig, RigConfig
 from grabberd.errors import CalibrationMismatch, ConfigError, DriverMissing, InputError, Problem
 from grabberd.geometry import Calibration
+from grabberd.measurement import LocationSettings
 from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import ObjectModel
 
@@ -73,7 +74,8 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
 
     grabber = attempt("options", lambda: registry.create(config.driver, config.options))
     documents = attempt("calibration", lambda: read_documents(config.calibration, config.object))
-    measuring = attempt("calibration", lambda: _measuring(config, documents or {}))
+    located = attempt("location", lambda: location_settings(settings_of(config)))
+    measuring = attempt("calibration", lambda: _measuring(config, documents or {})) if located else None
     if grabber is None or documents is None:
         return None
     return DeviceSetup(name, config, grabber, measuring, documents)
@@ -118,16 +120,47 @@ def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSet
     check_rig(Calibration.from_document(documents["calibration"]), config.rig)
     if documents.get("object") is None:
         return None
-    return measure_setup(documents, config.line_jitter_px)
+    return measure_setup(documents, settings_of(config))
 
 
-def measure_setup(documents: Mapping[str, Any], line_jitter_px: float) -> MeasureSetup:
-    """What points are measured with, from the documents as a capture file keeps them."""
+def measure_setup(documents: Mapping[str, Any], settings: Mapping[str, Any]) -> MeasureSetup:
+    """What points are measured with, from documents and settings as a capture file keeps them.
+
+    Raises:
+        InputError: a document or a setting is not what it should be.
+    """
+    location = location_settings(settings)
     return MeasureSetup(
         calibration=Calibration.from_document(documents["calibration"]),
         object_model=ObjectModel.from_document(documents["object"]),
-        line_jitter_px=line_jitter_px,
+        line_jitter_px=location.line_jitter_px,
+        location=location,
     )
+
+
+def settings_of(config: DeviceConfig) -> dict[str, Any]:
+    """The settings of a measurement as a capture file keeps them."""
+    own = {"line_jitter_px": config.line_jitter_px, "spread_px": config.spread_px}
+    return own | config.location.model_dump()
+
+
+def settings_of_capture(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The same from the device's configuration as a capture file keeps it."""
+    own = {key: config[key] for key in ("line_jitter_px", "spread_px") if key in config}
+    return own | dict(config.get("location") or {})
+
+
+def location_settings(settings: Mapping[str, Any]) -> LocationSettings:
+    """How targets are located; what the settings do not name is as `LocationSettings` has it.
+
+    Raises:
+        InputError: a setting is not what it should be.
+    """
+    known = {field.name for field in fields(LocationSettings)}
+    try:
+        return LocationSettings(**{key: settings[key] for key in settings if key in known})
+    except ValueError as error:
+        raise InputError(str(error), "automatic suits most fields") from error
 
 
 def check_rig(calibration: Calibration, rig: RigConfig) -> None:
