@@ -121,11 +121,18 @@ class ThresholdConfig(Section):
 
     kind: Literal["fixed", "trinder", "automatic"] = "automatic"
     value: int | None = Field(None, ge=0, le=254)
+    map: bool = Field(False, description="a threshold for every pixel, for uneven light; automatic, 1 bit")
 
     @model_validator(mode="after")
     def _value_belongs_to_fixed(self) -> Self:
         if (self.kind == "fixed") != (self.value is not None):
             raise ValueError("'value' belongs to kind fixed, and kind fixed needs it")
+        return self
+
+    @model_validator(mode="after")
+    def _map_belongs_to_automatic(self) -> Self:
+        if self.map and self.kind != "automatic":
+            raise ValueError(f"'map' belongs to kind automatic, not to {self.kind}")
         return self
 
 
@@ -150,6 +157,12 @@ class DeviceConfig(Section):
     location: LocationConfig = LocationConfig()
     line_jitter_px: float = Field(0.12, ge=0, le=2)
     spread_px: float = Field(0.8, gt=0, le=5)
+
+    @model_validator(mode="after")
+    def _map_belongs_to_one_bit(self) -> Self:
+        if self.threshold.map and self.ring.bits != 1:
+            raise ValueError(f"threshold.map needs ring.bits: 1, not {self.ring.bits}")
+        return self
 
 
 class StorageConfig(Section):

@@ -1,12 +1,15 @@
 """From a grabbed field to a slot: lines, bits, threshold, content."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from grabberd.acquisition import FieldOrder, GrabbedField, Outcome, Signal, StreamInfo
 from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
 from grabberd.field import Field
-from grabberd.service.intake import UNDECIDED_THRESHOLD, Intake, histogram
+from grabberd.service.intake import Intake
+from grabberd.service.thresholds import UNDECIDED_THRESHOLD
 
 INFO = StreamInfo("test", "card", "PAL", 64, 32, 50.0, FieldOrder.ALTERNATE, "GREY", 8, True, True, True, 0)
 
@@ -48,22 +51,20 @@ def test_the_threshold_in_force_is_kept_with_every_field() -> None:
     assert numbered.packed.threshold == 77
 
 
-def test_the_automatic_threshold_follows_the_light_unless_it_is_held() -> None:
+def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
     one = intake(threshold=None)
-    one.take(grabbed(0, bright=100), Signal.PRESENT, now_ns(0))
-    dim = one.threshold
-    one.hold_threshold = True
-    one.take(grabbed(100, bright=220), Signal.PRESENT, now_ns(100))
-    assert one.threshold == dim
-    one.hold_threshold = False
-    one.take(grabbed(102, bright=220), Signal.PRESENT, now_ns(102))
-    assert one.threshold > dim
+    one.opened(replace(INFO, live=False))
+    numbered = one.take(grabbed(0, bright=100), Signal.PRESENT, now_ns(0)).numbered
+    assert numbered
+    assert 20 < numbered.packed.threshold < 100
+    assert numbered.packed.threshold == one.thresholds.in_force.level
 
 
-def test_a_dark_picture_leaves_the_threshold_as_it_is() -> None:
+def test_a_picture_without_signal_is_not_chosen_by() -> None:
     one = intake(threshold=None)
-    one.take(grabbed(0, bright=20), Signal.PRESENT, now_ns(0))
-    assert one.threshold == UNDECIDED_THRESHOLD
+    one.opened(replace(INFO, live=False))
+    one.take(grabbed(0, bright=100), Signal.ABSENT, now_ns(0))
+    assert one.thresholds.in_force.level == UNDECIDED_THRESHOLD
 
 
 def test_without_signal_nothing_is_kept() -> None:
@@ -100,8 +101,3 @@ def test_arming_for_other_bits_or_lines_exchanges_the_ring(bits: int, lines: str
     assert armed.ring is not before
     assert reader.ended
     assert one.arm(bits, lines) is armed, "it is armed for them already"
-
-
-def test_the_histogram_counts_every_pixel() -> None:
-    field = grabbed(0).field
-    assert np.array_equal(histogram(field), np.bincount(field.luma.ravel(), minlength=256))

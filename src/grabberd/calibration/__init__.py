@@ -8,9 +8,14 @@ from grabberd.calibration.adjustment import Adjustment, adjust
 from grabberd.calibration.blunders import Blunder, without_blunders
 from grabberd.calibration.comparison import Difference, compare
 from grabberd.calibration.glass import with_glass
-from grabberd.calibration.identification import Identification, ViewIdentification, identify_frame
-from grabberd.calibration.identification_by_hand import Mark, identify_by_hand
-from grabberd.calibration.identification_settings import IdentificationSettings
+from grabberd.calibration.identification import (
+    Identification,
+    IdentificationSettings,
+    Mark,
+    ViewIdentification,
+    identify_by_hand,
+    identify_frame,
+)
 from grabberd.calibration.iteration import AdjustmentSettings
 from grabberd.calibration.local_field import LocalFieldSettings, LocalFieldTrial, try_local_fields
 from grabberd.calibration.means import FieldImages, MeanImages, MeansSettings, mean_images

@@ -127,6 +127,12 @@ def with_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:
     runs = find_runs(quantise(field, 1, min(half, 254)).data[0])
     shapes = shapes_of(runs, *label_runs(runs))
     diameter = np.sqrt(4 / np.pi * shapes.pixels * field.y_step)
-    median = np.median(diameter[diameter >= LEAST_DIAMETER_PX])
+    large = diameter[diameter >= LEAST_DIAMETER_PX]
+    if not large.size:
+        raise MeasurementError(
+            f"{len(diameter)} blobs are seen, none of them {LEAST_DIAMETER_PX:.0f} px wide",
+            "look at the preview: light, focus; or set a fixed threshold",
+        )
+    median = np.median(large)
     alike = diameter[np.abs(diameter / median - 1) < ALIKE]
     return replace(rule, target_px=float(np.sqrt(np.mean(alike**2))))

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from grabberd.errors import InputError, MeasurementError
 from grabberd.field import BIT_DEPTHS, Field, NumberedField, PackedField, double_lines, quantise, unpack
-from grabberd.measurement import ThresholdRule, choose_threshold
+from grabberd.measurement import ThresholdRule
+from grabberd.processes.thresholds import field_threshold
 from grabberd.reconstruction.accuracy import WRONG_BEYOND_MM, Accuracy, Axes, accuracy
 from grabberd.reconstruction.comparison import Coordinates, Truth, true_places
 from grabberd.reconstruction.lengths import LengthErrors, length_errors
@@ -172,7 +173,7 @@ def requantised(
     for numbered in fields:
         grey = _grey(numbered.packed)
         if threshold is None:
-            threshold = choose_threshold(_histogram(grey), rule or ThresholdRule(), bits)
+            threshold = field_threshold(grey, rule or ThresholdRule(), bits, doubled=doubled)
         whole = double_lines(grey) if doubled else grey
         yield numbered._replace(packed=_quantised(whole, bits, threshold))
 
@@ -185,10 +186,6 @@ def _grey(packed: PackedField) -> Field:
             "capture with --bits 8 --lines field",
         )
     return unpack(packed)
-
-
-def _histogram(field: Field) -> NDArray[np.intp]:
-    return np.bincount(field.luma.ravel(), minlength=256)
 
 
 def _quantised(field: Field, bits: int, threshold: int) -> PackedField:

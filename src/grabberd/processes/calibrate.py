@@ -225,7 +225,9 @@ def _located(
         blobs = measure(packed, None, location)
         for side, half in zip(sides, (nominal.left, nominal.right), strict=True):
             own = whole(blobs, *half)
-            side.append(FieldImages(blobs.xy_px[own], blobs.sigma_px[own], packed.parity))
+            side.append(
+                FieldImages(blobs.xy_px[own], blobs.sigma_px[own], packed.parity, blobs.common_px[own])
+            )
     if packed is None:
         raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
     return sides, packed.bits, packed.y_step

@@ -30,7 +30,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
             "slots": armed.ring.slots,
             "bits": armed.bits,
             "lines": armed.lines,
-            "threshold": instrument.intake.threshold,
+            "threshold": instrument.intake.thresholds.in_force.level,
         },
         "calibration": active.document(instrument),
         "warnings": active.warnings(instrument),

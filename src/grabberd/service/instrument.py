@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
-from grabberd.acquisition import Slot, StreamInfo
+from grabberd.acquisition import Signal, Slot, StreamInfo
 from grabberd.errors import CaptureRunning, GrabberdError, NotReady
 from grabberd.geometry import Calibration
+from grabberd.service.armed import Armed
 from grabberd.service.backlog import Backlog
 from grabberd.service.capture_thread import CaptureThread
 from grabberd.service.clock import Clock, iso_utc
-from grabberd.service.intake import Armed, Intake
+from grabberd.service.intake import Intake
 from grabberd.service.recorder import CaptureRequest, Recorder
 from grabberd.service.session import CaptureSession
 from grabberd.service.setup import DeviceSetup, check_rig, settings_of
@@ -73,6 +74,7 @@ class Instrument:
     def start(self) -> None:
         """Starts streaming and measuring."""
         self._capture.start()
+        self.intake.thresholds.start(self.name)
         self.worker.start()
 
     def stop(self, timeout_s: float = 20.0) -> None:
@@ -83,6 +85,7 @@ class Instrument:
             session.sealed.wait(timeout_s)
         self._capture.stop()
         self.worker.stop()
+        self.intake.thresholds.stop(timeout_s)
         self.worker.join(timeout_s)
         self._capture.join(timeout_s)
 
@@ -115,9 +118,13 @@ class Instrument:
         """
         with self._starting:
             self._check_free()
-            session = self._attach(capture_id, request, part)
+            armed = self._arm(request)
+            try:
+                session = self._attach(capture_id, request, armed, part)
+            except GrabberdError:
+                self.intake.thresholds.release()
+                raise
             self.session = session
-            self.intake.hold_threshold = True
             session.start()
         return session
 
@@ -167,13 +174,21 @@ class Instrument:
                 "wait until its state is ready: GET /api/v1/state",
             )
 
-    def _attach(self, capture_id: str, request: CaptureRequest, part: Path) -> CaptureSession:
-        stream = self.board.now.stream
-        assert stream is not None
-        measuring = self.setup.measuring
+    def _arm(self, request: CaptureRequest) -> Armed:
+        """The ring for a capture; its threshold is chosen, where there is a picture, and held."""
+        status, measuring = self.board.now, self.setup.measuring
+        assert status.stream is not None
         if measuring is not None:
-            _check_stream(measuring.calibration, stream)
+            _check_stream(measuring.calibration, status.stream)
         armed = self.intake.arm(request.bits, request.lines)
+        if status.signal is not Signal.ABSENT:
+            self.intake.thresholds.settle(armed)
+        self.intake.thresholds.hold()
+        return armed
+
+    def _attach(self, capture_id: str, request: CaptureRequest, armed: Armed, part: Path) -> CaptureSession:
+        stream, measuring = self.board.now.stream, self.setup.measuring
+        assert stream is not None
         # The reader comes before the file, whose creation takes its time.
         reader = armed.ring.reader(request.overrun, back=request.pre_trigger_fields)
         writer = CaptureWriter.create(part, self._meta(capture_id, request, armed))
@@ -228,7 +243,7 @@ class Instrument:
         return {**self.setup.documents, "settings": settings_of(self.setup.config)}
 
     def _sealed(self, session: CaptureSession) -> None:
-        self.intake.hold_threshold = False
+        self.intake.thresholds.release()
         self._on_sealed(session)
 
 

@@ -1,9 +1,7 @@
 """From a grabbed field to a slot of the ring: number, lines, threshold, bits."""
 
 import threading
-from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,45 +17,31 @@ from grabberd.acquisition import (
     StreamInfo,
 )
 from grabberd.config import DeviceConfig
-from grabberd.errors import MeasurementError
-from grabberd.field import Field, NumberedField, double_lines, quantise
-from grabberd.measurement import ThresholdRule, choose_threshold
+from grabberd.field import NumberedField, double_lines, quantise
+from grabberd.service.armed import Armed, default_lines
+from grabberd.service.thresholds import ThresholdKeeper
 
-THRESHOLD_EVERY_NS = 1_000_000_000
-UNDECIDED_THRESHOLD = 128
-"""In force while the picture has no contrast to choose by."""
 ARRIVALS = 4096
 
 
-@dataclass(frozen=True, slots=True)
-class Armed:
-    """The ring in use and how fields are put into it."""
-
-    ring: Ring
-    bits: int
-    lines: str
-
-
-def default_lines(bits: int) -> str:
-    """Doubled at 1 bit, intact for grey (paper 3.3)."""
-    return "doubled" if bits == 1 else "field"
-
-
 class Intake:
-    """Used by the capture thread alone, but for `arm`, `hold_threshold` and what it publishes."""
+    """Used by the capture thread alone, but for `arm` and what it publishes.
+
+    Attributes:
+        armed: the ring in use.
+        thresholds: the keeper of the threshold in force.
+        arrived_ns: when the latest fields arrived, by their number modulo `ARRIVALS`.
+    """
 
     def __init__(self, config: DeviceConfig) -> None:
         bits = config.ring.bits
         self._slots = config.ring.slots
-        self._rule = _rule(config)
         self._arming = threading.Lock()
         self.armed = self._configured = Armed(
             Ring(self._slots), bits, config.ring.lines or default_lines(bits)
         )
-        self.threshold = UNDECIDED_THRESHOLD if self._rule.value is None else self._rule.value
-        self.hold_threshold = False
+        self.thresholds = ThresholdKeeper(config)
         self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
-        self._threshold_due_ns = 0
         self._numbering: FieldNumbering | None = None
         self._repeats: RepeatCheck | None = None
 
@@ -78,6 +62,7 @@ class Intake:
         if self._numbering is None:
             self._numbering = FieldNumbering(info)
         self._repeats = RepeatCheck() if info.live else None
+        self.thresholds.opened(live=info.live)
 
     def interrupted(self, reason: str) -> None:
         """Fields that do not come from now on are lost for this reason."""
@@ -87,7 +72,6 @@ class Intake:
     def take(self, grabbed: GrabbedField, signal: Signal, now_ns: int) -> Slot:
         """Numbers, quantises and packs a field and puts it into the ring."""
         assert self._numbering is not None, "opened() comes first"
-        self._choose_threshold(grabbed.field, now_ns)
         damage = self._repeats.damage(grabbed.field) if self._repeats else None
         number = self._numbering.number(grabbed, signal, damage, now_ns)
         self.arrived_ns[number.n % ARRIVALS] = now_ns
@@ -100,25 +84,7 @@ class Intake:
     def _packed(self, grabbed: GrabbedField, number: Numbered, armed: Armed) -> NumberedField | None:
         if number.outcome is Outcome.NO_SIGNAL:
             return None
+        self.thresholds.show(grabbed.field, armed)
         field = double_lines(grabbed.field) if armed.lines == "doubled" else grabbed.field
-        packed = quantise(field, armed.bits, self.threshold)
+        packed = quantise(field, armed.bits, self.thresholds.in_force.of(field, armed.bits))
         return NumberedField(number.n, number.time_ns, grabbed.sequence, packed)
-
-    def _choose_threshold(self, field: Field, now_ns: int) -> None:
-        if self._rule.kind == "fixed" or self.hold_threshold or now_ns < self._threshold_due_ns:
-            return
-        self._threshold_due_ns = now_ns + THRESHOLD_EVERY_NS
-        try:
-            self.threshold = choose_threshold(histogram(field), self._rule, self.armed.bits)
-        except MeasurementError:
-            return  # nothing to choose by, e.g. a dark picture: the one in force stays
-
-
-def histogram(field: Field) -> NDArray[np.int64]:
-    """(256,) int64, how often each grey value occurs."""
-    counts = cv2.calcHist([field.luma], [0], None, [256], [0, 256])
-    return counts.ravel().astype(np.int64)
-
-
-def _rule(config: DeviceConfig) -> ThresholdRule:
-    return ThresholdRule(config.threshold.kind, config.threshold.value, spread_px=config.spread_px)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification_poses import Poses, improved, mirrored, pixels
+from grabberd.calibration.identification.poses import Poses, improved, mirrored, pixels
 from grabberd.geometry import View
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification_growth import Half
+from grabberd.calibration.identification.growth import Half
 from grabberd.calibration.resection import resect
 from grabberd.geometry import View, project, rotation_matrix
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification_contest import Outcome, contest, settled
-from grabberd.calibration.identification_growth import Half
-from grabberd.calibration.identification_hypothesis import Explainer, Hypothesis
-from grabberd.calibration.identification_pair import check_pair
-from grabberd.calibration.identification_settings import IdentificationSettings
+from grabberd.calibration.identification.contest import Outcome, contest, settled
+from grabberd.calibration.identification.growth import Half
+from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
+from grabberd.calibration.identification.pair import check_pair
+from grabberd.calibration.identification.settings import IdentificationSettings
 from grabberd.errors import MeasurementError
 from grabberd.geometry import NominalRig, View
 from grabberd.reconstruction import ObjectModel
@@ -206,8 +206,8 @@ def described(hypothesis: Hypothesis, half: Half, frame: ObjectModel) -> str:
     blob = known[away.argmin()]
     x, y = half.xy_px[blob]
     return (
-        f"target {frame.target[hypothesis.target[blob]]} at ({x:.0f}, {y:.0f}) px, the frame turned by "
-        f"{hypothesis.turned_deg(half.view):.0f} degrees, handedness {hypothesis.view.handedness:+d}: "
+        f"target {frame.target[hypothesis.target[blob]]} at ({x:.0f}, {y:.0f}) px, the calibration frame "
+        f"turned by {round(hypothesis.turned_deg(half.view))} degrees, handedness {hypothesis.view.handedness:+d}: "
         f"{len(known)} of {len(half.xy_px)} blobs explained to {hypothesis.rms_px:.2f} px"
     )
 

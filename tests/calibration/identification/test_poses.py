@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibration.sights import FRAME, NOMINAL
-from grabberd.calibration.identification_poses import Poses, improved, mirrored, pixels
+from grabberd.calibration.identification.poses import Poses, improved, mirrored, pixels
 from grabberd.geometry import project
 
 HANDEDNESS = pytest.mark.parametrize("handedness", [1, -1])

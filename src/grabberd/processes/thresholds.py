@@ -1,0 +1,62 @@
+"""The threshold for fields to come, from one of them: for their bits and lines, and the targets it shows."""
+
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+from grabberd.field import Field
+from grabberd.measurement import ThresholdRule, choose_threshold, threshold_map, with_seen_size
+
+LARGEST_TARGET_PX = 16.0
+"""Larger targets have the threshold of this size: it matters little to them, and predicting takes long."""
+
+
+def field_threshold(field: Field, rule: ThresholdRule, bits: int, *, doubled: bool) -> int:
+    """The threshold for fields like this one.
+
+    Args:
+        field: 8 bits, its lines as they came.
+        rule: how; the targets' size is taken from the field where it shows any.
+        bits: with which the fields will be quantised.
+        doubled: their missing lines will be interpolated first.
+
+    Returns:
+        0 to 254.
+
+    Raises:
+        MeasurementError: automatic, and there are no targets to see.
+    """
+    histogram = np.bincount(field.luma.ravel(), minlength=256)
+    return choose_threshold(histogram, _for_seen_size(rule, field), bits, _y_step(field, doubled))
+
+
+def field_threshold_map(field: Field, rule: ThresholdRule, *, doubled: bool) -> NDArray[np.uint8]:
+    """The threshold of every pixel of fields like this one, at 1 bit, where the light is uneven.
+
+    Args:
+        field: 8 bits, its lines as they came.
+        rule: how; the targets' size is taken from the field where it shows any.
+        doubled: their missing lines will be interpolated first.
+
+    Returns:
+        (rows, columns) uint8, of the doubled field if `doubled`.
+
+    Raises:
+        MeasurementError: automatic, and there are no targets to see.
+    """
+    y_step = _y_step(field, doubled)
+    found = threshold_map(field.luma, _for_seen_size(rule, field), 1, y_step)
+    return np.repeat(found, field.y_step // y_step, axis=0)
+
+
+def _y_step(field: Field, doubled: bool) -> int:
+    return 1 if doubled else field.y_step
+
+
+def _for_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:
+    with suppress(MeasurementError):
+        rule = with_seen_size(rule, field)
+    return replace(rule, target_px=min(rule.target_px, LARGEST_TARGET_PX))
