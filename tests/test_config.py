@@ -100,6 +100,15 @@ def test_a_fixed_threshold_needs_its_value_and_no_other_has_one(tmp_path: Path) 
         assert "'value' belongs to kind fixed" in found["devices.one.threshold"]
 
 
+def test_a_map_of_thresholds_is_for_automatic_and_one_bit(tmp_path: Path) -> None:
+    fixed = "threshold: {kind: fixed, value: 60, map: true}"
+    found = problems_of(tmp_path, f"devices: {{one: {{driver: fake, {fixed}}}}}")
+    assert "'map' belongs to kind automatic" in found["devices.one.threshold"]
+    grey = "ring: {bits: 8}, threshold: {map: true}"
+    found = problems_of(tmp_path, f"devices: {{one: {{driver: fake, {grey}}}}}")
+    assert "threshold.map needs ring.bits: 1, not 8" in found["devices.one"]
+
+
 @pytest.mark.parametrize("text", ["devices: [", "devices: {one: {driver: fake, driver: replay}}", "\x00"])
 def test_what_is_no_yaml_or_says_a_thing_twice_is_refused(tmp_path: Path, text: str) -> None:
     assert set(problems_of(tmp_path, text)) == {"(file)"}

@@ -134,6 +134,15 @@ def test_a_shared_lens_is_the_same_in_both_views(scene):
     assert left.b[0] != right.b[0]
 
 
+def test_an_interior_parameter_that_is_not_adjusted_is_as_the_rig_was_built(scene):
+    pose = ("omega_rad", "phi_rad", "kappa_rad", "X0_mm", "Y0_mm", "Z0_mm")
+    result = calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(free=(*pose, "left.f_mm")))
+    left, right = result.views
+    assert (right.f_mm, right.x0_px, right.b) == (8.0, 359.5, (0.0,) * 9)
+    assert left.f_mm != 8.0
+    assert any("terms that were held" in warning for warning in result.warnings)
+
+
 def test_a_parameter_that_does_not_exist_is_named(scene):
     with pytest.raises(InputError, match="b10"):
         calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(free=("f_mm", "b10")))

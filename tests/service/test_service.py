@@ -9,7 +9,7 @@ import pytest
 from running import PATIENCE_S, configuration, running, sealed
 
 from grabberd.acquisition import Outcome
-from grabberd.config import default_config_file
+from grabberd.config import ThresholdConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, NotFound
 from grabberd.service.jobs import JobState
 from grabberd.service.recorder import CaptureRequest
@@ -23,8 +23,6 @@ FIXED = {"threshold": {"kind": "fixed", "value": 60}}
 
 
 def fixed_threshold() -> dict[str, object]:
-    from grabberd.config import ThresholdConfig  # noqa: PLC0415
-
     return {"threshold": ThresholdConfig(kind="fixed", value=60)}
 
 
@@ -178,14 +176,14 @@ def test_a_replay_of_a_capture_file_gives_the_same_points_bit_for_bit(tmp_path: 
         assert points_of(capture(service, bits=1, lines=lines)) == points_of(live)
 
 
-def replaying(tmp_path: Path, recording: Path):  # type: ignore[no-untyped-def]
+def replaying(tmp_path: Path, recording: Path, **changes: object):  # type: ignore[no-untyped-def]
     from contextlib import contextmanager  # noqa: PLC0415
 
     from running import wait_until_it_accepts  # noqa: PLC0415
 
     @contextmanager
     def service():  # type: ignore[no-untyped-def]
-        config = configuration({}, driver="replay", **fixed_threshold())
+        config = configuration({}, driver="replay", **{**fixed_threshold(), **changes})
         device = config.devices["simulated"].model_copy(update={"options": {"path": str(recording)}})
         config = config.model_copy(update={"devices": {"simulated": device}})
         one = Service(set_up(config, default_config_file()), tmp_path / "replayed")
@@ -326,3 +324,33 @@ def test_what_a_crash_left_is_sealed_at_the_next_start(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         assert service.archive.document(whole.stem)["state"] == "sealed"
         assert not part.exists()
+
+
+def thresholds_of(path: Path) -> list[int]:
+    with CaptureReader(path) as reader:
+        return [field.packed.threshold for field in reader.received()]
+
+
+@pytest.mark.parametrize("threshold", [ThresholdConfig(), ThresholdConfig(map=True)])
+def test_a_live_capture_has_one_chosen_threshold_from_its_first_field_on(
+    tmp_path: Path, threshold: ThresholdConfig
+) -> None:
+    with running(tmp_path, {"pace": "real"}, threshold=threshold) as service:
+        (chosen,) = set(thresholds_of(capture(service, fields=25)))
+        assert 30 < chosen < 110
+        (grey,) = set(thresholds_of(capture(service, fields=5, bits=8)))
+        assert grey < chosen, "chosen anew for other bits"
+
+
+def test_the_same_recording_gives_the_same_thresholds_and_points_each_time(tmp_path: Path) -> None:
+    with running(tmp_path / "live") as service:
+        recording = capture(service, fields=30, bits=8)
+    thresholds, points = [], []
+    for again in ("one", "two"):
+        with replaying(tmp_path / again, recording, threshold=ThresholdConfig()) as service:
+            path = capture(service)
+            thresholds.append(thresholds_of(path))
+            points.append(points_of(path))
+    assert thresholds[0] == thresholds[1]
+    assert len(set(thresholds[0])) == 1
+    assert points[0] == points[1]

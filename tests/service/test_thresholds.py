@@ -1,4 +1,4 @@
-"""The keeper of the threshold: chosen beside the capture thread, held, and the same for the same recording."""
+"""The keeper of the threshold: it chooses beside the capture thread, holds, and treats recordings alike."""
 
 import threading
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from grabberd.service.thresholds import UNDECIDED_THRESHOLD, Threshold, Threshol
 PATIENCE_S = 20.0
 
 
-def keeper(*, live: bool = True, map: bool = False, fixed: int | None = None) -> ThresholdKeeper:  # noqa: A002
+def keeper(*, live: bool = True, map: bool = False, fixed: int | None = None) -> ThresholdKeeper:
     kind = "automatic" if fixed is None else "fixed"
     threshold = ThresholdConfig(kind=kind, value=fixed, map=map)  # type: ignore[arg-type]
     one = ThresholdKeeper(DeviceConfig(driver="test", ring=RingConfig(bits=1), threshold=threshold))

@@ -41,6 +41,12 @@ def solve(lower: Array, right: Array) -> Array:
     return solution
 
 
+def half_solve(lower: Array, right: Array) -> Array:
+    """L⁻¹ of the right sides (count, M): the products of its columns are those with the inverse between."""
+    solution: Array = _lapack().dtbtrs(lower, right, uplo="L")[0]
+    return solution
+
+
 @cache
 def _lapack() -> ModuleType:
     """Loaded when it is needed first: that takes half a second."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.banded import band_of, factor, solve
+from grabberd.measurement.banded import band_of, factor, half_solve, solve
 from grabberd.measurement.locator import Chords
 
 LEAN = 0.1
@@ -28,6 +28,8 @@ MEDIAN_OF_SQUARES = 0.455
 """Of normally distributed numbers of variance 1; wild blobs do not move it."""
 OUTLYING = 4.0
 """Chords more standard deviations away count as if they were less sure, so that they do no harm."""
+ASKED_BESIDE = 8
+"""How far the common error reaches is asked of one blob in so many."""
 
 Array = NDArray[np.float64]
 
@@ -48,7 +50,9 @@ class LineShifts(NamedTuple):
     line_jitter_px: float
 
 
-def line_shifts(chords: Chords, centre: Array, lines: int, expected_px: float) -> LineShifts:
+def line_shifts(
+    chords: Chords, centre: Array, lines: int, expected_px: float, *, known: bool = False
+) -> LineShifts:
     """The shifts of a field's lines.
 
     Args:
@@ -56,17 +60,18 @@ def line_shifts(chords: Chords, centre: Array, lines: int, expected_px: float) -
         centre: (N,) float64, the field line of each blob's centre, fractions included.
         lines: how many lines the field has.
         expected_px: the line jitter to expect; it counts for little beside the data.
+        known: it is known, and not estimated.
     """
     chords = chords._replace(centre=_from_the_surest(chords))
-    first = _System.of(chords, centre, lines, LEAN)
-    residual, lean = first.residuals(expected_px)
-    trusted = chords._replace(weight=chords.weight * _trust(residual))
-    system = _System.of(trusted, centre, lines, max(lean, LEAN))
-    tried_px = system.roughly_px(expected_px) * REFINED
-    jitter_px = _peak(tried_px, system.log_likelihoods(tried_px, expected_px))
+    system = _System.of(chords, centre, lines, LEAN)
+    residual, lean = system.residuals(expected_px)
+    if lean > LEAN or np.abs(residual).max() > OUTLYING:
+        trusted = chords._replace(weight=chords.weight * _trust(residual))
+        system = _System.of(trusted, centre, lines, max(lean, LEAN))
+    jitter_px = expected_px if known else system.likeliest_px(expected_px)
     common, beside = system.common_variance(jitter_px)
     x_px = (chords.share * system.shifts(jitter_px)[system.at]).sum(axis=1)
-    return LineShifts(x_px, np.sqrt(common), _reach_px(common, beside), jitter_px)
+    return LineShifts(x_px, np.sqrt(common), _reach_px(common[::ASKED_BESIDE], beside), jitter_px)
 
 
 def _from_the_surest(chords: Chords) -> Array:
@@ -83,7 +88,7 @@ def unsolved(chords: Chords, jitter_px: float) -> LineShifts:
 
 
 def _reach_px(common: Array, beside: Array) -> float:
-    """Of the error's variance (N,), and its covariance with what a blob one line further down would have."""
+    """Of the error's variance, and its covariance with what a blob one line further down would have."""
     correlation = float(np.median(beside / np.maximum(common, np.finfo(np.float64).tiny)))
     return LINES_APART / math.sqrt(-2.0 * math.log(min(max(correlation, 0.05), 0.99)))
 
@@ -131,10 +136,12 @@ class _System(NamedTuple):
         ).astype(np.float64)
         return cls(chords, at, beside, lean, solver, band_of(at, matrix, count), right)
 
-    def roughly_px(self, expected_px: float) -> float:
-        """The likeliest of a few jitters."""
+    def likeliest_px(self, expected_px: float) -> float:
+        """The likeliest jitter: of a few, then of a few about that."""
         tried_px = expected_px * TRIED
-        return float(tried_px[np.argmax(self.log_likelihoods(tried_px, expected_px))])
+        roughly_px = tried_px[np.argmax(self.log_likelihoods(tried_px, expected_px))]
+        tried_px = roughly_px * REFINED
+        return _peak(tried_px, self.log_likelihoods(tried_px, expected_px))
 
     def log_likelihoods(self, tried_px: Array, expected_px: float) -> list[float]:
         """Of the data, with x, lean and shifts integrated out, at each jitter; and of these beforehand."""
@@ -148,13 +155,16 @@ class _System(NamedTuple):
         return solve(factor(self.band, jitter_px**-2), self.right)
 
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
-        """(N,) of what the errors of the shifts do to x; and its covariance with x one line further down."""
-        covariance = solve(factor(self.band, jitter_px**-2), np.eye(len(self.right)))
-        share = self.chords.share[:, np.newaxis, :]
-        own = share @ covariance[self.at[:, :, np.newaxis], self.at[:, np.newaxis, :]]
-        below = np.minimum(self.at + 1, len(self.right) - 1)
-        other = share @ covariance[self.at[:, :, np.newaxis], below[:, np.newaxis, :]]
-        return (own * share).sum(axis=(1, 2)), (other * share).sum(axis=(1, 2))
+        """(N,) of what the shifts' errors do to x; and, of some, its covariance with x one line down."""
+        some = slice(None, None, ASKED_BESIDE)
+        both = np.concatenate([self.at, np.minimum(self.at[some] + 1, len(self.right) - 1)])
+        share = np.concatenate([self.chords.share, self.chords.share[some]])
+        place = np.arange(len(both))[:, np.newaxis] * len(self.right) + both
+        shares = np.bincount(place.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
+        lower = factor(self.band, jitter_px**-2)
+        halves = half_solve(lower, shares.reshape(len(both), -1).T).T
+        own, below = halves[: len(self.at)], halves[len(self.at) :]
+        return (own * own).sum(axis=1), (own[some] * below).sum(axis=1)
 
     def residuals(self, jitter_px: float) -> tuple[Array, float]:
         """(N, h) of the chords, in units of their σ, 0 where there is none; and the σ of the blobs' leans."""

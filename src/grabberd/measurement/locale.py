@@ -6,22 +6,22 @@ with the least error, and the weighted variance is its own.
 """
 
 import math
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locale_memory import Asked, Posterior, Row, decoded
 from grabberd.measurement.locale_model import Appearance
-from grabberd.measurement.locale_patterns import Alike, Patterns, patterns_of
+from grabberd.measurement.locale_patterns import Patterns, patterns_of
+from grabberd.measurement.locale_posterior import Posterior, evidence_of, likelihoods
+from grabberd.measurement.locale_table import Extent, table
 from grabberd.measurement.locator import Located, Seen, meant_for
 from grabberd.measurement.shapes import binary_centres
 from grabberd.measurement.sigma import binary_sigma_px
 
 Array = NDArray[np.float64]
 
-NOISES = (0.025, 0.05, 0.1)
+NOISES = (0.03, 0.05, 0.1)
 """Standard deviation of a pixel, in contrasts; the field's own bits say which."""
 NOISE_BLOBS = 24
 """So many blobs are asked for it."""
@@ -51,13 +51,15 @@ def locate_by_locale(seen: Seen) -> Located:
     centres = binary_centres(seen.runs, seen.label, len(seen.shapes))
     sigma_px = binary_sigma_px(seen.area_px, seen.packed.y_step)
     patterns = patterns_of(seen, centres)
-    if not patterns.alike:
+    if not patterns.kinds:
         return Located(centres, sigma_px)
-    found = _decoded(patterns, seen)
-    explained = patterns.fits & (found.evidence > np.median(found.evidence) - UNEXPLAINED)
+    found = Posterior.of(_likelihoods(patterns, seen, _likeliest_noise(patterns, seen)), seen.packed.y_step)
+    explained = found.evidence > np.median(found.evidence) - UNEXPLAINED
     blob = patterns.blob[explained]
-    centres[blob] = patterns.anchor[explained] + found.from_anchor_px[explained] / (1, seen.packed.y_step)
-    variance = found.variance_px2[explained]
+    stretched = patterns.stretched[explained]
+    from_middle_px = found.from_middle_px[explained] / stretched
+    centres[blob] = patterns.middle[explained] + from_middle_px / (1, seen.packed.y_step)
+    variance = found.variance_px2[explained] / stretched**2
     variance[:, 0] *= SHARED_NOISE[seen.packed.y_step]
     variance[:, 0] -= np.minimum(_jitter_px2(seen, blob), MOST_JITTER * variance[:, 0])
     sigma_px[blob] = np.sqrt(variance)
@@ -71,38 +73,29 @@ def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:
     return JITTER_OF_ENDS[seen.packed.y_step] * common
 
 
-def _decoded(patterns: Patterns, seen: Seen) -> Posterior:
-    noise = _likeliest_noise(patterns, seen)
-    return Posterior.of_rows(_rows(patterns.alike, patterns.fraction, seen, noise))
-
-
 def _likeliest_noise(patterns: Patterns, seen: Seen) -> float:
-    """The one of `NOISES` after which it gets worse, for blobs of the most frequent kinds."""
-    frequent = sorted(patterns.alike, key=lambda some: -len(some.first))
-    count = np.cumsum([len(some.first) - 1 for some in frequent])
-    enough = frequent[: int(np.searchsorted(count, NOISE_BLOBS)) + 1]
+    """The one of `NOISES` after which it gets worse, for blobs of the most frequent kind."""
+    count = min(patterns.blobs[0], NOISE_BLOBS)
+    some = patterns._replace(kinds=patterns.kinds[:1], blobs=[count], cuts=patterns.cuts.upto(count))
     evidence = -math.inf
     for quieter, noise in pairwise((NOISES[0], *NOISES)):
-        of_this = _evidence(_rows(enough, patterns.fraction, seen, noise))
+        of_this = _in_all(evidence_of(_likelihoods(some, seen, noise)))
         if of_this <= evidence:
             return quieter
         evidence = of_this
     return NOISES[-1]
 
 
-def _evidence(rows: list[Row]) -> float:
+def _in_all(evidence: Array) -> float:
     """Of these blobs together; what is no target counts for little."""
-    each = Posterior.of_rows(rows).evidence
-    return float(np.maximum(each, np.median(each) - UNEXPLAINED).sum())
+    return float(np.maximum(evidence, np.median(evidence) - UNEXPLAINED).sum())
 
 
-def _rows(alike: Iterable[Alike], fraction: float, seen: Seen, noise: float) -> list[Row]:
+def _likelihoods(patterns: Patterns, seen: Seen, noise: float) -> NDArray[np.float32]:
     settings, y_step = seen.settings, seen.packed.y_step
-    asked = []
-    for some in alike:
-        width, height, lean, _ = some.kind
-        look = Appearance(
-            width, height, lean, fraction, noise, settings.spread_px, settings.line_jitter_px, y_step
-        )
-        asked.append(Asked(look, some))
-    return decoded(asked)
+    unsized = Appearance(
+        1.0, 1.0, patterns.fraction, noise, settings.spread_px, settings.line_jitter_px, y_step
+    )
+    extent = Extent.around(*np.max(patterns.kinds, axis=0))
+    tables = [table(unsized.of_size(*kind), extent) for kind in patterns.kinds]
+    return likelihoods(tables, patterns.blobs, patterns.cuts)

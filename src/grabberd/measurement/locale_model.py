@@ -26,7 +26,6 @@ class Appearance(NamedTuple):
 
     Attributes:
         half_width_px: half the width of what lies above the threshold; `half_height_px`: half its height.
-        lean: how far its chords move to the right from frame line to frame line.
         fraction: the threshold's share of the contrast.
         noise: standard deviation of a pixel of a line that the camera delivered, in contrasts.
         spread_px: standard deviation of the spread function.
@@ -36,12 +35,15 @@ class Appearance(NamedTuple):
 
     half_width_px: float
     half_height_px: float
-    lean: float
     fraction: float
     noise: float
     spread_px: float
     jitter_px: float
     y_step: int
+
+    def of_size(self, half_width_px: float, half_height_px: float) -> "Appearance":
+        """The same of targets of another size."""
+        return Appearance(half_width_px, half_height_px, *self[2:])
 
     @property
     def blur_px(self) -> tuple[float, float]:
@@ -62,17 +64,13 @@ def normal_log_odds(z: Array) -> Array:
     return odds
 
 
-def light(
-    half_axes_px: tuple[float, float], lean: float, blur_px: tuple[float, float], x: Array, y: Array
-) -> Array:
+def light(half_axes_px: tuple[float, float], blur_px: tuple[float, float], x: Array, y: Array) -> Array:
     """(len(y), len(x)) light of an ellipse about the origin at the points of a grid."""
     half_width, half_height = half_axes_px
     angle = (np.arange(CHORDS) + 0.5) * (np.pi / CHORDS) - np.pi / 2
     height, reach = half_height * np.sin(angle), half_width * np.cos(angle)
-    from_middle = x[:, np.newaxis] - lean * height
-    along = normal_share((from_middle + reach) / blur_px[0]) - normal_share(
-        (from_middle - reach) / blur_px[0]
-    )
+    x = x[:, np.newaxis]
+    along = normal_share((x + reach) / blur_px[0]) - normal_share((x - reach) / blur_px[0])
     thickness = half_height * np.cos(angle) * (np.pi / CHORDS)
     across = np.exp(-0.5 * ((y[:, np.newaxis] - height) / blur_px[1]) ** 2) * thickness
     found: Array = across @ along.T / (blur_px[1] * math.sqrt(2 * math.pi))
@@ -89,8 +87,8 @@ def half_axes_px(
     slope = 0.35 / np.array(blur_px)
     for _ in range(_NEWTON_STEPS):
         both = (float(axes[0]), float(axes[1]))
-        right = light(both, 0.0, blur_px, wanted[:1], origin)[0, 0]
-        below = light(both, 0.0, blur_px, origin, wanted[1:])[0, 0]
+        right = light(both, blur_px, wanted[:1], origin)[0, 0]
+        below = light(both, blur_px, origin, wanted[1:])[0, 0]
         axes = np.maximum(axes + (fraction - np.array([right, below])) / slope, 0.5)
     return float(axes[0]), float(axes[1])
 
@@ -116,7 +114,7 @@ def log_odds(seen: Appearance, x: Array, y: Array) -> Odds:
     line = round(1 / (y[1] - y[0]))
     beyond = np.arange(1, line + 1) / line
     further = np.concatenate([y[0] - beyond[::-1], y, y[-1] + beyond])
-    picture = light(axes, seen.lean, seen.blur_px, x, further)
+    picture = light(axes, seen.blur_px, x, further)
     step = float(x[1] - x[0])
     return Odds(
         _odds_of(picture[line:-line], step, seen, 1.0),

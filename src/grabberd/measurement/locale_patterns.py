@@ -1,7 +1,5 @@
 """The bits of blobs, ready to be compared with what targets of their size would show."""
 
-from collections.abc import Iterator
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -9,18 +7,23 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.locale_sizes import (
     NOMINAL_FRACTION,
-    STEPS,
     Sizes,
     is_delivered,
     moments_of,
     sizes_of,
     threshold_fraction,
 )
-from grabberd.measurement.locale_table import Window
+from grabberd.measurement.locale_table import STEPS_X, STEPS_Y
 from grabberd.measurement.locator import Seen
+from grabberd.measurement.windows import first_row
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
+
+
+HALF = STEPS_X / 2
+ROUNDED_PX = (0.5, 0.25)
+"""Half axes are rounded to these, so that few tables are needed; blobs are stretched to that."""
 
 
 class Kind(NamedTuple):
@@ -28,36 +31,34 @@ class Kind(NamedTuple):
 
     Attributes:
         half_width_px: half axes of what lies above the threshold; `half_height_px`: likewise.
-        lean: columns by which chords move from frame line to frame line.
-        interpolated: whether the anchor's row is an interpolated one.
     """
 
     half_width_px: float
     half_height_px: float
-    lean: float
-    interpolated: bool
 
 
-class Alike(NamedTuple):
-    """M blobs of a kind, all of which may be targets.
+class Cuts(NamedTuple):
+    """The R rows of M blobs, blob by blob, in steps of the fine grid from the place in the blob's middle.
 
     Attributes:
-        kind: theirs; `window`: of pixels about their anchors.
-        start: (R,) int32 places of the runs' beginnings in the window's ends; `end`: of their ends.
-        first: (M + 1,) int64, where each blob's runs begin.
+        first: (M,) int64, where each blob's rows begin; they follow each other without a gap.
+        interpolated: (R,) int64, 1 where the row is an interpolated one.
+        row: (R,) int64; `start`: (R,) of the first pixel, `end`: (R,) of the one after the last.
+        phase: (M,) int64, to any pixel.
     """
 
-    kind: Kind
-    window: Window
-    start: NDArray[np.int32]
-    end: NDArray[np.int32]
     first: Whole
+    interpolated: Whole
+    row: Whole
+    start: Whole
+    end: Whole
+    phase: Whole
 
-    def patterns(self) -> list[bytes]:
-        """Of each blob, what tells its bits from other patterns of the kind."""
-        both = np.stack([self.start, self.end], axis=1).tobytes()
-        at = (8 * self.first).tolist()
-        return [both[begin:end] for begin, end in pairwise(at)]
+    def upto(self, blobs: int) -> "Cuts":
+        """Those of so many blobs from the first."""
+        rows = int(self.first[blobs]) if blobs < len(self.first) else len(self.row)
+        interpolated, row, start, end = (values[:rows] for values in self[1:5])
+        return Cuts(self.first[:blobs], interpolated, row, start, end, self.phase[:blobs])
 
 
 class Patterns(NamedTuple):
@@ -65,16 +66,19 @@ class Patterns(NamedTuple):
 
     Attributes:
         blob: (M,) int64, their components.
-        anchor: (M, 2) int64 column and row nearest to each centroid.
-        fits: (M,) bool, whether it lies within its kind's window; the runs of others are cut short.
-        alike: the kinds, in the same order, M blobs in all.
+        middle: (M, 2) float64, columns and rows: the place of the fine grid next to each centroid.
+        stretched: (M, 2) float64, by how much in x and y.
+        kinds: theirs, the most frequent one first; `blobs`: how many are of each.
+        cuts: their rows.
         fraction: the threshold's share of the contrast.
     """
 
     blob: Whole
-    anchor: Whole
-    fits: NDArray[np.bool_]
-    alike: tuple[Alike, ...]
+    middle: Array
+    stretched: Array
+    kinds: list[Kind]
+    blobs: list[int]
+    cuts: Cuts
     fraction: float
 
 
@@ -92,71 +96,52 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
     fraction = NOMINAL_FRACTION
     if packed.y_step == 1:
         fraction = threshold_fraction(seen.shapes.pixels, moments, sizes, whole, seen.settings.spread_px)
-    anchor = np.rint(centres).astype(np.int64)
-    blob, kinds, count = _by_kind(whole, sizes, ~is_delivered(packed, anchor[:, 1]))
-    windows = [Window.of(kind.half_width_px, kind.half_height_px, packed.y_step) for kind in kinds]
-    of_blob = np.repeat(np.array(windows, np.int64).reshape(-1, 2), count, axis=0)
-    placed = _placed(seen, anchor, blob, of_blob)
-    alike = _parted(placed, kinds, windows, np.append(0, np.cumsum(count)).tolist())
-    return Patterns(blob, anchor[blob], placed.fits, tuple(alike), fraction)
+    blob, kinds, count = _by_kind(np.flatnonzero(whole), sizes)
+    steps = np.array([STEPS_X, STEPS_Y * packed.y_step])
+    before = np.array([0, first_row(packed)])
+    middle = np.rint((centres[blob] - before) * steps).astype(np.int64)
+    wanted = np.repeat(kinds, count, axis=0).reshape(-1, 2)
+    stretched = wanted / np.stack(sizes[:2], axis=1)[blob]
+    cuts = _cuts(seen, blob, middle, stretched, sizes.lean[blob])
+    return Patterns(blob, middle / steps + before, stretched, kinds, count, cuts, fraction)
 
 
-class _Placed(NamedTuple):
-    """The runs of M blobs, blob by blob: `start`, `end` (R,), `first` (M + 1,) as in `Alike`; `fits` (M,)."""
-
-    start: NDArray[np.int32]
-    end: NDArray[np.int32]
-    first: Whole
-    fits: NDArray[np.bool_]
-
-
-def _parted(placed: _Placed, kinds: list[Kind], windows: list[Window], bounds: list[int]) -> Iterator[Alike]:
-    for kind, window, (begin, end) in zip(kinds, windows, pairwise(bounds), strict=True):
-        first = placed.first[begin : end + 1]
-        runs = slice(int(first[0]), int(first[-1]))
-        yield Alike(kind, window, placed.start[runs], placed.end[runs], first - first[0])
-
-
-def _by_kind(
-    whole: NDArray[np.bool_], sizes: Sizes, odd: NDArray[np.bool_]
-) -> tuple[Whole, list[Kind], Whole]:
+def _by_kind(blob: Whole, sizes: Sizes) -> tuple[Whole, list[Kind], list[int]]:
     """The blobs with those of a kind together, the kinds, and how many blobs each has."""
-    blob = np.flatnonzero(whole)
-    columns = (sizes.half_width[blob], sizes.half_height[blob], sizes.lean[blob], odd[blob].astype(np.int64))
-    order = np.lexsort(columns)
-    values = np.stack(columns, axis=1)[order]
-    new = np.ones(len(blob), np.bool_)
-    new[1:] = (values[1:] != values[:-1]).any(axis=1)
-    begin = np.flatnonzero(new)
-    kinds = [
-        Kind(width * STEPS[0], height * STEPS[1], lean * STEPS[2], bool(interpolated))
-        for width, height, lean, interpolated in values[begin].tolist()
-    ]
-    return blob[order], kinds, np.diff(np.append(begin, len(blob)))
+    steps = np.rint(np.stack(sizes[:2], axis=1)[blob] / ROUNDED_PX)
+    _, some, kind, count = np.unique(
+        steps @ (1e3, 1.0), return_index=True, return_inverse=True, return_counts=True
+    )
+    by_count = np.argsort(-count, kind="stable")
+    rank = np.empty_like(by_count)
+    rank[by_count] = np.arange(len(by_count))
+    kinds = [Kind(*values) for values in (steps[some[by_count]] * ROUNDED_PX).tolist()]
+    return blob[np.argsort(rank[kind], kind="stable")], kinds, count[by_count].tolist()
 
 
-def _placed(seen: Seen, anchor: Whole, blob: Whole, windows: Whole) -> _Placed:
-    """Where the runs lie in the windows.
-
-    Args:
-        seen: the field.
-        anchor: (N, 2) of all components.
-        blob: (M,) those wanted.
-        windows: (M, 2) columns and rows of their windows.
-    """
-    number = np.full(len(anchor), -1)
+def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array) -> Cuts:
+    """Of the blobs wanted, from the middle of each, (M, 2) steps of x and y; stretched and set upright."""
+    number = np.full(len(seen.shapes), len(blob))
     number[blob] = np.arange(len(blob))
-    run = np.argsort(number[seen.label], kind="stable")
-    run = run[np.count_nonzero(number[seen.label] < 0) :]
-    label = seen.label[run]
-    of = number[label]
-    columns, rows = windows[of].T
-    start, end = seen.runs.first[run] - anchor[label, 0], seen.runs.last[run] + 1 - anchor[label, 0]
-    row = seen.runs.row[run] - anchor[label, 1]
-    inside = (start >= -columns) & (end <= columns + 1) & (np.abs(row) <= rows)
-    fits = np.ones(len(blob), np.bool_)
-    fits[of[~inside]] = False
-    begin = (row.clip(-rows, rows) + rows) * (2 * columns + 2) + columns
-    start, end = start.clip(-columns, columns + 1), end.clip(-columns, columns + 1)
-    first = np.append(0, np.cumsum(np.bincount(of, minlength=len(blob))))
-    return _Placed((begin + start).astype(np.int32), (begin + end).astype(np.int32), first, fits)
+    of_run = number[seen.label]
+    run = np.argsort(of_run, kind="stable")[: np.count_nonzero(of_run < len(blob))]
+    of, row, last = of_run[run], seen.runs.row[run], seen.runs.last[run]
+    # What is empty between two runs of a row is taken for set: no target has such rows.
+    new = np.flatnonzero((np.diff(of, prepend=-1) != 0) | (np.diff(row, prepend=-1) != 0))
+    before, after = seen.runs.first[run][new], last[np.append(new[1:] - 1, -1)[: len(new)]] + 1
+    of, row = of[new], row[new]
+    (x, y), (wider, higher) = middle[of].T, stretched[of].T
+    down = (row - first_row(seen.packed)) * (seen.packed.y_step * STEPS_Y) - y
+    origin = x + HALF + lean[of] * down * (STEPS_X / STEPS_Y)
+    # A pixel's own place is a whole number; what is stretched is its edge, half a pixel before.
+    start, end = (
+        np.rint((edge * STEPS_X - origin) * wider + HALF).astype(np.int64) for edge in (before, after)
+    )
+    return Cuts(
+        first=np.searchsorted(of, np.arange(len(blob))),
+        interpolated=(~is_delivered(seen.packed, row)).astype(np.int64),
+        row=np.rint(down * higher).astype(np.int64),
+        start=start,
+        end=end,
+        phase=-middle[:, 0],
+    )

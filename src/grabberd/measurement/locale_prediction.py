@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.measurement.locale import NOISES
-from grabberd.measurement.locale_memory import Posterior, posterior_rows
-from grabberd.measurement.locale_model import Appearance, light
-from grabberd.measurement.locale_table import STEPS_X, STEPS_Y, Table, Window, axes, built
+from grabberd.measurement.locale_model import Appearance, light, log_odds
+from grabberd.measurement.locale_patterns import Cuts
+from grabberd.measurement.locale_posterior import Posterior, likelihoods
+from grabberd.measurement.locale_table import STEPS_X, STEPS_Y, Extent, table
 
 Array = NDArray[np.float64]
 
@@ -78,32 +79,47 @@ def predicted_sigma_px(scene: Scene, fraction: float) -> tuple[float, float]:
 
 def _variance(scene: Scene, fraction: float, diameter_px: float) -> Array:
     seen = _appearance(scene, fraction, diameter_px)
-    window = Window.of(seen.half_width_px, seen.half_height_px, scene.y_step)
-    anchors = (False, True) if scene.y_step == 1 else (False,)
-    tables = [built(seen, window, interpolated) for interpolated in anchors]
-    likelihoods = [_ends(one, window, scene.y_step) @ one.cumulated + one.empty for one in tables]
-    rows = [row for likelihood in likelihoods for row in posterior_rows(likelihood, scene.y_step)]
-    mean: Array = Posterior.of_rows(rows).variance_px2.mean(axis=0)
+    one, cuts = table(seen, Extent.around(*seen[:2])), _cuts(seen)
+    found = Posterior.of(likelihoods([one], [len(cuts.first)], cuts), scene.y_step)
+    mean: Array = found.variance_px2.mean(axis=0)
     return mean
 
 
 def _appearance(scene: Scene, fraction: float, diameter_px: float) -> Appearance:
     """What of a disc lies above the threshold: nothing of one that is too small for it."""
-    unknown = Appearance(1.0, 1.0, 0.0, fraction, scene.noise, scene.spread_px, scene.jitter_px, scene.y_step)
+    unknown = Appearance(1.0, 1.0, fraction, scene.noise, scene.spread_px, scene.jitter_px, scene.y_step)
     out, origin = np.linspace(0.0, diameter_px, 200), np.zeros(1)
     half = (diameter_px / 2, diameter_px / 2)
-    right = light(half, 0.0, unknown.blur_px, out, origin)[0]
-    below = light(half, 0.0, unknown.blur_px, origin, out)[:, 0]
+    right = light(half, unknown.blur_px, out, origin)[0]
+    below = light(half, unknown.blur_px, origin, out)[:, 0]
     width, height = (float(np.interp(-fraction, -profile, out)) for profile in (right, below))
     return unknown._replace(half_width_px=round(width, 2), half_height_px=round(height, 2))
 
 
-def _ends(one: Table, window: Window, y_step: int) -> NDArray[np.float32]:
-    """(P, window size) ends of the runs seen without noise, from places all over a pixel and a row."""
-    y, x = (one.ravel() for one in np.meshgrid(*axes(y_step)[::-1], indexing="ij"))
-    step_x, step_y = np.rint(x * STEPS_X), np.rint(y * STEPS_Y)
-    chosen = (np.abs(2 * x + 1 / STEPS_X) <= 1) & (np.abs(2 * y + 1 / STEPS_Y) <= y_step)
-    chosen &= (step_x % EVERY_X == 0) & (step_y % EVERY_Y == 0)
-    odds = np.diff(one.cumulated[:, chosen].reshape(-1, window.ends, np.count_nonzero(chosen)), axis=1)
-    padded = np.pad((odds > 0).astype(np.float32), ((0, 0), (1, 1), (0, 0)))
-    return -np.diff(padded, axis=1).reshape(window.size, -1).T
+def _cuts(seen: Appearance) -> Cuts:
+    """The runs seen without noise from places all over two lines and a pixel; one pixel at least."""
+    y, x = np.mgrid[0 : 2 * STEPS_Y : EVERY_Y, 0:STEPS_X:EVERY_X].reshape(2, -1, 1, 1)
+    row = _pixels(seen.half_height_px, seen.y_step * STEPS_Y)[:, np.newaxis]
+    column = _pixels(seen.half_width_px, STEPS_X)
+    u, v = np.arange(column[0] - STEPS_X, column[-1] + 1), np.arange(row[0, 0] - 2 * STEPS_Y, row[-1, 0] + 1)
+    odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))
+    interpolated = row // STEPS_Y % 2
+    of_pixels = odds[interpolated, row - y - v[0], column - x - u[0]]
+    is_set = of_pixels >= np.minimum(of_pixels.max(axis=(1, 2), keepdims=True), 0.0)
+    blob, at_row = np.nonzero(is_set.any(axis=2))
+    start = is_set[blob, at_row].argmax(axis=1)
+    end = start + np.count_nonzero(is_set[blob, at_row], axis=1)
+    return Cuts(
+        first=np.searchsorted(blob, np.arange(len(is_set))),
+        interpolated=interpolated[at_row, 0],
+        row=row[at_row, 0] - y[blob, 0, 0],
+        start=column[0] + start * STEPS_X - x[blob, 0, 0],
+        end=column[0] + end * STEPS_X - x[blob, 0, 0],
+        phase=-x[:, 0, 0],
+    )
+
+
+def _pixels(half_px: float, step: int) -> NDArray[np.int64]:
+    """Those that may be set, wherever the target's place in a pixel."""
+    beside = math.ceil((half_px + 1) * max(STEPS_X, STEPS_Y) / step) + 1
+    return np.arange(-beside, beside + 1) * step

@@ -18,8 +18,8 @@ Array = NDArray[np.float64]
 
 STIFFNESS = 6.0
 """So many blobs' worth of a half's mean hold its surface even where few blobs say otherwise."""
-STEPS = (0.15, 0.15, 0.2)
-"""Half width, half height (frame pixels) and lean are rounded to these, so that few tables are needed."""
+ROUNDED_PX = 0.15
+"""Half axes are rounded to this for how full rows are, so that few are asked about."""
 POINTING_PX2 = (0.009, 0.013)
 """What the error of its own centre takes off a blob's moments, per `y_step` in x and its square in y."""
 LEAST_PX2 = 0.25
@@ -31,11 +31,11 @@ PRIOR_BLOBS = 8.0
 
 
 class Sizes(NamedTuple):
-    """Half axes and lean of N blobs' surroundings, in units of `STEPS`: (N,) int64 each."""
+    """Half axes (frame pixels) and lean of N blobs' surroundings: (N,) float64 each."""
 
-    half_width: NDArray[np.int64]
-    half_height: NDArray[np.int64]
-    lean: NDArray[np.int64]
+    half_width_px: Array
+    half_height_px: Array
+    lean: Array
 
 
 class Moments(NamedTuple):
@@ -73,39 +73,36 @@ def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packe
         centres: (N, 2) columns and rows.
         packed: the field they are in.
     """
-    smooth = np.empty((3, len(centres)))
-    right = centres[:, 0] >= (packed.columns - 1) / 2
-    for half in (right, ~right):
-        weight = moments.pixels[half] * counted[half]
-        sums = np.stack(moments[1:])[:, half] * counted[half]
-        smooth[:, half] = _smoothed(_terms(centres[half], weight), weight, sums)
-    xx, yy, xy = smooth
+    xx, yy, xy = _smoothed(np.stack(moments) * counted, centres, packed.columns)
     yy = np.maximum(yy + POINTING_PX2[1] * packed.y_step**2, LEAST_PX2)
     across = np.maximum(xx + POINTING_PX2[0] * packed.y_step - xy * xy / yy, LEAST_PX2)
-    found = np.stack([2 * np.sqrt(across), 2 * np.sqrt(yy), xy / yy])
-    return Sizes(*np.rint(found / np.array(STEPS)[:, np.newaxis]).astype(np.int64))
+    return Sizes(2 * np.sqrt(across), 2 * np.sqrt(yy), xy / yy)
 
 
-def _terms(centres: Array, weight: Array) -> Array:
-    """(N, 6) of a quadratic over the extent of those blobs that weigh."""
-    total = max(float(weight.sum()), 1e-9)
-    from_middle = centres - weight @ centres / total
-    extent = np.sqrt(np.maximum(weight @ (from_middle * from_middle) / total, 1.0))
-    x, y = (from_middle / extent).T
-    return np.stack([np.ones_like(x), x, y, x * y, x * x - 1, y * y - 1], axis=1)
-
-
-def _smoothed(terms: Array, weight: Array, sums: Array) -> Array:
-    """(K, N) surfaces through the ratios of `sums` (K, N) to `weight` (N,)."""
-    total = max(float(weight.sum()), 1e-9)
-    mean = sums.sum(axis=1) / total
-    blobs = max(1, int(np.count_nonzero(weight)))
-    held = STIFFNESS * total / blobs * np.diag([0.0, 1, 1, 1, 1, 1])
-    held[0, 0] = 1e-9
-    normal = (terms * weight[:, np.newaxis]).T @ terms + held
-    right = (sums - mean[:, np.newaxis] * weight) @ terms
-    smooth: Array = np.linalg.solve(normal, right.T).T @ terms.T + mean[:, np.newaxis]
+def _smoothed(moments: Array, centres: Array, columns: int) -> Array:
+    """(3, N) second moments a pixel, from the surfaces over each half through `moments` (4, N)."""
+    right = centres[:, 0] >= (columns - 1) / 2
+    weight = moments[0] * np.stack([~right, right])
+    total = np.maximum(weight.sum(axis=1), 1e-9)
+    blobs = np.maximum(np.count_nonzero(weight, axis=1), 1)
+    terms = _terms(centres, weight / total[:, np.newaxis], right.astype(np.int64))
+    held = (STIFFNESS * total / blobs)[:, np.newaxis, np.newaxis] * np.diag([0.0, 1, 1, 1, 1, 1])
+    held[:, 0, 0] = 1e-9
+    normal = (terms * weight[:, np.newaxis]) @ terms.T + held
+    own = moments[1:] * (weight > 0)[:, np.newaxis]
+    mean = own.sum(axis=2, keepdims=True) / total[:, np.newaxis, np.newaxis]
+    factors = np.linalg.solve(normal, terms @ (own - mean * weight[:, np.newaxis]).swapaxes(1, 2))
+    left, other = factors.swapaxes(1, 2) @ terms + mean
+    smooth: Array = np.where(right, other, left)
     return smooth
+
+
+def _terms(centres: Array, share: Array, half: NDArray[np.int64]) -> Array:
+    """(6, N) of a quadratic over the extent of each blob's half, in which blobs have these shares (2, N)."""
+    middle = share @ centres
+    extent = np.sqrt(np.maximum(share @ (centres * centres) - middle * middle, 1.0))
+    x, y = ((centres - middle[half]) / extent[half]).T
+    return np.stack([np.ones_like(x), x, y, x * y, x * x - 1, y * y - 1])
 
 
 def threshold_fraction(
@@ -123,13 +120,12 @@ def threshold_fraction(
         counted: whether it counts.
         spread_px: standard deviation of the spread function.
     """
-    width, height = (
-        step * round(float(np.mean(axis[counted])) if counted.any() else 10.0)
-        for step, axis in zip(STEPS, sizes[:2], strict=False)
-    )
+    if not counted.any():
+        return NOMINAL_FRACTION
+    width, height = (ROUNDED_PX * round(float(np.mean(axis[counted])) / ROUNDED_PX) for axis in sizes[:2])
     ratios = np.array(fullness((width, height), spread_px))
     rows = delivered.pixels[counted]
-    prior = PRIOR_BLOBS * (rows.mean() if len(rows) else 1.0)
+    prior = PRIOR_BLOBS * rows.mean()
     interpolated = pixels[counted].sum() - rows.sum()
     ratio = (interpolated + prior * ratios[FRACTIONS.index(NOMINAL_FRACTION)]) / (rows.sum() + prior)
     return FRACTIONS[int(np.abs(ratios - ratio).argmin())]
@@ -139,7 +135,7 @@ def threshold_fraction(
 def fullness(half_axes_px: tuple[float, float], spread_px: float) -> tuple[float, ...]:
     """How many pixels of interpolated rows are set for each one of delivered rows, at each of `FRACTIONS`."""
     half_width, half_height = half_axes_px
-    looks = [Appearance(half_width, half_height, 0.0, one, 1.0, spread_px, 0.0, 1) for one in FRACTIONS]
+    looks = [Appearance(half_width, half_height, one, 1.0, spread_px, 0.0, 1) for one in FRACTIONS]
     x, y = np.arange(0.05, half_width + 2, 0.1), np.arange(0.05, half_height + 3, 0.1)
     odds = [log_odds(look, x, y) for look in looks]
     return tuple(_set(one.interpolated) / max(1, _set(one.delivered)) for one in odds)

@@ -1,8 +1,9 @@
 """Log likelihoods of every place of a target, to be summed over the runs that are seen of it.
 
 The bits of a blob are independent of each other but for its place, so the log likelihood of a place is a sum
-over pixels: one constant for an empty window, and for each run the log odds of its pixels. These are
-cumulated along the rows, so that a run needs only its two ends: one product of matrices for all blobs.
+over pixels: one constant for an empty picture, and for each run the log odds of its pixels. These are
+cumulated along the rows, so that a run needs only its two ends. Places are those of a fine grid through the
+whole picture, so a table depends on nothing but where an end is relative to the target.
 """
 
 import math
@@ -10,114 +11,130 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from grabberd.measurement.locale_model import Appearance, Odds, log_odds
+from grabberd.measurement.locale_model import Appearance, log_odds
 
+Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 Whole = NDArray[np.int64]
 
 STEPS_X = 10
 """Places looked at in a pixel of x; `STEPS_Y`: in a frame line of y."""
 STEPS_Y = 8
-REACH_X_PX = 0.8
-"""Places are looked at so far from the anchor, the pixel nearest to the centroid."""
-REACH_Y_PX = {1: 0.875, 2: 1.5}
-
-
-TABLES = 512
+REACH_X = 4
+"""Places are looked at so many steps either side of the centroid; by `y_step`, `REACH_Y` likewise."""
+REACH_Y = {1: 4, 2: 6}
+BEYOND_PX = 4
+"""A table reaches so far beyond the half axes: pixels further away are not looked at."""
+TABLES = 128
 """So many are kept, of some 100 kB each."""
 
 
-class Window(NamedTuple):
-    """How many columns and rows about the anchor are looked at, on either side."""
+class Offsets(NamedTuple):
+    """The G places that are looked at, relative to the middle one, frame pixels: (G,) each, y by y."""
 
-    columns: int
-    rows: int
+    x_px: Single
+    y_px: Single
 
-    @classmethod
-    def of(cls, half_width_px: float, half_height_px: float, y_step: int) -> "Window":
-        """Large enough for a blob of these half axes wherever its anchor."""
-        columns = half_width_px + REACH_X_PX + 1.0
-        return cls(math.ceil(columns), math.ceil((half_height_px + REACH_Y_PX[y_step] + 1.0) / y_step))
 
-    @property
-    def ends(self) -> int:
-        """Columns of a row's cumulated log odds."""
-        return 2 * self.columns + 2
-
-    @property
-    def size(self) -> int:
-        """Ends of all rows."""
-        return (2 * self.rows + 1) * self.ends
+@lru_cache(maxsize=2)
+def offsets(y_step: int) -> Offsets:
+    """In the order of the windows of a `Table`: from the right and from below."""
+    y, x = np.mgrid[-REACH_Y[y_step] : REACH_Y[y_step] + 1, -REACH_X : REACH_X + 1].reshape(2, -1)
+    return Offsets((-x / STEPS_X).astype(np.float32), (-y / STEPS_Y).astype(np.float32))
 
 
 class Table(NamedTuple):
-    """Log likelihoods of G places.
+    """Log likelihoods of h · w places about a middle one, as windows into fine grids.
+
+    Everything is asked for by the steps from the middle to a row, and by those to a run's start or end; the
+    first index is 1 for an interpolated row. The half of a row that lies to the left of a target is decided
+    by the run's start, the other by its end.
 
     Attributes:
-        empty: (G,) of a window without any set pixel.
-        cumulated: (`Window.size`, G) log odds from the row's start to each end.
+        starts: (2, V, U, h, w) float32, of a row's left half; `ends`: of its right half.
+        above: (2, V, `STEPS_X`, h, w) of all rows above an upmost one, which are empty, by the steps to any
+            pixel; `below`: of those below.
+        origin: (2,) y, x: which steps are at the place 0.
     """
 
-    empty: Single
-    cumulated: Single
+    starts: Single
+    ends: Single
+    above: Single
+    below: Single
+    origin: tuple[int, int]
 
 
-class Axes(NamedTuple):
-    """Where places are looked at relative to the anchor, frame pixels: the first runs through x."""
+class Extent(NamedTuple):
+    """How far tables reach from the middle, columns and frame lines."""
 
-    x_px: NDArray[np.float64]
-    y_px: NDArray[np.float64]
+    columns: int
+    lines: int
 
-
-@lru_cache(maxsize=4)
-def axes(y_step: int) -> Axes:
-    """All places are the pairs of these, row by row."""
-    return Axes(_axis(REACH_X_PX, STEPS_X) / STEPS_X, _axis(REACH_Y_PX[y_step], STEPS_Y) / STEPS_Y)
-
-
-def _axis(reach_px: float, steps: int) -> Whole:
-    whole = math.floor(reach_px * steps)
-    return np.arange(-whole, whole + 1)
+    @classmethod
+    def around(cls, half_width_px: float, half_height_px: float) -> "Extent":
+        """Enough for targets of these half axes."""
+        return cls(math.ceil(half_width_px) + BEYOND_PX, math.ceil(half_height_px) + BEYOND_PX)
 
 
 @lru_cache(maxsize=TABLES)
-def table(seen: Appearance, window: Window, interpolated: bool) -> Table:
-    """The table of an appearance, kept for the next field; arguments as of `built`."""
-    return built(seen, window, interpolated)
+def table(seen: Appearance, extent: Extent) -> Table:
+    """The table of an appearance, kept for the next field."""
+    columns, lines = extent
+    u = np.arange(-columns * STEPS_X, columns * STEPS_X)
+    v = np.arange(-lines * STEPS_Y, lines * STEPS_Y)
+    odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))
+    unset = -np.log1p(np.exp(odds))
+    right = (u / STEPS_X + 0.5).clip(0.0, 1.0)
+    size = 2 * REACH_Y[seen.y_step] + 1, 2 * REACH_X + 1
+    starts = _starts(odds * (1.0 - right), unset * (1.0 - right))
+    ends = _ends(odds * right, unset * right)
+    above, below = (
+        np.pad(one, ((0, 0), (0, 0), (0, size[1] - 1)), mode="wrap") for one in _caps(unset, seen.y_step)
+    )
+    return Table(
+        starts=_windows(starts, size),
+        ends=_windows(ends, size),
+        above=_windows(above, size),
+        below=_windows(below, size),
+        origin=(int(v[0]) + size[0] // 2, int(u[0]) + size[1] // 2),
+    )
 
 
-def built(seen: Appearance, window: Window, interpolated: bool) -> Table:
-    """The table of an appearance.
-
-    Args:
-        seen: what the targets look like.
-        window: of the pixels that are looked at.
-        interpolated: whether the anchor's own row is an interpolated one.
-    """
-    x, y = _axis(REACH_X_PX, STEPS_X), _axis(REACH_Y_PX[seen.y_step], STEPS_Y)
-    column = np.arange(-window.columns, window.columns + 1) * STEPS_X
-    row = np.arange(-window.rows, window.rows + 1) * (STEPS_Y * seen.y_step)
-    u, v = _span(column, x), _span(row, y)
-    odds = log_odds(seen, u / STEPS_X, v / STEPS_Y)
-    at_u = (column[:, np.newaxis] - x) - u[0]
-    at_v = (row[:, np.newaxis] - y) - v[0]
-    delivered = np.arange(-window.rows, window.rows + 1) % 2 == int(interpolated)
-    return _gathered(odds, delivered | (seen.y_step == 2), at_u, at_v)
+def _windows(values: Array, size: tuple[int, int]) -> Single:
+    windows: Single = sliding_window_view(values.astype(np.float32), size, axis=(1, 2))
+    return windows
 
 
-def _span(pixel: Whole, place: Whole) -> Whole:
-    return np.arange(pixel[0] - place[-1], pixel[-1] - place[0] + 1)
+def _ends(odds: Array, unset: Array) -> Array:
+    """(2, V, U) of all pixels of a row that lie whole pixels from a run's end; those to the left are set."""
+    of_pixels, of_unset = _by_pixel(odds), _by_pixel(unset)
+    left = np.cumsum(of_pixels, axis=2) - of_pixels
+    found: Array = (left + of_unset.sum(axis=2, keepdims=True)).reshape(odds.shape)
+    return found
 
 
-def _gathered(odds: Odds, real: NDArray[np.bool_], at_u: Whole, at_v: Whole) -> Table:
-    """The odds of each of the window's pixels at each place; `real`: which of its rows were delivered."""
-    of_rows = np.where(real[:, np.newaxis, np.newaxis], odds.delivered[at_v], odds.interpolated[at_v])
-    pixels = of_rows.astype(np.float32)[:, :, at_u].transpose(0, 2, 1, 3)
-    rows, columns, count = pixels.shape[0], pixels.shape[1], pixels.shape[2] * pixels.shape[3]
-    cumulated = np.zeros((rows, columns + 1, count), np.float32)
-    np.cumsum(pixels.reshape(rows, columns, count), axis=1, out=cumulated[:, 1:])
-    unset = -np.log1p(np.exp(of_rows))
-    empty = unset[:, :, at_u].sum(axis=(0, 2), dtype=np.float64)
-    return Table(empty.ravel().astype(np.float32), cumulated.reshape(-1, count))
+def _starts(odds: Array, unset: Array) -> Array:
+    """Likewise of its start; those to the right, and that at the start, are set."""
+    all_set = np.tile(_by_pixel(odds).sum(axis=2), odds.shape[2] // STEPS_X)
+    found: Array = _ends(-odds, unset) + all_set
+    return found
+
+
+def _by_pixel(values: Array) -> Array:
+    return values.reshape(*values.shape[:2], -1, STEPS_X)
+
+
+def _caps(unset: Array, y_step: int) -> tuple[Array, Array]:
+    """(2, V, `STEPS_X`) of all rows above one, and of all below; interpolated ones are every other."""
+    of_rows = _by_pixel(unset).sum(axis=2).reshape(2, -1, STEPS_Y, STEPS_X)
+    of_rows[1] *= y_step == 1
+    odd = np.arange(of_rows.shape[1]) % 2 == 1
+    mixed = np.where(odd[:, np.newaxis, np.newaxis], of_rows[::-1], of_rows)
+    until = np.cumsum(mixed, axis=1)
+    both = until - mixed, until[:, -1:] - until
+    shape = 2, unset.shape[1], STEPS_X
+    above, below = (np.where(odd[:, np.newaxis, np.newaxis], one[::-1], one).reshape(shape) for one in both)
+    return above, below

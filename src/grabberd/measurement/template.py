@@ -21,8 +21,7 @@ from grabberd.measurement.locator import Chords, Located, Seen, meant_for
 from grabberd.measurement.weighted import moments, weights_of
 from grabberd.measurement.windows import Windows, windows_of
 
-STEPS = 2
-LONGEST_STEP = (1.5, 1.5, np.inf, np.inf, 0.7, 0.7, 0.3, 0.3)
+LONGEST_STEP = np.array([1.5, 1.5, np.inf, np.inf, 0.7, 0.7, 0.3, 0.3])
 """Places and half axes may change by so much at once: a wild step would lose the blob."""
 PRIOR_SIGMA = (3.0, 3.0, 255.0, 255.0, 1.0, 1.0, 0.1, 0.3)
 """How far off the start may be, and how large a lean is: a faint blob cannot tell everything."""
@@ -75,23 +74,19 @@ def _start(seen: Seen, windows: Windows) -> Single:
 
 
 def _fitted(windows: Windows, start: Single, blurring_x: float, noise: float) -> _Fit:
-    """Gauss–Newton, all discs at once."""
+    """One step of Gauss and Newton, all discs at once: the moments are a start near enough."""
+    image, slopes = disc_images(start, windows.x_px, windows.y_px, blurring_x)
+    residual = windows.grey - image
+    count, pixels = len(slopes), residual[0].size if len(residual) else 1
+    design = slopes.reshape(count, 8, pixels)
     prior = (noise / np.array(PRIOR_SIGMA)) ** 2
-    longest = np.array(LONGEST_STEP)
-    discs = start
-    for _ in range(STEPS):
-        image, slopes = disc_images(discs, windows.x_px, windows.y_px, blurring_x)
-        residual = windows.grey - image
-        design = slopes.reshape(*slopes.shape[:2], image[0].size if len(image) else 1)
-        normal = (design @ design.swapaxes(1, 2)).astype(np.float64) + np.diag(prior)
-        right = (design @ residual.reshape(len(slopes), design.shape[2], 1))[:, :, 0] + prior * (
-            start - discs
-        ).T
-        inverse = np.linalg.inv(normal)
-        step = (inverse @ right[:, :, np.newaxis])[:, :, 0].clip(-longest, longest)
-        discs = (discs + step.T).astype(np.float32)
-        discs[HALF_WIDTH : HALF_HEIGHT + 1] = np.maximum(discs[HALF_WIDTH : HALF_HEIGHT + 1], SMALLEST_PX)
-    left = residual - (step[:, np.newaxis].astype(np.float32) @ design).reshape(residual.shape)
+    normal = (design @ design.swapaxes(1, 2)).astype(np.float64) + np.diag(prior)
+    inverse = np.linalg.inv(normal)
+    right = design @ residual.reshape(count, pixels, 1)
+    step = (inverse @ right)[:, :, 0].clip(-LONGEST_STEP, LONGEST_STEP).astype(np.float32)
+    discs = start + step.T
+    discs[HALF_WIDTH : HALF_HEIGHT + 1] = np.maximum(discs[HALF_WIDTH : HALF_HEIGHT + 1], SMALLEST_PX)
+    left = residual - (step[:, np.newaxis] @ design).reshape(residual.shape)
     return _Fit(discs, (inverse * noise**2).astype(np.float64), left, slopes[:, X])
 
 

@@ -88,7 +88,8 @@ def windows_of(seen: Seen) -> Windows:
     column, line = _first(x, columns, packed.columns), _first(y, lines, lines_of(packed))
     middle = np.stack([x - column, LINES_APART * (y - line)], axis=1).astype(np.float32)
     grey = _gathered(packed, line, lines, column, columns)
-    background = np.median(grey.reshape(len(grey), lines * columns), axis=1)
+    half = lines * columns // 2
+    background = np.partition(grey.reshape(len(grey), lines * columns), half, axis=1)[:, half]
     return Windows(blob, grey, background, line, column, middle)
 
 
@@ -116,7 +117,8 @@ def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.floa
 
 def _size(extent: NDArray[np.int64], beyond_px: float, step: int, most: int) -> int:
     """A window's size in steps of so many pixels: odd, unless the field has not so many."""
-    reach = float(np.quantile(extent, ALL_BUT_THE_LARGEST)) / 2 + beyond_px if len(extent) else 1.0
+    large = int(ALL_BUT_THE_LARGEST * len(extent))
+    reach = float(np.partition(extent, large)[large]) / 2 + beyond_px if len(extent) else 1.0
     return min(2 * math.ceil(reach / step - 0.01) + 1, most)
 
 

@@ -1,6 +1,6 @@
 """Fields of the calibration frame in, both virtual cameras out (paper 3.6, figure 8)."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -183,6 +183,7 @@ def calibrate(
     images = (mean_images(seen[0]), mean_images(seen[1]))
     identification = _identify(nominal, frame, images, settings, by_hand)
     network = network_of(images, identification, frame, settings)
+    network = network.starting_from([*_held_as_built(network.views, nominal, settings)])
     done = _adjusted(network, settings)
     adjustment = done.adjustment
     local = (
@@ -269,6 +270,17 @@ def network_of(
         target_mm=frame.xyz_mm,
         target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
     )
+
+
+def _held_as_built(
+    views: tuple[View, ...], nominal: NominalRig, settings: CalibrateSettings
+) -> Iterator[View]:
+    """The views with those interior parameters as the rig was built that are not adjusted."""
+    handedness = views[0].handedness, views[1].handedness
+    for view, built in zip(views, nominal.views(handedness), strict=True):
+        free = [name in settings.free or f"{view.name}.{name}" in settings.free for name in PARAMETERS]
+        own = np.array(free) | np.isin(PARAMETERS, PARAMETERS[3:9])
+        yield view.with_vector(np.where(own, view.vector(), built.vector()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

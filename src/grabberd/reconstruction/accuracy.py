@@ -68,6 +68,11 @@ def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accur
     Raises:
         MeasurementError: not one point could be matched, or the points determine no rigid motion.
     """
+    if not len(measured.n):
+        raise MeasurementError(
+            f"there is no point in {len(measured.fields)} fields",
+            "check that calibration and object model belong to the rig and the object of this capture",
+        )
     rows = truth.in_fields(measured.fields)
     row, known = rows.row_of(measured.n, measured.target)
     places, true = measured.xyz_mm[known], rows.xyz_mm[row]

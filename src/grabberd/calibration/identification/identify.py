@@ -205,9 +205,10 @@ def described(hypothesis: Hypothesis, half: Half, frame: ObjectModel) -> str:
     away = np.linalg.norm(half.xy_px[known] - np.median(half.xy_px, axis=0), axis=1)
     blob = known[away.argmin()]
     x, y = half.xy_px[blob]
+    turned_deg, handedness = round(hypothesis.turned_deg(half.view)), hypothesis.view.handedness
     return (
         f"target {frame.target[hypothesis.target[blob]]} at ({x:.0f}, {y:.0f}) px, the calibration frame "
-        f"turned by {round(hypothesis.turned_deg(half.view))} degrees, handedness {hypothesis.view.handedness:+d}: "
+        f"turned by {turned_deg} degrees, handedness {handedness:+d}: "
         f"{len(known)} of {len(half.xy_px)} blobs explained to {hypothesis.rms_px:.2f} px"
     )
 
@@ -216,7 +217,8 @@ def _check_explained(
     half: Half, winner: Hypothesis, frame: ObjectModel, settings: IdentificationSettings
 ) -> None:
     name, count = half.view.name, len(half.xy_px)
-    check_count(name, winner.found, "targets that can be identified", settings.least_targets)
+    if winner.found >= settings.least_share * count:
+        check_count(name, winner.found, "targets that can be identified", settings.least_targets)
     if winner.found < settings.least_share * count or winner.rms_px > settings.most_rms_px:
         raise MeasurementError(
             f"the {name} view does not show the calibration frame {frame.name}: of its {count} blobs the "
