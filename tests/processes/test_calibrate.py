@@ -13,8 +13,9 @@ from grabberd.errors import InputError, MeasurementError, RankDeficient
 from grabberd.field import Field, NumberedField, quantise, split_frame
 from grabberd.geometry import Calibration, NominalRig, project
 from grabberd.processes.accuracy import Coordinates, Truth, accuracy
-from grabberd.processes.calibrate import CalibrateSettings, calibrate
+from grabberd.processes.calibrate import calibrate
 from grabberd.processes.calibration_report import report_document
+from grabberd.processes.calibration_result import CalibrateSettings
 from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
 from processes.fake_scene import take_scene

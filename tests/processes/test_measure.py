@@ -83,6 +83,13 @@ def test_the_same_fields_give_the_same_points_bit_for_bit(liner, bits, lines):
     assert bytes_of(again) == bytes_of(liner.measured(bits, lines)[:20])
 
 
+def test_the_line_jitter_is_asked_of_the_first_nine_fields_and_then_of_every_twenty_fifth(liner):
+    found = [one.blobs.line_jitter_px for one in liner.measured(8, "field")]
+    asked = [n for n, jitter_px in enumerate(found) if jitter_px is not None]
+    assert asked == [*range(9), 25, 50]
+    assert [found[n] for n in asked] == pytest.approx([0.12] * 11, rel=0.35)
+
+
 def test_each_field_is_answered_before_the_next_is_taken(liner):
     taken = []
     fields = (taken.append(one.n) or one for one in itertools.cycle(liner.packed(1, "doubled")))

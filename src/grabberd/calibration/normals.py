@@ -9,15 +9,13 @@ from grabberd.calibration.network import Network
 from grabberd.calibration.unknowns import Unknowns
 from grabberd.errors import MeasurementError
 from grabberd.geometry import PARAMETERS, Rig, View, linearise_parameters
+from grabberd.geometry.symmetric import DIAGONAL, FIRST, SECOND, inverse_symmetric
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _CENTER = slice(PARAMETERS.index("X0_mm"), PARAMETERS.index("Z0_mm") + 1)
 # A symmetric 3x3 matrix is kept as its six elements 00 01 02 11 12 22.
-_FIRST, _SECOND, _DIAGONAL = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2), (0, 3, 5)
-_SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-_COFACTORS = np.array([(3, 2, 1, 0, 1, 0), (5, 4, 4, 5, 2, 3), (4, 1, 2, 2, 0, 1), (4, 5, 3, 2, 4, 1)])
 
 
 class State(NamedTuple):
@@ -161,8 +159,8 @@ class Problem:
             nothing = np.empty((6, 0))
             return Normals(matrix, right, nothing, nothing[:3], np.empty((3, 0, len(right))))
         places = self.by_place(linear)
-        own = (places[:, :, _FIRST] * places[:, :, _SECOND]).sum(axis=(0, 1))
-        own[_DIAGONAL, :] += self._own_prior
+        own = (places[:, :, FIRST] * places[:, :, SECOND]).sum(axis=(0, 1))
+        own[DIAGONAL, :] += self._own_prior
         own_right = (places * linear.image[:, :, np.newaxis, self.moving]).sum(axis=(0, 1))
         own_right += linear.offset * self.prior
         return Normals(matrix, right, own, own_right, self._cross(places, linear.slopes))
@@ -205,19 +203,10 @@ def reduced(normals: Normals, damping: float = 0.0) -> Reduced:
     if not count:
         return Reduced(normals.matrix, normals.right, np.empty((3, 3, 0)), normals.cross)
     own = normals.own.copy()
-    own[_DIAGONAL, :] *= 1.0 + damping
-    inverse = _inverse(own)
+    own[DIAGONAL, :] *= 1.0 + damping
+    inverse = inverse_symmetric(own)
     coupling = np.einsum("klp,lpu->kpu", inverse, normals.cross)
     flat = coupling.reshape(3 * count, unknowns)
     matrix = normals.matrix - normals.cross.reshape(3 * count, unknowns).T @ flat
     right = normals.right - normals.own_right.reshape(3 * count) @ flat
     return Reduced(matrix, right, inverse, coupling)
-
-
-def _inverse(six: Array) -> Array:
-    """(3, 3, P) inverse of symmetric matrices given by six elements (6, P)."""
-    first, second, third, fourth = six[_COFACTORS]
-    cofactors = first * second - third * fourth
-    determinant = (six[:3] * cofactors[:3]).sum(axis=0)
-    inverse: Array = (cofactors / determinant)[_SQUARE]
-    return inverse

@@ -9,21 +9,18 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def band_of(at: NDArray[np.int64], matrices: Array, count: int) -> Array:
-    """(h, count) the sum of N symmetric matrices, its diagonals from the main one down.
+def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, shape: tuple[int, int]) -> Array:
+    """(h, count) sums of the elements of a symmetric matrix, its diagonals from the main one down.
 
     Args:
-        at: (N, h) int64, the equation of each row and column, ascending and at most h apart.
-        matrices: (N, h, h) float64.
-        count: how many equations there are.
+        row: equation of each element.
+        column: likewise, at most h − 1 less.
+        value: the elements, of the same shape.
+        shape: h and how many equations there are.
     """
-    height = at.shape[1]
-    below = at[:, :, np.newaxis] - at[:, np.newaxis, :]
-    lower = below >= 0
-    place = (below * count + at[:, np.newaxis, :])[lower]
-    band: Array = (
-        np.bincount(place, matrices[lower], height * count).reshape(height, count).astype(np.float64)
-    )
+    height, count = shape
+    place = (row - column) * count + column
+    band: Array = np.bincount(place.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
     return band
 
 

@@ -31,21 +31,20 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
     Returns:
         (N, h, w) grey values, (N, 8, h, w) derivatives by the eight.
     """
-    x, y, contrast, background, half_width, half_height, lean, blurring_y = discs[
-        :, :, np.newaxis, np.newaxis
-    ]
-    v = y_px[:, np.newaxis] - y
-    u = (x_px - x - lean * v) / half_width
+    x, y, contrast, background, half_width, half_height, lean, blurring_y = discs[:, :, np.newaxis]
+    v = np.repeat(y_px, len(x_px)) - y
+    u = (np.tile(x_px, len(y_px)) - x - lean * v) / half_width
     down = v / half_height
     radius2 = u * u + down * down + np.float32(1e-6)
     radius = np.sqrt(radius2)
     across, along = u / half_width, down / half_height - lean * u / half_width
     across2, along2 = across * across, along * along
     blurring = np.float32(blurring_x) * across2 + blurring_y * along2 + np.float32(1e-6)
-    distance = (radius2 - radius) / np.sqrt(blurring)
+    root = np.sqrt(blurring)
+    distance = (radius2 - radius) / root
     inside, density = _looked_up(distance)
-    slopes = np.empty((discs.shape[1], 8, len(y_px), len(x_px)), np.float32)
-    edge = contrast * density / np.sqrt(blurring)
+    slopes = np.empty((discs.shape[1], 8, v.shape[1]), np.float32)
+    edge = contrast * density / root
     slopes[:, X], slopes[:, Y] = edge * across, edge * along
     slopes[:, CONTRAST], slopes[:, BACKGROUND] = inside, 1.0
     slopes[:, HALF_WIDTH], slopes[:, HALF_HEIGHT] = (
@@ -54,7 +53,8 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
     )
     slopes[:, LEAN] = slopes[:, X] * v
     slopes[:, BLURRING] = contrast * density * distance * along2 / (2 * blurring)
-    return background + contrast * inside, slopes
+    shape = len(y_px), len(x_px)
+    return (background + contrast * inside).reshape(-1, *shape), slopes.reshape(-1, 8, *shape)
 
 
 def _looked_up(distance: Array) -> tuple[Array, Array]:

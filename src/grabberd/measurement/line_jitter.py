@@ -44,8 +44,10 @@ def steadied(seen: Seen, located: Located) -> Steadied:
             line_jitter_px=None
         )
     line = line_of_row(seen.packed, located.centres[chords.blob, 1])
-    found = line_shifts(chords, line, lines_of(seen.packed), expected_px)
-    return _corrected(located.centres, chords, found)
+    known = seen.settings.line_jitter_known
+    found = line_shifts(chords, line, lines_of(seen.packed), expected_px, known=known)
+    steady = _corrected(located.centres, chords, found)
+    return steady._replace(line_jitter_px=None) if known else steady
 
 
 def _corrected(centres: Array, chords: Chords, found: LineShifts) -> Steadied:

@@ -128,13 +128,14 @@ class _System(NamedTuple):
         count = int(touched.sum())
         at = (np.cumsum(touched) - 1)[line].clip(0)
         solver = _solver(chords.weight, beside, lean)
-        explained = solver[:, :1] + beside[:, :, np.newaxis] * solver[:, 1:]
-        own = np.eye(line.shape[1]) - explained
-        matrix = chords.weight[:, :, np.newaxis] * own
-        right: Array = np.bincount(
-            at.ravel(), (matrix @ chords.centre[:, :, np.newaxis]).ravel(), count
-        ).astype(np.float64)
-        return cls(chords, at, beside, lean, solver, band_of(at, matrix, count), right)
+        row, column = np.tril_indices(line.shape[1])
+        explained = solver[:, 0, column] + beside[:, row] * solver[:, 1, column]
+        matrix = chords.weight[:, row] * ((row == column) - explained)
+        x, lean_of = (solver @ chords.centre[:, :, np.newaxis]).transpose(1, 0, 2)
+        weighted = chords.weight * (chords.centre - x - beside * lean_of)
+        right: Array = np.bincount(at.ravel(), weighted.ravel(), count).astype(np.float64)
+        band = band_of(at[:, row], at[:, column], matrix, (line.shape[1], count))
+        return cls(chords, at, beside, lean, solver, band, right)
 
     def likeliest_px(self, expected_px: float) -> float:
         """The likeliest jitter: of a few, then of a few about that."""

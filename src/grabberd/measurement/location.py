@@ -61,6 +61,7 @@ class LocationSettings:
         spread_px: standard deviation of the spread function, frame pixels.
         line_jitter_px: standard deviation of a field line's shift in x, frame pixels, as it is expected; 0:
             lines are not shifted.
+        line_jitter_known: it is known well enough not to be estimated from each field's own shifts.
         line_shifts: whether the shifts are solved for, and their standard deviation with them; None: with
             more than 1 bit, where it takes a third off the error in space; at 1 bit it takes a thirtieth.
 
@@ -75,6 +76,7 @@ class LocationSettings:
     target_px: float | None = None
     spread_px: float = 0.8
     line_jitter_px: float = 0.12
+    line_jitter_known: bool = False
     line_shifts: bool | None = None
 
     def __post_init__(self) -> None:

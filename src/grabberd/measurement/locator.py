@@ -14,6 +14,8 @@ from grabberd.measurement.shapes import Shapes
 if TYPE_CHECKING:
     from grabberd.measurement.location import LocationSettings
 
+ALL_BUT_THE_TALLEST = 0.95
+
 
 class Seen(NamedTuple):
     """The connected components of one field, N of them, before anyone has located them.
@@ -62,6 +64,20 @@ class Chords(NamedTuple):
     centre: NDArray[np.float64]
     weight: NDArray[np.float64]
     share: NDArray[np.float64]
+
+    def trimmed(self, wanted: NDArray[np.bool_]) -> "Chords":
+        """As few lines of each as hold those wanted, (N, h) bool, of all but the tallest: these lose some."""
+        if not wanted.any():
+            return self
+        first, height = wanted.argmax(axis=1), wanted.shape[1]
+        tall = np.sort(height - wanted[:, ::-1].argmax(axis=1) - first)
+        count = int(tall[int(ALL_BUT_THE_TALLEST * (len(tall) - 1))])
+        first = np.minimum(first, height - count)
+        kept = first[:, np.newaxis] + np.arange(count)
+        centre, weight, share = (
+            np.take_along_axis(one, kept, axis=1) for one in (self.centre, self.weight, self.share)
+        )
+        return Chords(self.blob, self.line + first, centre, weight, share)
 
 
 class Located(NamedTuple):

@@ -30,7 +30,7 @@ BLURRED_PX = 0.9
 """By so much a blob's pixels above a low threshold reach beyond the disc's edge."""
 PIXEL, ROW = 1 / 12, 0.2
 """What a pixel adds to the variance of the spread function; and a row, of one line or the sum of two."""
-VAGUEST_CHORD_PX = 1.0
+VAGUEST_CHORD_PX = 0.5
 LEAST = 1e-6
 
 Array = NDArray[np.float64]
@@ -97,10 +97,11 @@ def _chords(windows: Windows, fit: _Fit, noise: float) -> Chords:
     beside = windows.y_px - fit.discs[Y][:, np.newaxis]
     along = fit.discs[X][:, np.newaxis] + fit.discs[LEAN][:, np.newaxis] * beside
     precision = weight / noise**2
+    sure = precision > VAGUEST_CHORD_PX**-2
     return Chords(
         blob=windows.blob,
         line=windows.line,
         centre=windows.column[:, np.newaxis] + (along + own).astype(np.float64),
-        weight=np.where(precision > VAGUEST_CHORD_PX**-2, precision, 0.0),
+        weight=np.where(sure, precision, 0.0),
         share=weight / np.maximum(weight.sum(axis=1, keepdims=True), LEAST),
-    )
+    ).trimmed(sure)

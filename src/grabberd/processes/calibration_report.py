@@ -1,6 +1,5 @@
 """Everything that a calibration rests on as one JSON document, which its report is drawn from."""
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -8,17 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration import Adjustment, Blunder, ViewIdentification
-from grabberd.geometry import PARAMETERS, LocalField, Rig, View, correct_all, directions_all, distortion
-from grabberd.processes.calibrate import CalibrateResult
+from grabberd.geometry import PARAMETERS, View
+from grabberd.processes.calibration_pictures import (
+    distortion_document,
+    geometry_document,
+    local_field_document,
+    volume_document,
+)
+from grabberd.processes.calibration_result import CalibrateResult
+from grabberd.processes.report_numbers import AXES, by_axis, number, numbers
 
 Array = NDArray[np.float64]
 
 SCHEMA = "grabberd/calibration-report/1"
-AXES = ("x", "y", "z")
 UNITS = {"mm": "mm", "px": "px", "rad": "rad"}
 DISTORTION_UNITS = ("1", "1", "mm⁻²", "mm⁻⁴", "mm⁻⁶", "mm⁻¹", "mm⁻¹", "mm⁻²", "mm⁻²")
-GRID_PX = 20
-"""Distortion and local field are shown at nodes so far apart."""
 
 
 def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[str, Any]:
@@ -46,7 +49,7 @@ def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[s
         "views": [_view(result, index) for index in range(len(adjustment.views))],
         "unknowns": {
             "names": list(adjustment.unknowns.names),
-            "correlation": _numbers(adjustment.correlation),
+            "correlation": numbers(adjustment.correlation),
         },
         "comparison": [_difference(one) for one in result.differences],
         "tests": [_test(one) for one in result.elimination.tests] if result.elimination else [],
@@ -55,10 +58,10 @@ def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[s
         "blunders": [_blunder(result, one) for one in result.blunders],
         "normality": [_normality(one) for one in result.normality],
         "validation": _validation(result),
-        "volume": _volume(result),
-        "distortion": [_distortion(view, result.nominal.lines) for view in result.views],
-        "local_field": _local_field(result),
-        "geometry": _geometry(result),
+        "volume": volume_document(result),
+        "distortion": [distortion_document(view, result.nominal.lines) for view in result.views],
+        "local_field": local_field_document(result),
+        "geometry": geometry_document(result),
         "warnings": list(result.warnings),
     }
 
@@ -101,8 +104,8 @@ def _identification(result: CalibrateResult) -> dict[str, Any]:
 
     return {
         "handedness": of_each(lambda side: side.view.handedness),
-        "rms_px": of_each(lambda side: _number(side.rms_px)),
-        "runner_up_rms_px": of_each(lambda side: _number(side.runner_up_rms_px)),
+        "rms_px": of_each(lambda side: number(side.rms_px)),
+        "runner_up_rms_px": of_each(lambda side: number(side.runner_up_rms_px)),
         "found": of_each(found),
         "of": len(result.frame),
         "unmatched_blobs": of_each(lambda side: len(side.unmatched)),
@@ -170,9 +173,9 @@ def _difference(one: Any) -> dict[str, Any]:
         "left": one.first,
         "right": one.second,
         "difference": one.difference,
-        "sigma": _number(one.sigma),
-        "statistic": _number(one.z),
-        "p": _number(one.p),
+        "sigma": number(one.sigma),
+        "statistic": number(one.z),
+        "p": number(one.p),
     }
 
 
@@ -192,11 +195,11 @@ def _residuals(result: CalibrateResult) -> list[dict[str, Any]]:
                 "view": adjustment.views[view].name,
                 "target": int(result.frame.target[target]),
                 "fields": fields[view, target],
-                **_pair("", "_px", network.xy_px[index]),
-                **_pair("d", "_px", adjustment.residual_px[index]),
-                **_pair("sigma_", "_px", network.sigma_px[index]),
-                **_pair("redundancy_", "", adjustment.redundancy[index]),
-                **_pair("tau_", "", adjustment.standardised[index]),
+                **by_axis("", "_px", network.xy_px[index]),
+                **by_axis("d", "_px", adjustment.residual_px[index]),
+                **by_axis("sigma_", "_px", network.sigma_px[index]),
+                **by_axis("redundancy_", "", adjustment.redundancy[index]),
+                **by_axis("tau_", "", adjustment.standardised[index]),
             }
         )
     return rows
@@ -217,7 +220,7 @@ def _blunder(result: CalibrateResult, one: Blunder) -> dict[str, Any]:
     return {
         "view": one.view,
         "target": int(result.frame.target[one.target]),
-        **_pair("", "_px", one.xy_px),
+        **by_axis("", "_px", one.xy_px),
         "axis": AXES[worse],
         "residual_px": one.residual_px[worse],
         "tau": one.tau,
@@ -229,11 +232,11 @@ def _normality(one: Any) -> dict[str, Any]:
     return {
         "view": "both" if one.of == "all" else one.of,
         "count": one.count,
-        "skewness": _number(one.skewness),
-        "excess_kurtosis": _number(one.kurtosis),
+        "skewness": number(one.skewness),
+        "excess_kurtosis": number(one.kurtosis),
         "test": "Jarque–Bera, finite sample",
-        "statistic": _number(one.statistic),
-        "p": _number(one.p),
+        "statistic": number(one.statistic),
+        "p": number(one.p),
     }
 
 
@@ -249,9 +252,9 @@ def _validation(result: CalibrateResult) -> dict[str, Any] | None:
         {
             "target": int(result.frame.target[target]),
             "block": int(block),
-            **_triple("", "_mm", places[index]),
-            **_triple("d", "_mm", held.error_mm[index]),
-            **_triple("sigma_", "_mm", sigma[index]),
+            **by_axis("", "_mm", places[index]),
+            **by_axis("d", "_mm", held.error_mm[index]),
+            **by_axis("sigma_", "_mm", sigma[index]),
         }
         for index, (target, block) in enumerate(zip(held.target, held.block, strict=True))
     ]
@@ -264,149 +267,3 @@ def _validation(result: CalibrateResult) -> dict[str, Any] | None:
         "p": held.p,
         "points": points,
     }
-
-
-def _volume(result: CalibrateResult) -> dict[str, Any]:
-    volume = result.volume
-    grid = volume.xyz_mm
-    calibration, total = volume.calibration_sigma_mm, volume.sigma_mm
-    planes = [
-        {
-            "z_mm": float(grid[plane, 0, 0, 2]),
-            "calibration": {axis: _numbers(calibration[plane, :, :, k]) for k, axis in enumerate(AXES)},
-            "total": {axis: _numbers(total[plane, :, :, k]) for k, axis in enumerate(AXES)},
-        }
-        for plane in range(len(grid))
-    ]
-    pointing = result.adjustment.sigma0 * np.sqrt(np.mean(result.adjustment.network.sigma_px**2, axis=0))
-    return {
-        "x_mm": grid[0, :, 0, 0].tolist(),
-        "y_mm": grid[0, 0, :, 1].tolist(),
-        "planes": planes,
-        "pointing_px": pointing.tolist(),
-    }
-
-
-def _distortion(view: View, lines: int) -> dict[str, Any]:
-    columns, rows, xy_px = _nodes(view, lines)
-    scale = np.array([view.pixel_x_mm, -view.pixel_y_mm])
-    added = distortion(view.b, (xy_px - (view.x0_px, view.y0_px)) * scale) / scale
-    return _grid(view.name, columns, rows, added)
-
-
-def _local_field(result: CalibrateResult) -> dict[str, Any] | None:
-    trial = result.local
-    if trial is None:
-        return None
-    views = result.views
-    held_out = {
-        view.name: {"without": float(one[0]), "with": float(one[1])}
-        for view, one in zip(views, trial.held_out_px, strict=True)
-    }
-    grids = [
-        _field_grid(view, field, result.nominal.lines)
-        for view, field in zip(views, trial.fields, strict=True)
-        if field is not None
-    ]
-    return {
-        "accepted": trial.accepted,
-        "held_out_rms_px": held_out,
-        "gain": _number(trial.gain),
-        "length_px": {view.name: _number(trial.components.length_px) for view in views},
-        "signal_px": {view.name: _number(trial.components.signal_px) for view in views},
-        "grids": grids,
-    }
-
-
-def _field_grid(view: View, field: LocalField, lines: int) -> dict[str, Any]:
-    columns, rows, xy_px = _nodes(view, lines)
-    return _grid(view.name, columns, rows, field.at(xy_px))
-
-
-def _nodes(view: View, lines: int) -> tuple[Array, Array, Array]:
-    columns = np.linspace(view.first_column, view.end_column - 1, _count(view.end_column - view.first_column))
-    rows = np.linspace(0, lines - 1, _count(lines))
-    return columns, rows, np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-
-
-def _count(pixels: int) -> int:
-    return max(2, round(pixels / GRID_PX) + 1)
-
-
-def _grid(name: str, columns: Array, rows: Array, shift_px: Array) -> dict[str, Any]:
-    x, y = shift_px.reshape(len(rows), len(columns), 2).transpose(2, 0, 1)
-    return {
-        "view": name,
-        "columns": columns.tolist(),
-        "lines": rows.tolist(),
-        "dx_px": _numbers(x),
-        "dy_px": _numbers(y),
-    }
-
-
-def _geometry(result: CalibrateResult) -> dict[str, Any]:
-    views = result.views
-    rig = Rig.of_views(views)
-    centers, axes = rig.center_mm[:, :, 0], -rig.rotation[:, 2]
-    middles = [_rays(rig, index, _middle(view, result.nominal.lines))[0] for index, view in enumerate(views)]
-    base = centers[1] - centers[0]
-    return {
-        "cameras": [
-            {
-                "name": view.name,
-                "center_mm": centers[index].tolist(),
-                "axis": axes[index].tolist(),
-                "corners": _rays(rig, index, _corners(view, result.nominal.lines)).tolist(),
-            }
-            for index, view in enumerate(views)
-        ],
-        "targets_mm": result.adjustment.xyz_mm.tolist(),
-        "base_mm": float(np.linalg.norm(base)),
-        "distance_mm": float(np.linalg.norm(centers.mean(axis=0) - result.frame.xyz_mm.mean(axis=0))),
-        "convergence_deg": math.degrees(math.acos(float(np.clip(middles[0] @ middles[1], -1, 1)))),
-        "planar_motion_mm": _planar_motion(rig, base),
-    }
-
-
-def _planar_motion(rig: Rig, base_mm: Array) -> float | None:
-    """The base along the axis of the relative rotation: zero where each view has one mirror."""
-    relative = rig.rotation[1] @ rig.rotation[0].T
-    turned = np.array(
-        [relative[2, 1] - relative[1, 2], relative[0, 2] - relative[2, 0], relative[1, 0] - relative[0, 1]]
-    )
-    length = float(np.linalg.norm(turned))
-    return float(abs((rig.rotation[0] @ base_mm) @ turned) / length) if length > 1e-9 else None
-
-
-def _rays(rig: Rig, index: int, xy_px: Array) -> Array:
-    """(N, 3) unit vectors of a view through frame pixels (N, 2)."""
-    every = np.repeat(xy_px.T[:, np.newaxis], len(rig.views), axis=1)
-    rays: Array = directions_all(rig, correct_all(rig, every))[index].T
-    return rays
-
-
-def _middle(view: View, lines: int) -> Array:
-    return np.array([[0.5 * (view.first_column + view.end_column - 1), 0.5 * (lines - 1)]])
-
-
-def _corners(view: View, lines: int) -> Array:
-    left, right = view.first_column - 0.5, view.end_column - 0.5
-    top, bottom = -0.5, lines - 0.5
-    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
-
-
-def _pair(before: str, after: str, values: Any) -> dict[str, float | None]:
-    return {f"{before}{axis}{after}": _number(value) for axis, value in zip(AXES, values, strict=False)}
-
-
-def _triple(before: str, after: str, values: Any) -> dict[str, float | None]:
-    return _pair(before, after, values)
-
-
-def _number(value: float) -> float | None:
-    """What is not finite is null in JSON."""
-    return float(value) if np.isfinite(value) else None
-
-
-def _numbers(values: Array) -> list[Any]:
-    return [[_number(value) for value in row] for row in values]

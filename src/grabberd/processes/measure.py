@@ -1,5 +1,6 @@
 """Fields in, points out: location, correspondence and intersection (paper figures 4 and 10)."""
 
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
@@ -7,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field import NumberedField
+from grabberd.field import NumberedField, PackedField
 from grabberd.geometry import Calibration, LocalField, Rig, View
 from grabberd.measurement import Blobs, LocationSettings, measure
 from grabberd.reconstruction import (
@@ -19,6 +20,9 @@ from grabberd.reconstruction import (
     TrackingSettings,
     ViewBlobs,
 )
+
+JITTERS, JITTER_EVERY = 9, 25
+"""The line jitter is the median of so many fields' own estimates; then one field in so many is asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +64,26 @@ def measure_fields(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iter
         yield step.measure(numbered)
 
 
+class _Locating:
+    """How the next field's blobs are located: the line jitter is the equipment's and seldom asked for."""
+
+    def __init__(self, settings: LocationSettings) -> None:
+        self._settings = settings
+        self._fields = 0
+        self._jitters_px: deque[float] = deque(maxlen=JITTERS)
+
+    def blobs(self, packed: PackedField) -> Blobs:
+        known = len(self._jitters_px) == JITTERS and self._fields % JITTER_EVERY > 0
+        likely_px = float(np.median(self._jitters_px)) if known else self._settings.line_jitter_px
+        blobs = measure(
+            packed, None, replace(self._settings, line_jitter_px=likely_px, line_jitter_known=known)
+        )
+        self._fields += 1
+        if blobs.line_jitter_px is not None:
+            self._jitters_px.append(blobs.line_jitter_px)
+        return blobs
+
+
 class _Step:
     """What is carried from field to field."""
 
@@ -67,14 +91,14 @@ class _Step:
         self.y_step = y_step
         self._setup = setup
         rig = Rig.of(setup.calibration)
-        self._location = replace(setup.location, line_jitter_px=setup.line_jitter_px)
+        self._locating = _Locating(replace(setup.location, line_jitter_px=setup.line_jitter_px))
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
         self._track: Track = self._tracker.start()
         self._last_ns: int | None = None
 
     def measure(self, numbered: NumberedField) -> MeasuredField:
-        blobs = measure(numbered.packed, None, self._location)
+        blobs = self._locating.blobs(numbered.packed)
         known = self._setup.calibration
         halves = zip(known.views, known.local_fields, strict=True)
         left, right = (whole_blobs(blobs, view, local_field) for view, local_field in halves)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig, approach, correct_all, directions_all, linearise, parameter_slopes
+from grabberd.geometry.symmetric import FIRST, SECOND, inverse_symmetric
 from grabberd.reconstruction.image_noise import Common, ImageNoise, Whitening
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ViewBlobs
@@ -15,10 +16,6 @@ Array = NDArray[np.float64]
 _SETTLED_MM = 5e-3
 """After a step this short the next would be below 1e-6 mm: at .2 m the model is that nearly linear."""
 _MOST_STEPS = 10
-# A symmetric 3x3 matrix is kept as its six elements 00 01 02 11 12 22.
-_FIRST, _SECOND = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
-_SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
-_COFACTORS = np.array([(3, 2, 1, 0, 1, 0), (5, 4, 4, 5, 2, 3), (4, 1, 2, 2, 0, 1), (4, 5, 3, 2, 4, 1)])
 
 _EACH = np.eye(4).reshape(2, 2, 4, 1)
 """Coordinate, view, error: every one moves one image coordinate."""
@@ -99,21 +96,12 @@ def _adjust(rig: Rig, observed: Array, whitening: Whitening, start_mm: Array) ->
         residual = observed - computed
         design = whitening.of_slopes(slopes).reshape(4, 3, -1)
         misfit = whitening.of_values(residual).reshape(4, 1, -1)
-        inverse = _inverse((design[:, _FIRST] * design[:, _SECOND]).sum(axis=0))
+        inverse = inverse_symmetric((design[:, FIRST] * design[:, SECOND]).sum(axis=0))
         step = (inverse * (design * misfit).sum(axis=0)).sum(axis=1)
         xyz = xyz + step
         if not (np.abs(step) > _SETTLED_MM).any():
             break
     return _Adjusted(xyz, inverse, design, residual - (slopes * step).sum(axis=2))
-
-
-def _inverse(six: Array) -> Array:
-    """(3, 3, N) inverse of N symmetric matrices given by six elements (6, N)."""
-    first, second, third, fourth = six[_COFACTORS]
-    cofactors = first * second - third * fourth
-    determinant = (six[:3] * cofactors[:3]).sum(axis=0)
-    inverse: Array = (cofactors / determinant)[_SQUARE]
-    return inverse
 
 
 def _calibration_share(rig: Rig, observed: Array, whitening: Whitening, adjusted: _Adjusted) -> Array:

@@ -15,8 +15,9 @@ from grabberd.config import RigConfig
 from grabberd.errors import InputError
 from grabberd.field import NumberedField
 from grabberd.geometry import PARAMETERS, NominalRig
-from grabberd.processes.calibrate import CalibrateResult, CalibrateSettings, calibrate
+from grabberd.processes.calibrate import calibrate
 from grabberd.processes.calibration_report import report_document
+from grabberd.processes.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs import Progress
