@@ -4,7 +4,7 @@ import argparse
 import platform
 from pathlib import Path
 
-from tests.bench import accuracy, adjustment, core, live, location
+from tests.bench import accuracy, adjustment, core, live, location, location_bits
 
 HEADER = """# What was measured
 
@@ -36,6 +36,8 @@ def main() -> None:
         sections["Pointing of all locators on the same fields, px"] = location.table()
         sections["Pointing over bits, one capture quantised anew, RMS in px"] = location.table_of_bits()
         sections["Pointing over the targets' size, 8 bit, .5 % noise, RMS in px"] = location.table_of_sizes()
+        sections["Pointing at 1 bit: noise and line jitter, RMS in px"] = location_bits.table()
+        sections["Pointing at 1 bit: the missing lines, RMS in px"] = location_bits.table_of_lines()
     if options.what in ("live", "all"):
         sections[f"Live, {options.seconds:.0f} s at 50 Hz"] = live.table(options.seconds)
     for title, text in sections.items():
