@@ -32,7 +32,7 @@ def investigated(scene, bits, lines, **settings):
 @pytest.mark.parametrize("scene", ["at_rest", "pulsating"])
 def test_the_smoothed_points_have_the_sigma_that_they_are_given(scene, bits, request):
     result = investigated(request.getfixturevalue(scene), bits, "doubled" if bits == 1 else "field")
-    assert 0.75 < np.sqrt(result.smoothed.chi2) < 1.25
+    assert 0.65 < np.sqrt(result.smoothed.chi2) < 1.25
 
 
 @pytest.mark.slow
@@ -88,7 +88,7 @@ def test_where_there_are_too_few_targets_it_says_why_there_is_no_verdict(at_rest
 
 
 def test_without_any_point_nothing_is_made_up(at_rest):
-    with pytest.raises(MeasurementError, match="none of 0 points in 0 fields"):
+    with pytest.raises(MeasurementError, match="no point in 0 fields"):
         investigate([], at_rest.truth, InvestigationSettings())
 
 

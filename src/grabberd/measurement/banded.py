@@ -1,10 +1,8 @@
 """Symmetric positive definite equations whose matrix is a band."""
 
-from functools import cache
-from types import ModuleType
-
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 Array = NDArray[np.float64]
 
@@ -28,25 +26,17 @@ def factor(band: Array, more: float) -> Array:
     """(h, count) lower Cholesky factor of a band with so much more on its main diagonal."""
     own = band.copy(order="F")
     own[0] += more
-    lower: Array = _lapack().dpbtrf(own, lower=1, overwrite_ab=1)[0]
+    lower: Array = lapack.dpbtrf(own, lower=1, overwrite_ab=1)[0]
     return lower
 
 
 def solve(lower: Array, right: Array) -> Array:
     """Solution for the right sides (count,) or (count, M)."""
-    solution: Array = _lapack().dpbtrs(lower, right, lower=1)[0]
+    solution: Array = lapack.dpbtrs(lower, right, lower=1)[0]
     return solution
 
 
 def half_solve(lower: Array, right: Array) -> Array:
     """L⁻¹ of the right sides (count, M): the products of its columns are those with the inverse between."""
-    solution: Array = _lapack().dtbtrs(lower, right, uplo="L")[0]
+    solution: Array = lapack.dtbtrs(lower, right, uplo="L")[0]
     return solution
-
-
-@cache
-def _lapack() -> ModuleType:
-    """Loaded when it is needed first: that takes half a second."""
-    from scipy.linalg import lapack  # noqa: PLC0415
-
-    return lapack

@@ -6,7 +6,6 @@ with the least error, and the weighted variance is its own.
 """
 
 import math
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +52,9 @@ def locate_by_locale(seen: Seen) -> Located:
     patterns = patterns_of(seen, centres)
     if not patterns.kinds:
         return Located(centres, sigma_px)
-    found = Posterior.of(_likelihoods(patterns, seen, _likeliest_noise(patterns, seen)), seen.packed.y_step)
+    spread_px, jitter_px = seen.settings.spread_px, seen.settings.line_jitter_px
+    look = Appearance(1.0, 1.0, patterns.fraction, NOISES[0], spread_px, jitter_px, seen.packed.y_step)
+    found = _posterior(patterns, look._replace(noise=_likeliest_noise(patterns, look)))
     explained = found.evidence > np.median(found.evidence) - UNEXPLAINED
     blob = patterns.blob[explained]
     stretched = patterns.stretched[explained]
@@ -73,29 +74,18 @@ def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:
     return JITTER_OF_ENDS[seen.packed.y_step] * common
 
 
-def _likeliest_noise(patterns: Patterns, seen: Seen) -> float:
-    """The one of `NOISES` after which it gets worse, for blobs of the most frequent kind."""
-    count = min(patterns.blobs[0], NOISE_BLOBS)
-    some = patterns._replace(kinds=patterns.kinds[:1], blobs=[count], cuts=patterns.cuts.upto(count))
-    evidence = -math.inf
-    for quieter, noise in pairwise((NOISES[0], *NOISES)):
-        of_this = _in_all(evidence_of(_likelihoods(some, seen, noise)))
-        if of_this <= evidence:
-            return quieter
-        evidence = of_this
-    return NOISES[-1]
+def _likeliest_noise(patterns: Patterns, look: Appearance) -> float:
+    """The one of `NOISES` that explains blobs of the most frequent kind best."""
+    kind, blobs = patterns.kinds[0], min(patterns.blobs[0], NOISE_BLOBS)
+    tables = [table(look.of_size(*kind)._replace(noise=noise), Extent.around(*kind)) for noise in NOISES]
+    cuts = patterns.cuts.repeated(blobs, len(NOISES))
+    evidence = evidence_of(likelihoods(tables, [blobs] * len(NOISES), cuts)).reshape(len(NOISES), blobs)
+    # What is no target counts for little.
+    least = np.median(evidence, axis=1, keepdims=True) - UNEXPLAINED
+    return NOISES[int(np.maximum(evidence, least).sum(axis=1).argmax())]
 
 
-def _in_all(evidence: Array) -> float:
-    """Of these blobs together; what is no target counts for little."""
-    return float(np.maximum(evidence, np.median(evidence) - UNEXPLAINED).sum())
-
-
-def _likelihoods(patterns: Patterns, seen: Seen, noise: float) -> NDArray[np.float32]:
-    settings, y_step = seen.settings, seen.packed.y_step
-    unsized = Appearance(
-        1.0, 1.0, patterns.fraction, noise, settings.spread_px, settings.line_jitter_px, y_step
-    )
+def _posterior(patterns: Patterns, look: Appearance) -> Posterior:
     extent = Extent.around(*np.max(patterns.kinds, axis=0))
-    tables = [table(unsized.of_size(*kind), extent) for kind in patterns.kinds]
-    return likelihoods(tables, patterns.blobs, patterns.cuts)
+    tables = [table(look.of_size(*kind), extent) for kind in patterns.kinds]
+    return Posterior.of(likelihoods(tables, patterns.blobs, patterns.cuts), look.y_step)

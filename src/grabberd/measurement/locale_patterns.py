@@ -54,11 +54,13 @@ class Cuts(NamedTuple):
     end: Whole
     phase: Whole
 
-    def upto(self, blobs: int) -> "Cuts":
-        """Those of so many blobs from the first."""
+    def repeated(self, blobs: int, times: int) -> "Cuts":
+        """Those of so many blobs from the first, several times over."""
         rows = int(self.first[blobs]) if blobs < len(self.first) else len(self.row)
-        interpolated, row, start, end = (values[:rows] for values in self[1:5])
-        return Cuts(self.first[:blobs], interpolated, row, start, end, self.phase[:blobs])
+        begin = np.repeat(np.arange(times) * rows, blobs)
+        interpolated, row, start, end = (np.tile(values[:rows], times) for values in self[1:5])
+        first, phase = (np.tile(values[:blobs], times) for values in (self.first, self.phase))
+        return Cuts(begin + first, interpolated, row, start, end, phase)
 
 
 class Patterns(NamedTuple):

@@ -33,7 +33,7 @@ TABLES = 128
 
 
 class Offsets(NamedTuple):
-    """The G places that are looked at, relative to the middle one, frame pixels: (G,) each, y by y."""
+    """The G places that are looked at, relative to the middle one, frame pixels: (G,) each, x by x."""
 
     x_px: Single
     y_px: Single
@@ -42,22 +42,22 @@ class Offsets(NamedTuple):
 @lru_cache(maxsize=2)
 def offsets(y_step: int) -> Offsets:
     """In the order of the windows of a `Table`: from the right and from below."""
-    y, x = np.mgrid[-REACH_Y[y_step] : REACH_Y[y_step] + 1, -REACH_X : REACH_X + 1].reshape(2, -1)
+    x, y = np.mgrid[-REACH_X : REACH_X + 1, -REACH_Y[y_step] : REACH_Y[y_step] + 1].reshape(2, -1)
     return Offsets((-x / STEPS_X).astype(np.float32), (-y / STEPS_Y).astype(np.float32))
 
 
 class Table(NamedTuple):
-    """Log likelihoods of h · w places about a middle one, as windows into fine grids.
+    """Log likelihoods of w · h places about a middle one, as windows into fine grids.
 
-    Everything is asked for by the steps from the middle to a row, and by those to a run's start or end; the
+    Everything is asked for by the steps from the middle to a run's start or end, and by those to its row; the
     first index is 1 for an interpolated row. The half of a row that lies to the left of a target is decided
     by the run's start, the other by its end.
 
     Attributes:
-        starts: (2, V, U, h, w) float32, of a row's left half; `ends`: of its right half.
-        above: (2, V, `STEPS_X`, h, w) of all rows above an upmost one, which are empty, by the steps to any
+        starts: (2, U, V, w, h) float32, of a row's left half; `ends`: of its right half.
+        above: (2, `STEPS_X`, V, w, h) of all rows above an upmost one, which are empty, by the steps to any
             pixel; `below`: of those below.
-        origin: (2,) y, x: which steps are at the place 0.
+        origin: (2,) x, y: which steps are at the place 0.
     """
 
     starts: Single
@@ -88,23 +88,25 @@ def table(seen: Appearance, extent: Extent) -> Table:
     odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))
     unset = -np.log1p(np.exp(odds))
     right = (u / STEPS_X + 0.5).clip(0.0, 1.0)
-    size = 2 * REACH_Y[seen.y_step] + 1, 2 * REACH_X + 1
+    size = 2 * REACH_X + 1, 2 * REACH_Y[seen.y_step] + 1
     starts = _starts(odds * (1.0 - right), unset * (1.0 - right))
     ends = _ends(odds * right, unset * right)
     above, below = (
-        np.pad(one, ((0, 0), (0, 0), (0, size[1] - 1)), mode="wrap") for one in _caps(unset, seen.y_step)
+        np.pad(one, ((0, 0), (0, 0), (0, size[0] - 1)), mode="wrap") for one in _caps(unset, seen.y_step)
     )
     return Table(
         starts=_windows(starts, size),
         ends=_windows(ends, size),
         above=_windows(above, size),
         below=_windows(below, size),
-        origin=(int(v[0]) + size[0] // 2, int(u[0]) + size[1] // 2),
+        origin=(int(u[0]) + REACH_X, int(v[0]) + REACH_Y[seen.y_step]),
     )
 
 
 def _windows(values: Array, size: tuple[int, int]) -> Single:
-    windows: Single = sliding_window_view(values.astype(np.float32), size, axis=(1, 2))
+    """Of values (2, V, U), columns first: windows are higher than wide, and long pieces are fast to take."""
+    turned = np.ascontiguousarray(values.swapaxes(1, 2), np.float32)
+    windows: Single = sliding_window_view(turned, size, axis=(1, 2))
     return windows
 
 
