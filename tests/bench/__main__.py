@@ -1,10 +1,11 @@
-"""`python -m tests.bench [accuracy|adjustment|core|live|location|all] [--seconds N] [--write FILE]`."""
+"""`python -m tests.bench [PART] [--seconds N] [--write FILE]`; a part is a key of `PARTS`, or all of them."""
 
 import argparse
 import platform
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tests.bench import accuracy, adjustment, core, live, location, location_bits
+from tests.bench import accuracy, adjustment, calibrated, core, live, location, location_bits
 
 HEADER = """# What was measured
 
@@ -12,38 +13,43 @@ Made by `make bench` and `make soak`; do not edit. Single times on a shared mach
 the ratios, and at what the witness saw of the machine itself.
 """
 
+PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
+    "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
+    "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
+    "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
+    "core": {"From a field to its points": core.table},
+    "location": {
+        "Pointing of all locators on the same fields, px": location.table,
+        "Pointing over bits, one capture quantised anew, RMS in px": location.table_of_bits,
+        "Pointing over the targets' size, 8 bit, .5 % noise, RMS in px": location.table_of_sizes,
+        "Pointing at 1 bit: noise and line jitter, RMS in px": location_bits.table,
+        "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
+    },
+}
+"""Tables by the titles of their sections, without the live one."""
+
 
 def main() -> None:
     """Runs what is asked for, prints it, and writes it down where that is asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument(
-        "what",
-        nargs="?",
-        default="all",
-        choices=["accuracy", "adjustment", "core", "live", "location", "all"],
-    )
+    parser.add_argument("what", nargs="?", default="all", choices=[*PARTS, "live", "all"])
     parser.add_argument("--seconds", type=float, default=60.0, help="length of the live capture")
     parser.add_argument("--write", type=Path, help="file whose sections are replaced")
     options = parser.parse_args()
-    sections: dict[str, str] = {}
-    if options.what in ("accuracy", "all"):
-        sections["Accuracy against the simulator's truth, mm, RMSE of single fields"] = accuracy.table()
-    if options.what in ("adjustment", "all"):
-        sections["The bundle adjustment beside scipy.optimize.least_squares"] = adjustment.table()
-    if options.what in ("core", "all"):
-        sections["From a field to its points"] = core.table()
-    if options.what in ("location", "all"):
-        sections["Pointing of all locators on the same fields, px"] = location.table()
-        sections["Pointing over bits, one capture quantised anew, RMS in px"] = location.table_of_bits()
-        sections["Pointing over the targets' size, 8 bit, .5 % noise, RMS in px"] = location.table_of_sizes()
-        sections["Pointing at 1 bit: noise and line jitter, RMS in px"] = location_bits.table()
-        sections["Pointing at 1 bit: the missing lines, RMS in px"] = location_bits.table_of_lines()
+    tables = dict(_tables(options.what))
     if options.what in ("live", "all"):
-        sections[f"Live, {options.seconds:.0f} s at 50 Hz"] = live.table(options.seconds)
-    for title, text in sections.items():
+        tables[f"Live, {options.seconds:.0f} s at 50 Hz"] = lambda: live.table(options.seconds)
+    for title, table in tables.items():
+        text = table()
         print(f"## {title}\n\n{text}\n")
-    if options.write:
-        write(options.write, sections)
+        if options.write:
+            write(options.write, {title: text})
+
+
+def _tables(what: str) -> Mapping[str, Callable[[], str]]:
+    if what == "all":
+        return {title: table for part in PARTS.values() for title, table in part.items()}
+    return PARTS.get(what, {})
 
 
 def write(file: Path, sections: dict[str, str]) -> None:

@@ -50,7 +50,7 @@ def _scenes() -> str:
     )
     rows = []
     for name, options in SCENES:
-        scene = _Scene(options)
+        scene = Scene(options)
         rows += [_row(name, variant, scene.investigated(*how)) for variant, *how in VARIANTS]
     return "\n".join([head, "|---|---|---|---|---|---|---|---|---|---|", *rows])
 
@@ -75,7 +75,7 @@ def _table_1() -> str:
         f"| the paper, RMSE | {_axes(PAPER_RMSE)} | | |",
         f"| the paper, precision | {_axes(PAPER_PRECISION)} | | .170 / .225 |",
     ]
-    scene = _Scene({"scene": "accuracy_object", "rig": {"mirror_error_px": 0}})
+    scene = Scene({"scene": "accuracy_object", "rig": {"mirror_error_px": 0}})
     for bits, doubled in BITS:
         result = scene.investigated(bits, doubled)
         name = f"{bits} bit{'s' * (bits > 1)}, {'doubled' if doubled else '288 lines'}"
@@ -95,21 +95,21 @@ def _axes(axes: tuple[float, ...]) -> str:
     return " | ".join(f"{value:.4f}" for value in axes)
 
 
-class _Scene:
+class Scene:
     """Grey fields of the simulator, and what is true in them."""
 
     def __init__(self, options: dict[str, Any]) -> None:
         known = FakeOptions.read(options)
-        self._setup = MeasureSetup(
+        self.setup = MeasureSetup(
             Calibration.from_document(json.loads(json.dumps(calibration_document(known)))),
             ObjectModel.from_document(safe_load(object_document(known))),
         )
-        self._fields = list(_grabbed(options))
-        self._truth = _truth(options, self._fields)
+        self.fields = list(_grabbed(options))
+        self._truth = _truth(options, self.fields)
 
     def investigated(self, bits: int, doubled: bool) -> Investigation:
-        fields = requantised(self._fields, bits, doubled=doubled)
-        points = ((one.n, one.time_ns, one.points) for one in measure_fields(fields, self._setup))
+        fields = requantised(self.fields, bits, doubled=doubled)
+        points = ((one.n, one.time_ns, one.points) for one in measure_fields(fields, self.setup))
         return investigate(points, self._truth, InvestigationSettings(bits=bits))
 
 

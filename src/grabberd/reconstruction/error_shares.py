@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _COMMON = {1: 0.1, 2: 0.26, 3: 0.07}
-_COMMON_OF_GREY = 0.018
+_COMMON_OF_GREY = 0.022
 """The common part as a share of what repeated measurements differ by, for few bits and for more."""
 _LEAST_WHITE = 0.02
 _LEAST_PAIRS = 60
