@@ -127,6 +127,17 @@ def test_identifications_by_hand_are_taken(frame: Path, tmp_path: Path) -> None:
     assert "108 of 108" in result.output
 
 
+def test_measuring_something_else_says_so_and_adds_no_run(calibrated: Path, frame: Path) -> None:
+    with CaptureReader(frame) as reader:
+        before = len(reader.runs)
+    wrong = shipped_configs() / "objects" / "liner.yaml"
+    result = run("measure", frame, "--calibration", calibrated, "--object", wrong)
+    assert isinstance(result.exception, GrabberdError)
+    assert "no target" in result.exception.message
+    with CaptureReader(frame) as reader:
+        assert len(reader.runs) == before
+
+
 class TestBadInput:
     def refused(self, frame: Path, tmp_path: Path, *words: object) -> str:
         out = tmp_path / "rig.json"

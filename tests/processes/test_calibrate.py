@@ -84,6 +84,45 @@ def test_the_report_has_every_image_point_and_no_number_that_json_does_not_know(
     assert document["capture"] is None
 
 
+def test_the_volume_says_what_one_field_is_worth(made):
+    """One field's pointing, not that of the means which the calibration rests on."""
+    x, y = made.pointing_px
+    assert 0.03 < x < 0.08
+    assert 0.01 < y < 0.04
+    calibration, total = made.volume.calibration_sigma_mm, made.volume.sigma_mm
+    assert np.nanmedian(total[..., 2]) > 2 * np.nanmedian(calibration[..., 2])
+
+
+def test_parameters_and_their_comparison_are_of_one_adjustment(made):
+    document = report_document(made, ABOUT)
+    parameters = {one["name"]: one["value"] for one in document["views"][0]["parameters"]}
+    for row in document["comparison"]:
+        assert row["left"] == parameters[row["parameter"]]
+    assert document["result"]["sigma0_px"] == named(made).sigma0_px
+
+
+def test_blunders_do_not_stay_in_the_weights(scene):
+    wrong = FRAME.xyz_mm.copy()
+    wrong[[27, 56]] += [[0.3, 0, 0], [0, 0, 0.5]]
+    result = calibrate(scene.packed(8, "field"), NOMINAL, replace(FRAME, xyz_mm=wrong))
+    assert {int(FRAME.target[one.target]) for one in result.blunders} == {28, 57}
+    assert result.adjustment.sigma0 == pytest.approx(1, abs=0.02)
+    assert "28" in result.warnings[0]
+
+
+def test_a_model_that_leaves_pixels_is_no_result(scene):
+    with pytest.raises(MeasurementError, match="off by 3"):
+        calibrate(scene.packed(8, "field"), NOMINAL, FRAME, CalibrateSettings(free=("b3",)))
+
+
+def test_a_longer_rig_converges_too():
+    rig = {"base_mm": 160, "distance_mm": 320, "seed": 9}
+    taken = take_scene(16, scene="calibration_frame", rig=rig, camera={"f_mm": 10})
+    nominal = replace(NOMINAL, base_mm=160.0, distance_mm=320.0, convergence_deg=28.07, focal_length_mm=10.0)
+    result = calibrate(taken.packed(8, "field"), nominal, FRAME)
+    assert result.unmodelled_px < 0.1
+
+
 def test_the_imaging_geometry_of_the_report_is_the_rigs(made):
     geometry = report_document(made, ABOUT)["geometry"]
     assert geometry["base_mm"] == pytest.approx(128, rel=0.02)

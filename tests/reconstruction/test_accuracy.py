@@ -127,6 +127,13 @@ def test_truth_that_fits_no_point_is_refused(noisy, truth):
     assert "object's frame" in refusal.value.hint
 
 
+def test_truth_that_fits_a_few_points_by_chance_is_refused(noisy):
+    """Axes exchanged, a few targets are where they are anyway."""
+    places = np.where((np.arange(12) == 0)[:, np.newaxis], PLACES_MM, PLACES_MM + 20.0)
+    with pytest.raises(MeasurementError, match="200 of 2400 points in 200 fields"):
+        accuracy(noisy, Truth(None, TARGETS, places, np.ones(12, bool)))
+
+
 def test_coordinates_of_measured_fields_keep_fields_without_points():
     two = Points(
         np.array([3, 8], np.int32),

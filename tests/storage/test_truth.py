@@ -42,6 +42,10 @@ def test_a_spreadsheets_byte_order_mark_does_no_harm(file):
         ("target,x_mm,y_mm,z_mm\n", "has no rows"),
         ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,2,three,4\n", "line 3: .*three"),
         ("target,x_mm,y_mm,z_mm\n1,2\n", "line 2"),
+        ("target,x_mm,y_mm,z_mm\n1,2,nan,4\n", "line 2: y_mm nan is not a number"),
+        ("target,x_mm,y_mm,z_mm\n6.5,1,2,3\n", "line 2: target 6.5 is not a whole number"),
+        ("target,x_mm,y_mm,z_mm\n1,2,3,4\n1,5,6,7\n", "2 rows of target 1"),
+        ("n,target,x_mm,y_mm,z_mm\n4,1,2,3,4\n4,1,2,3,4\n", "target 1 in field 4"),
     ],
 )
 def test_what_is_wrong_is_named(file, text, message):

@@ -15,7 +15,11 @@ from grabberd.calibration.network import Network
 from grabberd.calibration.unknowns import Unknowns
 
 _ENOUGH = 1e-3
-_MOST_STEPS = 30
+_MOST_STEPS = 40
+_ROUGHLY_PX = 0.1
+"""To begin with: weights that differ by a factor of a hundred are hard to converge with from afar."""
+_NEGLIGIBLE = 0.05
+"""Of the points' own σ."""
 
 
 def with_unmodelled(
@@ -34,7 +38,8 @@ def with_unmodelled(
     Raises:
         MeasurementError: as `adjust`.
     """
-    low, high, added = 0.0, np.inf, 0.0
+    low, high, added = 0.0, np.inf, _ROUGHLY_PX
+    negligible = _NEGLIGIBLE * float(np.sqrt(np.mean(network.sigma_px**2)))
     for _ in range(_MOST_STEPS):
         adjusted = adjust(enlarged(network, added), unknowns, settings)
         network = network.starting_from(adjusted.views)
@@ -42,7 +47,8 @@ def with_unmodelled(
         if abs(excess) < _ENOUGH or (added == 0.0 and excess < 0):
             break
         low, high = (added, high) if excess > 0 else (low, added)
-        added = _next(low, high, added, adjusted.sigma0, adjusted.sigma0_px)
+        guess = _next(low, high, added, adjusted.sigma0)
+        added = guess if guess > negligible else 0.0
     return enlarged(network, added), added
 
 
@@ -51,9 +57,9 @@ def enlarged(network: Network, added_px: float) -> Network:
     return replace(network, sigma_px=np.hypot(network.sigma_px, added_px))
 
 
-def _next(low: float, high: float, added: float, sigma0: float, sigma0_px: float) -> float:
-    """Nearly proportional once the common part is the larger; held inside what is known of it."""
-    guess = added * sigma0 if added else sigma0_px
+def _next(low: float, high: float, added: float, sigma0: float) -> float:
+    """Nearly proportional where the common part is the larger; held inside what is known of it."""
+    guess = added * sigma0
     if low < guess < high:
         return guess
     return 0.5 * (low + high) if np.isfinite(high) else 2.0 * low

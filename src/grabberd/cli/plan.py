@@ -57,6 +57,8 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
     from grabberd.geometry import Rig  # noqa: PLC0415
     from grabberd.processes import plan as planning  # noqa: PLC0415
 
+    if sigma_px and not min(sigma_px) > 0:
+        raise typer.BadParameter("a standard deviation is above 0", param_hint="--sigma-px")
     known = load(config)
     chosen = known.devices[only_device(known, device, config)]
     model = _model(object_model or chosen.object)

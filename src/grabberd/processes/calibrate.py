@@ -45,6 +45,8 @@ Array = NDArray[np.float64]
 INTERIOR = PARAMETERS[:3]
 ENOUGH_SEEN = 0.9
 ENOUGH_FIELDS = 16
+MOST_BLUNDERS = 0.1
+MOST_UNMODELLED_PX = 1.0
 MUCH_UNMODELLED_PX = 0.15
 """Where a person should be told; uneven mirrors have .06 px."""
 BLOCKS = 6
@@ -87,6 +89,7 @@ def calibrate(
         else None
     )
     validation, unvalidated = _validated(adjustment)
+    pointing_px = _pointing_px(images)
     return CalibrateResult(
         frame=frame,
         nominal=nominal,
@@ -104,8 +107,11 @@ def calibrate(
         normality=normality(adjustment),
         validation=validation,
         volume=volume_sigma(
-            local.adjustment if local else adjustment, local_fields=local.fields if local else ()
+            local.adjustment if local else adjustment,
+            pointing_px,
+            local_fields=local.fields if local else (),
         ),
+        pointing_px=pointing_px,
         warnings=(*_warnings(images, done, frame), *unvalidated),
     )
 
@@ -191,14 +197,43 @@ class _Adjusted:
 def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
     unknowns = Unknowns.of(network.views, settings.free, shared=settings.shared, tied=settings.tied)
     check_rank(network, unknowns)
-    weighted, unmodelled_px = with_unmodelled(network, unknowns)
-    adjustment, blunders = without_blunders(weighted, unknowns)
+    adjustment, blunders, unmodelled_px = _sound(network, unknowns)
+    if unmodelled_px > MOST_UNMODELLED_PX:
+        raise MeasurementError(
+            f"the image points are off by {unmodelled_px:.2f} px from any rig of this model",
+            "adjust more parameters, and check which target is which and the calibration frame's file",
+        )
     elimination = None
     if settings.alpha is not None:
         clean = adjustment.network.starting_from(adjustment.views)
         elimination = eliminate(clean, unknowns, settings.alpha)
         adjustment = elimination.adjustment
     return _Adjusted(adjustment, blunders, elimination, unmodelled_px)
+
+
+def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blunder, ...], float]:
+    """Without blunders, and weighted by what the others are off: each is judged with the other known."""
+    blunders: tuple[Blunder, ...] = ()
+    while True:
+        weighted, unmodelled_px = with_unmodelled(network, unknowns)
+        adjustment, more = without_blunders(weighted, unknowns)
+        blunders += more
+        if not more or len(blunders) > MOST_BLUNDERS * len(weighted):
+            return adjustment, blunders, unmodelled_px
+        network = network.select(_kept(network, adjustment.network)).starting_from(adjustment.views)
+
+
+def _kept(network: Network, part: Network) -> NDArray[np.bool_]:
+    """(M,) which image points of a network are in a part of it."""
+    count = len(network.target_mm)
+    return np.isin(network.view * count + network.target, part.view * count + part.target)
+
+
+def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:
+    """σ of one field's image coordinates in x and y: its scatter, and what no repetition shows."""
+    variance = [np.nan_to_num(side.scatter_px) ** 2 + side.sigma_px**2 for side in images]
+    x, y = np.sqrt(np.concatenate(variance).mean(axis=0)).tolist()
+    return x, y
 
 
 def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ...]]:
@@ -213,13 +248,14 @@ def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ..
 def _warnings(images: tuple[MeanImages, MeanImages], done: _Adjusted, frame: ObjectModel) -> Iterable[str]:
     adjustment = done.adjustment
     if done.blunders:
-        yield f"{len(done.blunders)} image points contradicted the others and were left out"
-    for index, (view, side) in enumerate(zip(adjustment.views, images, strict=True)):
+        which = ", ".join(f"{one.view} {frame.target[one.target]}" for one in done.blunders)
+        yield f"{len(done.blunders)} image points contradicted the others and were left out: {which}"
+    for index, view in enumerate(adjustment.views):
         found = int((adjustment.network.view == index).sum())
         if found < ENOUGH_SEEN * len(frame):
             yield f"the {view.name} view shows {found} of {len(frame)} targets"
-        if side.of_fields < ENOUGH_FIELDS:
-            yield f"only {side.of_fields} fields: noise and line jitter are hardly averaged"
+    if (count := images[0].of_fields) < ENOUGH_FIELDS:
+        yield f"only {count} fields: noise and line jitter are hardly averaged"
     if done.unmodelled_px > MUCH_UNMODELLED_PX:
         yield (
             f"the image points are off by {done.unmodelled_px:.2f} px beyond their own σ: dirty or bent "

@@ -29,12 +29,11 @@ def volume_document(result: CalibrateResult) -> dict[str, Any]:
         }
         for plane in range(len(grid))
     ]
-    pointing = result.adjustment.sigma0 * np.sqrt(np.mean(result.adjustment.network.sigma_px**2, axis=0))
     return {
         "x_mm": grid[0, :, 0, 0].tolist(),
         "y_mm": grid[0, 0, :, 1].tolist(),
         "planes": planes,
-        "pointing_px": pointing.tolist(),
+        "pointing_px": list(result.pointing_px),
     }
 
 

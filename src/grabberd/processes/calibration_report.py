@@ -131,8 +131,9 @@ def _result(adjustment: Adjustment) -> dict[str, Any]:
 
 
 def _view(result: CalibrateResult, index: int) -> dict[str, Any]:
-    view, unknowns = result.views[index], result.adjustment.unknowns
-    sigma = np.sqrt(np.diag(result.final.parameter_covariance)).reshape(len(result.views), -1)[index]
+    """The parameters of the functional model; those that a local field goes with are in the calibration."""
+    view, unknowns = result.adjustment.views[index], result.adjustment.unknowns
+    sigma = np.sqrt(np.diag(result.adjustment.parameter_covariance)).reshape(len(result.views), -1)[index]
     dropped = set(result.elimination.dropped) if result.elimination else set()
     rows = []
     numbers = zip(PARAMETERS, view.vector(), sigma, unknowns.number[index], strict=True)

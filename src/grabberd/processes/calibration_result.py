@@ -64,6 +64,7 @@ class CalibrateResult:
             are those that it ends with.
         differences, normality, volume: what is known of the result.
         validation: of the model without local fields; None where too few targets are left to hold some out.
+        pointing_px: σ of one field's image coordinates in x and y, which `volume` is for.
         warnings: what a person should know, in sentences.
     """
 
@@ -83,6 +84,7 @@ class CalibrateResult:
     normality: tuple[Normality, ...]
     validation: Validation | None
     volume: VolumeSigma
+    pointing_px: tuple[float, float]
     warnings: tuple[str, ...]
 
     @property
@@ -115,7 +117,7 @@ class CalibrateResult:
             left=left,
             right=right,
             covariance=self.final.parameter_covariance,
-            sigma0_px=self.final.sigma0_px,
+            sigma0_px=self.adjustment.sigma0_px,
             glass=glass,
             local_fields=(trial.fields[0], trial.fields[1]) if trial else (None, None),
             details=details,

@@ -14,6 +14,8 @@ Array = NDArray[np.float64]
 
 WRONG_BEYOND_MM = 2.0
 """A point farther from its target than this has another target's id; the pitch is 6.5 mm."""
+LEAST_RIGHT = 0.2
+"""Of the points: with fewer, truth and points do not belong together."""
 
 
 class Axes(NamedTuple):
@@ -79,10 +81,10 @@ def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accur
     fitted = _fitted(places, true) if fit else None
     error = (fitted.apply(places) if fitted else places) - true
     right = _right(error)
-    if not right.any():
+    if right.sum() <= LEAST_RIGHT * len(right):
         raise MeasurementError(
-            f"none of {len(measured.n)} points in {len(measured.fields)} fields is within "
-            f"{WRONG_BEYOND_MM} mm of its target's true place",
+            f"{right.sum() or 'none'} of {len(measured.n)} points in {len(measured.fields)} fields "
+            f"{'are' if right.any() else 'is'} within {WRONG_BEYOND_MM} mm of its target's true place",
             "check that truth and points agree in the object's frame, target ids and field numbers",
         )
     found = np.zeros(len(rows.target), np.bool_)

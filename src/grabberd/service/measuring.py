@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
-from grabberd.errors import NotReady
+from grabberd.errors import MeasurementError, NotReady
 from grabberd.field import NumberedField
 from grabberd.processes.measure import measure_fields
 from grabberd.service.clock import SystemClock, iso_utc
@@ -27,6 +27,7 @@ def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]
 
     Raises:
         NotReady: the calibration or the object model is missing.
+        MeasurementError: there is not one point.
         CaptureFileError: the file cannot be read.
     """
     if not made_with.get("calibration") or not made_with.get("object"):
@@ -37,6 +38,11 @@ def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]
     with CaptureReader(path) as reader:
         fields = _counted(reader.received(), reader.field_count, progress)
         results = [(measured.n, measured.points) for measured in measure_fields(fields, setup)]
+    if not any(len(points) for _, points in results):
+        raise MeasurementError(
+            f"no target of the object model was found in any of {len(results)} fields; no run was added",
+            "check that calibration and object model belong to this capture's rig and object",
+        )
     created = iso_utc(SystemClock().utc_now())
     run = append_run(path, "measure", created, __version__, made_with, results)
     return {"run": run, "fields": len(results), "points": sum(len(points) for _, points in results)}

@@ -18,6 +18,7 @@ from grabberd.processes.measure import MeasureSetup
 from grabberd.reconstruction import ObjectModel
 
 T = TypeVar("T")
+_EXAMPLES = "the folder configs/ has examples of calibrations, objects and calibration frames"
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,12 +106,13 @@ def read_yaml(path: Path) -> dict[str, Any]:
 def _read(path: Path, parse: Callable[[str], Any]) -> dict[str, Any]:
     try:
         document = parse(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, yaml.YAMLError) as error:
-        raise InputError(f"{path} cannot be read: {error}", "name a file that grabberd wrote") from error
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}", "check the file's name") from error
+    except (ValueError, yaml.YAMLError) as error:
+        words = " ".join(str(error).split())
+        raise InputError(f"{path} cannot be read: {words}", _EXAMPLES) from error
     if not isinstance(document, dict):
-        raise InputError(
-            f"{path} has no keys: it is {str(document)[:40]!r}", "name a file that grabberd wrote"
-        )
+        raise InputError(f"{path} has no keys: it is {str(document)[:40]!r}", _EXAMPLES)
     return document
 
 

@@ -1,6 +1,8 @@
 """A CSV file that says where targets really are."""
 
 import csv
+import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ from grabberd.reconstruction.comparison import Truth
 
 PLACE = ("x_mm", "y_mm", "z_mm")
 REQUIRED = ("target", *PLACE)
+WHOLE = ("n", "target")
 
 
 def read_truth(path: Path) -> Truth:
@@ -36,6 +39,7 @@ def _read(reader: "csv.DictReader[str]", path: Path) -> Truth:
     rows = [_numbers(row, reader.line_num, path) for row in reader]
     if not rows:
         raise InputError(f"{path} has no rows", "give a row for each target")
+    _check_unique(rows, path)
     return Truth(
         n=np.array([row["n"] for row in rows], np.int64) if "n" in names else None,
         target=np.array([row["target"] for row in rows], np.int32),
@@ -47,6 +51,19 @@ def _read(reader: "csv.DictReader[str]", path: Path) -> Truth:
 def _numbers(row: dict[str, str], line: int, path: Path) -> dict[str, float]:
     wanted = [name for name in ("n", *REQUIRED, "visible") if name in row]
     try:
-        return {name: float(row[name]) for name in wanted}
+        numbers = {name: float(row[name]) for name in wanted}
     except (TypeError, ValueError) as error:
         raise InputError(f"{path}, line {line}: {error}", "every value has to be a number") from error
+    for name, value in numbers.items():
+        if not math.isfinite(value) or (name in WHOLE and value != int(value)):
+            kind = "a whole number" if name in WHOLE else "a number"
+            raise InputError(f"{path}, line {line}: {name} {row[name]} is not {kind}", "mend this line")
+    return numbers
+
+
+def _check_unique(rows: list[dict[str, float]], path: Path) -> None:
+    count = Counter((row.get("n"), row["target"]) for row in rows)
+    (n, target), most = count.most_common(1)[0]
+    if most > 1:
+        where = f"target {target:.0f}" + ("" if n is None else f" in field {n:.0f}")
+        raise InputError(f"{path} has {most} rows of {where}", "keep one of them")

@@ -56,8 +56,9 @@ def _parameters(views: Sequence[Mapping[str, Any]]) -> Html:
         paragraph(
             "Adjusted: estimated here. Shared, tied: one unknown for several parameters. Held: fixed at the "
             "value given. Dropped: not significant, therefore fixed at zero. σ comes from the adjustment, "
-            "scaled with σ₀, and is given to two digits; where a local residual field was accepted, it is "
-            "that beside the field, whose own σ is kept apart."
+            "scaled with σ₀, and is given to two digits. Where a local residual field was accepted, the "
+            "calibration's own parameters differ from these: they belong to the field and are right with it "
+            "alone. These are the ones to quote."
         ),
     )
 
