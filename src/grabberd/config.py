@@ -114,6 +114,9 @@ class RingConfig(Section):
     slots: int = Field(32, ge=4, le=4096)
     bits: BitDepth = 1
     lines: Lines | None = Field(None, description="doubled (default at 1 bit) or field (default for grey)")
+    interpolation: Literal["linear", "kernel3x3"] = Field(
+        "linear", description="of the missing lines of doubled fields, on the grey values"
+    )
 
 
 class ThresholdConfig(Section):

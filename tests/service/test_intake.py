@@ -7,7 +7,7 @@ import pytest
 
 from grabberd.acquisition import FieldOrder, GrabbedField, Outcome, Signal, StreamInfo
 from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
-from grabberd.field import Field
+from grabberd.field import Field, double_lines
 from grabberd.service.intake import Intake
 from grabberd.service.thresholds import UNDECIDED_THRESHOLD
 
@@ -43,6 +43,21 @@ def test_one_bit_is_doubled_and_grey_is_left_intact() -> None:
     assert grey
     assert grey.packed.y_step == 2
     assert np.array_equal(grey.packed.data[0], grabbed(0).field.luma)
+
+
+def test_missing_lines_are_interpolated_as_configured() -> None:
+    config = DeviceConfig(
+        driver="test",
+        ring=RingConfig(lines="doubled", bits=8, interpolation="kernel3x3"),
+        threshold=ThresholdConfig(kind="fixed", value=60),
+    )
+    one = Intake(config)
+    one.opened(INFO)
+    numbered = one.take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert numbered
+    wanted = double_lines(grabbed(0).field, "kernel3x3").luma
+    assert np.array_equal(numbered.packed.data[0], wanted)
+    assert not np.array_equal(wanted, double_lines(grabbed(0).field).luma)
 
 
 def test_the_threshold_in_force_is_kept_with_every_field() -> None:

@@ -36,6 +36,7 @@ class Intake:
     def __init__(self, config: DeviceConfig) -> None:
         bits = config.ring.bits
         self._slots = config.ring.slots
+        self._interpolation = config.ring.interpolation
         self._arming = threading.Lock()
         self.armed = self._configured = Armed(
             Ring(self._slots), bits, config.ring.lines or default_lines(bits)
@@ -85,6 +86,8 @@ class Intake:
         if number.outcome is Outcome.NO_SIGNAL:
             return None
         self.thresholds.show(grabbed.field, armed)
-        field = double_lines(grabbed.field) if armed.lines == "doubled" else grabbed.field
+        field = grabbed.field
+        if armed.lines == "doubled":
+            field = double_lines(field, self._interpolation)
         packed = quantise(field, armed.bits, self.thresholds.in_force.of(field, armed.bits))
         return NumberedField(number.n, number.time_ns, grabbed.sequence, packed)
