@@ -19,6 +19,8 @@ log = logging.getLogger(__name__)
 
 EVERY_S = 1.0
 FIELD_WITHIN_S = 0.25
+PACKED_WITHIN_S = 0.1
+"""A field comes every 20 ms, unless there is none."""
 SETTLED_WITHIN_S = 2.0
 """Far more than the next field and the first choice for it take."""
 UNDECIDED_THRESHOLD = 128
@@ -59,6 +61,7 @@ class ThresholdKeeper:
         self._looked_for: Armed | None = None
         self._chosen_for: Armed | None = None
         self._at_once = threading.Event()
+        self._packing_next = threading.Event()
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -87,6 +90,7 @@ class ThresholdKeeper:
         """The capture thread has a field for this ring and is about to pack it."""
         if self._fixed:
             return
+        self._packing_next.set()
         if self._live or not self._held:
             self._newest.offer(field, armed)
         if not self._live and self._chosen_for is not armed:
@@ -102,11 +106,17 @@ class ThresholdKeeper:
         self._at_once.clear()
 
     def hold(self) -> None:
-        """A capture begins: what has been chosen for its ring stays; a recording is chosen for once more."""
+        """A capture begins: what has been chosen for its ring stays; a recording is chosen for once more.
+
+        The field that a live device's thread is packing may have the threshold of before: it is waited for.
+        """
         with self._deciding:
             self._held = True
             if not self._live:
                 self._chosen_for = None
+        if self._live and not self._fixed:
+            self._packing_next.clear()
+            self._packing_next.wait(PACKED_WITHIN_S)
 
     def release(self) -> None:
         """The capture is over."""
