@@ -1,7 +1,7 @@
 """The simulated grabber, seen through the driver contract."""
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -61,11 +61,7 @@ class FakeGrabber:
         """
         if self._stream is not None:
             raise DeviceRefused("the simulated grabber is open already", "close it first")
-        self._world = self._world or World(self.options)  # takes its time, so before the first field is due
-        first = self._next_top_field()
-        self._first = first if self._first is None else self._first
-        self._refuse_if_unplugged()
-        self._stream = _Stream(self._world, self._script, self._first, first, self.options.buffers)
+        self._start(self._refuse_if_unplugged)
         return self._info()
 
     @contextmanager
@@ -91,9 +87,38 @@ class FakeGrabber:
         lost = self._script.at(self._number_now(), NoSignal)
         return Signal.PRESENT if lost is None else Signal.ABSENT
 
+    def restart(self) -> StreamInfo:
+        """Streams anew from the next top field.
+
+        Raises:
+            DeviceLost: it is not open, or the script has it unplugged.
+        """
+        if self._stream is None:
+            raise DeviceLost("the simulated grabber is not open", "open it first")
+        self._start(self._check_plug)
+        return self._info()
+
+    def reset(self) -> None:
+        """Does what pulling the plug would.
+
+        Raises:
+            DeviceAbsent: the script has it unplugged.
+            DeviceRefused: it is open.
+        """
+        if self._stream is not None:
+            raise DeviceRefused("the simulated grabber is open", "close it first")
+        self._refuse_if_unplugged()
+
     def close(self) -> None:
         """Lets go of the buffers."""
         self._stream = None
+
+    def _start(self, check: Callable[[], None]) -> None:
+        self._world = self._world or World(self.options)  # takes its time, so before the first field is due
+        first = self._next_top_field()
+        self._first = first if self._first is None else self._first
+        check()
+        self._stream = _Stream(self._world, self._script, self._first, first, self.options.buffers)
 
     def _next_top_field(self) -> int:
         return -(-self._clock.now_ns() // (2 * PERIOD_NS)) * 2

@@ -105,6 +105,24 @@ class ReplayGrabber:
         """A recording has none."""
         return Signal.UNKNOWN
 
+    def restart(self) -> StreamInfo:
+        """Goes on with the recording: nothing waits in buffers.
+
+        Raises:
+            DeviceLost: it is not open.
+        """
+        if self._recording is None:
+            raise _not_open(self._path)
+        return self._info(self._recording)
+
+    def reset(self) -> None:
+        """A recording has nothing to reset.
+
+        Raises:
+            DeviceRefused: always.
+        """
+        raise DeviceRefused(f"the recording {self._path} is no device", "open it again")
+
     def close(self) -> None:
         """Lets go of the recording."""
         if self._recording is not None:
@@ -151,7 +169,7 @@ class ReplayGrabber:
         if self._failure is not None:
             raise self._failure
         if self._recording is None:
-            raise DeviceLost(f"the recording {self._path} is not open", "open it first")
+            raise _not_open(self._path)
         if self._next is None:
             self._next = self._read()
         return self._next
@@ -176,3 +194,7 @@ class ReplayGrabber:
         wait_s = (last_ns + self._shift_ns - now_ns) / 1e9
         self._clock.sleep(min(wait_s, timeout_s))
         return wait_s <= timeout_s
+
+
+def _not_open(path: Path) -> DeviceLost:
+    return DeviceLost(f"the recording {path} is not open", "open it first")

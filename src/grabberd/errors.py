@@ -6,6 +6,7 @@
     │   ├── DriverMissing         no such driver, or its dependency is not installed
     │   ├── DeviceAbsent          it is not there (yet): worth trying again
     │   ├── DeviceLost            it went away while it streamed: close, then open again
+    │   ├── StreamFailed          it is there, but streams no more: restart, open again, reset
     │   ├── DeviceRefused         it is there and says no (busy, rights, standard): a person has to act
     │   └── StreamEnded           a recording has no further field; what came before is good
     ├── InputError                a file or value from outside is not what it should be
@@ -77,6 +78,10 @@ class DeviceAbsent(DeviceError):
 
 class DeviceLost(DeviceError):
     """The grabber went away while it streamed."""
+
+
+class StreamFailed(DeviceError):
+    """The grabber is there, but streams no more."""
 
 
 class DeviceRefused(DeviceError):

@@ -8,7 +8,7 @@ import pytest
 
 from contract.drivers import DRIVERS, FIELDS, copied
 from grabberd.acquisition import FieldNumbering, FieldOrder, Outcome, Signal, StreamInfo
-from grabberd.errors import DeviceError, StreamEnded
+from grabberd.errors import DeviceError, DeviceRefused, StreamEnded
 
 
 @pytest.fixture(params=DRIVERS)
@@ -122,6 +122,30 @@ def test_it_can_be_closed_twice_and_without_having_been_open(grabber):
     grabber.open()
     grabber.close()
     grabber.close()
+
+
+def test_it_can_be_restarted_while_it_is_open(grabber, info):
+    take(grabber, 3)
+    assert grabber.restart() == info
+    assert len(take(grabber, 3)) >= 3
+
+
+def test_what_is_not_open_cannot_be_restarted(grabber):
+    with pytest.raises(DeviceError, match="not open") as caught:
+        grabber.restart()
+    assert caught.value.hint
+
+
+def test_a_reset_leaves_it_closed_and_able_to_be_opened_or_says_why_it_cannot(grabber, info):
+    grabber.close()
+    if info.driver == "replay":
+        with pytest.raises(DeviceRefused) as caught:
+            grabber.reset()
+        assert caught.value.hint
+    else:
+        grabber.reset()
+    assert grabber.open() == info
+    take(grabber, 1)
 
 
 def test_it_can_be_opened_again(grabber, info):

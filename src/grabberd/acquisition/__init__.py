@@ -1,6 +1,7 @@
 """From a grabber's buffers to numbered fields in the ring.
 
-`device` is the contract that every driver keeps, `registry` finds drivers by name. `numbering` tells which of
+`device` is the contract that every driver keeps, `registry` finds drivers by name,
+`discovery` the devices that they see. `numbering` tells which of
 the camera's fields a grabbed one is and what was lost before it, although timestamps jitter and drivers'
 counts cannot be trusted. The `ring` holds the newest packed fields for several readers, none of which can
 hold up the capture; the `ledger` accounts for every field that should have come. No threads are started here.
@@ -8,6 +9,7 @@ hold up the capture; the `ledger` accounts for every field that should have come
 
 from grabberd.acquisition.clock import Clock, SystemClock
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Grabber, Signal, StreamInfo
+from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
 from grabberd.acquisition.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.numbering import FieldNumbering, Numbered
 from grabberd.acquisition.registry import available, create
@@ -18,6 +20,7 @@ __all__ = [
     "Clock",
     "FieldNumbering",
     "FieldOrder",
+    "FoundDevice",
     "GrabbedField",
     "Grabber",
     "Ledger",
@@ -32,6 +35,8 @@ __all__ = [
     "Slot",
     "StreamInfo",
     "SystemClock",
+    "Verdict",
     "available",
     "create",
+    "discover",
 ]

@@ -50,6 +50,7 @@ class StreamInfo:
         tells_signal: `signal()` can be believed.
         time_sigma_ns: how nearly a field's time is the middle of its exposure.
         details: what else a person may want to know.
+        remarks: what a person has to know, in sentences: a rate of 25 Hz, a bus that is too slow.
     """
 
     driver: str
@@ -67,6 +68,7 @@ class StreamInfo:
     time_sigma_ns: int
     waits_for_reader: bool = False
     details: dict[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
 class GrabbedField(NamedTuple):
@@ -105,6 +107,7 @@ class Grabber(Protocol):
 
         Raises:
             DeviceLost: it went away.
+            StreamFailed: it is there, but streams no more; `restart` may help.
             StreamEnded: a recording has no further field.
             PictureError: a recording's next picture cannot be read; the ones before it were delivered.
         """
@@ -112,6 +115,25 @@ class Grabber(Protocol):
 
     def signal(self) -> Signal:
         """Whether there is a camera at the input; asked between fields, never blocks."""
+        ...
+
+    def restart(self) -> StreamInfo:
+        """Stops and starts the stream of the open device; what waits in its buffers is dropped.
+
+        Raises:
+            DeviceLost: it is not open, or it went away.
+            StreamFailed: it does not start.
+            DeviceRefused: what is granted now is not what was granted before.
+        """
+        ...
+
+    def reset(self) -> None:
+        """Resets the closed device as pulling its plug would, where that can be done by software.
+
+        Raises:
+            DeviceAbsent: it is not there.
+            DeviceRefused: it cannot be reset, or not with these rights; the hint says what is missing.
+        """
         ...
 
     def close(self) -> None:
