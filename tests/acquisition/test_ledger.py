@@ -105,6 +105,12 @@ def test_closing_enters_what_is_missing_as_lost():
     assert ledger.total == 64
 
 
+def test_fields_that_never_came_because_there_was_no_camera_are_without_signal():
+    ledger = received(0, 1)
+    ledger.close(64, "no signal")
+    assert ledger.entries == [LedgerEntry(2, 62, Outcome.NO_SIGNAL, "no signal")]
+
+
 def test_closing_a_full_ledger_changes_nothing():
     ledger = received(0, 1)
     ledger.close(2, "unplugged")

@@ -5,7 +5,17 @@ import platform
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from tests.bench import accuracy, adjustment, calibrated, core, live, location, location_bits
+from tests.bench import (
+    accuracy,
+    adjustment,
+    calibrated,
+    content,
+    content_found,
+    core,
+    live,
+    location,
+    location_bits,
+)
 
 HEADER = """# What was measured
 
@@ -17,6 +27,10 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
     "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
     "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
+    "content": {
+        "A look at every field: what it costs": content.table,
+        "A look at every field: what it finds": content_found.table,
+    },
     "core": {"From a field to its points": core.table},
     "location": {
         "Pointing of all locators on the same fields, px": location.table,

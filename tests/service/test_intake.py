@@ -10,6 +10,7 @@ from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
 from grabberd.field import Field, double_lines
 from grabberd.service.intake import Intake
 from grabberd.service.thresholds import UNDECIDED_THRESHOLD
+from grabberd_fake import FakeGrabber, JumpingClock
 
 INFO = StreamInfo("test", "card", "PAL", 64, 32, 50.0, FieldOrder.ALTERNATE, "GREY", 8, True, True, True, 0)
 
@@ -116,3 +117,51 @@ def test_arming_for_other_bits_or_lines_exchanges_the_ring(bits: int, lines: str
     assert armed.ring is not before
     assert reader.ended
     assert one.arm(bits, lines) is armed, "it is armed for them already"
+
+
+def liner(count: int, **spoiled: object) -> list[GrabbedField]:
+    """Fields of the simulated camera; `spoiled` is a fault of field 8."""
+    grabber = FakeGrabber(pace="free", clock=JumpingClock(1_000_000_000), faults=[{"at_field": 8, **spoiled}])
+    grabber.open()
+    fields = []
+    while len(fields) < count:
+        with grabber.dequeue(1.0) as some:
+            fields += [one._replace(field=replace(one.field, luma=one.field.luma.copy())) for one in some]
+    return fields
+
+
+def test_what_the_picture_tells_of_damage_is_the_reason() -> None:
+    one = intake()
+    slots = [one.take(field, Signal.UNKNOWN, field.time_ns) for field in liner(10, kind="shift")]
+    assert [slot.outcome for slot in slots] == [Outcome.RECEIVED] * 8 + [Outcome.DAMAGED, Outcome.RECEIVED]
+    assert slots[8].reason
+    assert slots[8].reason.startswith("shifted by 40 px from line 28")
+
+
+@pytest.mark.parametrize(
+    ("picture", "words"),
+    [
+        ("blue", "a flat picture"),
+        ("black", "a flat picture"),
+        ("noise", "snow"),
+        ("bars", "bars"),
+    ],
+)
+def test_no_signal_is_seen_in_the_picture_whatever_the_driver_says(picture: str, words: str) -> None:
+    one = intake()
+    fields = liner(20, kind="no_signal", picture=picture, duration_s=0.2)
+    slots = [one.take(field, Signal.PRESENT, field.time_ns) for field in fields[:18]]
+    assert [slot.outcome for slot in slots[8:]] == [Outcome.NO_SIGNAL] * 10
+    assert {slot.reason for slot in slots[8:]} == {f"no signal: {words}"}
+    assert all(slot.numbered is None for slot in slots[8:])
+    assert one.no_picture == f"no signal: {words}"
+    one.take(fields[18], Signal.PRESENT, fields[18].time_ns)
+    assert one.no_picture is None
+
+
+def test_a_recording_is_not_looked_at() -> None:
+    one = intake()
+    one.opened(replace(INFO, live=False))
+    outcomes = [one.take(grabbed(n, seed=5), Signal.UNKNOWN, now_ns(n)).outcome for n in range(4)]
+    assert outcomes == [Outcome.RECEIVED] * 4
+    assert one.no_picture is None

@@ -1,23 +1,26 @@
 """From a grabber's buffers to numbered fields in the ring.
 
 `device` is the contract that every driver keeps, `registry` finds drivers by name,
-`discovery` the devices that they see. `numbering` tells which of
-the camera's fields a grabbed one is and what was lost before it, although timestamps jitter and drivers'
-counts cannot be trusted. The `ring` holds the newest packed fields for several readers, none of which can
-hold up the capture; the `ledger` accounts for every field that should have come. No threads are started here.
+`discovery` the devices that they see. `numbering` tells which of the camera's fields a grabbed one is and
+what was lost before it, although timestamps jitter and drivers' counts cannot be trusted; `content` what its
+picture tells of damage and signal. The `ring` holds the newest packed fields for several readers, none of
+which can hold up the capture; the `ledger` accounts for every field that should have come. No threads are
+started here.
 """
 
 from grabberd.acquisition.clock import Clock, SystemClock
+from grabberd.acquisition.content import Content, ContentCheck
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Grabber, Signal, StreamInfo
 from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
 from grabberd.acquisition.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.numbering import FieldNumbering, Numbered
 from grabberd.acquisition.registry import available, create
-from grabberd.acquisition.repeats import RepeatCheck
 from grabberd.acquisition.ring import Policy, Ring, RingReader, Slot
 
 __all__ = [
     "Clock",
+    "Content",
+    "ContentCheck",
     "FieldNumbering",
     "FieldOrder",
     "FoundDevice",
@@ -28,7 +31,6 @@ __all__ = [
     "Numbered",
     "Outcome",
     "Policy",
-    "RepeatCheck",
     "Ring",
     "RingReader",
     "Signal",

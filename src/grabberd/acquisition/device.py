@@ -96,6 +96,7 @@ class Grabber(Protocol):
         Raises:
             DeviceAbsent: it is not there; trying again later may help.
             DeviceRefused: it is there and says no.
+            StreamFailed: it is there, but does not answer as it should; `reset` may help.
         """
         ...
 

@@ -7,8 +7,10 @@ opens devices to ask them, never to stream, and a device in use by somebody else
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
+
+from grabberd.errors import DriverMissing
 
 GROUP = "grabberd.discovery"
 
@@ -32,6 +34,7 @@ class FoundDevice:
         options: of the configuration, naming it as lastingly as it can be named.
         verdict: in a word; `remarks`: why, and what to mind, in sentences.
         facts: what else is known, in the order in which it is to be read: node, by-path, USB port, formats …
+        other_options: other ways in which a configuration may name it.
     """
 
     driver: str
@@ -40,16 +43,36 @@ class FoundDevice:
     verdict: Verdict
     remarks: tuple[str, ...] = ()
     facts: Mapping[str, str] = field(default_factory=dict)
+    other_options: tuple[Mapping[str, Any], ...] = ()
+
+    def is_meant_by(self, driver: str, options: Mapping[str, Any]) -> bool:
+        """Whether a configuration with this driver and these options, or more of them, names it."""
+        ways = (self.options, *self.other_options)
+        return driver == self.driver and any(_contains(options, way) for way in ways)
 
 
 Discovery = Callable[[], Sequence[FoundDevice]]
 
 
 def discover() -> tuple[FoundDevice, ...]:
-    """What all installed drivers find, sorted by driver as they found it."""
-    finders: list[Discovery] = [entry.load() for entry in _sorted_entries()]
-    return tuple(found for find in finders for found in find())
+    """What all installed drivers find, sorted by driver as they found it.
+
+    Raises:
+        DriverMissing: one of them cannot be imported.
+    """
+    entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+    return tuple(found for entry in entries for found in _load(entry)())
 
 
-def _sorted_entries() -> Any:
-    return sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
+def _load(entry: EntryPoint) -> Discovery:
+    try:
+        find: Discovery = entry.load()
+    except (ImportError, AttributeError) as error:
+        raise DriverMissing(
+            f"driver '{entry.name}' cannot look for its devices: {error}", "install the driver's package anew"
+        ) from error
+    return find
+
+
+def _contains(options: Mapping[str, Any], way: Mapping[str, Any]) -> bool:
+    return all(str(options.get(key)).casefold() == str(value).casefold() for key, value in way.items())

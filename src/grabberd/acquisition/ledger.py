@@ -37,8 +37,18 @@ class LedgerEntry(NamedTuple):
         return self.first_n + self.count
 
 
+NO_SIGNAL = "no signal"
+"""Reason of fields that came, or did not come, because there was no camera."""
+
 UNACCOUNTED = "not accounted for"
 """Reason of fields between two entries for which nobody gave one."""
+
+
+def never_came(first_n: int, count: int, reason: str) -> LedgerEntry:
+    """Fields that should have come: lost, unless there was no camera to send them."""
+    outcome = Outcome.NO_SIGNAL if reason == NO_SIGNAL else Outcome.LOST
+    return LedgerEntry(first_n, count, outcome, reason)
+
 
 _WORDS = {
     Outcome.LOST: "lost",
@@ -111,12 +121,12 @@ class Ledger:
             self.add(LedgerEntry(n, 1, outcome, reason or str(outcome)))
 
     def close(self, end_n: int, reason: str) -> None:
-        """Enters what is missing before `end_n` as lost; does nothing where nothing is missing."""
+        """Enters what never came before `end_n`; does nothing where nothing is missing."""
         if self.first_n is None:
             self.first_n = 0
         first = self._end_n if self._end_n is not None else self.first_n
         if end_n > first:
-            self.add(LedgerEntry(first, end_n - first, Outcome.LOST, reason))
+            self.add(never_came(first, end_n - first, reason))
 
     def counts(self) -> dict[Outcome, int]:
         """How many fields met each outcome; all outcomes, zeros too."""

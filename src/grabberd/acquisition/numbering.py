@@ -4,10 +4,11 @@ from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.field_clock import FieldClock
-from grabberd.acquisition.ledger import LedgerEntry, Outcome
+from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome, never_came
 from grabberd.acquisition.sequence import SequenceSteps
 
 _TOLERANCE_STEPS = 0.75
+_WOVEN = (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
 _FUTURE_NS = 100_000_000
 _SIGHTINGS = 3
 
@@ -24,7 +25,8 @@ class Numbered(NamedTuple):
         time_ns: middle of the exposure, smoothed where the stream is live.
         outcome: received, damaged or no_signal.
         reason: of the outcome; for a received field None, or that its time is predicted and why.
-        lost_before: what never came between the field before and this one.
+        lost_before: what never came between the field before and this one: lost, or without a signal some
+            drivers deliver nothing.
     """
 
     n: int
@@ -47,10 +49,11 @@ class FieldNumbering:
     """Numbers fields by time first, by parity where it can tell, by the driver's count last.
 
     Parity must agree with the steps: an even step keeps it, an odd one changes it. So a timestamp may be late
-    or early by three quarters of a period before a loss is seen where there is none. Timestamps that are
-    zero, run backward or are far off are not believed: the field is kept, its time predicted, and that is
-    said. If they stay off but agree among themselves, another clock has taken over: from then on they are
-    used again, shifted to continue the old one.
+    or early by three quarters of a period before a loss is seen where there is none; by a whole one where
+    fields come in frames, whose parities tell nothing of the camera; by one and a half where the driver
+    counts. Timestamps that are zero, run backward or are far off are not believed: the field is kept, its
+    time predicted, and that is said. If they stay off but agree among themselves, another clock has taken
+    over: from then on they are used again, shifted to continue the old one.
 
     Args:
         info: what the driver granted. The times of a recording are taken as they are.
@@ -62,6 +65,7 @@ class FieldNumbering:
         self._live = info.live
         self._keeps_pace = info.live and not info.waits_for_reader
         self._has_parity = info.field_order is not FieldOrder.ONE_PARITY
+        self._woven = info.field_order in _WOVEN
         self._max_steps = max_gap_s * info.rate_hz if info.live else float("inf")
         self._period_ns = 1e9 / info.rate_hz
         self._clock = FieldClock(self._period_ns, exact=not info.live)
@@ -91,15 +95,17 @@ class FieldNumbering:
         signal: Signal = Signal.UNKNOWN,
         damage: str | None = None,
         now_ns: int | None = None,
+        no_picture: str | None = None,
     ) -> Numbered:
         """The field's place.
 
         Args:
             grabbed: its time, parity, sequence and damage are read, not its grey values.
             signal: what the driver last said.
-            damage: what a look at its content found, beside what the driver says.
+            damage: what a look at its content found wrong, beside what the driver says.
             now_ns: when it arrived, by the clock that a live stream's times should be of: no field comes from
                 the future.
+            no_picture: what a look at its content found the grabber to have made up in place of a picture.
         """
         parity, time_ns = grabbed.field.parity, grabbed.time_ns - self._offset_ns
         step = self._step(grabbed, time_ns, now_ns)
@@ -107,14 +113,21 @@ class FieldNumbering:
         self._n += step.fields
         self._remember_parity(parity, step)
         numbered_ns = self._come_to(time_ns, step, now_ns)
-        lost = self._lost_from(first_lost, self._interruption or step.gap)
+        lost = self._lost_from(first_lost, step.gap, signal)
         self._interruption = None
-        outcome, reason = _outcome(signal, grabbed.damage or damage or step.damage, step.doubt)
+        outcome, reason = _outcome(
+            NO_SIGNAL if signal is Signal.ABSENT else no_picture,
+            grabbed.damage or damage or step.damage,
+            step.doubt,
+        )
         return Numbered(self._n, numbered_ns, outcome, reason, lost)
 
-    def _lost_from(self, first_n: int, reason: str) -> tuple[LedgerEntry, ...]:
+    def _lost_from(self, first_n: int, gap: str, signal: Signal) -> tuple[LedgerEntry, ...]:
         count = self._n - first_n
-        return (LedgerEntry(first_n, count, Outcome.LOST, reason),) if count else ()
+        if not count:
+            return ()
+        reason = self._interruption or (NO_SIGNAL if signal is Signal.ABSENT else gap)
+        return (never_came(first_n, count, reason),)
 
     def _step(self, grabbed: GrabbedField, time_ns: int, now_ns: int | None) -> _Step:
         parity = grabbed.field.parity
@@ -127,16 +140,18 @@ class FieldNumbering:
         return self._step_by_time(self._clock.steps_to(time_ns), parity, count)
 
     def _step_by_time(self, steps: float, parity: int, count: int | None) -> _Step:
-        nearest = max(1, round(steps))
-        agreeing = self._agreeing(steps, parity)
-        if not self._has_parity and count is not None and abs(count - steps) <= _TOLERANCE_STEPS:
+        nearest, agreeing = max(1, round(steps)), self._agreeing(steps, parity)
+        if count is not None and (count == agreeing or self._confirms(count, steps, parity)):
             return _Step(count, TIME_GAP if count == nearest else SEQUENCE_GAP)
-        if abs(agreeing - steps) <= _TOLERANCE_STEPS or self._interruption:
+        if self._woven or abs(agreeing - steps) <= _TOLERANCE_STEPS or self._interruption:
             return _Step(agreeing, TIME_GAP)
-        if count == agreeing:  # two against the time
-            return _Step(agreeing, SEQUENCE_GAP)
         # The second contradiction in a row means that the camera's phase has changed.
         return _Step(nearest, TIME_GAP, damage=None if self._contradicted else "parity contradicts time")
+
+    def _confirms(self, count: int, steps: float, parity: int) -> bool:
+        """Whether a driver's count fits the parity and is not far from the time."""
+        spacing = 2 if self._has_parity else 1
+        return self._fits(count, parity) and abs(count - steps) <= spacing * _TOLERANCE_STEPS
 
     def _step_without_time(self, parity: int, count: int | None, doubt: str | None) -> _Step:
         if count is not None and count <= self._max_steps and self._fits(count, parity):
@@ -204,9 +219,9 @@ class FieldNumbering:
             self._doubted.clear()
 
 
-def _outcome(signal: Signal, damage: str | None, doubt: str | None) -> tuple[Outcome, str | None]:
-    if signal is Signal.ABSENT:
-        return Outcome.NO_SIGNAL, "no signal"
+def _outcome(no_signal: str | None, damage: str | None, doubt: str | None) -> tuple[Outcome, str | None]:
+    if no_signal:
+        return Outcome.NO_SIGNAL, no_signal
     if damage:
         return Outcome.DAMAGED, damage
     return Outcome.RECEIVED, f"time predicted ({doubt})" if doubt else None

@@ -1,0 +1,234 @@
+"""Do fields follow one another in time as they are delivered? Asked of a moving object's pictures.
+
+How much two pictures differ grows with the square of the time between them, as long as the movement is small
+against what moves. So the difference from each field to the next, of the other parity, is compared with the
+difference over two fields, of one parity, which every order leaves two steps apart:
+
+    right          top to bottom 1 step, bottom to top 1 step      1 : 1 in units of one step squared
+    reversed       1 step and 3 steps                              1 : 9, less where the movement is fast
+    same instant   no step and 2 steps                             0 : 4
+
+Noise and the parities' different lines add to all of them alike at any time. What counts is therefore how the
+differences rise and fall together while the movement does. Each half of the picture's bands is compared with
+the movement in the other half (an instrumental variable), so that their common noise stays out.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.field import BOTTOM, TOP, Field
+
+_MEAN_COLUMNS, _MEAN_ROWS = 4, 2
+_BAND_ROWS = 12
+_BLOCKS = 10
+_LEAST_FIELDS = 60
+_SIGNIFICANT = 3.0
+_CLEAR_OF_NOISE = 4.0
+_OVERLAP = 3
+"""Fields after which differences over two fields are independent of one another."""
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.float32]
+
+
+class Order(StrEnum):
+    """What the pictures say of the order of their fields."""
+
+    RIGHT = "right"
+    REVERSED = "reversed"
+    SAME_INSTANT = "same_instant"
+    NO_MOVEMENT = "no_movement"
+    UNCLEAR = "unclear"
+
+
+class Ratio(NamedTuple):
+    """A number with its standard deviation."""
+
+    value: float
+    sigma: float
+
+    def is_within(self, low: float, high: float) -> bool:
+        """Whether it is between the two, significantly."""
+        reach = _SIGNIFICANT * self.sigma
+        return low < self.value - reach and self.value + reach < high
+
+    def __str__(self) -> str:
+        return f"{self.value:.2f} ± {self.sigma:.2f}"
+
+
+@dataclass(frozen=True, slots=True)
+class FieldOrderFinding:
+    """What was found.
+
+    Attributes:
+        order: in a word; `evidence`: why, in a sentence.
+        fields: how many were looked at.
+        top_to_bottom: movement from a top field to the bottom field after it, squared, in units of one field
+            step; `bottom_to_top` likewise. None where too little moves.
+    """
+
+    order: Order
+    evidence: str
+    fields: int
+    top_to_bottom: Ratio | None = None
+    bottom_to_top: Ratio | None = None
+
+
+def check(fields: Iterable[Field]) -> FieldOrderFinding:
+    """The order of fields as they were delivered, from a few seconds of something that moves and rests.
+
+    Each field is read before the next is asked for. Where two of one parity follow each other, one was lost;
+    what spans the gap is left out. No verdict is given that is not significant (3 σ).
+    """
+    pictures, parities = _read(fields)
+    differences = _differences(pictures, parities)
+    count = len(pictures)
+    if min(len(differences[TOP].near), len(differences[BOTTOM].near)) < _LEAST_FIELDS // 2:
+        evidence = f"{count} fields, not enough of both parities in turn: it takes {_LEAST_FIELDS}"
+        return FieldOrderFinding(Order.UNCLEAR, evidence, count)
+    if _variation(np.concatenate([one.two_steps for one in differences])) < _CLEAR_OF_NOISE:
+        order, evidence = _without_variation(np.concatenate([one.growth for one in differences]))
+        return FieldOrderFinding(order, evidence, count)
+    return _judged(_Estimate.of(differences[TOP]), _Estimate.of(differences[BOTTOM]), count)
+
+
+def _read(fields: Iterable[Field]) -> tuple[list[Picture], list[int]]:
+    pictures, parities = [], []
+    for field in fields:
+        pictures.append(_smoothed(field))
+        parities.append(field.parity)
+    return pictures, parities
+
+
+def _smoothed(field: Field) -> Picture:
+    """The lines half a frame line below the top rows, from the two rows next to each; they hold for both."""
+    grey = field.luma.astype(np.float32)
+    beyond = grey[2:] if field.parity == TOP else grey[:-2]
+    between = 0.75 * grey[1:-1] + 0.25 * beyond
+    size = (max(1, field.columns // _MEAN_COLUMNS), max(1, len(between) // _MEAN_ROWS))
+    means = cv2.resize(between, size, interpolation=cv2.INTER_AREA)
+    return cv2.GaussianBlur(means, (0, 0), sigmaX=1.0).astype(np.float32, copy=False)
+
+
+class _Differences(NamedTuple):
+    """Mean squared differences, a row each for the fields of a parity that have their neighbours.
+
+    Attributes:
+        near: (fields, 2) to the next field, in the one and the other half of the picture's bands.
+        two_steps: (fields, 2) over two fields around that step.
+        growth: (fields,) by how much more fields differ over four steps than over two.
+    """
+
+    near: Array
+    two_steps: Array
+    growth: Array
+
+
+def _differences(pictures: Sequence[Picture], parities: Sequence[int]) -> tuple[_Differences, _Differences]:
+    """Those of the steps from top to bottom, and from bottom to top."""
+    one, two, four = (_over(pictures, parities, steps) for steps in (1, 2, 4))
+    i = np.arange(1, max(1, len(pictures) - 4))
+    around = (two[i - 1] + two[i]) / 2
+    growth = (four[i] - (two[i] + two[i + 2]) / 2).sum(axis=1)
+    whole = ~np.isnan(growth + around.sum(axis=1))
+    of = np.asarray(parities, np.intp)[i]
+    top, bottom = (
+        _Differences(one[i][chosen], around[chosen], growth[chosen])
+        for chosen in (whole & (of == parity) for parity in (TOP, BOTTOM))
+    )
+    return top, bottom
+
+
+def _over(pictures: Sequence[Picture], parities: Sequence[int], steps: int) -> Array:
+    """(fields, 2) mean squared difference of each from the one so many fields later; NaN across a gap."""
+    differences = np.full((len(pictures), 2), np.nan)
+    for i in range(len(pictures) - steps):
+        if all(parities[k] != parities[k + 1] for k in range(i, i + steps)):
+            rows = np.square(pictures[i + steps] - pictures[i]).mean(axis=1)
+            bands = np.arange(len(rows)) // _BAND_ROWS % 2
+            differences[i] = [rows[bands == band].mean() for band in (0, 1)]
+    return differences
+
+
+class _Estimate(NamedTuple):
+    """A step's share of the movement over two steps: of all fields, and without each block in turn."""
+
+    whole: float
+    without: Array
+
+    @classmethod
+    def of(cls, differences: _Differences) -> "_Estimate":
+        """From the one half of the bands with the movement in the other, and the other way round."""
+        near, two_steps = (one - one.mean(axis=0) for one in (differences.near, differences.two_steps))
+        elsewhere = two_steps[:, ::-1]
+        share, variation = (_blocks((one * elsewhere).sum(axis=1)) for one in (near, two_steps))
+        return cls(share.sum() / variation.sum(), _without_each(share) / _without_each(variation))
+
+    @property
+    def power(self) -> Ratio:
+        """In units of one field step squared."""
+        return Ratio(4 * float(self.whole), 4 * _jackknife(self.without))
+
+
+def _judged(top: _Estimate, bottom: _Estimate, fields: int) -> FieldOrderFinding:
+    ratios = top.power, bottom.power
+    contrast = Ratio(4 * abs(float(top.whole - bottom.whole)), 4 * _jackknife(top.without - bottom.without))
+    order = _order(contrast, min(ratios))
+    evidence = (
+        f"top to bottom {ratios[0]}, bottom to top {ratios[1]} of one field step squared: {_MEANING[order]}"
+    )
+    return FieldOrderFinding(order, evidence, fields, *ratios)
+
+
+def _order(contrast: Ratio, lesser: Ratio) -> Order:
+    """Contrast is 0 for right, 4 for the same instant, 8 or less for reversed; lesser 1, 0 and 1."""
+    if contrast.is_within(-2, 2):
+        return Order.RIGHT
+    if contrast.is_within(5, np.inf):
+        return Order.REVERSED
+    one_instant = contrast.is_within(3, 5) and lesser.is_within(-0.5, 0.5)
+    return Order.SAME_INSTANT if one_instant else Order.UNCLEAR
+
+
+_MEANING = {
+    Order.RIGHT: "each field follows the one before (1 and 1)",
+    Order.REVERSED: "the fields of a frame change places (1 and 9, less in fast movement)",
+    Order.SAME_INSTANT: "both fields of a frame are of one instant (0 and 4)",
+    Order.UNCLEAR: "not clearly 1 and 1, 1 and 9, or 0 and 4: let it move more slowly, or longer",
+}
+
+
+def _blocks(values: Array) -> Array:
+    """Sums over blocks of time: neighbours are not independent."""
+    return np.array([block.sum() for block in np.array_split(values, _BLOCKS)])
+
+
+def _without_each(blocks: Array) -> Array:
+    rest: Array = blocks.sum() - blocks
+    return rest
+
+
+def _jackknife(without: Array) -> float:
+    """Standard deviation of an estimate from those without each block in turn."""
+    return float(np.sqrt((len(without) - 1) * np.var(without)))
+
+
+def _variation(two_steps: Array) -> float:
+    """How significantly the differences in both halves of the bands rise and fall together, in σ."""
+    halves = two_steps - two_steps.mean(axis=0)
+    power = float(np.sqrt(np.square(halves).sum(axis=0).prod()))
+    together = float(halves.prod(axis=1).sum())
+    return together / power * np.sqrt(len(halves) / _OVERLAP) if power > 0 else 0.0
+
+
+def _without_variation(growth: Array) -> tuple[Order, str]:
+    sigma = float(growth.std()) * np.sqrt(_OVERLAP / len(growth))
+    if growth.mean() > _CLEAR_OF_NOISE * sigma:
+        return Order.UNCLEAR, "the movement is too steady: let it move, rest and move again"
+    return Order.NO_MOVEMENT, "nothing moves enough: no pictures differ more than their noise"
