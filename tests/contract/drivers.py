@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from drivers.replay.pictures import frames
+from drivers.replay.videos import avi
+from drivers.v4l2.bench import Bench, card_with, pci_card
 from grabberd.acquisition.device import Grabber
 from grabberd_fake import FakeGrabber
 from grabberd_replay import ReplayGrabber
@@ -55,9 +57,51 @@ def single_fields(directory: Path) -> Grabber:
     return ReplayGrabber(folder, pictures="fields", pace="real", clock=ManualClock())
 
 
+def video(directory: Path) -> Grabber:
+    return ReplayGrabber(avi(directory / "clip.avi", FIELDS // 2, 48, 64), pictures="frames")
+
+
+def v4l2_alternate_grey(directory: Path) -> Grabber:
+    return Bench(directory).grabber
+
+
+def v4l2_alternate_counting_fields(directory: Path) -> Grabber:
+    return Bench(directory, card_with(numbering="fields", first_sequence=2**32 - 9)).grabber
+
+
+def v4l2_woven_yuyv(directory: Path) -> Grabber:
+    return Bench(directory, pci_card("tw686x"), format="YUYV").grabber
+
+
+def v4l2_woven_bottom_first(directory: Path) -> Grabber:
+    return Bench(directory, pci_card("tw686x", older=1), older_field="bottom").grabber
+
+
+def v4l2_stacked_uyvy(directory: Path) -> Grabber:
+    return Bench(directory, field_order="seq_tb", format="UYVY").grabber
+
+
+def v4l2_nv12(directory: Path) -> Grabber:
+    return Bench(directory, card_with(padding=48), field_order="interlaced", format="NV12").grabber
+
+
+def v4l2_one_parity(directory: Path) -> Grabber:
+    return Bench(directory, field_order="bottom").grabber
+
+
+V4L2 = (
+    v4l2_alternate_grey,
+    v4l2_alternate_counting_fields,
+    v4l2_woven_yuyv,
+    v4l2_woven_bottom_first,
+    v4l2_stacked_uyvy,
+    v4l2_nv12,
+    v4l2_one_parity,
+)
+
 DRIVERS = {
     made.__name__: made
-    for made in (fake, fake_free, capture, capture_in_real_time, woven_frames, single_fields)
+    for made in (fake, fake_free, capture, capture_in_real_time, woven_frames, single_fields, video, *V4L2)
 }
 
 

@@ -1,9 +1,15 @@
-"""`grabberd devices`: which drivers there are, and what the configured grabbers say of themselves."""
+"""`grabberd devices`: which grabbers there are, what to think of them, and how to configure them."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
+from grabberd.config import Config
+
+if TYPE_CHECKING:
+    from grabberd.acquisition.discovery import FoundDevice
 
 
 def register(app: typer.Typer) -> None:
@@ -11,21 +17,56 @@ def register(app: typer.Typer) -> None:
     app.command("devices")(devices)
 
 
-def devices(config: ConfigOption = None, json: JsonOption = False) -> None:
-    """List the installed drivers and the configured devices.
+def devices(
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            help="With --check-field-order: a configured device, or replay:PATH.", show_default=False
+        ),
+    ] = None,
+    config: ConfigOption = None,
+    check_field_order: Annotated[
+        bool, typer.Option("--check-field-order", help="Watch something that moves for four seconds.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """List the grabbers of this computer and the configured devices, or check a device's field order.
 
-    Example: grabberd devices --config /etc/grabberd/grabberd.yaml
+    Example: grabberd devices
+
+    Example: grabberd devices --check-field-order grabber --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.acquisition import registry  # noqa: PLC0415
-
     settings = load(config)
-    drivers = registry.available()
+    if check_field_order:
+        from grabberd.cli.field_order import check  # noqa: PLC0415
+
+        raise typer.Exit(check(settings, config, name, json))
+    if name is not None:
+        raise typer.BadParameter("a name belongs to --check-field-order", param_hint="NAME")
+    _list(settings, json)
+
+
+def _list(settings: Config, json: bool) -> None:
+    from grabberd.acquisition import available, discover  # noqa: PLC0415
+    from grabberd.cli.devices_listing import print_listing  # noqa: PLC0415
+
+    drivers, found = available(), discover()
     if json:
-        configured = {name: device.driver for name, device in settings.devices.items()}
-        print_json({"drivers": drivers, "devices": configured})
-        return
-    table = Table("device", "driver", "calibration", title="Configured devices")
-    for name, device in settings.devices.items():
-        table.add_row(name, device.driver, device.calibration.name if device.calibration else "none")
-    typer.echo(f"installed drivers: {', '.join(drivers)}")
-    console.print(table)
+        print_json(_document(drivers, settings, found))
+    else:
+        print_listing(drivers, settings, found)
+
+
+def _document(drivers: tuple[str, ...], settings: Config, found: "tuple[FoundDevice, ...]") -> dict[str, Any]:
+    """Everything: drivers, what is configured, what was found and which of it is configured as what."""
+    from grabberd.cli.devices_listing import configured_as  # noqa: PLC0415
+
+    configured = {
+        name: {"driver": device.driver, "options": device.options}
+        for name, device in settings.devices.items()
+    }
+    return {
+        "drivers": drivers,
+        "devices": configured,
+        "found": [asdict(one) | {"configured_as": configured_as(settings, one)} for one in found],
+    }

@@ -1,0 +1,248 @@
+"""The kernel's V4L2 structures and constants as far as they are used, laid out as this machine's C does.
+
+Names are those of `linux/videodev2.h` without `v4l2_`. Times are 64 bits wide on every machine: a 32-bit one
+needs Linux 5.6, whose kernel takes both widths and tells them by the size in the call's number.
+"""
+
+import ctypes as c
+
+_LONG = c.c_size_t
+"""As wide as the kernel's `unsigned long` and as a pointer."""
+
+CAPTURE = 1
+"""V4L2_BUF_TYPE_VIDEO_CAPTURE."""
+MEMORY_MMAP = 1
+
+CAP_VIDEO_CAPTURE = 0x00000001
+CAP_VIDEO_OUTPUT = 0x00000002
+CAP_VBI_CAPTURE = 0x00000010
+CAP_SLICED_VBI_CAPTURE = 0x00000040
+CAP_VIDEO_CAPTURE_MPLANE = 0x00001000
+CAP_VIDEO_OUTPUT_MPLANE = 0x00002000
+CAP_RADIO = 0x00040000
+CAP_META_CAPTURE = 0x00800000
+CAP_STREAMING = 0x04000000
+CAP_DEVICE_CAPS = 0x80000000
+
+FIELD_ANY, FIELD_NONE, FIELD_TOP, FIELD_BOTTOM, FIELD_INTERLACED = range(5)
+FIELD_SEQ_TB, FIELD_SEQ_BT, FIELD_ALTERNATE, FIELD_INTERLACED_TB, FIELD_INTERLACED_BT = range(5, 10)
+
+BUF_FLAG_QUEUED = 0x00000002
+BUF_FLAG_DONE = 0x00000004
+BUF_FLAG_ERROR = 0x00000040
+BUF_FLAG_TIMESTAMP_MASK = 0x0000E000
+BUF_FLAG_TIMESTAMP_MONOTONIC = 0x00002000
+BUF_FLAG_TSTAMP_SRC_MASK = 0x00070000
+BUF_FLAG_TSTAMP_SRC_SOE = 0x00010000
+
+INPUT_TYPE_TUNER = 1
+IN_ST_NO_POWER = 0x00000001
+IN_ST_NO_SIGNAL = 0x00000002
+IN_ST_NO_H_LOCK = 0x00000100
+
+STD_PAL = 0x000000FF
+STD_525_60 = 0x0000F900
+STD_625_50 = 0x00FF06FF
+
+EVENT_EOS = 2
+EVENT_SOURCE_CHANGE = 5
+
+
+class Capability(c.Structure):
+    """What a node is."""
+
+    _fields_ = (
+        ("driver", c.c_char * 16),
+        ("card", c.c_char * 32),
+        ("bus_info", c.c_char * 32),
+        ("version", c.c_uint32),
+        ("capabilities", c.c_uint32),
+        ("device_caps", c.c_uint32),
+        ("reserved", c.c_uint32 * 3),
+    )
+
+
+class Input(c.Structure):
+    """A socket of the card."""
+
+    _fields_ = (
+        ("index", c.c_uint32),
+        ("name", c.c_char * 32),
+        ("type", c.c_uint32),
+        ("audioset", c.c_uint32),
+        ("tuner", c.c_uint32),
+        ("std", c.c_uint64),
+        ("status", c.c_uint32),
+        ("capabilities", c.c_uint32),
+        ("reserved", c.c_uint32 * 3),
+    )
+
+
+class Fraction(c.Structure):
+    """Seconds a frame."""
+
+    _fields_ = (("numerator", c.c_uint32), ("denominator", c.c_uint32))
+
+
+class Standard(c.Structure):
+    """A video standard that the current input can have."""
+
+    _fields_ = (
+        ("index", c.c_uint32),
+        ("id", c.c_uint64),
+        ("name", c.c_char * 24),
+        ("frameperiod", Fraction),
+        ("framelines", c.c_uint32),
+        ("reserved", c.c_uint32 * 4),
+    )
+
+
+class FmtDesc(c.Structure):
+    """A pixel format that a node can deliver."""
+
+    _fields_ = (
+        ("index", c.c_uint32),
+        ("type", c.c_uint32),
+        ("flags", c.c_uint32),
+        ("description", c.c_char * 32),
+        ("pixelformat", c.c_uint32),
+        ("mbus_code", c.c_uint32),
+        ("reserved", c.c_uint32 * 3),
+    )
+
+
+class PixFormat(c.Structure):
+    """Size, pixel format and field order of a picture."""
+
+    _fields_ = (
+        ("width", c.c_uint32),
+        ("height", c.c_uint32),
+        ("pixelformat", c.c_uint32),
+        ("field", c.c_uint32),
+        ("bytesperline", c.c_uint32),
+        ("sizeimage", c.c_uint32),
+        ("colorspace", c.c_uint32),
+        ("priv", c.c_uint32),
+        ("flags", c.c_uint32),
+        ("ycbcr_enc", c.c_uint32),
+        ("quantization", c.c_uint32),
+        ("xfer_func", c.c_uint32),
+    )
+
+
+class _Fmt(c.Union):
+    _fields_ = (("pix", PixFormat), ("raw", c.c_uint8 * 200), ("aligned_like_a_pointer", _LONG))
+
+
+class Format(c.Structure):
+    """What is asked for and granted, by kind of stream."""
+
+    _fields_ = (("type", c.c_uint32), ("fmt", _Fmt))
+
+
+class RequestBuffers(c.Structure):
+    """How many buffers are asked for and granted."""
+
+    _fields_ = (
+        ("count", c.c_uint32),
+        ("type", c.c_uint32),
+        ("memory", c.c_uint32),
+        ("capabilities", c.c_uint32),
+        ("flags", c.c_uint8),
+        ("reserved", c.c_uint8 * 3),
+    )
+
+
+class Timeval(c.Structure):
+    """Seconds and microseconds."""
+
+    _fields_ = (("tv_sec", c.c_int64), ("tv_usec", c.c_int64))
+
+
+class Timecode(c.Structure):
+    """Not used here, but part of every buffer."""
+
+    _fields_ = (
+        ("type", c.c_uint32),
+        ("flags", c.c_uint32),
+        ("frames", c.c_uint8),
+        ("seconds", c.c_uint8),
+        ("minutes", c.c_uint8),
+        ("hours", c.c_uint8),
+        ("userbits", c.c_uint8 * 4),
+    )
+
+
+class _Memory(c.Union):
+    _fields_ = (("offset", c.c_uint32), ("userptr", _LONG), ("planes", _LONG), ("fd", c.c_int32))
+
+
+class Buffer(c.Structure):
+    """A buffer on its way to the kernel and back."""
+
+    _fields_ = (
+        ("index", c.c_uint32),
+        ("type", c.c_uint32),
+        ("bytesused", c.c_uint32),
+        ("flags", c.c_uint32),
+        ("field", c.c_uint32),
+        ("timestamp", Timeval),
+        ("timecode", Timecode),
+        ("sequence", c.c_uint32),
+        ("memory", c.c_uint32),
+        ("m", _Memory),
+        ("length", c.c_uint32),
+        ("reserved2", c.c_uint32),
+        ("request_fd", c.c_int32),
+    )
+
+
+class Timespec(c.Structure):
+    """Seconds and nanoseconds."""
+
+    _fields_ = (("tv_sec", c.c_int64), ("tv_nsec", c.c_int64))
+
+
+class _EventDetail(c.Union):
+    _fields_ = (("changes", c.c_uint32), ("data", c.c_uint8 * 64), ("_aligned_like_int64", c.c_int64))
+
+
+class Event(c.Structure):
+    """Something that happened beside the pictures."""
+
+    _fields_ = (
+        ("type", c.c_uint32),
+        ("u", _EventDetail),
+        ("pending", c.c_uint32),
+        ("sequence", c.c_uint32),
+        ("timestamp", Timespec),
+        ("id", c.c_uint32),
+        ("reserved", c.c_uint32 * 8),
+    )
+
+
+class EventSubscription(c.Structure):
+    """Which events are wanted."""
+
+    _fields_ = (
+        ("type", c.c_uint32),
+        ("id", c.c_uint32),
+        ("flags", c.c_uint32),
+        ("reserved", c.c_uint32 * 5),
+    )
+
+
+Integer = c.c_int32
+"""Argument of G_INPUT, S_INPUT, STREAMON and STREAMOFF."""
+StandardSet = c.c_uint64
+"""Argument of G_STD, S_STD and QUERYSTD: one bit a standard."""
+
+
+def fourcc(name: str) -> int:
+    """The number of a four-letter pixel format."""
+    return int.from_bytes(name.encode("ascii"), "little")
+
+
+def fourcc_name(number: int) -> str:
+    """The letters of a pixel format's number."""
+    return (number & 0x7FFFFFFF).to_bytes(4, "little").decode("ascii", "replace").rstrip("\0")

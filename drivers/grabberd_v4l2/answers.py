@@ -1,0 +1,116 @@
+"""What a video node answers to questions; one that streams for somebody else answers all the same."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from pathlib import Path
+
+from grabberd_v4l2 import abi
+from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.formats import FORMATS
+from grabberd_v4l2.kernel import Kernel
+from grabberd_v4l2.node import Node
+
+COLUMNS, FRAME_LINES, FIELD_LINES = 720, 576, 288
+SINGLE = (Arrangement.ALTERNATE, Arrangement.TOP, Arrangement.BOTTOM)
+"""Arrangements with one field a buffer."""
+
+FAMILIES = {
+    "PAL": abi.STD_PAL,
+    "PAL-M": 0x0100,
+    "PAL-N": 0x0600,
+    "PAL-60": 0x0800,
+    "NTSC": 0xF000,
+    "SECAM": 0xFF0000,
+}
+"""Standards that have a name of their own, V4L2_STD_*."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answers:
+    """What a node says of itself.
+
+    Attributes:
+        kernel_driver: e.g. "bttv"; `card`: the device's own name.
+        captures: whether it delivers pictures at all; the other answers of one that does not are empty.
+        inputs: names of its sockets.
+        standards: families such as "PAL" that its inputs can have.
+        at_50_hz: whether one of them has 50 fields a second.
+        standard_now: the one that is set, "" where it does not tell.
+        formats: its pixel formats that can be read; `other_formats`: all others.
+        field_orders: those that it grants.
+    """
+
+    kernel_driver: str
+    card: str
+    captures: bool
+    inputs: tuple[str, ...] = ()
+    standards: tuple[str, ...] = ()
+    at_50_hz: bool = False
+    standard_now: str = ""
+    formats: tuple[str, ...] = ()
+    other_formats: tuple[str, ...] = ()
+    field_orders: tuple[Arrangement, ...] = ()
+
+
+def ask(kernel: Kernel, path: Path) -> Answers:
+    """Asks a node.
+
+    Raises:
+        OSError: it cannot be opened, or goes away meanwhile.
+    """
+    with closing(Node(kernel, path)) as node:
+        own = node.capability()
+        if not own.flags & abi.CAP_VIDEO_CAPTURE:
+            return Answers(own.driver, own.card, captures=False)
+        return _answers(node, own.driver, own.card)
+
+
+def _answers(node: Node, kernel_driver: str, card: str) -> Answers:
+    inputs = node.inputs()
+    standards = reduce(or_, (one.std for one in inputs), 0)
+    formats = node.pixel_formats()
+    return Answers(
+        kernel_driver=kernel_driver,
+        card=card,
+        captures=True,
+        inputs=tuple(one.name.decode("utf-8", "replace") for one in inputs),
+        standards=_families(standards),
+        at_50_hz=bool(standards & abi.STD_625_50),
+        standard_now="/".join(_families(_standard_now(node))),
+        formats=tuple(name for name in FORMATS if name in formats),
+        other_formats=tuple(name for name in formats if name not in FORMATS),
+        field_orders=tuple(_field_orders(node, formats)),
+    )
+
+
+def _families(standards: int) -> tuple[str, ...]:
+    return tuple(name for name, bits in FAMILIES.items() if bits & standards)
+
+
+def _standard_now(node: Node) -> int:
+    """0 where the socket in use knows no standards."""
+    try:
+        return node.standard()
+    except OSError:
+        return 0
+
+
+def _field_orders(node: Node, formats: tuple[str, ...]) -> Iterator[Arrangement]:
+    fourcc = next((name for name in (*FORMATS, *formats) if name in formats), None)
+    if fourcc is None:
+        return
+    for wanted in Arrangement:
+        lines = FIELD_LINES if wanted in SINGLE else FRAME_LINES
+        if wanted is not Arrangement.ANY and _grants(node, lines, fourcc, wanted):
+            yield wanted
+
+
+def _grants(node: Node, lines: int, fourcc: str, wanted: Arrangement) -> bool:
+    """A driver refuses an arrangement with an error, or by granting another."""
+    try:
+        return bool(node.tried_format(COLUMNS, lines, fourcc, wanted).field == wanted)
+    except OSError:
+        return False

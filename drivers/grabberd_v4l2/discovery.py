@@ -1,0 +1,161 @@
+"""The frame grabbers that the kernel knows, with what to think of them and how to name them."""
+
+import errno
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from grabberd.acquisition.discovery import FoundDevice, Verdict
+from grabberd_v4l2.answers import Answers, ask
+from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.formats import FORMATS
+from grabberd_v4l2.kernel import LinuxKernel
+from grabberd_v4l2.profiles import Profile, Profiles
+from grabberd_v4l2.sysfs import SYSTEM, Roots, VideoNode, video_nodes
+from grabberd_v4l2.usb import HIGH_SPEED_MBIT_S, remarks_on
+
+DRIVER = "v4l2"
+AT_60_HZ = ("NTSC", "PAL-M", "PAL-60")
+Ask = Callable[[Path], Answers]
+
+
+class _Seen(NamedTuple):
+    """A node and its answers; `refusal` says why there are none."""
+
+    node: VideoNode
+    answers: Answers
+    refusal: str = ""
+
+
+def discover(
+    roots: Roots = SYSTEM, asked: Ask | None = None, profiles: Profiles | None = None
+) -> tuple[FoundDevice, ...]:
+    """All nodes that deliver pictures, by number; one that cannot be asked is listed with the reason."""
+    answer = asked or (lambda path: ask(LinuxKernel(), path))
+    known = profiles or Profiles.load()
+    nodes = video_nodes(roots)
+    seen = (_seen(node, answer) for node in nodes)
+    return tuple(_found(one, nodes, known) for one in seen if one.answers.captures)
+
+
+def _seen(node: VideoNode, asked: Ask) -> _Seen:
+    """One that cannot be asked has pictures if it is its device's first: the others are often metadata."""
+    try:
+        return _Seen(node, asked(node.path))
+    except OSError as error:
+        return _Seen(node, Answers(node.kernel_driver, node.card, node.index == 0), _refusal(node, error))
+
+
+def _found(seen: _Seen, nodes: Sequence[VideoNode], profiles: Profiles) -> FoundDevice:
+    profile = profiles.of(seen.answers.kernel_driver)
+    faults = tuple(_faults(seen))
+    best, *others = _ways(seen.node, nodes)
+    return FoundDevice(
+        driver=DRIVER,
+        card=seen.answers.card or seen.node.card,
+        options=best,
+        verdict=_verdict(profile, seen.node, faults),
+        remarks=(*_remarks(seen, nodes, profile), *faults, *map(_sentence, profiles.remarks)),
+        facts=dict(_facts(seen.node, seen.answers)),
+        other_options=tuple(others),
+    )
+
+
+def _faults(seen: _Seen) -> Iterator[str]:
+    """What makes a grabber unusable, by its own answers."""
+    if seen.refusal:
+        return
+    answers = seen.answers
+    if not answers.standards:
+        yield "It knows no video standard: it is a camera, or a stick that makes pictures of its own."
+    elif not answers.at_50_hz:
+        yield f"It knows no standard of 50 fields a second such as PAL, but {', '.join(answers.standards)}."
+    if not answers.formats:
+        known = ", ".join(answers.other_formats) or "none"
+        yield f"It has no format that grabberd reads ({', '.join(FORMATS)}), but {known}."
+
+
+def _verdict(profile: Profile, node: VideoNode, faults: tuple[str, ...]) -> Verdict:
+    too_slow = node.usb is not None and node.usb.speed_mbit_s < HIGH_SPEED_MBIT_S
+    return Verdict.UNUSABLE if faults or too_slow else profile.verdict
+
+
+def _remarks(seen: _Seen, nodes: Sequence[VideoNode], profile: Profile) -> Iterator[str]:
+    if seen.refusal:
+        yield seen.refusal
+    yield from (_sentence(remark) for remark in (*profile.remarks, profile.advice) if remark)
+    if (now := seen.answers.standard_now) in AT_60_HZ:
+        yield f"It is set to {now} now, as some drivers start up; grabberd sets PAL when it opens it."
+    yield from remarks_on(seen.node, nodes)
+    if seen.node.by_path is None:
+        yield (
+            "udev has made no link for it under /dev/v4l/by-path: its node may have another number after a "
+            "restart or a replug."
+        )
+
+
+def _refusal(node: VideoNode, error: OSError) -> str:
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return (
+            f"It could not be asked: no right to open {node.path}. Add yourself to the group video ('sudo "
+            f"usermod -aG video $USER', then log in again)."
+        )
+    return f"It could not be asked: {os.strerror(error.errno or 0)}."
+
+
+def _ways(node: VideoNode, nodes: Sequence[VideoNode]) -> Iterator[dict[str, str]]:
+    """How the configuration may name it, the most lasting first."""
+    if node.by_path is not None:
+        yield {"device": str(node.by_path)}
+    if node.usb is not None and node.index == 0:
+        usb = {"usb": node.usb.vendor_product}
+        if _equal_ones(node, nodes) == 1:
+            yield usb
+        elif node.usb.serial:
+            yield usb | {"serial": node.usb.serial}
+        yield usb | {"port": node.usb.port}
+    if node.by_id is not None:
+        yield {"device": str(node.by_id)}
+    yield {"device": str(node.path)}
+
+
+def _equal_ones(node: VideoNode, nodes: Sequence[VideoNode]) -> int:
+    assert node.usb is not None
+    places = [other.usb for other in nodes if other.usb and other.index == 0]
+    return sum(place.vendor_product == node.usb.vendor_product for place in places)
+
+
+def _facts(node: VideoNode, answers: Answers) -> Iterator[tuple[str, str]]:
+    """What is known, without what is not."""
+    usb = node.usb
+    facts = {
+        "node": str(node.path),
+        "kernel driver": answers.kernel_driver,
+        "by-path": str(node.by_path or ""),
+        "by-id": str(node.by_id or ""),
+        "USB": f"{usb.vendor_product} {usb.name}".strip() if usb else "",
+        "serial": (usb.serial or "") if usb else "",
+        "port": usb.port if usb else "",
+        "speed": f"{usb.speed_mbit_s:g} Mbit/s" if usb else "",
+        "inputs": ", ".join(answers.inputs),
+        "standards": ", ".join(answers.standards),
+        "formats": _formats(answers),
+        "field orders": ", ".join(_order(order) for order in answers.field_orders),
+    }
+    return ((name, word) for name, word in facts.items() if word)
+
+
+def _formats(answers: Answers) -> str:
+    others = len(answers.other_formats)
+    words = [*answers.formats, *([f"{others} that grabberd does not read"] if others else [])]
+    return ", ".join(words)
+
+
+def _order(order: Arrangement) -> str:
+    return "none (not interlaced)" if order is Arrangement.NONE else order.name.lower()
+
+
+def _sentence(text: str) -> str:
+    """A profile's remark with a capital and a full stop."""
+    return text[0].upper() + text[1:].rstrip(".") + "."

@@ -1,0 +1,210 @@
+"""A frame grabber of the kernel's V4L2, seen through the driver contract."""
+
+import contextlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+from grabberd.acquisition.device import GrabbedField, Signal, StreamInfo
+from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
+from grabberd.field import Field
+from grabberd_v4l2 import abi
+from grabberd_v4l2.describing import remarks_on_place, stream_info
+from grabberd_v4l2.failures import opening, restarting
+from grabberd_v4l2.identity import find_node
+from grabberd_v4l2.kernel import Kernel, LinuxKernel
+from grabberd_v4l2.layout import Layout
+from grabberd_v4l2.negotiation import capture_node, negotiate, picture_bytes
+from grabberd_v4l2.node import Node
+from grabberd_v4l2.options import V4l2Options
+from grabberd_v4l2.profiles import Profile, Profiles
+from grabberd_v4l2.stream import Filled, Stream
+from grabberd_v4l2.sysfs import SYSTEM, Roots
+from grabberd_v4l2.times import FieldTimes, Stamp
+from grabberd_v4l2.usb import reset_of
+from grabberd_v4l2.watch import Watch
+
+_PAL = "connect a PAL camera; the device is tried again by itself"
+
+
+@dataclass(frozen=True, slots=True)
+class _Running:
+    """A node that streams, and how to read what comes."""
+
+    stream: Stream
+    layout: Layout
+    times: FieldTimes
+    watch: Watch
+    whole_bytes: int
+    info: StreamInfo
+
+
+class V4l2Grabber:
+    """An analog grabber under a video node; `V4l2Options` lists its options."""
+
+    def __init__(self, *, kernel: Kernel | None = None, roots: Roots = SYSTEM, **options: Any) -> None:
+        """Checks the options; nothing is opened.
+
+        Args:
+            kernel: the system calls; this computer's own by default.
+            roots: where /sys and /dev are.
+            options: see `V4l2Options`.
+
+        Raises:
+            ValueError: a line for every option that is unknown or whose value is not allowed.
+        """
+        self.options = V4l2Options.read(options)
+        self._kernel = kernel or LinuxKernel()
+        self._roots = roots
+        self._node: Node | None = None
+        self._running: _Running | None = None
+        self._layout: Layout | None = None
+
+    def open(self) -> StreamInfo:
+        """Finds the device, sets it up and starts it.
+
+        Raises:
+            DeviceAbsent: it is not there.
+            DeviceRefused: it is open already, of no use, in use by others, or grants nothing that is of use.
+            StreamFailed: it does not answer as it should; a reset may help.
+        """
+        if self._node is not None:
+            raise DeviceRefused(f"{self._node.path} is open already", "close it first")
+        path = find_node(self.options.identity, self._roots)
+        try:
+            with opening(path):
+                self._node = Node(self._kernel, path)
+                self._running = self._started(self._node)
+        except BaseException:
+            self.close()
+            raise
+        self._layout = self._running.layout
+        return self._running.info
+
+    @contextmanager
+    def dequeue(self, timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
+        """The fields of the next buffer, the older first; nothing if none comes in time.
+
+        Raises:
+            DeviceLost: it is not open, or went away.
+            StreamFailed: it streams no more, or at 60 Hz.
+            DeviceRefused: what comes has no parity.
+        """
+        running = self._streaming()
+        running.watch.look_again()
+        if running.watch.trouble:
+            raise StreamFailed(running.watch.trouble, "it is started again at 50 Hz")
+        with running.stream.dequeue(timeout_s) as filled:
+            if running.stream.source_changed():
+                running.watch.look()
+            yield [] if filled is None else _fields(running, filled)
+
+    def signal(self) -> Signal:
+        """What the card says, where it is known to tell; unknown while it is not open."""
+        return Signal.UNKNOWN if self._running is None else self._running.watch.look()
+
+    def restart(self) -> StreamInfo:
+        """Stops, sets everything up anew and starts again, on the same descriptor.
+
+        Raises:
+            DeviceLost: it is not open, or went away.
+            StreamFailed: it does not start.
+            DeviceRefused: what is granted now is not what was granted before.
+        """
+        if self._node is None:
+            raise _not_open()
+        self._stop()
+        with restarting(self._node.path):
+            running = self._started(self._node)
+        if running.layout != self._layout:
+            running.stream.stop()
+            raise DeviceRefused(
+                f"{self._node.path} grants something else than before", "close it and open it again"
+            )
+        self._running = running
+        return running.info
+
+    def reset(self) -> None:
+        """Resets the closed device's USB port.
+
+        Raises:
+            DeviceAbsent: it is not there.
+            DeviceRefused: it is open, not on USB, or libusb or the rights are missing.
+        """
+        if self._node is not None:
+            raise DeviceRefused(f"{self._node.path} is open", "close it first")
+        reset_of(self.options.identity, self._roots)
+
+    def close(self) -> None:
+        """Stops, unmaps, frees and lets go; safe twice and after an `open` that failed."""
+        self._stop()
+        node, self._node = self._node, None
+        if node is not None:
+            with contextlib.suppress(OSError):
+                node.close()
+
+    def _stop(self) -> None:
+        running, self._running = self._running, None
+        if running is not None:
+            running.stream.stop()
+
+    def _started(self, node: Node) -> _Running:
+        capability = capture_node(node)
+        profiles = Profiles.load(self.options.profiles)
+        profile = profiles.of(capability.driver)
+        granted = negotiate(node, capability, self.options, profile)
+        watch = _settled(node, profile)
+        remarks = (*profiles.remarks, *remarks_on_place(node.path, self._roots))
+        layout = Layout.of(granted, profile, self.options.older)
+        times = FieldTimes(layout, profile, self.options.exposure_ns)
+        stream = Stream(node, self.options.buffers, picture_bytes(granted))
+        layout = replace(layout, granted=replace(granted, buffers=stream.buffers))
+        info = stream_info(layout, profile, times, watch.tells, node.path, remarks)
+        return _Running(stream, layout, times, watch, picture_bytes(granted), info)
+
+    def _streaming(self) -> _Running:
+        if self._node is None:
+            raise _not_open()
+        if self._running is None:
+            raise StreamFailed(
+                f"{self._node.path} does not stream", "restart it, or close it and open it again"
+            )
+        return self._running
+
+
+def _settled(node: Node, profile: Profile) -> Watch:
+    watch = Watch(node, profile.signal_source)
+    if watch.settle():
+        raise DeviceRefused(f"{node.path}: {watch.trouble}", _PAL)
+    return watch
+
+
+def _not_open() -> DeviceLost:
+    return DeviceLost("the grabber is not open", "open it first")
+
+
+def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
+    stamp = Stamp(filled.time_ns, filled.flags, filled.sequence, filled.arrival_ns)
+    if running.times.handed_back(stamp):
+        return []
+    damage = _damage(filled, running.whole_bytes)
+    try:
+        laid = running.layout.fields(filled.picture, filled.field)
+    except DeviceRefused:
+        if damage is None:
+            raise
+        return []  # a field of unknown parity is lost; the gap in time will tell
+    times = running.times.of(stamp, laid)
+    return [
+        GrabbedField(Field.intact(field.luma, field.parity), time.time_ns, time.sequence, damage)
+        for field, time in zip(laid, times, strict=True)
+    ]
+
+
+def _damage(filled: Filled, whole_bytes: int) -> str | None:
+    if filled.flags & abi.BUF_FLAG_ERROR:
+        return "the driver flags an error"
+    if filled.bytes_used < whole_bytes:
+        return f"short: {filled.bytes_used} of {whole_bytes} bytes"
+    return None

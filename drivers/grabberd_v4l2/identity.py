@@ -1,0 +1,142 @@
+"""Which grabber is meant, and under which node it is to be found today."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from grabberd.errors import DeviceAbsent, DeviceRefused
+from grabberd_v4l2.sysfs import SYSTEM, Roots, UsbPlace, VideoNode, usb_places, video_nodes
+
+VENDOR_PRODUCT = re.compile(r"[0-9a-f]{4}:[0-9a-f]{4}")
+PORT = re.compile(r"\d+-\d+(\.\d+)*")
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """A grabber by what it is, or by where it is plugged in; never both.
+
+    Attributes:
+        device: a node or a link to one, best out of /dev/v4l/by-path.
+        usb: "VENDOR:PRODUCT", four hexadecimal digits each; `serial` and `port` tell equal ones apart.
+    """
+
+    device: Path | None = None
+    usb: str | None = None
+    serial: str | None = None
+    port: str | None = None
+
+    @classmethod
+    def from_options(
+        cls,
+        device: str | Path | None = None,
+        usb: str | None = None,
+        serial: str | None = None,
+        port: str | None = None,
+    ) -> "Identity":
+        """The identity that a configuration gives.
+
+        Raises:
+            ValueError: it gives none, two, or one that cannot be.
+        """
+        _check_texts({"usb": usb, "serial": serial, "port": port})
+        if (device is None) == (usb is None):
+            raise ValueError(
+                "name the grabber either by device: /dev/v4l/by-path/… or by usb: VENDOR:PRODUCT; "
+                "'grabberd devices' prints what to write"
+            )
+        if device is not None:
+            _check_path(device, serial, port)
+            return cls(device=Path(device))
+        assert usb is not None
+        return cls(usb=_checked_usb(usb), serial=serial, port=_checked_port(port))
+
+    def matches(self, place: UsbPlace) -> bool:
+        """Whether a USB device is the one that is meant."""
+        wanted = ((self.usb, place.vendor_product), (self.serial, place.serial), (self.port, place.port))
+        return self.usb is not None and all(want is None or want == got for want, got in wanted)
+
+    def __str__(self) -> str:
+        if self.device is not None:
+            return str(self.device)
+        port = f" at port {self.port}" if self.port else ""
+        serial = f" with serial {self.serial}" if self.serial else ""
+        return f"USB {self.usb}{port}{serial}"
+
+
+def find_node(identity: Identity, roots: Roots = SYSTEM) -> Path:
+    """The node that the grabber has now; to be asked at every open, as the number may have changed.
+
+    Raises:
+        DeviceAbsent: it is not there; the hint says what is there instead.
+        DeviceRefused: several are meant; the message lists them.
+    """
+    if identity.device is not None:
+        return _find_path(identity.device, roots)
+    found = [node for node in main_nodes(roots) if node.usb is not None and identity.matches(node.usb)]
+    if len(found) > 1:
+        raise DeviceRefused(
+            f"{len(found)} grabbers are {identity}: {', '.join(map(str, found))}",
+            f'add port: "{_port(found[0])}" (or another of these ports) to the device\'s options',
+        )
+    if not found:
+        raise _absent_usb(identity, roots)
+    return found[0].path
+
+
+def main_nodes(roots: Roots = SYSTEM) -> tuple[VideoNode, ...]:
+    """The nodes with index 0: one for each device."""
+    return tuple(node for node in video_nodes(roots) if node.index == 0)
+
+
+def _find_path(device: Path, roots: Roots) -> Path:
+    path = roots.dev / device.relative_to("/dev") if device.is_relative_to("/dev") else device
+    if path.exists():
+        return path.resolve()
+    raise DeviceAbsent(f"there is no {device}", f"plug the grabber in; {_instead(roots)}")
+
+
+def _absent_usb(identity: Identity, roots: Roots) -> DeviceAbsent:
+    """A device without a node is another matter than no device."""
+    if bare := [place for place in usb_places(roots) if identity.matches(place)]:
+        return DeviceAbsent(
+            f"{bare[0]} is plugged in, but no driver of the kernel has made a video node for it",
+            "wait a second if it was just plugged in; else 'dmesg' says what the kernel thinks of it, and "
+            "which module it would need (stk1160, usbtv, em28xx, uvcvideo)",
+        )
+    return DeviceAbsent(f"no grabber is {identity}", f"plug it in; {_instead(roots)}")
+
+
+def _instead(roots: Roots) -> str:
+    nodes = main_nodes(roots)
+    if not nodes:
+        return "this computer has no video node at all now"
+    return f"there is now: {', '.join(map(str, nodes))}; 'grabberd devices' says how to name them"
+
+
+def _port(node: VideoNode) -> str:
+    return node.usb.port if node.usb else ""
+
+
+def _check_texts(options: dict[str, object]) -> None:
+    for name, value in options.items():
+        if value is not None and not isinstance(value, str):
+            raise ValueError(f"{name}: put {value!r} between quotation marks, it is a text")
+
+
+def _check_path(device: str | Path, serial: str | None, port: str | None) -> None:
+    if serial is not None or port is not None:
+        raise ValueError("serial and port belong to usb: VENDOR:PRODUCT, a path names one grabber already")
+    if not Path(device).is_absolute():
+        raise ValueError(f"device: {device} is no path from the root, such as /dev/video0")
+
+
+def _checked_usb(usb: str) -> str:
+    if not VENDOR_PRODUCT.fullmatch(usb.lower()):
+        raise ValueError(f"usb: {usb!r} is not VENDOR:PRODUCT in hexadecimal digits, such as '05e1:0408'")
+    return usb.lower()
+
+
+def _checked_port(port: str | None) -> str | None:
+    if port is not None and not PORT.fullmatch(port):
+        raise ValueError(f"port: {port!r} is no USB port such as '1-2.3'; 'grabberd devices' prints it")
+    return port

@@ -1,0 +1,167 @@
+"""The system calls that this driver makes, behind a door of their own."""
+
+import ctypes
+import fcntl
+import mmap
+import os
+import select
+import time
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+POLL_IN, POLL_PRI = select.POLLIN, select.POLLPRI
+POLL_ERR, POLL_HUP, POLL_NVAL = select.POLLERR, select.POLLHUP, select.POLLNVAL
+
+
+class Pages(Protocol):
+    """A kernel buffer in this process's memory."""
+
+    @property
+    def array(self) -> NDArray[np.uint8]:
+        """(bytes,) read-only."""
+        ...
+
+    def unmap(self) -> None:
+        """Gives it back to the kernel, safe twice; a view that somebody kept shows zeros from now on."""
+        ...
+
+
+class Kernel(Protocol):
+    """Every call raises `OSError` as the kernel answers; none waits, but for `poll` and `sleep`."""
+
+    def open(self, path: Path) -> int:
+        """A descriptor, never blocking."""
+        ...
+
+    def close(self, fd: int) -> None:
+        """Lets go of a descriptor."""
+        ...
+
+    def ioctl(self, fd: int, request: int, argument: Any) -> None:
+        """A call with a ctypes object that the kernel may write to."""
+        ...
+
+    def mmap(self, fd: int, length: int, offset: int) -> Pages:
+        """Maps a buffer."""
+        ...
+
+    def poll(self, fd: int, timeout_s: float) -> int:
+        """What is ready, of POLL_*; 0 after the time-out."""
+        ...
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Waits."""
+        ...
+
+
+class LinuxKernel:
+    """The real one."""
+
+    def open(self, path: Path) -> int:
+        """Read and write, non-blocking, not inherited."""
+        return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+
+    def close(self, fd: int) -> None:
+        """Lets go of a descriptor."""
+        os.close(fd)
+
+    def ioctl(self, fd: int, request: int, argument: Any) -> None:
+        """A call; interrupted ones are made again."""
+        while True:
+            try:
+                fcntl.ioctl(fd, request, argument, True)
+                return
+            except InterruptedError:
+                continue
+
+    def mmap(self, fd: int, length: int, offset: int) -> Pages:
+        """Maps a buffer, shared; writable because older drivers refuse anything else."""
+        return _MappedPages(fd, length, offset)
+
+    def poll(self, fd: int, timeout_s: float) -> int:
+        """Waits for a buffer or an event."""
+        poller = select.poll()
+        poller.register(fd, POLL_IN | POLL_PRI)
+        ready = poller.poll(max(timeout_s, 0.0) * 1e3)
+        return ready[0][1] if ready else 0
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC."""
+        return time.monotonic_ns()
+
+    def sleep(self, seconds: float) -> None:
+        """Waits."""
+        time.sleep(seconds)
+
+
+_libc = ctypes.CDLL(None, use_errno=True)
+_libc.mmap.restype = ctypes.c_void_p
+_libc.mmap.argtypes = (
+    ctypes.c_void_p,
+    ctypes.c_size_t,
+    ctypes.c_int,
+    ctypes.c_int,
+    ctypes.c_int,
+    ctypes.c_long,
+)
+_libc.munmap.argtypes = (ctypes.c_void_p, ctypes.c_size_t)
+_MAP_FIXED = 0x10
+_MAP_FAILED = ctypes.c_void_p(-1).value
+
+
+class _MappedPages:
+    """Memory whose place outlives its mapping for as long as an array looks at it.
+
+    Python's own `mmap` cannot be closed while an array looks at it, and a device whose buffers are mapped
+    does not come back. So `unmap` puts empty memory in the buffer's place, in one step.
+    """
+
+    def __init__(self, fd: int, length: int, offset: int) -> None:
+        self._length = length
+        self._address = _map(None, length, mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_SHARED, fd, offset)
+        self._array: NDArray[np.uint8] | None = np.asarray(_Memory(self._address, length))
+
+    @property
+    def array(self) -> NDArray[np.uint8]:
+        """(bytes,) read-only."""
+        if self._array is None:
+            raise ValueError("the buffer is not mapped any more")
+        return self._array
+
+    def unmap(self) -> None:
+        """The device's memory is released at once, its place when the last view of it is."""
+        if self._array is not None:
+            flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | _MAP_FIXED
+            _map(self._address, self._length, mmap.PROT_READ, flags, -1, 0)
+            self._array = None
+
+
+class _Memory:
+    """Owner of a place in memory: the base of every array that looks at it."""
+
+    def __init__(self, address: int, length: int) -> None:
+        self._place = address, length
+        self.__array_interface__ = {
+            "shape": (length,),
+            "typestr": "|u1",
+            "data": (address, True),
+            "version": 3,
+        }
+
+    def __del__(self) -> None:
+        _libc.munmap(*self._place)
+
+
+def _map(address: int | None, length: int, protection: int, flags: int, fd: int, offset: int) -> int:
+    mapped = _libc.mmap(address, length, protection, flags, fd, offset)
+    if mapped is None or mapped == _MAP_FAILED:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+    return int(mapped)

@@ -1,0 +1,193 @@
+"""From a buffer to the fields in it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.acquisition import FieldOrder
+from grabberd.errors import DeviceRefused
+from grabberd.field import BOTTOM, TOP
+from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.formats import luma
+from grabberd_v4l2.granted import Granted
+from grabberd_v4l2.profiles import Profile
+
+FIELD_ROWS = 288
+FRAME_RATE_HZ = 25.0
+FIELD_RATE_HZ = 50.0
+
+_WOVEN = (Arrangement.INTERLACED, Arrangement.INTERLACED_TB, Arrangement.INTERLACED_BT)
+_STACKED = (Arrangement.SEQ_TB, Arrangement.SEQ_BT)
+_SINGLE = {Arrangement.TOP: TOP, Arrangement.BOTTOM: BOTTOM}
+_OLDER = {
+    Arrangement.INTERLACED_TB: TOP,
+    Arrangement.INTERLACED_BT: BOTTOM,
+    Arrangement.SEQ_TB: TOP,
+    Arrangement.SEQ_BT: BOTTOM,
+}
+_NAMES = {TOP: "top", BOTTOM: "bottom"}
+
+
+class LaidField(NamedTuple):
+    """A field in a buffer.
+
+    Attributes:
+        luma: (field_rows, columns) uint8, often a view.
+        parity: `TOP` or `BOTTOM`.
+        age_steps: field periods that it is older than the newest in the buffer: 0 or 1.
+    """
+
+    luma: NDArray[np.uint8]
+    parity: int
+    age_steps: int
+
+
+class _Part(NamedTuple):
+    rows: slice
+    parity: int
+    age_steps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Where the fields are in every buffer of a stream.
+
+    Attributes:
+        granted: the stream.
+        order: how its fields come.
+        rate_hz: fields a second.
+        field_rows: rows of a field.
+        remarks: what a person has to know of it.
+    """
+
+    granted: Granted
+    order: FieldOrder
+    rate_hz: float
+    field_rows: int
+    remarks: tuple[str, ...]
+    _parts: Mapping[int, tuple[_Part, ...]]
+    """By the field that a buffer says it has; ANY where that does not matter."""
+
+    @classmethod
+    def of(cls, granted: Granted, profile: Profile, older: int | None = None) -> "Layout":
+        """The layout of a 50 Hz stream.
+
+        Args:
+            granted: what the kernel's driver said last.
+            profile: what is known of that driver.
+            older: the parity that was exposed first, where neither driver nor profile is to be believed.
+
+        Raises:
+            DeviceRefused: there are no whole fields in such buffers.
+        """
+        arrangement = _believed(granted, profile)
+        if arrangement is Arrangement.ALTERNATE:
+            return cls._alternate(granted)
+        if arrangement in _SINGLE:
+            return cls._single(granted, _SINGLE[arrangement])
+        first = _first_not_none(older, _OLDER.get(arrangement), profile.older_parity, TOP)
+        return cls._frames(granted, arrangement, first)
+
+    @property
+    def columns(self) -> int:
+        """Pixels a row."""
+        return self.granted.columns
+
+    def fields(self, buffer: NDArray[np.uint8], buffer_field: int) -> tuple[LaidField, ...]:
+        """The fields in a buffer, the older first.
+
+        Args:
+            buffer: (n,) uint8.
+            buffer_field: what the driver says is in it (`v4l2_buffer.field`); decides where it is one field.
+
+        Raises:
+            DeviceRefused: it has to say which field it is, and does not.
+            ValueError: the buffer is too short.
+        """
+        parts = self._parts.get(buffer_field) or self._parts.get(Arrangement.ANY)
+        if parts is None:
+            raise _no_parity(self.granted, buffer_field)
+        return tuple(LaidField(self._luma(buffer, part.rows), *part[1:]) for part in parts)
+
+    def _luma(self, buffer: NDArray[np.uint8], rows: slice) -> NDArray[np.uint8]:
+        granted = self.granted
+        return luma(buffer, granted.fourcc, granted.lines, granted.columns, granted.bytes_per_line, rows)
+
+    @classmethod
+    def _alternate(cls, granted: Granted) -> "Layout":
+        whole = slice(None)
+        parts = {int(field): (_Part(whole, parity, 0),) for field, parity in _SINGLE.items()}
+        return cls(granted, FieldOrder.ALTERNATE, FIELD_RATE_HZ, *_height(granted, granted.lines), parts)
+
+    @classmethod
+    def _single(cls, granted: Granted, parity: int) -> "Layout":
+        rows, remarks = _height(granted, granted.lines)
+        remark = (
+            f"the driver {granted.kernel_driver} delivers only the {_NAMES[parity]} field of every frame: "
+            f"{FRAME_RATE_HZ:.0f} fields a second instead of {FIELD_RATE_HZ:.0f}"
+        )
+        parts = {int(Arrangement.ANY): (_Part(slice(None), parity, 0),)}
+        return cls(granted, FieldOrder.ONE_PARITY, FRAME_RATE_HZ, rows, (remark, *remarks), parts)
+
+    @classmethod
+    def _frames(cls, granted: Granted, arrangement: Arrangement, older: int) -> "Layout":
+        if granted.lines % 2:
+            raise _refused(granted, f"{granted.lines} lines are not two fields", "ask for 576 lines")
+        rows, remarks = _height(granted, granted.lines // 2)
+        places = _places(arrangement, rows)
+        parts = tuple(_Part(places[p], p, age) for p, age in ((older, 1), (1 - older, 0)))
+        order = FieldOrder.TOP_FIRST if older == TOP else FieldOrder.BOTTOM_FIRST
+        return cls(granted, order, FIELD_RATE_HZ, rows, remarks, {Arrangement.ANY: parts})
+
+
+def _believed(granted: Granted, profile: Profile) -> Arrangement:
+    """The arrangement that buffers really have.
+
+    Raises:
+        DeviceRefused: nothing is known that would make two fields of them.
+    """
+    arrangement = Arrangement(granted.field)
+    if arrangement is Arrangement.NONE and profile.none_is_woven:
+        return Arrangement.INTERLACED
+    if arrangement in (Arrangement.NONE, Arrangement.ANY):
+        what = f"its pictures have no fields (V4L2_FIELD_{arrangement.name})"
+        advice = "use a grabber that delivers both fields of every frame; 'grabberd devices' tells"
+        raise _refused(granted, what, profile.advice or advice)
+    return arrangement
+
+
+def _places(arrangement: Arrangement, rows: int) -> dict[int, slice]:
+    """Which lines of a frame each parity has."""
+    if arrangement in _STACKED:
+        upper = _OLDER[arrangement]
+        return {upper: slice(0, rows), 1 - upper: slice(rows, 2 * rows)}
+    return {parity: slice(parity, None, 2) for parity in (TOP, BOTTOM)}
+
+
+def _height(granted: Granted, rows: int) -> tuple[int, tuple[str, ...]]:
+    """Rows of a field, and a remark where some of them are missing.
+
+    Raises:
+        DeviceRefused: more rows than a field has: they are interpolated.
+    """
+    if rows > FIELD_ROWS:
+        what = f"{rows} rows a field are more than the {FIELD_ROWS} that the camera has: the driver scales"
+        raise _refused(granted, what, "switch its scaler off, or ask for woven frames of 576 lines")
+    remark = f"a field has only {rows} of {FIELD_ROWS} rows: the driver cuts or scales the picture"
+    return rows, (remark,) if rows < FIELD_ROWS else ()
+
+
+def _first_not_none(*values: int | None) -> int:
+    return next(value for value in values if value is not None)
+
+
+def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:
+    what = f"a buffer of alternating fields does not say which one it has (field {buffer_field})"
+    return _refused(granted, what, "ask for woven frames: put 'interlaced' first in the field orders")
+
+
+def _refused(granted: Granted, what: str, hint: str) -> DeviceRefused:
+    return DeviceRefused(f"{granted.card} (driver {granted.kernel_driver}): {what}", hint)

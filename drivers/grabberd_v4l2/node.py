@@ -1,0 +1,187 @@
+"""An open video node and the calls it answers; every one raises `OSError` as the kernel does."""
+
+import errno
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from grabberd_v4l2 import abi, ioctls
+from grabberd_v4l2.kernel import Kernel, Pages
+
+T = TypeVar("T")
+_ENDLESS = 256
+
+
+class Capability(NamedTuple):
+    """What a node is: names, and what this very node can do (`CAP_*`)."""
+
+    driver: str
+    card: str
+    bus_info: str
+    flags: int
+
+
+class Node:
+    """A descriptor of a video node.
+
+    Attributes:
+        path: where it was opened.
+    """
+
+    def __init__(self, kernel: Kernel, path: Path) -> None:
+        self._kernel = kernel
+        self.path = path
+        self._fd: int | None = kernel.open(path)
+
+    def close(self) -> None:
+        """Lets go of it; safe twice."""
+        fd, self._fd = self._fd, None
+        if fd is not None:
+            self._kernel.close(fd)
+
+    def poll(self, timeout_s: float) -> int:
+        """What is ready, of POLL_*."""
+        return self._kernel.poll(self._open_fd(), timeout_s)
+
+    def capability(self) -> Capability:
+        """What it is."""
+        asked = self._call(ioctls.QUERYCAP, abi.Capability())
+        own = asked.capabilities & abi.CAP_DEVICE_CAPS
+        flags = asked.device_caps if own else asked.capabilities
+        return Capability(_text(asked.driver), _text(asked.card), _text(asked.bus_info), flags)
+
+    def inputs(self) -> tuple[abi.Input, ...]:
+        """The card's sockets."""
+        return tuple(self._enumerated(ioctls.ENUMINPUT, lambda index: abi.Input(index=index)))
+
+    def input(self) -> abi.Input:
+        """The socket in use, with its status."""
+        number = self._call(ioctls.G_INPUT, abi.Integer()).value
+        return self._call(ioctls.ENUMINPUT, abi.Input(index=number))
+
+    def set_input(self, index: int) -> None:
+        """Chooses a socket."""
+        self._call(ioctls.S_INPUT, abi.Integer(index))
+
+    def standards(self) -> tuple[abi.Standard, ...]:
+        """What the socket in use can have."""
+        return tuple(self._enumerated(ioctls.ENUMSTD, lambda index: abi.Standard(index=index)))
+
+    def standard(self) -> int:
+        """The standard set."""
+        return int(self._call(ioctls.G_STD, abi.StandardSet()).value)
+
+    def set_standard(self, standard: int) -> None:
+        """Chooses a standard."""
+        self._call(ioctls.S_STD, abi.StandardSet(standard))
+
+    def seen_standard(self) -> int:
+        """The standards that the signal may be of; 0 without one."""
+        return int(self._call(ioctls.QUERYSTD, abi.StandardSet()).value)
+
+    def pixel_formats(self) -> tuple[str, ...]:
+        """Names of the formats that it delivers, its own preference first."""
+        described = self._enumerated(
+            ioctls.ENUM_FMT, lambda index: abi.FmtDesc(index=index, type=abi.CAPTURE)
+        )
+        return tuple(abi.fourcc_name(one.pixelformat) for one in described)
+
+    def set_format(self, columns: int, lines: int, fourcc: str, field: int) -> None:
+        """Asks for a picture; what is granted is to be read by `format`."""
+        self._call(ioctls.S_FMT, _asked(columns, lines, fourcc, field))
+
+    def tried_format(self, columns: int, lines: int, fourcc: str, field: int) -> abi.PixFormat:
+        """What would be granted, without changing anything."""
+        return _picture(self._call(ioctls.TRY_FMT, _asked(columns, lines, fourcc, field)))
+
+    def format(self) -> abi.PixFormat:
+        """What is granted."""
+        return _picture(self._call(ioctls.G_FMT, abi.Format(type=abi.CAPTURE)))
+
+    def request_buffers(self, count: int) -> int:
+        """Has that many buffers made, or as many as it likes; 0 frees them."""
+        wanted = abi.RequestBuffers(count=count, type=abi.CAPTURE, memory=abi.MEMORY_MMAP)
+        return int(self._call(ioctls.REQBUFS, wanted).count)
+
+    def buffer(self, index: int) -> abi.Buffer:
+        """Where a buffer is and what it is doing."""
+        return self._call(ioctls.QUERYBUF, _mapped(index))
+
+    def map(self, buffer: abi.Buffer) -> Pages:
+        """A buffer's memory."""
+        return self._kernel.mmap(self._open_fd(), buffer.length, buffer.m.offset)
+
+    def queue(self, index: int) -> None:
+        """Gives a buffer to the kernel to be filled."""
+        self._call(ioctls.QBUF, _mapped(index))
+
+    def dequeue(self) -> abi.Buffer:
+        """Takes the oldest filled buffer; `BlockingIOError` if there is none."""
+        return self._call(ioctls.DQBUF, _mapped(0))
+
+    def stream_on(self) -> None:
+        """Pictures begin to come."""
+        self._call(ioctls.STREAMON, abi.Integer(abi.CAPTURE))
+
+    def stream_off(self) -> None:
+        """No picture comes any more, and no buffer is queued."""
+        self._call(ioctls.STREAMOFF, abi.Integer(abi.CAPTURE))
+
+    def subscribe(self, event: int) -> None:
+        """Asks to be told."""
+        self._call(ioctls.SUBSCRIBE_EVENT, abi.EventSubscription(type=event))
+
+    def event(self) -> abi.Event:
+        """The oldest event; `OSError` if there is none."""
+        return self._call(ioctls.DQEVENT, abi.Event())
+
+    def pause(self, seconds: float) -> None:
+        """Waits."""
+        self._kernel.sleep(seconds)
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC."""
+        return self._kernel.now_ns()
+
+    def _enumerated(self, request: int, at: Any) -> Iterator[Any]:
+        """All that a card has of something; nothing where it knows no such thing."""
+        for index in range(_ENDLESS):
+            try:
+                yield self._call(request, at(index))
+            except OSError as error:
+                if error.errno in (errno.EINVAL, errno.ENOTTY, errno.ENODATA):
+                    return
+                raise
+
+    def _call(self, request: int, argument: T) -> T:
+        """The argument as the kernel leaves it; an error names the call."""
+        try:
+            self._kernel.ioctl(self._open_fd(), request, argument)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, ioctls.NAMES[request]) from error
+        return argument
+
+    def _open_fd(self) -> int:
+        if self._fd is None:
+            raise OSError(errno.EBADF, "closed")
+        return self._fd
+
+
+def _asked(columns: int, lines: int, fourcc: str, field: int) -> abi.Format:
+    wanted = abi.Format(type=abi.CAPTURE)
+    pix = wanted.fmt.pix
+    pix.width, pix.height, pix.pixelformat, pix.field = columns, lines, abi.fourcc(fourcc), field
+    return wanted
+
+
+def _picture(format_: abi.Format) -> abi.PixFormat:
+    pix: abi.PixFormat = format_.fmt.pix
+    return pix
+
+
+def _mapped(index: int) -> abi.Buffer:
+    return abi.Buffer(index=index, type=abi.CAPTURE, memory=abi.MEMORY_MMAP)
+
+
+def _text(raw: bytes) -> str:
+    return raw.decode("utf-8", "replace")

@@ -1,0 +1,149 @@
+"""The profile of a driver of the kernel, and where profiles come from."""
+
+from collections.abc import Iterable, Mapping
+from enum import StrEnum
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+
+from grabberd.acquisition.discovery import Verdict
+from grabberd.field import BOTTOM, TOP
+from grabberd_v4l2.arrangement import Arrangement
+
+DIRECTORY = Path("/etc/grabberd/profiles.d")
+"""Where an installer's own profiles are."""
+DEFAULT = "default"
+"""The profile of drivers that nothing is known of."""
+
+_BUILT_IN = files(__package__)
+_PARITIES = {"top": TOP, "bottom": BOTTOM}
+
+
+class SignalSource(StrEnum):
+    """Which question a driver answers when there is no camera at the input."""
+
+    ENUMINPUT = "enuminput"
+    QUERYSTD = "querystd"
+    NONE = "none"
+
+
+class Profile(BaseModel):
+    """What is known of a driver; the keys of its file.
+
+    Attributes:
+        driver: its name as VIDIOC_QUERYCAP tells it, and the name of the file.
+        also: other names of it.
+        older: "top" or "bottom": the field of a woven frame that was exposed first.
+        field_orders: arrangements to ask for, the best first; others are not asked for.
+        none_is_woven: it says NONE of frames that are woven of two fields.
+        trusts_sequence: its count grows when a field is lost.
+        trusts_time: it stamps buffers when their last field is over.
+        time_sigma_ms: standard deviation of that.
+        trusts_flags: damaged pictures bear a flag, so others are whole; else only their content tells.
+        signal_source: where it says that there is no camera.
+        verdict: what to think of it in a word.
+        remarks: why, in sentences.
+        advice: what to do where it is not good enough.
+        usb_ids: "VID:PID" of devices that it drives.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    driver: str = Field(min_length=1)
+    also: tuple[str, ...] = ()
+    older: str = Field("top", pattern="^(top|bottom)$")
+    field_orders: tuple[Arrangement, ...] = Field(min_length=1)
+    none_is_woven: bool = False
+    trusts_sequence: bool = False
+    trusts_time: bool = True
+    time_sigma_ms: float = Field(3.0, gt=0, le=40)
+    trusts_flags: bool = False
+    signal_source: SignalSource = SignalSource.NONE
+    verdict: Verdict = Verdict.USABLE
+    remarks: tuple[str, ...] = ()
+    advice: str = ""
+    usb_ids: tuple[str, ...] = ()
+
+    @property
+    def older_parity(self) -> int:
+        """`TOP` or `BOTTOM`: the older field of a woven frame."""
+        return _PARITIES[self.older]
+
+    @field_validator("field_orders", mode="before")
+    @classmethod
+    def _named(cls, names: Any) -> Any:
+        """Arrangements by their names, never ANY: several drivers then give one field at half height."""
+        known = {a.name.lower(): a for a in Arrangement if a is not Arrangement.ANY}
+        if not isinstance(names, list | tuple):
+            raise ValueError("a list of field orders is expected")
+        strange = [str(name) for name in names if str(name) not in known]
+        if strange:
+            raise ValueError(f"{', '.join(strange)}: none of {', '.join(known)}")
+        return tuple(known[str(name)] for name in names)
+
+
+class Profiles(NamedTuple):
+    """All profiles.
+
+    Attributes:
+        by_driver: by every name of a driver.
+        remarks: which of the installer's files are broken, and what is wrong with them.
+    """
+
+    by_driver: Mapping[str, Profile]
+    remarks: tuple[str, ...]
+
+    @classmethod
+    def load(cls, directory: Path = DIRECTORY) -> "Profiles":
+        """The built-in ones, each overridden key by key by the installer's file of the same driver.
+
+        A file that cannot be used is left out and named in `remarks`.
+        """
+        documents = {document["driver"]: document for document in map(_read, _yaml_files(_BUILT_IN))}
+        remarks = []
+        for file in _yaml_files(directory):
+            try:
+                merged = _merged(documents, _read(file))
+                Profile(**merged)
+            except (OSError, ValueError, yaml.YAMLError) as error:
+                remarks.append(f"profile {file} is not used: {_in_words(error)}")
+            else:
+                documents[merged["driver"]] = merged
+        profiles = [Profile(**document) for document in documents.values()]
+        return cls({name: p for p in profiles for name in (p.driver, *p.also)}, tuple(remarks))
+
+    def of(self, kernel_driver: str) -> Profile:
+        """The profile of a driver; the default one, under its name, where nothing is known of it."""
+        known = self.by_driver.get(kernel_driver)
+        return known or self.by_driver[DEFAULT].model_copy(update={"driver": kernel_driver})
+
+
+def _merged(documents: Mapping[str, dict[str, Any]], own: dict[str, Any]) -> dict[str, Any]:
+    """The document of the same driver, under whichever of its names, with the installer's own values."""
+    named = {name: d["driver"] for d in documents.values() for name in d.get("also", ())}
+    driver = named.get(own["driver"], own["driver"])
+    return {**documents.get(driver, documents[DEFAULT]), **own, "driver": driver}
+
+
+def _yaml_files(directory: Traversable) -> Iterable[Traversable]:
+    if not directory.is_dir():
+        return ()
+    return sorted((file for file in directory.iterdir() if file.name.endswith(".yaml")), key=str)
+
+
+def _read(file: Traversable) -> dict[str, Any]:
+    document = yaml.safe_load(file.read_text(encoding="utf-8"))
+    if not isinstance(document, dict) or not isinstance(document.get("driver"), str):
+        raise ValueError("it has no key 'driver' that names a driver of the kernel")
+    return document
+
+
+def _in_words(error: Exception) -> str:
+    """Everything that is wrong, on one line."""
+    if isinstance(error, ValidationError):
+        return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
+    return " ".join(str(error).split())

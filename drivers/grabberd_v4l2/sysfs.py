@@ -1,0 +1,143 @@
+"""What the kernel tells of video nodes and of USB without opening anything: /sys and the links in /dev."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Roots(NamedTuple):
+    """Where the kernel's and udev's trees stand."""
+
+    sys: Path = Path("/sys")
+    dev: Path = Path("/dev")
+
+
+SYSTEM = Roots()
+"""This computer's own."""
+
+
+@dataclass(frozen=True, slots=True)
+class UsbPlace:
+    """A USB device where it is plugged in.
+
+    Attributes:
+        vendor_product: e.g. "05e1:0408", in lower case.
+        serial: as the device tells it; most cheap ones have none.
+        port: bus and the hubs' ports, e.g. "1-2.3": the same for as long as the cable stays where it is.
+        bus: number of the bus; `address`: on it, another one after every reset.
+        speed_mbit_s: as negotiated: 1.5, 12, 480, 5000 …
+        name: manufacturer and product as the device tells them, or "".
+    """
+
+    vendor_product: str
+    serial: str | None
+    port: str
+    bus: int
+    address: int
+    speed_mbit_s: float
+    name: str
+
+    def __str__(self) -> str:
+        serial = f", serial {self.serial}" if self.serial else ""
+        return f"USB {self.vendor_product} at port {self.port}{serial}"
+
+
+@dataclass(frozen=True, slots=True)
+class VideoNode:
+    """A video node of the kernel.
+
+    Attributes:
+        path: e.g. /dev/video0; its number may be another one after a restart or a replug.
+        index: among the nodes of one device; 0 is its picture.
+        card: the name that the kernel's driver gives it.
+        kernel_driver: e.g. "stk1160", or "" where the kernel does not tell.
+        by_path: the link that names it by where it is plugged in; `by_id`: by what it is.
+        usb: where it is plugged in, None for what is not on USB.
+    """
+
+    path: Path
+    index: int
+    card: str
+    kernel_driver: str
+    by_path: Path | None
+    by_id: Path | None
+    usb: UsbPlace | None
+
+    def __str__(self) -> str:
+        place = str(self.usb) if self.usb else self.card
+        return f"{self.path} ({', '.join(word for word in (self.kernel_driver, place) if word)})"
+
+
+def video_nodes(roots: Roots = SYSTEM) -> tuple[VideoNode, ...]:
+    """All video nodes, by number."""
+    folder = roots.sys / "class" / "video4linux"
+    if not folder.is_dir():
+        return ()
+    by_path, by_id = (_links(roots.dev / "v4l" / kind) for kind in ("by-path", "by-id"))
+    entries = sorted(folder.glob("video*"), key=lambda entry: (len(entry.name), entry.name))
+    return tuple(_video_node(entry, roots, by_path, by_id) for entry in entries)
+
+
+def usb_places(roots: Roots = SYSTEM) -> tuple[UsbPlace, ...]:
+    """All USB devices, by port."""
+    folder = roots.sys / "bus" / "usb" / "devices"
+    if not folder.is_dir():
+        return ()
+    found = (_usb_place(entry.resolve()) for entry in sorted(folder.iterdir()))
+    return tuple(place for place in found if place is not None)
+
+
+def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dict[Path, Path]) -> VideoNode:
+    path = roots.dev / entry.name
+    device = (entry / "device").resolve()
+    driver = device / "driver"
+    return VideoNode(
+        path=path,
+        index=int(_text(entry / "index") or 0),
+        card=_text(entry / "name"),
+        kernel_driver=driver.resolve().name if driver.exists() else "",
+        by_path=by_path.get(path.resolve()),
+        by_id=by_id.get(path.resolve()),
+        usb=next((place for place in map(_usb_place, (device, *device.parents)) if place), None),
+    )
+
+
+def _links(folder: Path) -> dict[Path, Path]:
+    """What each node is called in a folder of links; of several names the first."""
+    links = sorted(folder.iterdir(), reverse=True) if folder.is_dir() else []
+    return {link.resolve(): link for link in links}
+
+
+def _usb_place(device: Path) -> UsbPlace | None:
+    """The USB device of this folder, None where it is none or vanishes while it is read."""
+    if not (device / "idVendor").is_file():
+        return None
+    words = {name: _text(device / name) for name in _ATTRIBUTES}
+    if not all(words[name] for name in _NEEDED):
+        return None
+    return UsbPlace(
+        vendor_product=f"{words['idVendor']}:{words['idProduct']}".lower(),
+        serial=words["serial"] or None,
+        port=device.name,
+        bus=int(words["busnum"]),
+        address=int(words["devnum"]),
+        speed_mbit_s=float(words["speed"]),
+        name=" ".join(_told(words)),
+    )
+
+
+_NEEDED = ("idVendor", "idProduct", "busnum", "devnum", "speed")
+_ATTRIBUTES = (*_NEEDED, "serial", "manufacturer", "product")
+
+
+def _told(words: dict[str, str]) -> Iterator[str]:
+    return (words[name] for name in ("manufacturer", "product") if words[name])
+
+
+def _text(file: Path) -> str:
+    """What stands in an attribute, "" where there is none or its device has just gone."""
+    try:
+        return file.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        return ""

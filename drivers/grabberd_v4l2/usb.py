@@ -1,0 +1,128 @@
+"""USB: what a bus can carry, and the reset that revives a hung grabber.
+
+/sys tells all there is to know; only the reset needs libusb. Without that library everything else works.
+"""
+
+import errno
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from grabberd.errors import DeviceAbsent, DeviceError, DeviceRefused
+from grabberd_v4l2.identity import Identity, find_node
+from grabberd_v4l2.sysfs import SYSTEM, Roots, UsbPlace, VideoNode, usb_places, video_nodes
+
+HIGH_SPEED_MBIT_S = 480.0
+"""USB 2.0."""
+
+RULE = "72-grabberd.rules"
+"""The udev rule in the driver's folder `udev`."""
+
+GONE = (errno.ENODEV, errno.ENOENT)
+"""What is said of a device that comes back from its reset as another one; the next open finds it."""
+
+
+def libusb() -> Any | None:
+    """The system's libusb for pyusb, None where it is not installed or does not start."""
+    from usb.backend import libusb1  # type: ignore[import-untyped] # noqa: PLC0415 - loads a library that may be missing
+
+    return libusb1.get_backend()
+
+
+def reset_of(
+    identity: Identity, roots: Roots = SYSTEM, find_backend: Callable[[], Any | None] = libusb
+) -> None:
+    """Resets a grabber as pulling its plug would; it is back, under whatever node, in about half a second.
+
+    Nobody may have its node open.
+
+    Raises:
+        DeviceAbsent: it is not there.
+        DeviceRefused: it is not on USB, libusb is missing, or the rights are.
+    """
+    place = _place_of(identity, roots)
+    device = _device_at(place, find_backend())
+    try:
+        device.reset()
+    except OSError as error:
+        if error.errno not in GONE:
+            raise _refusal(place, error) from error
+
+
+def remarks_on(node: VideoNode, nodes: Iterable[VideoNode]) -> Iterator[str]:
+    """What is to be minded where a grabber is plugged in; `nodes` are all of the computer's."""
+    if node.usb is None:
+        return
+    if node.usb.speed_mbit_s < HIGH_SPEED_MBIT_S:
+        yield (
+            f"It runs at {node.usb.speed_mbit_s:g} Mbit/s (USB 1.1), PAL takes 166: plug it straight into a "
+            f"USB 2.0 port, with another cable."
+        )
+    others = [other for other in nodes if _share_a_bus(node, other)]
+    if others:
+        yield (
+            f"It shares USB bus {node.usb.bus} with {' and '.join(str(other.path) for other in others)}: PAL "
+            f"takes 20.7 MB/s, and a USB 2.0 bus carries that once. Plug one into a port of another bus."
+        )
+
+
+def _share_a_bus(one: VideoNode, other: VideoNode) -> bool:
+    if one.usb is None or other.usb is None or other.index > 0 or one.usb.port == other.usb.port:
+        return False
+    return one.usb.bus == other.usb.bus and one.usb.speed_mbit_s <= HIGH_SPEED_MBIT_S
+
+
+def _place_of(identity: Identity, roots: Roots) -> UsbPlace:
+    if identity.device is None:
+        return _only([place for place in usb_places(roots) if identity.matches(place)], identity)
+    path = find_node(identity, roots)
+    place = next((node.usb for node in video_nodes(roots) if node.path.resolve() == path), None)
+    if place is None:
+        raise DeviceRefused(
+            f"{identity} cannot be reset by software: it is not on USB",
+            "restart the computer; switching it off for ten seconds resets a card that even this leaves hung",
+        )
+    return place
+
+
+def _only(places: list[UsbPlace], identity: Identity) -> UsbPlace:
+    if not places:
+        raise DeviceAbsent(f"no USB device is {identity}", "plug it in")
+    if len(places) > 1:
+        raise DeviceRefused(
+            f"{len(places)} USB devices are {identity}: {', '.join(map(str, places))}",
+            f'add port: "{places[0].port}" (or another of these ports) to the device\'s options',
+        )
+    return places[0]
+
+
+def _device_at(place: UsbPlace, backend: Any | None) -> Any:
+    """Pyusb's own object for a device."""
+    import usb.core  # type: ignore[import-untyped] # noqa: PLC0415 - only a reset needs it
+
+    if backend is None:
+        raise DeviceRefused(
+            f"{place} cannot be reset: the library libusb-1.0 is missing, or does not start",
+            "install it (Debian: apt install libusb-1.0-0), and let the service use AF_NETLINK; all but the "
+            "reset works without it",
+        )
+    vendor, product = (int(word, 16) for word in place.vendor_product.split(":"))
+    device = usb.core.find(
+        backend=backend, bus=place.bus, address=place.address, idVendor=vendor, idProduct=product
+    )
+    if device is None:
+        raise DeviceAbsent(f"{place} has just gone", "plug it in")
+    return device
+
+
+def _refusal(place: UsbPlace, error: OSError) -> DeviceError:
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return DeviceRefused(
+            f"{place} cannot be reset: no right to write to /dev/bus/usb/{place.bus:03}/{place.address:03}",
+            f"install the udev rule {RULE} into /etc/udev/rules.d, run 'udevadm control --reload', plug the "
+            f"grabber in again, and run grabberd in the group video",
+        )
+    return DeviceRefused(
+        f"{place} could not be reset: {error.strerror or error}",
+        "pull its plug and put it back; a service that may not open USB devices at all fails like this, too: "
+        "it needs DeviceAllow=char-usb_device rw",
+    )

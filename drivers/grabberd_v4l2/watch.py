@@ -1,0 +1,98 @@
+"""What a card says of its camera while it streams, asked about once a second."""
+
+from typing import NamedTuple
+
+from grabberd.acquisition.device import Signal
+from grabberd_v4l2 import abi, standards
+from grabberd_v4l2.node import Node
+from grabberd_v4l2.profiles import SignalSource
+
+_NO_SIGNAL = abi.IN_ST_NO_POWER | abi.IN_ST_NO_SIGNAL | abi.IN_ST_NO_H_LOCK
+_RECHECK_NS = 250_000_000
+
+
+class _Look(NamedTuple):
+    """Signal, and what is wrong with the standard."""
+
+    signal: Signal
+    trouble: str | None
+
+
+class Watch:
+    """Asks for signal and standard where the card is known to tell.
+
+    A wrong standard is believed when it is seen twice: decoders guess while they lock.
+
+    Attributes:
+        trouble: why the stream is of no use any more, or None.
+        tells: whether the card said anything of the signal when it was last asked.
+    """
+
+    def __init__(self, node: Node, source: SignalSource) -> None:
+        self._node = node
+        self._source = source
+        self._suspect_ns: int | None = None
+        self.trouble: str | None = None
+        self.tells = False
+
+    def look(self) -> Signal:
+        """Whether there is a camera; unknown where the card does not tell."""
+        signal, trouble = self._look()
+        self.tells = signal is not Signal.UNKNOWN
+        if trouble is None:
+            self._suspect_ns = None
+        elif self._suspect_ns is None:
+            self._suspect_ns = self._node.now_ns()
+        elif self._node.now_ns() - self._suspect_ns >= _RECHECK_NS:
+            self.trouble = trouble
+        return signal
+
+    def look_again(self) -> None:
+        """To be called often: asks only while a wrong standard waits to be confirmed."""
+        if self._suspect_ns is not None and self._node.now_ns() - self._suspect_ns >= _RECHECK_NS:
+            self.look()
+
+    def settle(self) -> str | None:
+        """Waits a moment for a decoder that sees a wrong standard; what is wrong if it goes on doing so."""
+        self.look()
+        while self._suspect_ns is not None and self.trouble is None:
+            self._node.pause(_RECHECK_NS / 5e9)
+            self.look()
+        return self.trouble
+
+    def _look(self) -> _Look:
+        signal = self._signal()
+        return _Look(signal, self._changed_by_others() or self._wrong_camera(signal))
+
+    def _signal(self) -> Signal:
+        try:
+            if self._source is SignalSource.ENUMINPUT:
+                return _present(not self._node.input().status & _NO_SIGNAL)
+            if self._source is SignalSource.QUERYSTD:
+                return _present(self._node.seen_standard() != 0)
+        except OSError:
+            pass
+        return Signal.UNKNOWN
+
+    def _changed_by_others(self) -> str | None:
+        try:
+            standard = self._node.standard()
+        except OSError:
+            return None
+        if standards.is_50_hz(standard):
+            return None
+        return f"another program has set the card to {standards.name(standard)}"
+
+    def _wrong_camera(self, signal: Signal) -> str | None:
+        """Without a signal many cards guess 60 Hz."""
+        if signal is not Signal.PRESENT:
+            return None
+        try:
+            seen = self._node.seen_standard()
+        except OSError:
+            return None
+        return "the camera's signal is of 60 Hz (NTSC)" if standards.is_60_hz(seen) else None
+
+
+def _present(there: bool) -> Signal:
+    return Signal.PRESENT if there else Signal.ABSENT

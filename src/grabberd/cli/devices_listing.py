@@ -1,0 +1,116 @@
+"""What `grabberd devices` prints: each grabber with what to think of it, and the configuration to paste."""
+
+from collections.abc import Container, Iterator, Sequence
+
+import typer
+import yaml
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from grabberd.acquisition.discovery import FoundDevice, Verdict
+from grabberd.cli.options import console
+from grabberd.config import Config
+
+STYLES = {
+    Verdict.RECOMMENDED: "bold green",
+    Verdict.USABLE: "green",
+    Verdict.DOUBTFUL: "yellow",
+    Verdict.UNUSABLE: "bold red",
+}
+
+NOTHING_FOUND = (
+    "No frame grabber was found. Is it plugged in ('lsusb', 'lspci')? Then the kernel has no driver for it: "
+    "'sudo dmesg' says what it makes of the device, 'sudo modprobe stk1160' (usbtv, em28xx, bttv, saa7134 …) "
+    "loads one. A cloud kernel has none of them: install the full one (Debian: linux-image-amd64)."
+)
+
+
+def configured_as(settings: Config, found: FoundDevice) -> list[str]:
+    """Names of the configured devices that a found one is."""
+    return [
+        name for name, device in settings.devices.items() if found.is_meant_by(device.driver, device.options)
+    ]
+
+
+def print_listing(drivers: Sequence[str], settings: Config, found: Sequence[FoundDevice]) -> None:
+    """Grabbers that were found, the configured devices, and what to write for those that are not."""
+    for device in found:
+        _print_device(device, configured_as(settings, device))
+    if not found:
+        _say(NOTHING_FOUND)
+    _print_configured(settings, found)
+    _say(f"Installed drivers: {', '.join(drivers)}.")
+    new = [one for one in found if one.verdict is not Verdict.UNUSABLE and not configured_as(settings, one)]
+    if new:
+        _say("\nTo use it, write this into the configuration:" if len(new) == 1 else _TO_USE_THEM)
+        typer.echo("\n" + yaml_of(new, settings.devices), nl=False)
+
+
+_TO_USE_THEM = "\nTo use them, write this, or what you want of it, into the configuration:"
+
+
+def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
+    """A configuration with these devices under names that are not taken yet."""
+    lines = ["devices:"]
+    for name, device in zip(_free_names(taken), found, strict=False):
+        document = {name: {"driver": device.driver, "options": dict(device.options)}}
+        text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=1000)
+        lines += [f"  # {_one_line(device.card)}", *(f"  {line}" for line in text.splitlines())]
+    return "\n".join(lines) + "\n"
+
+
+def _free_names(taken: Container[str]) -> Iterator[str]:
+    number = 1
+    while True:
+        name = "grabber" if number == 1 else f"grabber-{number}"
+        if name not in taken:
+            yield name
+        number += 1
+
+
+def _print_device(device: FoundDevice, names: Sequence[str]) -> None:
+    title = Text(_one_line(device.card), style="bold")
+    title.append(f"  {device.verdict}", style=STYLES[device.verdict])
+    if names:
+        title.append(f"  configured as {', '.join(names)}", style="not bold")
+    console.print(title)
+    console.print(Padding(_facts(device), (0, 0, 0, 2)))
+    for remark in device.remarks:
+        console.print(_bullet(remark))
+    console.print()
+
+
+def _facts(device: FoundDevice) -> Table:
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="dim", no_wrap=True)
+    grid.add_column(overflow="fold")
+    for name, words in device.facts.items():
+        grid.add_row(name, Text(_one_line(words)))
+    return grid
+
+
+def _bullet(remark: str) -> Padding:
+    grid = Table.grid(padding=(0, 1))
+    grid.add_row("•", Text(_one_line(remark)))
+    return Padding(grid, (0, 0, 0, 2))
+
+
+def _print_configured(settings: Config, found: Sequence[FoundDevice]) -> None:
+    table = Table("device", "driver", "is", "calibration", title="Configured devices", title_justify="left")
+    for name, device in settings.devices.items():
+        calibration = device.calibration.name if device.calibration else "none"
+        there = [one.card for one in found if one.is_meant_by(device.driver, device.options)]
+        known = any(one.driver == device.driver for one in found)
+        words = ", ".join(map(_one_line, there)) or ("not found" if known else "–")
+        table.add_row(name, device.driver, Text(words), calibration)
+    console.print(table)
+
+
+def _say(words: str) -> None:
+    console.print(words, highlight=False, markup=False)
+
+
+def _one_line(words: str) -> str:
+    """Names that devices give themselves may hold anything."""
+    return " ".join("".join(char if char.isprintable() else " " for char in words).split())

@@ -1,0 +1,121 @@
+"""`grabberd devices --check-field-order`: whether a device's older field really is the older."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from grabberd.cli.options import print_json, progress_console, with_device
+from grabberd.config import Config, DeviceConfig
+from grabberd.errors import DeviceRefused, StreamEnded, StreamFailed
+
+if TYPE_CHECKING:
+    from grabberd.acquisition import Grabber, StreamInfo
+    from grabberd.field import Field
+    from grabberd.processes.field_order import FieldOrderFinding, Order
+
+WATCHED_S = 4.0
+SILENCE_S = 1.0
+PATIENCE = 3
+"""Silences in a row that end the watch."""
+EDGE_ROWS = 16
+"""Rows at the top and the bottom of a field with half lines, teletext and stamped numbers."""
+
+
+def check(config: Config, file: Path | None, name: str | None, json: bool) -> int:
+    """Watches a device and prints what its pictures say; 0 if the order is right, else 1.
+
+    Raises:
+        DeviceError: the device cannot be opened, is in use, or delivers nothing.
+        ConfigError: it is not clear which device is meant.
+    """
+    from grabberd.processes.field_order import Order  # noqa: PLC0415 - loads OpenCV
+
+    ((name, device),) = with_device(config, file, name).devices.items()
+    info, finding = _watch(name, device)
+    advice = _advice(finding.order, device, info)
+    if json:
+        print_json({"device": name, **_document(finding), "advice": advice})
+    else:
+        typer.echo(f"{name}: {_WORDS[finding.order]}\n  {finding.evidence}\n  {advice}")
+    return 0 if finding.order is Order.RIGHT else 1
+
+
+def _document(finding: "FieldOrderFinding") -> dict[str, Any]:
+    ratios = {"top_to_bottom": finding.top_to_bottom, "bottom_to_top": finding.bottom_to_top}
+    return asdict(finding) | {name: ratio and ratio._asdict() for name, ratio in ratios.items()}
+
+
+def _watch(name: str, device: DeviceConfig) -> "tuple[StreamInfo, FieldOrderFinding]":
+    from grabberd.acquisition import FieldOrder, create  # noqa: PLC0415
+    from grabberd.processes.field_order import check as judged  # noqa: PLC0415
+
+    with closing(create(device.driver, device.options)) as grabber:
+        info = _opened(grabber)
+        if info.field_order is FieldOrder.ONE_PARITY:
+            raise DeviceRefused(
+                f"{name} delivers one field of every frame only: there is no order to check",
+                "choose another field order or another grabber; 'grabberd devices' lists what it has",
+            )
+        progress_console.print(f"{name}: watching for {WATCHED_S:g} s; move something, pause, move it again")
+        return info, judged(_fields(name, grabber))
+
+
+def _opened(grabber: "Grabber") -> "StreamInfo":
+    try:
+        return grabber.open()
+    except DeviceRefused as error:
+        hint = f"{error.hint}; a running grabberd keeps its devices: stop it for the check"
+        raise DeviceRefused(error.message, hint) from error
+
+
+def _fields(name: str, grabber: "Grabber") -> "Iterator[Field]":
+    """The undamaged fields of some seconds, each valid until the next is asked for."""
+    first_ns, silences = None, 0
+    while silences < PATIENCE:
+        try:
+            with grabber.dequeue(SILENCE_S) as grabbed:
+                silences = 0 if grabbed else silences + 1
+                for one in grabbed:
+                    first_ns = first_ns if first_ns is not None else one.time_ns
+                    if one.time_ns - first_ns > WATCHED_S * 1e9:
+                        return
+                    if one.damage is None:
+                        yield _inside(one.field)
+        except StreamEnded:
+            return
+    raise StreamFailed(
+        f"no field came from {name} for {PATIENCE * SILENCE_S:g} s", "check the camera and its cable"
+    )
+
+
+def _inside(field: "Field") -> "Field":
+    inside = field.luma[EDGE_ROWS:-EDGE_ROWS]
+    return replace(field, luma=inside, y0=field.y0 + EDGE_ROWS * field.y_step)
+
+
+_WORDS = {
+    "right": "the field order is right",
+    "reversed": "the field order is reversed",
+    "same_instant": "both fields of a frame are of the same instant: this grabber throws one field away",
+    "no_movement": "nothing moved",
+    "unclear": "not clear",
+}
+
+
+def _advice(order: "Order", device: DeviceConfig, info: "StreamInfo") -> str:
+    from grabberd.acquisition import FieldOrder  # noqa: PLC0415
+
+    if order == "reversed":
+        older = "top" if info.field_order is FieldOrder.BOTTOM_FIRST else "bottom"
+        recording = device.driver == "replay"
+        option = f"field_order: {older}_first" if recording else f"older_field: {older}"
+        return f"write '{option}' into the options of this device"
+    if order == "same_instant":
+        return "it gives 25 pictures a second, not 50: take another; 'grabberd devices' has a verdict on each"
+    if order == "right":
+        return "nothing is to be done"
+    return "repeat it: move a hand or the stand with targets before the camera, pause, and move it again"

@@ -1,0 +1,236 @@
+"""A driver of the kernel with its card and the camera before it."""
+
+import errno
+from collections import defaultdict, deque
+from dataclasses import dataclass, field
+
+from drivers.v4l2.fake_kernel.pictures import (
+    ROWS,
+    SINGLE,
+    arranged,
+    bytes_per_line,
+    encode,
+    size,
+)
+from drivers.v4l2.fake_kernel.queue import Queue, refusal
+from grabberd_v4l2 import abi
+from grabberd_v4l2.arrangement import Arrangement
+
+PERIOD_NS = 20_000_000
+NTSC = 0x1000
+CAPTURES = abi.CAP_VIDEO_CAPTURE | abi.CAP_STREAMING
+SOCKETS = (("Television", abi.INPUT_TYPE_TUNER), ("Composite", 2), ("S-Video", 2))
+SIGNALS = ("enuminput", "querystd", "none")
+
+
+@dataclass
+class Card:
+    """What it is, what it can, what is wrong with it just now; all of it may be changed at any time.
+
+    Attributes:
+        driver, card, bus_info, caps: what QUERYCAP says.
+        sockets: name and type of the inputs; standards: bits by name, of every input but HDMI.
+        formats, orders: what it can deliver; what else is asked for becomes the first of these.
+        older: parity of the older field of an INTERLACED frame.
+        numbering: whether `sequence` counts "frames" or "fields" in ALTERNATE; first_sequence: its start.
+        padding: bytes after every line.
+        columns: most pixels a line.
+        most_buffers: what REQBUFS grants at most; fewest_buffers: at least.
+        tells: where it tells of the signal.
+        camera: bits of the camera's standard, 0 without a camera.
+        tampers: changes what S_FMT has granted: called with the card's PixFormat.
+        stamp: from when a buffer was full to its timestamp; stamp_flags: of the buffer.
+
+    Faults, units (buffers) counted from STREAMON:
+        lost: units that never come; uncounted: those of them that `sequence` does not tell of.
+        flagged: units with the error flag; short: bytes used by unit; unlabelled: units of field ANY.
+        answers: errno of the next calls by name, 0 for one that goes well.
+        eio_takes: an EIO of DQBUF costs the buffer.
+        idle_wakes: so many DQBUF say EAGAIN although poll said otherwise.
+        stalled: nothing comes, nothing is said.
+        plugged: False after an unplug.
+    """
+
+    driver: str = "bttv"
+    card: str = "BT878 video (fake)"
+    bus_info: str = "PCI:0000:04:00.0"
+    caps: int = CAPTURES
+    sockets: tuple = SOCKETS
+    standards: dict = field(default_factory=lambda: {"PAL": abi.STD_PAL, "NTSC": NTSC, "PAL-M": 0x100})
+    formats: tuple = ("GREY", "YUYV", "UYVY", "NV12")
+    orders: tuple = (Arrangement.INTERLACED, Arrangement.ALTERNATE, Arrangement.SEQ_TB)
+    older: int = 0
+    numbering: str = "frames"
+    first_sequence: int = 0
+    padding: int = 0
+    columns: int = 924
+    most_buffers: int = 32
+    fewest_buffers: int = 1
+    tells: str = "enuminput"
+    camera: int = abi.STD_PAL
+    tampers: object = None
+    stamp: object = staticmethod(lambda due_ns: due_ns)
+    stamp_flags: int = abi.BUF_FLAG_TIMESTAMP_MONOTONIC
+
+    lost: set = field(default_factory=set)
+    uncounted: set = field(default_factory=set)
+    flagged: set = field(default_factory=set)
+    short: dict = field(default_factory=dict)
+    unlabelled: set = field(default_factory=set)
+    answers: dict = field(default_factory=lambda: defaultdict(deque))
+    eio_takes: bool = True
+    idle_wakes: int = 0
+    stalled: bool = False
+    plugged: bool = True
+
+    def __post_init__(self):
+        self.queue = Queue()
+        self.input = 0
+        self.standard = NTSC
+        self.subscribed, self.events = set(), deque()
+        self.unit = self.first_unit = 0
+        self.set_format(720, 480, self.formats[0], Arrangement.INTERLACED)
+
+    # ---- what it is set to
+
+    def set_input(self, index):
+        self._settled()
+        if index >= len(self.sockets):
+            raise refusal(errno.EINVAL)
+        self.input, self.standard = index, NTSC
+
+    def set_standard(self, standard):
+        self._settled()
+        known = [bits for bits in self.standards.values() if bits & standard]
+        if not known:
+            raise refusal(errno.EINVAL)
+        self.standard = known[0] & standard
+        self.set_format(self.pix.width, 2 * self.rows(), self.formats[0], Arrangement.INTERLACED)
+
+    def set_format(self, columns, lines, fourcc, order):
+        self._settled()
+        self.pix = self.granted(columns, lines, fourcc, order)
+
+    def granted(self, columns, lines, fourcc, order):
+        """What it makes of a wish: as many drivers do, something that it can."""
+        order = self._granted_order(order, lines)
+        rows = self.rows() * (1 if order in SINGLE else 2)
+        fourcc = fourcc if fourcc in self.formats else self.formats[0]
+        pix = abi.PixFormat(width=min(columns, self.columns), height=min(lines, rows), field=order)
+        pix.pixelformat = abi.fourcc(fourcc)
+        pix.bytesperline = bytes_per_line(fourcc, pix.width, self.padding)
+        pix.sizeimage = size(fourcc, pix.height, pix.bytesperline)
+        if self.tampers is not None:
+            self.tampers(pix)
+        return pix
+
+    def rows(self):
+        return 240 if self.standard & abi.STD_525_60 else ROWS
+
+    def _granted_order(self, order, lines):
+        if order == Arrangement.ANY:  # as several drivers do
+            return Arrangement.BOTTOM if lines <= self.rows() else Arrangement.INTERLACED
+        return order if order in self.orders else self.orders[0]
+
+    def _settled(self):
+        if self.queue.busy:
+            raise refusal(errno.EBUSY)
+
+    # ---- what it says of the camera
+
+    @property
+    def status(self):
+        lost = self.tells == "enuminput" and not self.camera
+        return abi.IN_ST_NO_SIGNAL if lost else 0
+
+    def seen_standard(self):
+        if self.tells == "querystd":
+            return self.camera
+        if self.tells == "enuminput":  # a guess by the number of lines
+            return abi.STD_625_50 if self.camera & abi.STD_625_50 else abi.STD_525_60
+        raise refusal(errno.ENOTTY)
+
+    def set_camera(self, standard):
+        """Another camera, or none; said where somebody asked to be told."""
+        self.camera = standard
+        self.tell(abi.EVENT_SOURCE_CHANGE)
+
+    def tell(self, event):
+        if event in self.subscribed:
+            self.events.append(event)
+
+    # ---- what it streams
+
+    def start(self, now_ns):
+        self.queue.start()
+        self.unit = next(n for n in _from(now_ns // PERIOD_NS // 2) if self._begin_ns(n) >= now_ns)
+        if self.order == Arrangement.ALTERNATE:  # with a top field
+            self.unit += self.unit % 2
+        self.first_unit = self.unit
+
+    @property
+    def order(self):
+        return Arrangement(self.pix.field)
+
+    def fields_of(self, unit):
+        """Numbers of the camera's fields in a buffer, the older first."""
+        order = self.order
+        if order == Arrangement.ALTERNATE:
+            return (unit,)
+        if order in (Arrangement.TOP, Arrangement.BOTTOM):
+            return (2 * unit + (order == Arrangement.BOTTOM),)
+        older = {Arrangement.INTERLACED: self.older, Arrangement.NONE: self.older}.get(
+            order, int(order in (Arrangement.INTERLACED_BT, Arrangement.SEQ_BT))
+        )
+        return (2 * unit + older, 2 * unit + older + 1)
+
+    def _begin_ns(self, unit):
+        return self.fields_of(unit)[0] * PERIOD_NS
+
+    def due_ns(self):
+        """When the next buffer is full; None while nothing comes."""
+        if not self.queue.streaming or self.queue.failed or self.stalled or not self.plugged:
+            return None
+        return (self.fields_of(self.unit)[-1] + 1) * PERIOD_NS
+
+    def deliver(self):
+        """The buffer that is due; lost if there is none to write to."""
+        due_ns, count = self.due_ns(), self.unit - self.first_unit
+        memory = None if count in self.lost else self.queue.fill()
+        if memory is not None:
+            self._fill(memory, count, due_ns)
+        self.unit += 1
+
+    def skip_to(self, now_ns):
+        """After a stall: what came meanwhile is gone."""
+        while (self.fields_of(self.unit)[-1] + 1) * PERIOD_NS < now_ns:
+            self.unit += 1
+
+    def _fill(self, memory, count, due_ns):
+        fourcc = abi.fourcc_name(self.pix.pixelformat)
+        stride = bytes_per_line(fourcc, self.pix.width, self.padding)
+        numbers = self.fields_of(self.unit)
+        encode(arranged(numbers, self.order, self.pix.width), fourcc, stride, memory.bytes)
+        filled = memory.filled
+        filled.bytesused = self.short.get(count, self.pix.sizeimage)
+        filled.flags = self.stamp_flags | (abi.BUF_FLAG_ERROR if count in self.flagged else 0)
+        filled.field = Arrangement.ANY if count in self.unlabelled else self._label(numbers)
+        filled.timestamp.tv_sec, rest_ns = divmod(self.stamp(due_ns), 1_000_000_000)
+        filled.timestamp.tv_usec = rest_ns // 1_000
+        filled.sequence = self._sequence(count)
+
+    def _label(self, numbers):
+        if self.order == Arrangement.ALTERNATE:
+            return Arrangement.BOTTOM if numbers[0] % 2 else Arrangement.TOP
+        return self.order
+
+    def _sequence(self, count):
+        counted = count - sum(n < count for n in self.uncounted)
+        shared = self.order == Arrangement.ALTERNATE and self.numbering == "frames"
+        return (self.first_sequence + (counted // 2 if shared else counted)) % 2**32
+
+
+def _from(number):
+    while True:
+        yield number
+        number += 1
