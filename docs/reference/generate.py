@@ -38,10 +38,13 @@ def _http(description: dict[str, Any]) -> Iterator[str]:
     yield f"{MADE}# HTTP\n"
     yield "Errors are problem documents (RFC 9457) with a `hint` that says what to do. Times are UTC."
     yield "The whole description: [openapi.json](openapi.json), or `/api/v1/openapi.json`.\n"
-    yield "| | | |\n|---|---|---|"
+    yield "The role is the least that will do: viewer, operator or admin.\n"
+    yield "| | | role | |\n|---|---|---|---|"
     for path, methods in description["paths"].items():
         for method, operation in methods.items():
-            yield f"| `{method.upper()}` | `{path}` | {' '.join(operation['description'].split())} |"
+            role = operation.get("x-least-role", "–")
+            words = " ".join(operation["description"].split())
+            yield f"| `{method.upper()}` | `{path}` | {role} | {words} |"
     schemas = description["components"]["schemas"]
     yield "\n## A capture as it is asked for\n"
     yield from _schema(schemas["CaptureOrder"])

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, TypeVar
 
-from grabberd_fake.reading import choice, integer, number
+from grabberd_fake.reading import choice, flag, integer, number
 
 PERIOD_NS = 20_000_000
 """From field to field."""
@@ -47,10 +47,6 @@ class Fault:
         """Whether it holds for this field."""
         return self.first <= number < self.first + self.fields
 
-    def before(self, number: int) -> int:
-        """How many of its fields come before this one."""
-        return min(max(number - self.first, 0), self.fields)
-
     def check(self) -> Iterator[str]:
         """What is wrong with it."""
         if (self.at_s is None) == (self.at_field is None):
@@ -79,6 +75,26 @@ class Lasting(Fault):
     def fields(self) -> int:
         """The duration in fields."""
         return math.ceil(self.duration_s * 50 - 1e-9)
+
+
+STEPS = ("restart", "reopen", "reset")
+"""What can be done about a grabber, the gentlest first; each does what those before it do."""
+
+
+@dataclass(frozen=True)
+class Mendable(Lasting):
+    """A fault that lasts for `duration_s`, or `until` it is mended by a step or a harder one."""
+
+    until: str = choice("time", *STEPS)
+
+    @property
+    def fields(self) -> int:
+        """The duration in fields; far more than there are where it has to be mended."""
+        return super().fields if self.until == "time" else math.ceil(FOREVER_S * 50)
+
+    def is_mended_by(self, step: str) -> bool:
+        """Whether this step ends it."""
+        return self.until in STEPS[: STEPS.index(step) + 1]
 
 
 @dataclass(frozen=True)
@@ -117,18 +133,39 @@ class Short(Counted):
 
 @dataclass(frozen=True)
 class Shift(Counted):
-    """From `row` on the lines are shifted by `shift_px` columns, and nothing says so."""
+    """From `row` on the data are shifted by `shift_px`, round the ends of the lines, and nothing says so."""
 
     row: int = integer(144, 1, 287)
     shift_px: int = integer(40, -719, 719)
 
 
 @dataclass(frozen=True)
-class Stall(Lasting):
+class Stall(Mendable):
     """Nothing comes, and no error; the driver's sequence does not move."""
 
     delivers: ClassVar[bool] = False
     counted: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class Fail(Mendable):
+    """The stream fails with an error while the device stays there."""
+
+    until: str = choice("restart", "time", "reopen", "reset")
+    delivers: ClassVar[bool] = False
+    counted: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class Refuse(Lasting):
+    """Whoever opens the device is refused: another program has it, or the rights are missing."""
+
+    why: str = choice("busy", "rights")
+
+
+@dataclass(frozen=True)
+class Standard(Lasting):
+    """The camera's standard changes: opened anew, 240 rows a field are granted, at 50 Hz as before."""
 
 
 @dataclass(frozen=True)
@@ -147,9 +184,15 @@ class Unplug(Fault):
 
 @dataclass(frozen=True)
 class NoSignal(Lasting):
-    """The camera's cable is out: fields of `picture` come at full rate, and `signal()` says so."""
+    """The camera's cable is out: fields of `picture` come at full rate.
 
-    picture: str = choice("blue", "black", "noise")
+    Attributes:
+        picture: what the grabber makes up.
+        told: `signal()` says so.
+    """
+
+    picture: str = choice("blue", "black", "noise", "bars")
+    told: bool = flag(True)
 
 
 KINDS: dict[str, type[Fault]] = {
@@ -160,6 +203,9 @@ KINDS: dict[str, type[Fault]] = {
     "short": Short,
     "shift": Shift,
     "stall": Stall,
+    "fail": Fail,
+    "refuse": Refuse,
+    "standard": Standard,
     "unplug": Unplug,
     "no_signal": NoSignal,
 }
@@ -173,22 +219,37 @@ class Script:
 
     def __init__(self, faults: Sequence[Fault]) -> None:
         self._faults = tuple(faults)
+        self._mended_at: dict[Fault, int] = {}
 
     def at(self, number: int, kind: type[F]) -> F | None:
         """The fault of this kind that holds for a field."""
-        found = (fault for fault in self._faults if isinstance(fault, kind) and fault.holds(number))
+        found = (fault for fault in self._faults if isinstance(fault, kind) and self._holds(fault, number))
         return next(found, None)
 
     def delivers(self, number: int) -> bool:
         """Whether the field reaches the driver's buffers."""
-        return all(fault.delivers or not fault.holds(number) for fault in self._faults)
+        return all(fault.delivers or not self._holds(fault, number) for fault in self._faults)
+
+    def mend(self, step: str, number: int) -> None:
+        """Ends the faults that this step helps against, from a field on."""
+        for fault in self._faults:
+            if isinstance(fault, Mendable) and fault.is_mended_by(step) and self._holds(fault, number):
+                self._mended_at[fault] = number
+
+    def _holds(self, fault: Fault, number: int) -> bool:
+        return fault.holds(number) and number < self._end(fault)
+
+    def _end(self, fault: Fault) -> int:
+        end = fault.first + fault.fields
+        return min(end, self._mended_at.get(fault, end))
 
     def uncounted(self, number: int) -> int:
         """How many fields before this one the sequence passed over; overlaps count once."""
         return sum(last - first for first, last in self._silent_windows(number))
 
     def _silent_windows(self, number: int) -> Iterator[tuple[int, int]]:
-        silent = sorted((f.first, f.first + f.before(number)) for f in self._faults if not f.counted)
+        windows = ((fault.first, self._end(fault)) for fault in self._faults if not fault.counted)
+        silent = sorted((min(first, number), min(end, number)) for first, end in windows)
         reached = 0
         for first, last in silent:
             yield max(first, reached), max(last, first, reached)

@@ -1,5 +1,8 @@
 """The recorder: which fields belong to a capture, and what its ledger says."""
 
+from collections.abc import Callable
+
+import pytest
 from slots import PERIOD_NS, ManualClock, damaged, slot, without_signal
 
 from grabberd.acquisition import LedgerEntry, Outcome, Ring, Slot
@@ -13,9 +16,12 @@ def recorder(
     clock: ManualClock | None = None,
     *,
     lossless: bool = False,
+    interruption: Callable[[], str | None] = lambda: None,
 ) -> tuple[Recorder, Backlog[Slot]]:
     backlog: Backlog[Slot] = Backlog(capacity)
-    return Recorder(fields, backlog, clock or ManualClock(), PERIOD_NS, lossless=lossless), backlog
+    clock = clock or ManualClock()
+    made = Recorder(fields, backlog, clock, PERIOD_NS, lossless=lossless, interruption=interruption)
+    return made, backlog
 
 
 def recorded(backlog: Backlog[Slot]) -> list[int]:
@@ -176,3 +182,49 @@ def test_a_source_that_waits_for_its_reader_is_given_its_time() -> None:
     clock.advance(1000)
     one.take(slot(0))
     assert one.recording
+
+
+@pytest.mark.parametrize("lossless", [True, False])
+def test_a_capture_of_given_length_ends_in_its_time_although_the_device_never_returns(lossless: bool) -> None:
+    clock, ring = ManualClock(), Ring()
+    one, backlog = recorder(100, clock=clock, lossless=lossless, interruption=lambda: "unplugged")
+    reader = ring.reader()
+    for n in range(10):
+        ring.put(slot(n))
+    begun_ns = clock.ns
+    timed_take = reader.take
+
+    def take(timeout_s: float) -> Slot | None:
+        taken = timed_take(0)
+        clock.advance(0.02 if taken else timeout_s)
+        return taken
+
+    reader.take = take  # type: ignore[method-assign]
+    one.run(reader)
+    assert one.ended_because == "length reached"
+    assert one.ledger.entries == [LedgerEntry(10, 90, Outcome.LOST, "unplugged")]
+    assert recorded(backlog) == list(range(10))
+    assert (clock.ns - begun_ns) / 1e9 == pytest.approx(100 * 0.02 + GRACE_NS / 1e9, abs=0.2)
+
+
+def test_what_a_device_that_is_away_at_the_stop_should_have_delivered_is_lost() -> None:
+    clock, ring = ManualClock(), Ring()
+    one, _ = recorder(clock=clock, interruption=lambda: "unplugged")
+    reader = ring.reader()
+    one.take(slot(0))
+    clock.advance(50 * 0.02)
+    one.stop("stopped by the operator")
+    one.run(reader)
+    assert one.ledger.entries == [LedgerEntry(1, 50, Outcome.LOST, "unplugged")]
+    assert not one.ledger.complete
+
+
+def test_a_stop_while_fields_come_loses_nothing() -> None:
+    clock, ring = ManualClock(), Ring()
+    one, _ = recorder(clock=clock)
+    reader = ring.reader()
+    one.take(slot(0))
+    clock.advance(0.5)
+    one.stop("stopped by the operator")
+    one.run(reader)
+    assert one.ledger.complete

@@ -9,12 +9,13 @@ import pytest
 from running import PATIENCE_S, configuration, running, sealed
 
 from grabberd.acquisition import Outcome
-from grabberd.config import ThresholdConfig, default_config_file
+from grabberd.config import CaptureConfig, ThresholdConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, NotFound
 from grabberd.service.jobs import JobState
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
+from grabberd.service.states import DeviceState
 from grabberd.storage import CaptureReader
 from grabberd.storage.export import export_png
 
@@ -224,7 +225,20 @@ def test_a_live_device_that_repeats_a_picture_and_one_without_signal_are_found_o
             counts = reader.ledger.counts()
             assert counts[Outcome.DAMAGED] == 2
             assert counts[Outcome.NO_SIGNAL] > 0
-            assert [entry.reason for entry in reader.ledger.entries] == ["repeated", "no signal"]
+            first, *rest = (entry.reason for entry in reader.ledger.entries)
+            assert first == "repeated"
+            assert {reason.partition(":")[0] for reason in rest} == {"no signal"}
+
+
+def test_a_picture_that_the_grabber_makes_up_is_no_signal_whatever_its_driver_says(tmp_path: Path) -> None:
+    faults = [{"kind": "no_signal", "at_field": 30, "duration_s": 1.0, "picture": "blue", "told": False}]
+    with running(tmp_path, {"pace": "real", "faults": faults}) as service:
+        board = service.instrument(None).board
+        with board.changed:
+            assert board.changed.wait_for(lambda: board.state is DeviceState.NO_SIGNAL, PATIENCE_S)
+            assert board.now.cause == "no signal: a flat picture"
+            assert board.changed.wait_for(lambda: board.state is DeviceState.READY, PATIENCE_S)
+        assert board.now.outcomes[Outcome.NO_SIGNAL] == 50
 
 
 def test_an_unplugged_device_comes_back_and_the_capture_says_what_is_missing(tmp_path: Path) -> None:
@@ -237,6 +251,44 @@ def test_an_unplugged_device_comes_back_and_the_capture_says_what_is_missing(tmp
             assert lost[0].first_n == 30
             assert 45 <= lost[0].count <= 100
         assert service.instrument(None).board.now.openings == 2
+
+
+@pytest.mark.parametrize("on_interruption", ["continue", "end"])
+def test_a_capture_follows_its_policy_when_the_device_stalls(tmp_path: Path, on_interruption: str) -> None:
+    faults = [{"kind": "stall", "at_s": 1.0, "until": "restart"}]
+    with running(tmp_path, {"pace": "real", "faults": faults}) as service:
+        path = capture(service, fields=120, on_interruption=on_interruption)
+        with CaptureReader(path) as reader:
+            (gap,) = reader.ledger.entries
+            assert (gap.outcome, gap.reason) == (Outcome.LOST, "no field for 0.8 s")
+            assert reader.meta.complete is False
+            assert reader.meta.extra["on_interruption"] == on_interruption
+            ended = {"continue": "length reached", "end": "interrupted: no field for 0.8 s"}
+            assert reader.meta.ended_because == ended[on_interruption]
+            assert (reader.ledger.total == 120) == (on_interruption == "continue")
+        document = service.state()["devices"]["simulated"]
+        assert document["recoveries"]["restart"] == 1
+        assert document["last_failure"] == "no field for 0.8 s"
+
+
+def test_the_configuration_says_what_captures_do_unless_they_are_asked_for_otherwise(tmp_path: Path) -> None:
+    faults = [{"kind": "unplug", "at_field": 10, "back_after_s": 0.5}]
+    with running(tmp_path, {"faults": faults}, capture=CaptureConfig(on_interruption="end")) as service:
+        path = capture(service, fields=50)
+    with CaptureReader(path) as reader:
+        assert reader.meta.extra["on_interruption"] == "end"
+        assert "unplugged" in str(reader.meta.ended_because)
+        assert reader.ledger.received == 10
+
+
+def test_a_capture_ends_where_the_device_grants_other_pictures(tmp_path: Path) -> None:
+    faults = [{"kind": "standard", "at_field": 10, "duration_s": 1.0}]
+    with running(tmp_path, {"faults": faults}) as service:
+        path = capture(service, fields=50)
+    with CaptureReader(path) as reader:
+        assert "NTSC" in str(reader.meta.ended_because)
+        assert reader.ledger.received == 10
+        assert reader.meta.complete is False
 
 
 def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:

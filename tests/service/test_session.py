@@ -6,7 +6,7 @@ import pytest
 from slots import PERIOD_NS, ManualClock, damaged, slot, without_signal
 
 from grabberd.acquisition import Ring, Slot
-from grabberd.errors import PictureError, StorageError, StreamEnded
+from grabberd.errors import DeviceLost, DeviceRefused, PictureError, StorageError, StreamEnded
 from grabberd.processes.measure import MeasuredField
 from grabberd.service.backlog import Backlog
 from grabberd.service.recorder import Recorder
@@ -26,7 +26,15 @@ def meta() -> CaptureMeta:
 class Rig:
     """A session over a ring that the test fills."""
 
-    def __init__(self, folder: Path, fields: int | None, capacity: int, *, measured: bool) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        fields: int | None,
+        capacity: int,
+        *,
+        measured: bool,
+        ends_when_interrupted: bool = False,
+    ) -> None:
         self.ring = Ring(64)
         self.clock = ManualClock()
         self.told: list[CaptureSession] = []
@@ -43,6 +51,7 @@ class Rig:
             backlog,
             self.clock,
             measured=measured,
+            ends_when_interrupted=ends_when_interrupted,
             on_sealed=self.told.append,
         )
 
@@ -129,6 +138,39 @@ def test_a_recording_that_ends_is_whole_and_one_that_cannot_be_read_is_cut_short
             assert reader.meta.complete is whole
             assert reader.meta.ended_because == error.message
             assert reader.ledger.received == 2
+
+
+def test_an_interruption_ends_a_capture_that_wants_it_so_in_words(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 100, 100, measured=False, ends_when_interrupted=True)
+    rig.session.start()
+    rig.put(slot(0), slot(1))
+    rig.session.interrupted(DeviceLost("the grabber is gone", "plug it in"))
+    with rig.sealed() as reader:
+        assert reader.meta.complete is False
+        assert reader.meta.ended_because == "interrupted: the grabber is gone"
+        assert reader.ledger.received == 2
+
+
+def test_an_interruption_does_not_end_another_capture(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, 4, 100, measured=False)
+    rig.session.start()
+    rig.put(slot(0))
+    rig.session.interrupted(DeviceLost("the grabber is gone", "plug it in"))
+    rig.put(slot(3, lost_before=2, reason="unplugged"))
+    with rig.sealed() as reader:
+        assert reader.meta.ended_because == "length reached"
+        assert reader.meta.complete is False
+        assert [entry.reason for entry in reader.ledger.entries] == ["unplugged"]
+
+
+def test_other_pictures_end_every_capture(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, None, 100, measured=False)
+    rig.session.start()
+    rig.put(slot(0))
+    rig.session.source_ended(DeviceRefused("the grabber grants other pictures", "begin a new capture"))
+    with rig.sealed() as reader:
+        assert reader.meta.complete is False
+        assert reader.meta.ended_because == "the grabber grants other pictures"
 
 
 def test_a_disk_that_fails_ends_the_recording_and_frees_the_worker(

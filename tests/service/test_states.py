@@ -27,3 +27,16 @@ def test_staying_is_always_allowed(state: DeviceState) -> None:
 def test_a_device_is_not_ready_before_it_was_opened() -> None:
     assert not may_follow(DeviceState.ABSENT, DeviceState.READY)
     assert not may_follow(DeviceState.RECOVERING, DeviceState.CAPTURING)
+
+
+@pytest.mark.parametrize("state", [DeviceState.ABSENT, DeviceState.RECOVERING, DeviceState.FAILED])
+def test_from_trouble_the_way_to_the_stream_leads_through_opening(state: DeviceState) -> None:
+    streaming = {DeviceState.NO_SIGNAL, DeviceState.READY, DeviceState.CAPTURING}
+    assert DeviceState.OPENING in TRANSITIONS[state]
+    assert not streaming & TRANSITIONS[state]
+
+
+@pytest.mark.parametrize("state", set(DeviceState) - {DeviceState.ENDED})
+def test_every_state_but_the_end_can_come_to_trouble(state: DeviceState) -> None:
+    for trouble in (DeviceState.ABSENT, DeviceState.RECOVERING, DeviceState.FAILED):
+        assert may_follow(state, trouble)

@@ -13,12 +13,14 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from grabberd.cli.options import (
     ConfigOption,
     JsonOption,
+    TokenFileOption,
     load,
-    only_device,
     print_json,
     progress_console,
+    warn,
+    with_device,
 )
-from grabberd.config import Config, DeviceConfig, default_config_file
+from grabberd.config import Config, default_config_file
 from grabberd.errors import DeviceAbsent, StorageError
 
 if TYPE_CHECKING:
@@ -47,18 +49,22 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     ] = None,
     bits: Annotated[int | None, typer.Option(min=1, max=8, help="Bits a pixel: 1 to 6, or 8.")] = None,
     lines: Annotated[str | None, typer.Option(help="doubled or field (intact).")] = None,
+    on_interruption: Annotated[
+        str | None, typer.Option(help="When the device fails to deliver: continue, or end the capture there.")
+    ] = None,
     note: Annotated[str, typer.Option(help="A note that stays with the capture.")] = "",
     label: Annotated[list[str] | None, typer.Option(help="KEY=VALUE, e.g. cow=112; may be repeated.")] = None,
     url: Annotated[
         str | None, typer.Option("--url", help="Let the daemon at this address do it.", envvar="GRABBERD_URL")
     ] = None,
+    token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
     """Record fields and measure them into one file; Ctrl-C ends a capture without a length.
 
     Example: grabberd capture --config configs/fake.yaml --fields 64 --out liner.grab
     """
-    order = _order(fields, duration, bits, lines, note, label or [])
+    order = _order(fields, duration, bits, lines, on_interruption, note, label or [])
     if not out.parent.is_dir():
         raise StorageError(f"there is no folder {out.parent}", "make it, or name another file")
     if out.exists():
@@ -66,7 +72,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     if url:
         from grabberd.cli.remote import capture_through  # noqa: PLC0415
 
-        document = capture_through(url, device, order, out)
+        document = capture_through(url, device, order, out, token_file)
     else:
         document = _capture_here(load(config), config, device, order, out)
     if json:
@@ -83,6 +89,7 @@ def _order(
     duration_s: float | None,
     bits: int | None,
     lines: str | None,
+    on_interruption: str | None,
     note: str,
     labels: list[str],
 ) -> dict[str, Any]:
@@ -99,6 +106,7 @@ def _order(
         "duration_s": duration_s,
         "bits": bits,
         "lines": lines,
+        "on_interruption": on_interruption,
         "note": note,
     }
     values["labels"] = {key: value for key, _, value in pairs}
@@ -122,12 +130,13 @@ def _capture_here(
 
     sys.setswitchinterval(0.001)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends a capture as Ctrl-C does
-    chosen = _with_device(config, file, device)
+    chosen = with_device(config, file, device)
     setup = next(iter(set_up(chosen, file or default_config_file()).values()))
     instrument = Instrument(setup, SystemClock(), site=dict(config.site), queue_s=config.storage.queue_s)
     instrument.start()
     try:
         _wait_until_it_accepts(instrument)
+        warn(instrument.board.now.warnings)
         rate_hz = instrument.rate_hz
         with tempfile.TemporaryDirectory(dir=out.parent, prefix=".grabberd-") as folder:
             session = instrument.start_capture(
@@ -138,16 +147,6 @@ def _capture_here(
     finally:
         instrument.stop()
     return describe(out)
-
-
-def _with_device(config: Config, file: Path | None, device: str | None) -> Config:
-    """The configuration with the one device that is meant; replay:PATH in place of the configured driver."""
-    driver, colon, path = (device or "").partition(":")
-    name = only_device(config, None if colon else device, file)
-    chosen: DeviceConfig = config.devices[name]
-    if colon:
-        chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})
-    return config.model_copy(update={"devices": {name: chosen}})
 
 
 def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
@@ -170,7 +169,8 @@ def _wait_until_it_accepts(instrument: "Instrument") -> None:
     if not instrument.accepts:
         raise DeviceAbsent(
             f"device {instrument.name} is {board.now.state}: {board.now.cause}",
-            "check the grabber and the configuration; 'grabberd devices' lists what there is",
+            board.now.hint
+            or "check the grabber and the configuration; 'grabberd devices' lists what there is",
         )
 
 

@@ -1,13 +1,14 @@
 """Options that several commands share."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 
-from grabberd.config import Config, default_config_file, load_config
+from grabberd.config import Config, DeviceConfig, default_config_file, load_config
 from grabberd.errors import ConfigError, Problem
 
 ConfigOption = Annotated[
@@ -18,6 +19,15 @@ ConfigOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of text.")]
 UrlOption = Annotated[str, typer.Option("--url", help="Address of the daemon.", envvar="GRABBERD_URL")]
+TokenFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--token-file",
+        help="File with the token for the daemon; without it, the environment's GRABBERD_TOKEN.",
+        envvar="GRABBERD_TOKEN_FILE",
+        show_default=False,
+    ),
+]
 DEFAULT_URL = "http://127.0.0.1:8050"
 
 console = Console()
@@ -41,6 +51,22 @@ def only_device(config: Config, name: str | None, file: Path | None) -> str:
     known = ", ".join(config.devices)
     problem = f"no device {name!r}; it has {known}" if name else f"several devices, name one of them: {known}"
     raise ConfigError([Problem(str(file or default_config_file()), "devices", problem)])
+
+
+def with_device(config: Config, file: Path | None, device: str | None) -> Config:
+    """The configuration with the one device that is meant; replay:PATH in place of the configured driver."""
+    driver, colon, path = (device or "").partition(":")
+    name = only_device(config, None if colon else device, file)
+    chosen: DeviceConfig = config.devices[name]
+    if colon:
+        chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})
+    return config.model_copy(update={"devices": {name: chosen}})
+
+
+def warn(warnings: Iterable[str]) -> None:
+    """What a person has to know, beside the results."""
+    for words in warnings:
+        typer.echo(f"note: {words}", err=True)
 
 
 def print_json(document: Any) -> None:

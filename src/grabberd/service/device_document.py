@@ -6,6 +6,7 @@ from typing import Any
 from grabberd.acquisition import Outcome
 from grabberd.service.active_calibrations import ActiveCalibrations
 from grabberd.service.instrument import Instrument
+from grabberd.service.recovery import Rung
 from grabberd.service.worker import Worker
 
 LATENCY_OF_LATEST = 500
@@ -21,11 +22,15 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
         "state": status.state,
         "since_utc": status.since_utc,
         "cause": status.cause,
+        "hint": status.hint,
         "driver": instrument.setup.config.driver,
         "stream": asdict(status.stream) if status.stream else None,
         "signal": status.signal,
         "fields": {outcome: status.outcomes[outcome] for outcome in Outcome},
         "openings": status.openings,
+        "recoveries": {rung: status.recoveries[rung] for rung in Rung},
+        "last_failure": status.last_failure,
+        "last_failure_utc": status.last_failure_utc,
         "ring": {
             "slots": armed.ring.slots,
             "bits": armed.bits,
@@ -33,7 +38,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
             "threshold": instrument.intake.thresholds.in_force.level,
         },
         "calibration": active.document(instrument),
-        "warnings": active.warnings(instrument),
+        "warnings": [*status.warnings, *active.warnings(instrument)],
         "capture_id": session.id if session else None,
         "live": _live_document(instrument.worker),
     }

@@ -13,7 +13,7 @@ from grabberd.errors import CaptureRunning, GrabberdError, NotReady
 from grabberd.geometry import Calibration
 from grabberd.service.armed import Armed
 from grabberd.service.backlog import Backlog
-from grabberd.service.capture_thread import CaptureThread
+from grabberd.service.capture_thread import Captures, CaptureThread
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.intake import Intake
 from grabberd.service.recorder import CaptureRequest, Recorder
@@ -66,9 +66,12 @@ class Instrument:
             self.intake,
             self.board,
             clock,
-            has_room=lambda: self.running is not None and self.running.has_room,
-            is_capturing=lambda: self.running is not None,
-            on_end=self._source_ended,
+            Captures(
+                has_room=lambda: self.running is not None and self.running.has_room,
+                running=lambda: self.running is not None,
+                interrupted=self._interrupted,
+                ended=self._source_ended,
+            ),
         )
 
     def start(self) -> None:
@@ -155,6 +158,11 @@ class Instrument:
         if stream is not None:
             _check_stream(calibration, stream)
 
+    def _interrupted(self, error: GrabberdError) -> None:
+        session = self.running
+        if session is not None:
+            session.interrupted(error)
+
     def _source_ended(self, error: GrabberdError) -> None:
         session = self.running
         if session is not None:
@@ -171,7 +179,7 @@ class Instrument:
             cause = f" ({status.cause})" if status.cause else ""
             raise NotReady(
                 f"device {self.name} is {status.state}{cause}",
-                "wait until its state is ready: GET /api/v1/state",
+                status.hint or "wait until its state is ready: GET /api/v1/state",
             )
 
     def _arm(self, request: CaptureRequest) -> Armed:
@@ -199,6 +207,7 @@ class Instrument:
             self._clock,
             round(1e9 / stream.rate_hz),
             lossless=stream.waits_for_reader,
+            interruption=lambda: self.intake.interruption,
         )
         if measuring is not None:
             writer.begin_run(1, "live", iso_utc(self._clock.utc_now()), __version__, self.made_with)
@@ -210,6 +219,7 @@ class Instrument:
             backlog,
             self._clock,
             measured=measuring is not None,
+            ends_when_interrupted=self._on_interruption(request) == "end",
             on_sealed=self._sealed,
         )
 
@@ -235,7 +245,11 @@ class Instrument:
             lines=armed.lines,
             rate_hz=status.stream.rate_hz,
             version=__version__,
+            extra={"on_interruption": self._on_interruption(request)},
         )
+
+    def _on_interruption(self, request: CaptureRequest) -> str:
+        return request.on_interruption or self.setup.config.capture.on_interruption
 
     @property
     def made_with(self) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """From the ring into the recorder's own queue, with the ledger of one capture."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot
@@ -22,6 +22,8 @@ class CaptureRequest:
         lines: "doubled" or "field"; None: doubled at 1 bit, field otherwise.
         pre_trigger_fields: how many fields before the request belong to it, as far as the ring has them.
         overrun: "count" what the ring has overwritten before it was recorded, or "stop" the capture there.
+        on_interruption: "continue" with the gap in the ledger when the device fails to deliver, or "end" the
+            capture there; None: as configured.
         note: for people; `labels`: cow, teat, liner, …
     """
 
@@ -30,12 +32,22 @@ class CaptureRequest:
     lines: str | None = None
     pre_trigger_fields: int = 0
     overrun: str = "count"
+    on_interruption: str | None = None
     note: str = ""
     labels: Mapping[str, str] = field(default_factory=dict)
 
 
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
+
+    A capture of given length ends in its time, whatever comes: a device that does not come back makes it
+    incomplete, not endless. A source that waits for its reader has no time of its own, unless it is
+    interrupted.
+
+    Args:
+        fields: its length, or None.
+        lossless: the source waits for its reader.
+        interruption: why no fields come at this moment, or None while they do.
 
     Attributes:
         ledger: the account so far.
@@ -51,6 +63,7 @@ class Recorder:
         period_ns: int,
         *,
         lossless: bool = False,
+        interruption: Callable[[], str | None] = lambda: None,
     ) -> None:
         self.ledger = Ledger()
         self.ended_because: str | None = None
@@ -58,7 +71,10 @@ class Recorder:
         self._fields = fields
         self._backlog = backlog
         self._clock = clock
-        self._due_ns = None if fields is None or lossless else clock.now_ns() + fields * period_ns + GRACE_NS
+        self._period_ns = period_ns
+        self._lossless = lossless
+        self._interruption = interruption
+        self._start_ns = self._newest_ns = clock.now_ns()
         self._refused: tuple[LedgerEntry, ...] = ()
 
     @property
@@ -77,6 +93,7 @@ class Recorder:
                 self._take_one(reader)
             while self._wants_more and (slot := reader.take(0)) is not None:
                 self.take(slot)
+            self._account_for_absence()
         except RingOverrun as error:
             self._overrun(error)
         finally:
@@ -85,6 +102,7 @@ class Recorder:
 
     def take(self, slot: Slot) -> None:
         """Enters one slot of the ring; a slot beyond the capture's length ends it."""
+        self._newest_ns = self._clock.now_ns()
         if self.first_n is None:
             self.first_n = slot.n
             slot = slot._replace(lost_before=())
@@ -110,8 +128,26 @@ class Recorder:
         slot = reader.take(0.1)
         if slot is not None:
             self.take(slot)
-        elif self._due_ns is not None and self._clock.now_ns() > self._due_ns:
-            self._end_short("nothing came")
+        elif self._is_over:
+            self._end_short(self._interruption() or "nothing came")
+
+    @property
+    def _is_over(self) -> bool:
+        """Whether the time of a capture of given length has passed."""
+        if self._fields is None or (self._lossless and self._interruption() is None):
+            return False
+        begin_ns, missing = self._start_ns, self._fields
+        if self._lossless:
+            begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
+        return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
+
+    def _account_for_absence(self) -> None:
+        """Enters what a device that is away at the end should have delivered until then."""
+        reason = self._interruption()
+        if reason is not None and not self._lossless:
+            missing = (self._clock.now_ns() - self._newest_ns) // self._period_ns
+            end_n = (self.ledger.end_n or 0) + missing
+            self.ledger.close(end_n if self._fields is None else min(end_n, self._fields), reason)
 
     def _close_at_length(self, slot: Slot) -> None:
         reason = slot.lost_before[-1].reason if slot.lost_before else "time gap"

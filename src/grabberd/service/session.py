@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from grabberd.acquisition import Outcome, RingReader, Slot
-from grabberd.errors import GrabberdError, StorageError, StreamEnded
+from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField
 from grabberd.service.backlog import Backlog
@@ -29,7 +29,7 @@ class CaptureSession:
         failure: what kept the capture from being written whole, or None.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - it is put together from its parts
         self,
         capture_id: str,
         recorder: Recorder,
@@ -39,6 +39,7 @@ class CaptureSession:
         clock: Clock,
         *,
         measured: bool,
+        ends_when_interrupted: bool = False,
         on_sealed: Callable[["CaptureSession"], None],
     ) -> None:
         self.id = capture_id
@@ -50,6 +51,7 @@ class CaptureSession:
         self._reader = reader
         self._writer = writer
         self._backlog = backlog
+        self._ends_when_interrupted = ends_when_interrupted
         self._on_sealed = on_sealed
         self._cut_by: GrabberdError | None = None
         if not measured:
@@ -69,8 +71,15 @@ class CaptureSession:
         """The file as it is called now."""
         return self._writer.path
 
+    def interrupted(self, error: GrabberdError) -> None:
+        """The device fails to deliver: the capture goes on with the gap in its ledger, or is cut short."""
+        if self._ends_when_interrupted:
+            self.source_ended(DeviceLost(f"interrupted: {error.message}", error.hint))
+
     def source_ended(self, error: GrabberdError) -> None:
-        """A recording came to its end, or to a picture that cannot be read: then the capture is cut short."""
+        """A recording came to its end; or to a picture that cannot be read, or the device delivers other
+        pictures than before: then the capture is cut short.
+        """
         if not isinstance(error, StreamEnded):
             self._cut_by = error
         self.stop(error.message)

@@ -17,18 +17,20 @@ class DeviceState(StrEnum):
 
 
 _S = DeviceState
+_STREAMING = frozenset({_S.NO_SIGNAL, _S.READY, _S.CAPTURING})
+_TROUBLED = frozenset({_S.ABSENT, _S.RECOVERING, _S.FAILED})
 
 TRANSITIONS: dict[DeviceState, frozenset[DeviceState]] = {
-    _S.ABSENT: frozenset({_S.OPENING}),
-    _S.OPENING: frozenset({_S.ABSENT, _S.READY, _S.NO_SIGNAL, _S.FAILED, _S.CAPTURING}),
-    _S.NO_SIGNAL: frozenset({_S.READY, _S.CAPTURING, _S.RECOVERING, _S.ENDED}),
-    _S.READY: frozenset({_S.CAPTURING, _S.NO_SIGNAL, _S.RECOVERING, _S.ENDED}),
-    _S.CAPTURING: frozenset({_S.READY, _S.NO_SIGNAL, _S.RECOVERING, _S.ENDED}),
-    _S.RECOVERING: frozenset({_S.OPENING}),
-    _S.FAILED: frozenset({_S.OPENING}),
+    _S.OPENING: _STREAMING | _TROUBLED | {_S.ENDED},
+    **{state: (_STREAMING - {state}) | _TROUBLED | {_S.ENDED} for state in _STREAMING},
+    **{state: (_TROUBLED - {state}) | {_S.OPENING, _S.ENDED} for state in _TROUBLED},
     _S.ENDED: frozenset({_S.OPENING}),
 }
-"""`ended` is a recording that has been played to its end; a real grabber never gets there."""
+"""From trouble the way back leads through `opening`: the device is open, its first field still to come.
+
+`absent` and `failed` are tried again by themselves; `recovering` is being helped. `ended` is a recording that
+has been played to its end; a real grabber never gets there.
+"""
 
 
 def may_follow(current: DeviceState, following: DeviceState) -> bool:

@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.acquisition.device import Signal, StreamInfo
+from grabberd.errors import GrabberdError
 from grabberd.service.clock import Clock, iso_utc
+from grabberd.service.recovery import Rung, Step
 from grabberd.service.states import DeviceState, may_follow
 
 log = logging.getLogger(__name__)
@@ -18,20 +20,34 @@ class DeviceStatus:
     """A device at one moment.
 
     Attributes:
-        state: in a word; `since_utc`: since when; `cause`: why, in a sentence, or None.
-        stream: what the driver granted, or None while it is not open.
+        state: in a word; `since_utc`: since when.
+        cause: why, in a sentence, or None; `hint`: what can be done about it.
+        stream: what the driver granted last, or None before it did.
         signal: what the driver says of the camera's signal.
         outcomes: what became of every field since the daemon started.
         openings: how often the device has been opened.
+        recoveries: how often each step has been taken to have it deliver again.
+        last_failure: why the last one was taken; `last_failure_utc`: since when for that reason.
+        refusals: what the device cannot be helped with, in sentences.
     """
 
     state: DeviceState
     since_utc: str
     cause: str | None = None
+    hint: str | None = None
     stream: StreamInfo | None = None
     signal: Signal = Signal.UNKNOWN
     outcomes: Counter[Outcome] = field(default_factory=Counter)
     openings: int = 0
+    recoveries: Counter[Rung] = field(default_factory=Counter)
+    last_failure: str | None = None
+    last_failure_utc: str | None = None
+    refusals: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person has to know of the device, in sentences."""
+        return (*(self.stream.remarks if self.stream else ()), *self.refusals)
 
 
 class StatusBoard:
@@ -46,19 +62,21 @@ class StatusBoard:
         self._name = name
         self._clock = clock
         self._status = DeviceStatus(DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet")
+        self._told: tuple[DeviceState, str | None] | None = None
 
     @property
     def now(self) -> DeviceStatus:
-        """The status as it is; its counters are a copy."""
+        """The status as it is; its counters are copies."""
         with self.changed:
-            return replace(self._status, outcomes=self._status.outcomes.copy())
+            now = self._status
+            return replace(now, outcomes=now.outcomes.copy(), recoveries=now.recoveries.copy())
 
     @property
     def state(self) -> DeviceState:
         """The state alone."""
         return self._status.state
 
-    def enter(self, state: DeviceState, cause: str | None = None) -> None:
+    def enter(self, state: DeviceState, cause: str | None = None, hint: str | None = None) -> None:
         """Goes into a state that may follow the present one."""
         with self.changed:
             if not may_follow(self._status.state, state):
@@ -66,14 +84,33 @@ class StatusBoard:
             if (state, cause) == (self._status.state, self._status.cause):
                 return
             since = iso_utc(self._clock.utc_now())
-            self._status = replace(self._status, state=state, since_utc=since, cause=cause)
+            self._status = replace(self._status, state=state, since_utc=since, cause=cause, hint=hint)
             self.changed.notify_all()
-        log.log(_level(state), "device %s is %s%s", self._name, state, f": {cause}" if cause else "")
+        self._tell(state, cause, hint)
 
     def opened(self, stream: StreamInfo) -> None:
         """The device has been opened and granted this stream."""
         with self.changed:
+            known = self._status.warnings
             self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
+        self._warn(known)
+
+    def recovers(self, step: Step, error: GrabberdError) -> None:
+        """A step is about to be taken because of an error."""
+        with self.changed:
+            self._status.recoveries[step.rung] += 1
+            if error.message != self._status.last_failure:
+                since = iso_utc(self._clock.utc_now())
+                self._status = replace(self._status, last_failure=error.message, last_failure_utc=since)
+        self.enter(step.state, error.message, error.hint)
+
+    def reset_refused(self, refusal: GrabberdError | None) -> None:
+        """The device cannot be reset, and why; None: it can."""
+        with self.changed:
+            known = self._status.warnings
+            words = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
+            self._status = replace(self._status, refusals=words)
+        self._warn(known)
 
     def saw_signal(self, signal: Signal) -> None:
         """What the driver says of the signal."""
@@ -87,6 +124,20 @@ class StatusBoard:
             for entry in slot.lost_before:
                 self._status.outcomes[entry.outcome] += entry.count
 
+    def _tell(self, state: DeviceState, cause: str | None, hint: str | None) -> None:
+        """Logs what is new: a device that is tried again says so once for each cause."""
+        if state is DeviceState.OPENING or (state, cause) == self._told:
+            return
+        self._told = (state, cause)
+        words = "; ".join(part for part in (cause, hint) if part)
+        log.log(_level(state), "device %s is %s%s", self._name, state, f": {words}" if words else "")
+
+    def _warn(self, known: tuple[str, ...]) -> None:
+        for words in self._status.warnings:
+            if words not in known:
+                log.warning("device %s: %s", self._name, words)
+
 
 def _level(state: DeviceState) -> int:
-    return logging.WARNING if state in {DeviceState.RECOVERING, DeviceState.FAILED} else logging.INFO
+    troubled = {DeviceState.ABSENT, DeviceState.RECOVERING, DeviceState.FAILED}
+    return logging.WARNING if state in troubled else logging.INFO

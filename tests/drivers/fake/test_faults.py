@@ -4,7 +4,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd_fake.faults import KINDS, Damage, Lose, LoseSilently, NoSignal, Repeat, Script, Stall, Unplug
+from grabberd_fake.faults import (
+    KINDS,
+    STEPS,
+    Damage,
+    Fail,
+    Lose,
+    LoseSilently,
+    Mendable,
+    NoSignal,
+    Repeat,
+    Script,
+    Stall,
+    Unplug,
+)
 
 
 @pytest.mark.parametrize(
@@ -55,3 +68,35 @@ def test_windows_that_overlap_are_passed_over_once(silent: list[tuple[int, int]]
 
 def test_every_kind_says_in_a_line_what_it_does() -> None:
     assert all((kind.__doc__ or "").strip() for kind in KINDS.values())
+
+
+@pytest.mark.parametrize("kind", [Stall, Fail])
+@pytest.mark.parametrize("until", STEPS)
+def test_what_lasts_until_a_step_is_ended_by_it_and_by_a_harder_one(kind: type[Mendable], until: str) -> None:
+    for step in STEPS:
+        fault = kind(at_field=10, until=until)
+        script = Script([fault])
+        script.mend(step, 500)
+        mended = STEPS.index(step) >= STEPS.index(until)
+        assert script.at(499, kind) is fault
+        assert (script.at(500, kind) is None) is mended
+        assert script.delivers(10_000) is mended
+
+
+def test_a_step_before_a_fault_does_not_help_against_it() -> None:
+    script = Script([Stall(at_field=10, until="restart")])
+    script.mend("reset", 9)
+    assert not script.delivers(10)
+
+
+def test_what_lasts_for_a_time_is_ended_by_no_step() -> None:
+    script = Script([Stall(at_field=10, duration_s=1.0)])
+    script.mend("reset", 20)
+    assert [script.delivers(n) for n in (59, 60)] == [False, True]
+    assert script.uncounted(100) == 50
+
+
+def test_what_was_mended_was_not_counted_until_then() -> None:
+    script = Script([Stall(at_field=10, until="restart")])
+    script.mend("restart", 25)
+    assert script.uncounted(100) == 15

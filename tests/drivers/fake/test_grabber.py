@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal
-from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused
+from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_fake import FakeGrabber, JumpingClock, read_stamp
 
 MakeGrabber = Callable[..., tuple[FakeGrabber, JumpingClock]]
@@ -271,7 +271,7 @@ def test_shifted_lines_are_shifted_from_their_row_on_and_nothing_says_so(grabber
     shifted, wanted = taken(made, 2)[1], taken(straight, 2)[1]
     assert shifted.damage is None
     assert (shifted.field.luma[:50] == wanted.field.luma[:50]).all()
-    assert (shifted.field.luma[50:] == np.roll(wanted.field.luma[50:], -30, axis=1)).all()
+    assert (shifted.field.luma[50:] == np.roll(wanted.field.luma[50:], -30)).all()
 
 
 def test_in_a_stall_nothing_comes_and_nothing_is_wrong(grabber: MakeGrabber) -> None:
@@ -364,3 +364,66 @@ def test_the_script_runs_once_however_often_the_grabber_is_opened(grabber: MakeG
     made.close()
     made.open()
     assert steps(taken(made, 8)) == [1] * 7
+
+
+def test_a_stream_that_failed_streams_again_after_the_step_that_helps(grabber: MakeGrabber) -> None:
+    made, _ = grabber(faults=[{"at_field": 4, "kind": "fail", "until": "reopen"}])
+    assert len(taken(made, 4)) == 4
+    with pytest.raises(StreamFailed, match="has failed"), made.dequeue(1.0):
+        pass
+    with pytest.raises(StreamFailed), made.dequeue(1.0):
+        pass
+    with pytest.raises(StreamFailed):
+        made.restart()
+    made.close()
+    made.open()
+    assert len(taken(made, 4)) == 4
+
+
+def test_one_that_only_a_reset_helps_opens_but_streams_not_before_it(grabber: MakeGrabber) -> None:
+    made, _ = grabber(faults=[{"at_field": 2, "kind": "stall", "until": "reset"}])
+    taken(made, 2)
+    made.restart()
+    assert taken(made, 3) == []
+    made.close()
+    made.open()
+    assert taken(made, 3) == []
+    made.close()
+    made.reset()
+    made.open()
+    assert len(taken(made, 3)) == 3
+
+
+@pytest.mark.parametrize(("why", "said"), [("busy", "another program"), ("rights", "may not be opened")])
+def test_a_refused_grabber_opens_when_the_time_is_over(why: str, said: str) -> None:
+    clock = JumpingClock()
+    made = FakeGrabber(
+        clock=clock, scene="blank", faults=[{"at_s": 0, "kind": "refuse", "duration_s": 3, "why": why}]
+    )
+    with pytest.raises(DeviceRefused, match=said):
+        made.open()
+    clock.sleep_until_ns(3_010 * MS)
+    assert made.open().driver == "fake"
+
+
+def test_a_stream_that_runs_is_not_refused(grabber: MakeGrabber) -> None:
+    made, _ = grabber(faults=[{"at_field": 2, "kind": "refuse"}])
+    assert len(taken(made, 10)) == 10
+
+
+def test_another_standard_ends_the_stream_and_opened_again_gives_other_pictures(grabber: MakeGrabber) -> None:
+    made, clock = grabber(faults=[{"at_field": 4, "kind": "standard", "duration_s": 1.0}])
+    taken(made, 4)
+    with pytest.raises(StreamFailed, match="standard"), made.dequeue(1.0):
+        pass
+    with pytest.raises(DeviceRefused, match="standard"):
+        made.restart()
+    made.close()
+    info = made.open()
+    assert (info.standard, info.field_rows) == ("NTSC", 240)
+    assert taken(made, 1)[0].field.luma.shape == (240, 720)
+    clock.sleep_until_ns(1_200 * MS)
+    with pytest.raises(StreamFailed), made.dequeue(1.0):
+        pass
+    made.close()
+    assert (made.open().standard, taken(made, 1)[0].field.luma.shape) == ("PAL", (288, 720))
