@@ -5,12 +5,11 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from grabberd.acquisition import FieldOrder, GrabbedField
+from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
-from grabberd.field import BOTTOM, TOP
-from grabberd_replay.pictures import Pictures, fields_of, older_parity, recognise
+from grabberd_replay.pictures import Pictures, Splitter, recognise
 from grabberd_replay.png import Header, read_png
-from grabberd_replay.recording import Batch, Format
+from grabberd_replay.recording import Batch
 
 _NUMBER = re.compile(r"^(.*?)(\d+)(\D*)$")
 
@@ -27,50 +26,23 @@ class FolderRecording:
         self, directory: Path, pictures: Pictures, order: FieldOrder, first_parity: int, rate_hz: float
     ) -> None:
         self._paths = in_order(directory)
-        self._order = order
-        self._first_parity = first_parity
-        self._rate_hz = rate_hz
         self._header, _ = read_png(self._paths[0])
-        self._pictures = self._recognise(pictures)
-        self.format = Format(
-            columns=self._header.columns,
-            field_rows=self._header.lines // (2 if self._pictures is Pictures.FRAMES else 1),
-            rate_hz=rate_hz,
-            field_order=order if self._pictures is Pictures.FRAMES else FieldOrder.ALTERNATE,
-            pixel_format="GREY",
-            counts_losses=True,
-            details=details_of(self._pictures, self._header),
+        pictures = recognise(self._paths[0], pictures, self._header.lines)
+        self._splitter = Splitter(pictures, order, first_parity, rate_hz)
+        self.format = self._splitter.format(
+            self._header.lines, self._header.columns, details=colours_of(self._header)
         )
 
     def batches(self) -> Iterator[Batch]:
         """One picture's fields at a time."""
-        n, missing = 0, missing_names(self._paths)
-        for path in self._paths:
+        missing = missing_names(self._paths)
+        for number, path in enumerate(self._paths):
             if path.name in missing:
                 raise _missing(path.parent / missing[path.name], self._header)
-            _, luma = read_png(path, self._header)
-            fields = fields_of(luma, self._pictures, self._parity(n))
-            yield [GrabbedField(field, self._time_ns(n + i), n + i, None) for i, field in enumerate(fields)]
-            n += len(fields)
+            yield self._splitter.batch(read_png(path, self._header)[1], number)
 
     def close(self) -> None:
         """Nothing is kept open."""
-
-    def _recognise(self, pictures: Pictures) -> Pictures:
-        try:
-            return recognise(pictures, self._header.lines)
-        except ValueError as error:
-            raise DeviceRefused(
-                f"{self._paths[0]}: {error}", "say by the option 'pictures' what they are, or scale them"
-            ) from error
-
-    def _parity(self, n: int) -> int:
-        if self._pictures is Pictures.FRAMES:
-            return older_parity(self._order)
-        return self._first_parity if n % 2 == 0 else TOP + BOTTOM - self._first_parity
-
-    def _time_ns(self, n: int) -> int:
-        return round(n * 1e9 / self._rate_hz)
 
 
 def in_order(directory: Path) -> list[Path]:
@@ -118,7 +90,6 @@ def _missing(path: Path, header: Header) -> PictureError:
     )
 
 
-def details_of(pictures: Pictures, header: Header) -> dict[str, str]:
-    """What a person may want to know of the pictures."""
-    colours = {"colours": "converted to luma by Rec. 601"} if header.coloured else {}
-    return {"pictures": str(pictures), "size": f"{header.columns}x{header.lines}", **colours}
+def colours_of(header: Header) -> dict[str, str]:
+    """That grey was computed from colours, where it was."""
+    return {"colours": "converted to luma by Rec. 601"} if header.coloured else {}

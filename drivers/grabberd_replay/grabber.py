@@ -15,10 +15,14 @@ from grabberd.errors import (
     StreamEnded,
 )
 from grabberd_replay.capture import CaptureRecording
+from grabberd_replay.containers import KINDS, container_of
 from grabberd_replay.folder import FolderRecording
 from grabberd_replay.manifest import MANIFEST, ManifestRecording
-from grabberd_replay.pictures import Pictures, older_parity, parity_named
+from grabberd_replay.pictures import PAL_HZ, Pictures, older_parity, parity_named
 from grabberd_replay.recording import Batch, Recording
+from grabberd_replay.video import VideoRecording
+
+_RECORDINGS = f"a capture file, a folder of PNG pictures, or a video ({KINDS})"
 
 
 class Pace(StrEnum):
@@ -29,15 +33,16 @@ class Pace(StrEnum):
 
 
 class ReplayGrabber:
-    """Plays a capture file or a folder of PNG pictures.
+    """Plays a capture file, a video file or a folder of PNG pictures.
 
     Args:
-        path: of the capture file or the folder.
+        path: of the file or the folder.
         pictures: what the pictures are: "frames" (woven), "fields", "doubled", or "auto" by their height. A
             capture file and a folder with a `fields.csv` know it themselves.
         field_order: which field of a frame is the older: "top_first" (PAL) or "bottom_first".
         first_parity: "top" or "bottom", of the first field where pictures are fields or doubled.
-        rate_hz: fields a second, where the recording does not know.
+        rate_hz: fields a second, where a folder does not know or a video is wrong; by default 50, or what the
+            video says.
         pace: "free" as fast as they are read, "real" when they are due.
         clock: for the real pace; the computer's by default.
 
@@ -51,18 +56,18 @@ class ReplayGrabber:
         pictures: str = "auto",
         field_order: str = "top_first",
         first_parity: str = "top",
-        rate_hz: float = 50.0,
+        rate_hz: float | None = None,
         pace: str = "free",
         clock: Clock | None = None,
     ) -> None:
-        if not rate_hz > 0:
+        if rate_hz is not None and not rate_hz > 0:
             raise ValueError(f"rate_hz is the number of fields a second, not {rate_hz}")
         self._path = Path(path)
         self._pictures = Pictures(pictures)
         self._order = FieldOrder(field_order)
         older_parity(self._order)
         self._first_parity = parity_named(first_parity)
-        self._rate_hz = float(rate_hz)
+        self._rate_hz = rate_hz
         self._pace = Pace(pace)
         self._clock: Clock = clock or SystemClock()
         self._recording: Recording | None = None
@@ -127,23 +132,31 @@ class ReplayGrabber:
         """Lets go of the recording."""
         if self._recording is not None:
             self._recording.close()
-        self._recording, self._failure = None, None
+        self._recording, self._batches, self._failure = None, iter(()), None
 
     def _open_recording(self) -> Recording:
         if not self._path.exists():
-            hint = "name a capture file or a folder of PNG files"
-            raise DeviceAbsent(f"there is no recording {self._path}", hint)
-        if not self._path.is_dir():
+            raise DeviceAbsent(f"there is no recording {self._path}", f"name {_RECORDINGS}")
+        if self._path.is_dir():
+            return self._open_folder(self._rate_hz or PAL_HZ)
+        container = container_of(self._path)
+        if container is None:
             return self._open_capture()
+        return VideoRecording(
+            self._path, container, self._pictures, self._order, self._first_parity, self._rate_hz
+        )
+
+    def _open_folder(self, rate_hz: float) -> Recording:
         if (self._path / MANIFEST).exists():
-            return ManifestRecording(self._path, self._rate_hz)
-        return FolderRecording(self._path, self._pictures, self._order, self._first_parity, self._rate_hz)
+            return ManifestRecording(self._path, rate_hz)
+        return FolderRecording(self._path, self._pictures, self._order, self._first_parity, rate_hz)
 
     def _open_capture(self) -> Recording:
         try:
             return CaptureRecording(self._path)
         except CaptureFileError as error:
-            raise DeviceRefused(error.message, error.hint) from error
+            hint = error.hint if ".grab" in self._path.name else f"name {_RECORDINGS}"
+            raise DeviceRefused(f"{error.message}, and it is no video", hint) from error
 
     def _info(self, recording: Recording) -> StreamInfo:
         form = recording.format
@@ -163,6 +176,7 @@ class ReplayGrabber:
             time_sigma_ns=0,
             waits_for_reader=self._pace is Pace.FREE,
             details={**form.details, "times": "as recorded", "pace": str(self._pace)},
+            remarks=form.remarks,
         )
 
     def _peek(self) -> Batch:

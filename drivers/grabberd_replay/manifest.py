@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
 from grabberd.errors import DeviceRefused
 from grabberd.field import Field
-from grabberd_replay.folder import details_of
+from grabberd_replay.folder import colours_of
 from grabberd_replay.pictures import Pictures
 from grabberd_replay.png import read_png
 from grabberd_replay.recording import Batch, Format, counts_like_numbers
@@ -54,7 +54,11 @@ class ManifestRecording:
             field_order=FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY,
             pixel_format="GREY",
             counts_losses=counts_like_numbers([r.sequence for r in self._rows], [r.n for r in self._rows]),
-            details=details_of(self._pictures, self._header),
+            details={
+                "pictures": str(self._pictures),
+                "size": f"{self._header.columns}x{self._header.lines}",
+                **colours_of(self._header),
+            },
         )
 
     def batches(self) -> Iterator[Batch]:

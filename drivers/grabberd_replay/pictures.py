@@ -1,12 +1,16 @@
-"""From a whole picture to the fields in it."""
+"""From whole pictures to the fields in them."""
 
 from enum import StrEnum
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldOrder
+from grabberd.acquisition import FieldOrder, GrabbedField
+from grabberd.errors import DeviceRefused
 from grabberd.field import BOTTOM, TOP, Field, split_frame
+from grabberd_replay.recording import Batch, Format
 
 
 class Pictures(StrEnum):
@@ -17,42 +21,95 @@ class Pictures(StrEnum):
     FIELDS = "fields"
     DOUBLED = "doubled"
 
+    @property
+    def fields(self) -> int:
+        """How many fields are in one."""
+        return 2 if self is Pictures.FRAMES else 1
+
+
+PAL_HZ = 50.0
+"""Fields a second."""
 
 _FRAME_LINES = (576, 480)
 _FIELD_LINES = (288, 240)
 
 
-def recognise(pictures: Pictures, lines: int) -> Pictures:
-    """What pictures of this height are.
+def recognise(path: Path, pictures: Pictures, lines: int) -> Pictures:
+    """What the pictures of this height are that `path` has.
 
     Raises:
-        ValueError: their height does not tell, or frames have an odd number of lines.
+        DeviceRefused: their height does not tell, or frames have an odd number of lines.
     """
-    if pictures is Pictures.AUTO:
-        pictures = _by_height(lines)
-    if pictures is Pictures.FRAMES and lines % 2:
-        raise ValueError(f"a frame has an even number of lines, expected 576 for PAL, not {lines}")
-    return pictures
+    found = _by_height(lines) if pictures is Pictures.AUTO else pictures
+    hint = "say by the option 'pictures' what they are, or scale them"
+    if found is None:
+        raise DeviceRefused(
+            f"{path}: {lines} lines are neither a frame (576, 480) nor a field (288, 240); "
+            "expected pictures=frames, fields or doubled",
+            hint,
+        )
+    if found is Pictures.FRAMES and lines % 2:
+        raise DeviceRefused(
+            f"{path}: a frame has an even number of lines, expected 576 for PAL, not {lines}", hint
+        )
+    return found
 
 
-def _by_height(lines: int) -> Pictures:
+def _by_height(lines: int) -> Pictures | None:
     if lines in _FRAME_LINES:
         return Pictures.FRAMES
-    if lines in _FIELD_LINES:
-        return Pictures.FIELDS
-    raise ValueError(
-        f"{lines} lines are neither a frame (576, 480) nor a field (288, 240); "
-        "expected pictures=frames, fields or doubled"
-    )
+    return Pictures.FIELDS if lines in _FIELD_LINES else None
 
 
-def fields_of(luma: NDArray[np.uint8], pictures: Pictures, parity: int) -> tuple[Field, ...]:
-    """The fields in a picture, the older first; `parity` is the first one's."""
-    if pictures is Pictures.FRAMES:
-        return split_frame(luma, parity)
-    if pictures is Pictures.DOUBLED:
-        return (Field(luma, parity, y0=0, y_step=1),)
-    return (Field.intact(luma, parity),)
+class Splitter(NamedTuple):
+    """Makes fields of pictures that tell nothing of their own parity and time.
+
+    Attributes:
+        pictures: what they are, recognised.
+        order: which field of a frame is the older.
+        first_parity: of the first field, where pictures are fields or doubled.
+        rate_hz: fields a second, the first at time zero.
+    """
+
+    pictures: Pictures
+    order: FieldOrder
+    first_parity: int
+    rate_hz: float
+
+    def batch(self, luma: NDArray[np.uint8], number: int) -> Batch:
+        """The fields of picture `number`, counted from 0, the older first."""
+        first = number * self.pictures.fields
+        return [
+            GrabbedField(field, round(n * 1e9 / self.rate_hz), n, None)
+            for n, field in enumerate(self._split(luma, self._parity(first)), start=first)
+        ]
+
+    def format(
+        self, lines: int, columns: int, details: dict[str, str], remarks: tuple[str, ...] = ()
+    ) -> Format:
+        """How the fields of pictures of this size come."""
+        return Format(
+            columns=columns,
+            field_rows=lines // self.pictures.fields,
+            rate_hz=self.rate_hz,
+            field_order=self.order if self.pictures is Pictures.FRAMES else FieldOrder.ALTERNATE,
+            pixel_format="GREY",
+            counts_losses=True,
+            details={"pictures": str(self.pictures), "size": f"{columns}x{lines}", **details},
+            remarks=remarks,
+        )
+
+    def _split(self, luma: NDArray[np.uint8], parity: int) -> tuple[Field, ...]:
+        if self.pictures is Pictures.FRAMES:
+            return split_frame(luma, parity)
+        if self.pictures is Pictures.DOUBLED:
+            return (Field(luma, parity, y0=0, y_step=1),)
+        return (Field.intact(luma, parity),)
+
+    def _parity(self, n: int) -> int:
+        if self.pictures is Pictures.FRAMES:
+            return older_parity(self.order)
+        return self.first_parity if n % 2 == 0 else TOP + BOTTOM - self.first_parity
 
 
 def parity_named(name: str) -> int:

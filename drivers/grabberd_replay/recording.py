@@ -21,6 +21,7 @@ class Format:
     pixel_format: str
     counts_losses: bool
     details: dict[str, str] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
 
 
 class Recording(Protocol):

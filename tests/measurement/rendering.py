@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 
-from grabberd.field import BOTTOM, TOP, Field
+from grabberd.field import BOTTOM, TOP, Field, quantise
+from grabberd.measurement import LocationSettings, measure
 
 FINE = 16
 HALF_PX = 12
@@ -66,4 +67,22 @@ def errors_px(blobs, places):
     return blobs.xy_px[blob[near]] - places[near], blob[near]
 
 
-__all__ = ["BOTTOM", "TOP", "disc", "errors_px", "grid_of_discs"]
+def small_discs():
+    """The field of discs, and their places, that the locators of several bits are tried on."""
+    return grid_of_discs(np.random.default_rng(2), diameter_px=5.6, spread_px=0.8, noise=0.02)
+
+
+def located(scene, method, bits=8, threshold=55, **known):
+    """(N, 2) errors and their σ of a scene's discs by a method, without line jitter."""
+    field, places = scene
+    settings = LocationSettings(method=method, line_jitter_px=0.0, **known)
+    blobs = measure(quantise(field, bits, threshold), None, settings)
+    error, blob = errors_px(blobs, places)
+    return error, blobs.sigma_px[blob]
+
+
+def rms(error):
+    return np.sqrt((error**2).mean(axis=0))
+
+
+__all__ = ["BOTTOM", "TOP", "disc", "errors_px", "grid_of_discs", "located", "rms", "small_discs"]

@@ -3,23 +3,21 @@ import pytest
 
 from grabberd.field import Field, quantise
 from grabberd.measurement import LocationSettings, measure
-from measurement.rendering import TOP, errors_px, grid_of_discs
+from measurement.rendering import TOP, located, rms, small_discs
 
 SETTINGS = LocationSettings(method="edge", line_jitter_px=0.0)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return grid_of_discs(np.random.default_rng(2), diameter_px=5.6, spread_px=0.8, noise=0.02)
+    return small_discs()
 
 
 def test_its_error_is_as_large_as_it_says(scene):
-    field, places = scene
-    blobs = measure(quantise(field, 8, 55), None, SETTINGS)
-    error, blob = errors_px(blobs, places)
-    assert len(error) == len(places)
-    assert (np.sqrt((error**2).mean(axis=0)) < (0.026, 0.045)).all()
-    in_sigmas = np.sqrt(((error / blobs.sigma_px[blob]) ** 2).mean(axis=0))
+    error, sigma = located(scene, "edge")
+    assert len(error) == len(scene[1])
+    assert (rms(error) < (0.026, 0.045)).all()
+    in_sigmas = rms(error / sigma)
     assert ((in_sigmas > 0.7) & (in_sigmas < 1.4)).all()
 
 

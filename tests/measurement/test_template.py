@@ -1,29 +1,14 @@
 import numpy as np
 import pytest
 
-from grabberd.field import double_lines, quantise
-from grabberd.measurement import LocationSettings, measure
+from grabberd.field import double_lines
 from grabberd.measurement.disc_image import disc_images
-from measurement.rendering import errors_px, grid_of_discs
-
-THRESHOLD = 55
-
-
-def located(scene, method, bits=8, **known):
-    field, places = scene
-    settings = LocationSettings(method=method, line_jitter_px=0.0, **known)
-    blobs = measure(quantise(field, bits, THRESHOLD), None, settings)
-    error, blob = errors_px(blobs, places)
-    return error, blobs.sigma_px[blob]
-
-
-def rms(error):
-    return np.sqrt((error**2).mean(axis=0))
+from measurement.rendering import grid_of_discs, located, rms, small_discs
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return grid_of_discs(np.random.default_rng(2), diameter_px=5.6, spread_px=0.8, noise=0.02)
+    return small_discs()
 
 
 def test_the_derivatives_are_those_of_the_picture():

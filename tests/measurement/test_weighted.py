@@ -4,7 +4,7 @@ import pytest
 from grabberd.errors import InputError
 from grabberd.field import Field, double_lines, quantise
 from grabberd.measurement import LocationSettings, measure
-from measurement.rendering import BOTTOM, TOP, errors_px, grid_of_discs
+from measurement.rendering import BOTTOM, TOP, errors_px, grid_of_discs, located, rms, small_discs
 
 SETTINGS = LocationSettings(method="weighted", line_jitter_px=0.0)
 THRESHOLD = 55
@@ -12,16 +12,14 @@ THRESHOLD = 55
 
 @pytest.fixture(scope="module")
 def scene():
-    return grid_of_discs(np.random.default_rng(2), diameter_px=5.6, spread_px=0.8, noise=0.02)
+    return small_discs()
 
 
 def test_its_error_is_near_what_the_noise_allows_and_nearly_as_large_as_it_says(scene):
-    field, places = scene
-    blobs = measure(quantise(field, 8, THRESHOLD), None, SETTINGS)
-    error, blob = errors_px(blobs, places)
-    assert len(error) == len(places)
-    assert (np.sqrt((error**2).mean(axis=0)) < (0.022, 0.028)).all()
-    in_sigmas = np.sqrt(((error / blobs.sigma_px[blob]) ** 2).mean(axis=0))
+    error, sigma = located(scene, "weighted")
+    assert len(error) == len(scene[1])
+    assert (rms(error) < (0.022, 0.028)).all()
+    in_sigmas = rms(error / sigma)
     assert ((in_sigmas > 0.85) & (in_sigmas < 1.5)).all()
 
 

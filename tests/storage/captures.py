@@ -7,7 +7,7 @@ import numpy as np
 from grabberd.acquisition import LedgerEntry, Outcome, Slot
 from grabberd.field import Field, NumberedField, double_lines, quantise
 from grabberd.reconstruction.points import Points
-from grabberd.storage import CaptureMeta, CaptureWriter
+from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter
 
 START_NS = 5_000_000_000_000
 PERIOD_NS = 20_000_000
@@ -104,3 +104,9 @@ def same_field(one, other):
         assert getattr(one.packed, name) == getattr(other.packed, name)
     np.testing.assert_array_equal(one.packed.data, other.packed.data)
     assert one.packed.data.dtype == np.uint8
+
+
+def numbers(path):
+    """Of the fields in a capture file."""
+    with CaptureReader(path) as reader:
+        return [field.numbered.n for field in reader.fields()]

@@ -4,32 +4,13 @@ import numpy as np
 import pytest
 
 from drivers.replay.pictures import frames, luma, manifest, png
+from drivers.replay.playing import PERIOD_NS, play, rows
 from grabberd.acquisition import FieldNumbering, FieldOrder, Outcome, Signal
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, PictureError, StreamEnded
 from grabberd.field import double_lines, quantise, unpack
 from grabberd.storage import export_png
 from grabberd_replay import ReplayGrabber
 from storage.captures import meta, same_field, slot, slots, write
-
-PERIOD_NS = 20_000_000
-
-
-def play(path, **options):
-    """Stream info, every field (copied), and the error that ended it."""
-    grabber = ReplayGrabber(path, **options)
-    info, played = grabber.open(), []
-    while True:
-        try:
-            with grabber.dequeue(1.0) as fields:
-                played.extend(fields)
-        except (StreamEnded, PictureError) as error:
-            grabber.close()
-            return info, played, error
-
-
-def rows(played):
-    return [(f.field.parity, f.field.y0, f.field.y_step) for f in played]
-
 
 # --- frames ---
 

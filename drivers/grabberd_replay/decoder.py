@@ -1,0 +1,238 @@
+"""The pictures of a video file, one after another, by the FFmpeg that is inside OpenCV.
+
+Grey values are the video's own luma wherever it can be had: uncompressed pictures are taken as they stand in
+the file, decoded ones without their colours. Only what has no luma of 8 bits is computed from colours.
+"""
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import DeviceRefused, PictureError
+
+Picture = NDArray[np.uint8]
+
+_ENVIRONMENT = {
+    "OPENCV_FFMPEG_LOGLEVEL": "-8",  # nothing on stderr: what a person has to know, an error says
+    "OPENCV_FFMPEG_CAPTURE_OPTIONS": "fflags;discardcorrupt",  # the half of a picture is none
+}
+_STILL_AT_MOST = 25
+_LUMA_HINT = "convert it once: ffmpeg -i {name} -vf extractplanes=y,setfield=prog -c:v ffv1 luma.mkv"
+
+
+class Layout(NamedTuple):
+    """Where the luma is among the bytes of a picture: `first`, then every `step`-th byte."""
+
+    bytes_per_pixel: float
+    first: int = 0
+    step: int = 1
+
+
+LAYOUTS = {
+    "Y800": Layout(1),
+    "I420": Layout(1.5),
+    "NV12": Layout(1.5),
+    "Y41B": Layout(1.5),
+    "Y42B": Layout(2),
+    "444P": Layout(3),
+    "UYVY": Layout(2, first=1, step=2),
+    "YUY2": Layout(2, first=0, step=2),
+}
+
+
+class Header(NamedTuple):
+    """What a video says of itself.
+
+    Attributes:
+        lines, columns: of a picture.
+        pictures_per_s: None if it does not say, or nothing that can be.
+        pictures: how many there should be; 0 if it does not say.
+        codec: four letters, "" for an uncompressed video.
+        pixels: four letters, how its grey values and colours are stored.
+    """
+
+    lines: int
+    columns: int
+    pictures_per_s: float | None
+    pictures: int
+    codec: str
+    pixels: str
+
+    def __str__(self) -> str:
+        return f"{self.columns}x{self.lines}"
+
+
+class Way(NamedTuple):
+    """A way to the grey values: how OpenCV is set for it, and what is made of what it gives."""
+
+    words: str
+    setting: tuple[int, float]
+    luma: Callable[[Picture], Picture]
+
+
+class Decoder:
+    """An opened video file.
+
+    Raises:
+        DeviceRefused: it has no video that can be read, or one whose pictures OpenCV does not give.
+        PictureError: not one picture can be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with _opened(path) as capture:
+            self.header = _header(capture)
+        self._way = self._choose()
+        self._check_that_pictures_change()
+
+    @property
+    def luma(self) -> str:
+        """How the grey values are had, in words."""
+        return self._way.words
+
+    @property
+    def uncompressed(self) -> bool:
+        """Pictures are taken as they stand in the file."""
+        return self._way.setting[0] == cv2.CAP_PROP_FORMAT
+
+    def pictures(self) -> Iterator[tuple[float, Picture]]:
+        """Every picture's time in s and grey values; ends where no further one can be read.
+
+        Raises:
+            PictureError: a picture is not of the first one's size.
+        """
+        for time_s, raw in _read(self._path, self._way.setting):
+            luma = self._way.luma(raw)
+            if luma.shape != self._shape:
+                raise PictureError(
+                    f"{self._path}: the picture at {time_s:.3f} s has {luma.size} pixels, "
+                    f"expected {self.header} like the first",
+                    "cut the video there; what came before it is kept",
+                )
+            yield time_s, luma
+
+    def _choose(self) -> Way:
+        layout = LAYOUTS.get(self.header.pixels)
+        if layout and self._stands_in_the_file(layout):
+            luma = partial(self._from_packet, layout)
+            return Way("as it stands in the file", (cv2.CAP_PROP_FORMAT, -1), luma)
+        if layout and layout.step == 1:
+            return Way("as it was coded", (cv2.CAP_PROP_CONVERT_RGB, 0), lambda picture: picture)
+        words = f"computed from the colours of {self.header.pixels!r} by Rec. 601"
+        return Way(words, (cv2.CAP_PROP_CONVERT_RGB, 1), _from_colours)
+
+    def _stands_in_the_file(self, layout: Layout) -> bool:
+        if self.header.codec:
+            return False
+        first = next(_read(self._path, (cv2.CAP_PROP_FORMAT, -1)), None)
+        return first is not None and first[1].size == self._pixels * layout.bytes_per_pixel
+
+    def _from_packet(self, layout: Layout, packet: Picture) -> Picture:
+        if packet.size != self._pixels * layout.bytes_per_pixel:
+            return packet  # of another size, which is told as that of any picture
+        last = layout.first + layout.step * self._pixels
+        return packet.ravel()[layout.first : last : layout.step].reshape(self._shape)
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return self.header.lines, self.header.columns
+
+    @property
+    def _pixels(self) -> int:
+        return self.header.lines * self.header.columns
+
+    def _check_that_pictures_change(self) -> None:
+        """Some versions of OpenCV cannot convert what is marked as interlaced, and give old memory instead.
+
+        Nothing tells so but that it never changes, while pictures of a camera always do.
+        """
+        pictures = self.pictures()
+        first = next(pictures, None)
+        if first is None:
+            raise PictureError(
+                f"{self._path}: not one picture can be read of a video of {self.header}",
+                "copy it again, or record it again",
+            )
+        others = islice(pictures, _STILL_AT_MOST - 1)
+        if not self.uncompressed and all(np.array_equal(first[1], other) for _, other in others):
+            raise DeviceRefused(
+                f"{self._path}: its first pictures are the same bit for bit, as where OpenCV "
+                f"{cv2.__version__} cannot read an interlaced video (codec {self.header.codec})",
+                _LUMA_HINT.format(name=self._path.name),
+            )
+
+
+def _from_colours(picture: Picture) -> Picture:
+    return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def _header(capture: cv2.VideoCapture) -> Header:
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    return Header(
+        lines=int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
+        columns=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
+        pictures_per_s=rate if 1.0 <= rate <= 1000.0 else None,
+        pictures=max(0, int(capture.get(cv2.CAP_PROP_FRAME_COUNT))),
+        codec=_letters(capture.get(cv2.CAP_PROP_FOURCC)),
+        pixels=_letters(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)),
+    )
+
+
+def _letters(code: float) -> str:
+    raw = (int(code) & 0xFFFFFFFF).to_bytes(4, "little").rstrip(b"\0 ")
+    return "".join(chr(value) if 32 < value < 127 else "." for value in raw)
+
+
+def _read(path: Path, setting: tuple[int, float]) -> Iterator[tuple[float, Picture]]:
+    with _opened(path) as capture:
+        capture.set(*setting)
+        while True:
+            with _quiet():
+                there, picture = capture.read()
+            if not there:
+                return
+            yield capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, np.asarray(picture, np.uint8)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
+    if not cv2.videoio_registry.hasBackend(cv2.CAP_FFMPEG):
+        raise DeviceRefused(
+            f"{path}: this OpenCV reads no videos, it was built without FFmpeg",
+            "install opencv-python-headless with pip, or play a folder of PNG pictures",
+        )
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    with _quiet():
+        settings = [cv2.CAP_PROP_N_THREADS, 1]
+        capture = cv2.VideoCapture(str(path.absolute()), cv2.CAP_FFMPEG, settings)
+    try:
+        if not capture.isOpened():
+            raise DeviceRefused(
+                f"{path} has no video that can be read: it is truncated or damaged, has sound alone, or a "
+                "codec that OpenCV does not know",
+                f"copy it again, or {_LUMA_HINT.format(name=path.name)}",
+            )
+        yield capture
+    finally:
+        capture.release()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """OpenCV says nothing on stderr meanwhile."""
+    logging: Any = getattr(cv2.utils, "logging", cv2)
+    level = logging.getLogLevel()
+    logging.setLogLevel(0)
+    try:
+        yield
+    finally:
+        logging.setLogLevel(level)

@@ -1,0 +1,117 @@
+"""A video file as a recording."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from grabberd.acquisition import FieldOrder
+from grabberd.errors import PictureError
+from grabberd_replay.containers import Container
+from grabberd_replay.decoder import Decoder, Picture
+from grabberd_replay.pictures import PAL_HZ, Pictures, Splitter, recognise
+from grabberd_replay.recording import Batch
+
+_PAL_SIZES = ((720, 576), (720, 288))
+_LOSSLESS = ("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB")
+
+
+class VideoRecording:
+    """The pictures of a video at their own times; one that is missing is missing again.
+
+    Raises:
+        DeviceRefused: there is no video that can be read, or its height does not tell what its pictures are.
+        PictureError: not one picture can be read.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        container: Container,
+        pictures: Pictures,
+        order: FieldOrder,
+        first_parity: int,
+        rate_hz: float | None,
+    ) -> None:
+        self._path = path
+        self._decoder = Decoder(path)
+        header = self._decoder.header
+        self._pictures_per_s = header.pictures_per_s
+        self._expected = header.pictures if header.pictures_per_s else 0
+        self._may_lack = 0 if container.counts else round(header.pictures_per_s or 0)
+        pictures = recognise(path, pictures, header.lines)
+        own_hz = header.pictures_per_s * pictures.fields if header.pictures_per_s else PAL_HZ
+        self._splitter = Splitter(pictures, order, first_parity, rate_hz or own_hz)
+        self.format = self._splitter.format(
+            header.lines,
+            header.columns,
+            details={
+                "container": container.name,
+                "codec": _codec(self._decoder),
+                "luma": self._decoder.luma,
+            },
+            remarks=tuple(_remarks(self._decoder, self._splitter.rate_hz)),
+        )
+
+    def batches(self) -> Iterator[Batch]:
+        """One picture's fields at a time.
+
+        Raises:
+            PictureError: the video ends before its head says so, changes its size, or has no even pace.
+        """
+        number = -1
+        for number, luma in self._numbered():
+            yield self._splitter.batch(luma, number)
+        if number + 1 < self._expected - self._may_lack:
+            raise PictureError(
+                f"{self._path} ends after {number + 1} of {self._expected} pictures: it is truncated, or the "
+                "next one cannot be decoded",
+                "copy it again; what came before it is kept",
+            )
+
+    def close(self) -> None:
+        """Whoever reads holds the file open, nobody else."""
+
+    def _numbered(self) -> Iterator[tuple[int, Picture]]:
+        """Pictures with their number, which is their time from the first one on in steps of the rate."""
+        begin_s: float | None = None
+        last = -1
+        for time_s, luma in self._decoder.pictures():
+            begin_s = time_s if begin_s is None else begin_s
+            number = self._number(time_s - begin_s, last)
+            if number <= last:
+                raise PictureError(
+                    f"{self._path}: the picture at {time_s:.3f} s comes too soon for "
+                    f"{self._pictures_per_s:g} pictures a second",
+                    "its rate varies: convert it to a constant one; what came before it is kept",
+                )
+            yield number, luma
+            last = number
+
+    def _number(self, since_s: float, last: int) -> int:
+        """Decoders give some pictures without a time, which shows as none since the first: those are next."""
+        if self._pictures_per_s is None or (since_s <= 0.0 and last >= 0):
+            return last + 1
+        return round(since_s * self._pictures_per_s)
+
+
+def _codec(decoder: Decoder) -> str:
+    return "uncompressed" if decoder.uncompressed else decoder.header.codec or "unknown"
+
+
+def _remarks(decoder: Decoder, rate_hz: float) -> Iterator[str]:
+    """What a person has to know of a video that is not what a PAL grabber gave."""
+    header, codec = decoder.header, _codec(decoder)
+    if not decoder.uncompressed and codec.upper() not in _LOSSLESS:
+        yield (
+            f"Its codec {codec} is a lossy one as a rule: targets are displaced by more than their sigma "
+            "says. Record uncompressed, or with FFV1 or HuffYUV."
+        )
+    if (header.columns, header.lines) not in _PAL_SIZES:
+        yield (
+            f"Its size {header} is not PAL's 720x576, or 720x288 a field: if it was scaled, lines of both "
+            "fields are mixed, and no option brings them apart."
+        )
+    if abs(rate_hz - PAL_HZ) > 0.01 * PAL_HZ:
+        yield (
+            f"It has {rate_hz:g} fields a second where PAL has {PAL_HZ:g}: a deinterlaced video is played "
+            "with pictures 'doubled', a wrong rate is put right by rate_hz."
+        )

@@ -1,0 +1,91 @@
+"""A capture file holds runs: points, and what they were made with."""
+
+import pytest
+
+from grabberd.errors import NotFound
+from grabberd.storage import CaptureReader, append_run
+from storage.captures import MADE_WITH, ledger_of, points, slots, write
+
+
+def test_points_of_the_live_run_come_back(tmp_path):
+    path = write(tmp_path, slots(60), measured=range(60))
+    with CaptureReader(path) as reader:
+        back = list(reader.points(1))
+    assert [n for n, _ in back] == list(range(60))
+    for n, one in back:
+        assert one.xyz_mm.tobytes() == points(n).xyz_mm.tobytes()
+
+
+def test_a_run_says_what_it_was_made_with(tmp_path):
+    with CaptureReader(write(tmp_path, slots(1), measured=[0])) as reader:
+        (run,) = reader.runs
+    assert (run.run, run.kind, run.state) == (1, "live", "done")
+    assert run.made_with == MADE_WITH
+
+
+def test_another_run_is_appended_and_the_first_one_stays(tmp_path):
+    path = write(tmp_path, slots(4), measured=range(4))
+    again = ((n, points(n + 50)) for n in range(4))
+    run = append_run(path, "measure", "2026-03-02T00:00:00Z", "0.2.0", {}, again)
+    assert run == 2
+    with CaptureReader(path) as reader:
+        assert [info.kind for info in reader.runs] == ["live", "measure"]
+        assert next(reader.points(1))[1].xyz_mm.tobytes() == points(0).xyz_mm.tobytes()
+        assert next(reader.points())[1].xyz_mm.tobytes() == points(50).xyz_mm.tobytes()
+
+
+def test_a_run_that_fails_leaves_nothing(tmp_path):
+    path = write(tmp_path, slots(4), measured=range(4))
+
+    def failing():
+        yield 0, points(0)
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        append_run(path, "measure", "", "", {}, failing())
+    with CaptureReader(path) as reader:
+        assert len(reader.runs) == 1
+    assert [file.name for file in tmp_path.iterdir()] == ["liner.grab"]
+
+
+def test_readers_are_not_kept_waiting_while_a_run_is_made(tmp_path):
+    path = write(tmp_path, slots(120), measured=range(4))
+    seen = []
+
+    def measured():
+        for n in range(120):
+            yield n, points(n, 100)
+        with CaptureReader(path) as reader:
+            seen.append((len(reader.runs), sum(1 for _ in reader.received())))
+
+    append_run(path, "measure", "", "", {}, measured())
+    assert seen == [(1, 120)]
+
+
+def test_the_latest_run_is_meant_where_none_is_named(tmp_path):
+    with CaptureReader(write(tmp_path, slots(1), measured=[0])) as reader:
+        assert reader.run(None).run == 1
+        with pytest.raises(NotFound, match="has no run 7") as caught:
+            reader.run(7)
+        assert "1" in caught.value.hint
+
+
+def test_a_capture_without_points_says_so(tmp_path):
+    with CaptureReader(write(tmp_path, slots(1))) as reader, pytest.raises(NotFound, match="no points"):
+        reader.latest_run()
+
+
+def test_points_whose_field_is_not_in_the_file_are_passed_over(part, writer):
+    writer.append(slots(2))
+    for n in range(3):
+        writer.append_points(1, n, points(n))
+    writer.commit()
+    with CaptureReader(part) as reader:
+        assert [n for n, _ in reader.points(1)] == [0, 1]
+
+
+def test_measuring_that_failed_is_told_with_the_run(part, writer):
+    writer.append(slots(1))
+    writer.seal(ledger_of(slots(1)), complete=True, ended_because="stopped", measuring_failure="no light")
+    with CaptureReader(writer.path) as reader:
+        assert (reader.runs[0].state, reader.runs[0].reason) == ("failed", "no light")
