@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 STATE ?= .state
 
-.PHONY: help run test check pytest test-wheel bench soak docs format lock clean
+.PHONY: help run test check pytest test-vm test-wheel bench soak docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -27,6 +27,9 @@ check: $(READY)  ## ruff, mypy and the arrows between the rooms
 
 pytest: $(READY)  ## the tests alone
 	$(BIN)/python -m pytest
+
+test-vm: $(READY)  ## the V4L2 driver under a real kernel, in a virtual machine (WRITE=1: results into docs/)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
 
 test-wheel: $(READY)  ## build the wheel, install it into an empty environment, run one capture there
 	bash tests/wheel/install_and_capture.sh "$(PYTHON)" "$(BIN)/python"

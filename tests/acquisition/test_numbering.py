@@ -138,6 +138,17 @@ def test_what_is_missing_after_an_interruption_is_lost_for_its_reason():
     assert lost(numbering.number(grab(3012, sequence=2)).lost_before) == [(3011, 1, "time gap")]
 
 
+def test_what_an_interruption_cost_is_told_by_the_arrival_where_a_new_clock_tells_nothing():
+    numbering, way_ns = FieldNumbering(info()), 33_000_000
+    for n in range(10):
+        numbering.number(grab(n), now_ns=grab(n).time_ns + way_ns)
+    numbering.interrupt("unplugged")
+    number = numbering.number(grab(40, time_ns=0), now_ns=grab(40).time_ns + way_ns)
+    assert number.n == 40
+    assert lost(number.lost_before) == [(10, 30, "unplugged")]
+    assert number.reason == "time predicted (zero timestamp)"
+
+
 def test_an_interruption_that_cost_nothing_leaves_no_entry():
     numbering = FieldNumbering(info())
     numbering.number(grab(0))

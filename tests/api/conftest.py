@@ -8,20 +8,31 @@ from fastapi.testclient import TestClient
 from running import PATIENCE_S, configuration, wait_until_it_accepts
 
 from grabberd.api import create_app
-from grabberd.config import default_config_file
+from grabberd.config import LocationConfig, default_config_file
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 
 
 def service_in(folder: Path, **options: object) -> Service:
-    return Service(set_up(configuration(options), default_config_file()), folder)
+    """Targets are located in the quickest way: how well is not the subject here."""
+    config = configuration(options, location=LocationConfig(method="centroid"))
+    return Service(set_up(config, default_config_file()), folder)
 
 
 @pytest.fixture
 def fast(tmp_path: Path) -> Iterator[TestClient]:
     """Captures are over in no time."""
     service = service_in(tmp_path, pace="free")
-    with TestClient(create_app(service), raise_server_exceptions=False) as client:
+    with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:
+        wait_until_it_accepts(service)
+        yield client
+
+
+@pytest.fixture(scope="session")
+def idle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    """Shared by the tests of requests that change nothing."""
+    service = service_in(tmp_path_factory.mktemp("idle"), pace="free")
+    with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:
         wait_until_it_accepts(service)
         yield client
 
@@ -30,7 +41,7 @@ def fast(tmp_path: Path) -> Iterator[TestClient]:
 def paced(tmp_path: Path) -> Iterator[TestClient]:
     """Captures last as long as they last."""
     service = service_in(tmp_path, pace="real")
-    with TestClient(create_app(service), raise_server_exceptions=False) as client:
+    with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:
         wait_until_it_accepts(service)
         yield client
 

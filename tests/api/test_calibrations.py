@@ -28,7 +28,7 @@ def client_of(folder: Path, pace: str, calibrator: Calibrator) -> Iterator[TestC
     """A client of a service that records and does not measure."""
     setups = set_up(configuration({"pace": pace}, object=None), default_config_file())
     service = Service(setups, folder, calibrator=calibrator)
-    with TestClient(create_app(service), raise_server_exceptions=False) as client:
+    with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:
         wait_until_it_accepts(service)
         yield client
 
@@ -261,28 +261,28 @@ def test_a_running_capture_is_not_calibrated_from(recording: TestClient) -> None
         {"document": calibration("one"), "note": "x" * 2001},
     ],
 )
-def test_what_cannot_be_meant_is_refused(fast: TestClient, order: Any) -> None:
-    assert is_problem(fast.post(CALIBRATIONS, json=order), 422)
+def test_what_cannot_be_meant_is_refused(idle: TestClient, order: Any) -> None:
+    assert is_problem(idle.post(CALIBRATIONS, json=order), 422)
 
 
 @pytest.mark.parametrize("number", ["NaN", "1e999", "-Infinity"])
-def test_numbers_that_are_none_are_refused(fast: TestClient, number: str) -> None:
+def test_numbers_that_are_none_are_refused(idle: TestClient, number: str) -> None:
     text = json.dumps({"document": calibration("one", details={"x": 12345})}).replace("12345", number)
-    answer = fast.post(CALIBRATIONS, content=text, headers={"Content-Type": "application/json"})
+    answer = idle.post(CALIBRATIONS, content=text, headers={"Content-Type": "application/json"})
     assert is_problem(answer, 422)
 
 
-def test_half_a_character_is_refused_and_can_be_quoted(fast: TestClient) -> None:
+def test_half_a_character_is_refused_and_can_be_quoted(idle: TestClient) -> None:
     document = calibration("one") | {"\ud800": 1, "source": "\ud800"}
     text = json.dumps({"document": document})
-    answer = fast.post(CALIBRATIONS, content=text, headers={"Content-Type": "application/json"})
+    answer = idle.post(CALIBRATIONS, content=text, headers={"Content-Type": "application/json"})
     assert is_problem(answer, 422)
 
 
 @pytest.mark.parametrize("calibration_id", ["..", "../index", "a/b", "%2e%2e%2findex", "x" * 200, "a.b"])
 @pytest.mark.parametrize("what", ["", "/report", "/report.json"])
-def test_no_id_reaches_the_file_system(fast: TestClient, calibration_id: str, what: str) -> None:
-    assert fast.get(f"{CALIBRATIONS}/{calibration_id}{what}").status_code in (404, 422)
+def test_no_id_reaches_the_file_system(idle: TestClient, calibration_id: str, what: str) -> None:
+    assert idle.get(f"{CALIBRATIONS}/{calibration_id}{what}").status_code in (404, 422)
 
 
 def test_the_daemon_does_not_draw(fast: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
+from grabberd.storage import CaptureReader
+
 CAPTURES = "/api/v1/captures"
 
 
@@ -88,15 +90,15 @@ def test_a_duration_is_a_number_of_fields(fast: TestClient) -> None:
         [],
     ],
 )
-def test_what_cannot_be_meant_is_refused_with_where_it_stands(fast: TestClient, order: object) -> None:
-    refused = fast.post(CAPTURES, json=order)
+def test_what_cannot_be_meant_is_refused_with_where_it_stands(idle: TestClient, order: object) -> None:
+    refused = idle.post(CAPTURES, json=order)
     assert refused.status_code == 422
     assert refused.headers["content-type"] == "application/problem+json"
     assert refused.json()["faults"]
 
 
-def test_an_unknown_device_is_refused_with_those_there_are(fast: TestClient) -> None:
-    refused = fast.post(CAPTURES, json={"device": "other"})
+def test_an_unknown_device_is_refused_with_those_there_are(idle: TestClient) -> None:
+    refused = idle.post(CAPTURES, json={"device": "other"})
     assert refused.status_code == 404
     assert "simulated" in refused.json()["hint"]
 
@@ -154,8 +156,8 @@ def test_measuring_again_is_a_job_that_adds_a_run(captured: tuple[TestClient, st
         "/api/v1/nothing",
     ],
 )
-def test_what_is_not_there_is_a_problem_with_a_hint(fast: TestClient, path: str) -> None:
-    answer = fast.get(path)
+def test_what_is_not_there_is_a_problem_with_a_hint(idle: TestClient, path: str) -> None:
+    answer = idle.get(path)
     assert answer.status_code == 404
     assert answer.headers["content-type"] == "application/problem+json"
     assert answer.json()["hint"]
@@ -168,5 +170,21 @@ def test_missing_fields_and_runs_are_problems_too(captured: tuple[TestClient, st
 
 
 @pytest.mark.parametrize("capture_id", ["..", "../index", "a/b", "%2e%2e%2findex", "x" * 200, "a.b"])
-def test_no_id_reaches_the_file_system(fast: TestClient, capture_id: str) -> None:
-    assert fast.get(f"{CAPTURES}/{capture_id}/file").status_code in (404, 422)
+def test_no_id_reaches_the_file_system(idle: TestClient, capture_id: str) -> None:
+    assert idle.get(f"{CAPTURES}/{capture_id}/file").status_code in (404, 422)
+
+
+@pytest.mark.parametrize("wanted", ["continue", "end"])
+def test_a_capture_may_say_what_an_interruption_does_to_it(fast: TestClient, wanted: str) -> None:
+    answer = fast.post(CAPTURES, json={"fields": 5, "on_interruption": wanted})
+    assert answer.status_code == 202
+    service = fast.app.state.service  # type: ignore[attr-defined]
+    assert service.instrument(None).session.sealed.wait(30)
+    with CaptureReader(service.archive.path(answer.json()["id"])) as reader:
+        assert reader.meta.extra["on_interruption"] == wanted
+
+
+def test_another_policy_is_refused_by_its_key(fast: TestClient) -> None:
+    answer = fast.post(CAPTURES, json={"fields": 5, "on_interruption": "wait"})
+    assert answer.status_code == 422
+    assert "on_interruption" in answer.text

@@ -1,5 +1,7 @@
 """State, health, and errors of the program itself."""
 
+from dataclasses import replace
+
 import pytest
 from fastapi.testclient import TestClient
 
@@ -19,6 +21,20 @@ def test_a_glance_shows_every_device_with_its_newest_points(paced: TestClient) -
     assert device["live"]["points"] > 60
     assert device["ring"]["slots"] == 32
     assert paced.get("/api/v1/devices/simulated").json()["name"] == "simulated"
+
+
+def test_a_device_says_what_was_done_to_have_it_deliver(fast: TestClient) -> None:
+    device = fast.get("/api/v1/devices/simulated").json()
+    assert device["recoveries"] == {"restart": 0, "reopen": 0, "reset": 0, "retry": 0}
+    assert (device["last_failure"], device["last_failure_utc"], device["hint"]) == (None, None, None)
+
+
+def test_what_a_person_has_to_know_of_a_device_is_among_its_warnings(fast: TestClient) -> None:
+    board = fast.app.state.service.instrument(None).board  # type: ignore[attr-defined]
+    board.opened(replace(board.now.stream, remarks=("This grabber delivers 25 fields a second.",)))
+    assert fast.get("/api/v1/state").json()["devices"]["simulated"]["warnings"] == [
+        "This grabber delivers 25 fields a second."
+    ]
 
 
 def test_a_wrong_method_is_a_problem(fast: TestClient) -> None:

@@ -75,7 +75,7 @@ class FieldNumbering:
         self._parity_of_zero: int | None = None
         self._contradicted = False
         self._interruption: str | None = None
-        self._offset_ns = 0
+        self._offset_ns = self._way_ns = 0
         self._doubted: list[tuple[int, int]] = []
 
     def interrupt(self, reason: str) -> None:
@@ -113,6 +113,8 @@ class FieldNumbering:
         self._n += step.fields
         self._remember_parity(parity, step)
         numbered_ns = self._come_to(time_ns, step, now_ns)
+        if now_ns is not None:
+            self._way_ns = now_ns - numbered_ns
         lost = self._lost_from(first_lost, step.gap, signal)
         self._interruption = None
         outcome, reason = _outcome(
@@ -135,6 +137,11 @@ class FieldNumbering:
         doubt = self._doubt(time_ns, now_ns)
         if self._n < 0:
             return _Step(1, "", doubt)
+        if doubt and self._interruption and self._keeps_pace and now_ns is not None and self._clock.locked:
+            # Nothing but its arrival tells how long the interruption was.
+            return self._step_by_time(self._clock.steps_to(now_ns - self._way_ns), parity, count)._replace(
+                doubt=doubt
+            )
         if doubt or not self._clock.locked:
             return self._step_without_time(parity, count, doubt)
         return self._step_by_time(self._clock.steps_to(time_ns), parity, count)

@@ -3,17 +3,31 @@
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, Depends, FastAPI
 from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
-from grabberd.api import calibrations, captures, jobs, problems, system
+from grabberd.api import calibrations, captures, jobs, problems, sessions, system
+from grabberd.api.auth import Authenticator
+from grabberd.api.auth_attempts import Attempts
+from grabberd.api.auth_description import describe_access
+from grabberd.api.front import Front
+from grabberd.api.gate import Gate
+from grabberd.api.limits import Streams
+from grabberd.api.refusals import Refusal, answer_refusal
+from grabberd.api.roles import check_declared
 from grabberd.service.service import Service
 
 
-def create_app(service: Service) -> FastAPI:
-    """An application over a service, which it starts and stops."""
+def create_app(service: Service, front: Front | None = None) -> FastAPI:
+    """An application over a service, which it starts and stops.
+
+    Args:
+        service: what it shows.
+        front: how it is reached; by default, as on a loopback address.
+    """
+    front = front or Front()
     app = FastAPI(
         title="grabberd",
         version=__version__,
@@ -23,14 +37,21 @@ def create_app(service: Service) -> FastAPI:
         redoc_url=None,
         lifespan=_life,
         generate_unique_id_function=_name_of,
+        dependencies=[Depends(check_declared)],
     )
     app.state.service = service
+    app.state.front = front
+    app.state.streams = Streams(front.limits)
     problems.install(app)
+    app.add_exception_handler(Refusal, answer_refusal)
+    authenticator = Authenticator(service.access, front.private, Attempts())
+    app.add_middleware(Gate, front=front, authenticator=authenticator)
     v1 = APIRouter(prefix="/api/v1")
-    for part in (captures, calibrations, jobs):
+    for part in (captures, calibrations, jobs, sessions):
         v1.include_router(part.router)
     app.include_router(v1)
     app.include_router(system.router)
+    describe_access(app)
     return app
 
 

@@ -91,6 +91,7 @@ def _request_of(order: CaptureOrder, rate_hz: float) -> CaptureRequest:
         order.lines,
         order.pre_trigger_fields,
         order.overrun,
+        order.on_interruption,
         order.note,
         dict(order.labels),
     )

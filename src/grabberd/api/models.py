@@ -5,8 +5,9 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from grabberd.acquisition import Outcome
-from grabberd.config import BitDepth, Lines
+from grabberd.config import BitDepth, Lines, OnInterruption
 from grabberd.service.jobs import JobState
+from grabberd.service.recovery import Rung
 from grabberd.service.states import DeviceState
 
 Label = Annotated[str, StringConstraints(max_length=200)]
@@ -36,6 +37,11 @@ class CaptureOrder(Document):
     overrun: Literal["count", "stop"] = Field(
         "count",
         description="Fields that the ring loses because the computer is too busy: count them, or stop there.",
+    )
+    on_interruption: OnInterruption | None = Field(
+        None,
+        description="When the device fails to deliver: 'continue' with the gap in the ledger, or 'end'; "
+        "default: as configured.",
     )
     note: Annotated[str, StringConstraints(max_length=2000)] = ""
     labels: dict[Label, Label] = Field(default_factory=dict, max_length=32, description="Cow, teat, liner, …")
@@ -242,14 +248,20 @@ class DeviceDocument(Document):
     state: DeviceState
     since_utc: str
     cause: str | None
+    hint: str | None = Field(description="What can be done about the cause.")
     driver: str
     stream: dict[str, Any] | None
     signal: str
     fields: dict[Outcome, int]
     openings: int
+    recoveries: dict[Rung, int] = Field(
+        description="How often each step was taken to have it deliver again, since the daemon started."
+    )
+    last_failure: str | None = Field(description="Why the last of them was taken.")
+    last_failure_utc: str | None = Field(description="Since when for that reason.")
     ring: RingDocument
     calibration: ActiveCalibration | None
-    warnings: list[str] = Field(description="What keeps it from measuring.")
+    warnings: list[str] = Field(description="What a person has to know of it, in sentences.")
     capture_id: str | None
     live: LiveDocument | None
 

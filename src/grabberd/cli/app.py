@@ -16,6 +16,7 @@ from grabberd.cli import (
     plan,
     serve,
     status,
+    token,
 )
 
 app = typer.Typer(
@@ -43,5 +44,17 @@ def _options(
     pass
 
 
-for command in (serve, status, capture, calibrate, measure, accuracy, plan, export, devices, check_config):
+for command in (
+    serve,
+    status,
+    capture,
+    calibrate,
+    measure,
+    accuracy,
+    plan,
+    export,
+    devices,
+    token,
+    check_config,
+):
     command.register(app)

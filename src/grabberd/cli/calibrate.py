@@ -17,6 +17,7 @@ from grabberd.cli.options import (
     print_json,
     progress_console,
 )
+from grabberd.config import RigConfig
 from grabberd.errors import StorageError
 
 if TYPE_CHECKING:
@@ -68,10 +69,6 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
     Example: grabberd calibrate frame.grab --calibration-frame configs/calibration-frames/paper-108.yaml
     --out rig.calibration.json --report report.html
     """
-    from grabberd.service.calibrating import calibrate_file  # noqa: PLC0415
-    from grabberd.service.setup import read_yaml  # noqa: PLC0415
-    from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
-
     _check_new(out, report)
     options: dict[str, Any] = {
         "weights": weights,
@@ -85,17 +82,7 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         "note": note,
     }
     rig = load(config).devices[only_device(load(config), device, config)].rig if config else None
-    by_hand = read_identifications(identifications) if identifications else None
-    with Progress(console=progress_console, transient=True) as progress:
-        task = progress.add_task("calibrating", total=1.0)
-        made = calibrate_file(
-            lambda share: progress.update(task, completed=share),
-            path=capture,
-            frame=read_yaml(calibration_frame),
-            options=options,
-            rig=rig,
-            by_hand=by_hand,
-        )
+    made = _calibrated(capture, calibration_frame, options, rig, identifications)
     _write(out, json_module.dumps(made.calibration, indent=2))
     if report:
         _write_report(report, made.report)
@@ -114,6 +101,31 @@ def _check_new(*paths: Path | None) -> None:
             raise StorageError(f"there is no folder {path.parent}", "make it, or name another file")
         if path is paths[1] and path.suffix not in {".html", ".json"}:
             raise StorageError(f"{path} is neither .html nor .json", "name the report NAME.html or NAME.json")
+
+
+def _calibrated(
+    capture: Path,
+    calibration_frame: Path,
+    options: dict[str, Any],
+    rig: RigConfig | None,
+    identifications: Path | None,
+) -> "Calibrated":
+    """With a progress bar."""
+    from grabberd.service.calibrating import calibrate_file  # noqa: PLC0415
+    from grabberd.service.setup import read_yaml  # noqa: PLC0415
+    from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
+
+    by_hand = read_identifications(identifications) if identifications else None
+    with Progress(console=progress_console, transient=True) as progress:
+        task = progress.add_task("calibrating", total=1.0)
+        return calibrate_file(
+            lambda share: progress.update(task, completed=share),
+            path=capture,
+            frame=read_yaml(calibration_frame),
+            options=options,
+            rig=rig,
+            by_hand=by_hand,
+        )
 
 
 def _write(path: Path, text: str) -> None:

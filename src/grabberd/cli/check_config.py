@@ -25,6 +25,10 @@ def check_config(
 
     config = load_config(file)
     devices = set_up(config, file)
+    if config.http.tls is not None:
+        from grabberd.api.serving import tls_context  # noqa: PLC0415
+
+        tls_context(config.http.tls, file)
     if json:
         print_json({"file": str(file), "devices": sorted(devices)})
     else:

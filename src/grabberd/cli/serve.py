@@ -1,7 +1,7 @@
 """`grabberd serve`: the daemon."""
 
-import ipaddress
 import logging
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +10,6 @@ import typer
 
 from grabberd.cli.options import ConfigOption, load
 from grabberd.config import default_config_file
-from grabberd.errors import ConfigError, Problem
 
 SWITCH_INTERVAL_S = 0.001
 """The capture thread must not wait five milliseconds for the interpreter."""
@@ -30,13 +29,13 @@ def serve(
 ) -> None:
     """Run the daemon: the devices stream, the API serves.
 
-    Without a configuration it runs on the simulated grabber and needs nothing else.
+    Without a configuration it runs on the simulated grabber and needs nothing else. Beyond this machine it
+    serves only with tokens: grabberd token add.
 
     Example: grabberd serve --config /etc/grabberd/grabberd.yaml
     """
-    import uvicorn  # noqa: PLC0415
-
-    from grabberd.api import create_app  # noqa: PLC0415
+    from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
+    from grabberd.api.front import Front  # noqa: PLC0415
     from grabberd.service.service import Service  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
@@ -44,23 +43,15 @@ def serve(
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     settings = load(config)
     file: Path = config or default_config_file()
-    address = host or settings.http.host
-    if not _is_loopback(address):
-        message = f"{address} is no loopback address, and there are no tokens that say who may use the daemon"
-        raise ConfigError([Problem(str(file), "http.host", message)])
+    http = settings.http
+    context = None if http.tls is None else serving.tls_context(http.tls, file)
     service = Service.from_config(settings, set_up(settings, file))
-    service.start()  # before the server, so that what keeps it from starting is said plainly
-    uvicorn.run(
-        create_app(service),
-        host=address,
-        port=settings.http.port if port is None else port,
-        access_log=False,
-        timeout_graceful_shutdown=5,
+    listening = sockets.inherited(os.environ) or sockets.bind(
+        host or http.host, http.port if port is None else port
     )
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
+    service.access.open()
+    sockets.check_private(listening, service.access.has_tokens, file)
+    service.start()  # before the server, so that what keeps it from starting is said plainly
+    front = Front.from_config(http, all(map(sockets.is_private, listening)))
+    if not serving.run(serving.server_of(create_app(service, front), front, context), listening):
+        raise typer.Exit(1)

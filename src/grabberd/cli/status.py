@@ -1,9 +1,12 @@
 """`grabberd status`: what the daemon is doing."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import DEFAULT_URL, JsonOption, UrlOption, console, print_json
+from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, console, print_json
 
 
 def register(app: typer.Typer) -> None:
@@ -11,14 +14,16 @@ def register(app: typer.Typer) -> None:
     app.command("status")(status)
 
 
-def status(url: UrlOption = DEFAULT_URL, json: JsonOption = False) -> None:
+def status(
+    url: UrlOption = DEFAULT_URL, token_file: TokenFileOption = None, json: JsonOption = False
+) -> None:
     """Show the daemon's devices: state, fields, losses, ring, points.
 
     Example: grabberd status --url http://127.0.0.1:8050
     """
     from grabberd.cli.remote import ask  # noqa: PLC0415
 
-    state = ask(url, "/api/v1/state")
+    state = ask(url, "/api/v1/state", token_file=token_file)
     if json:
         print_json(state)
         return
@@ -26,8 +31,20 @@ def status(url: UrlOption = DEFAULT_URL, json: JsonOption = False) -> None:
     for name, device in state["devices"].items():
         live = device["live"] or {"points": "–"}
         lost = sum(count for outcome, count in device["fields"].items() if outcome != "received")
-        words = device["state"] + (f": {device['cause']}" if device["cause"] else "")
         ring = device["ring"]
         cells = (device["fields"]["received"], lost, live["points"], ring["bits"], ring["threshold"])
-        table.add_row(name, words, *(str(cell) for cell in cells), device["capture_id"] or "–")
+        table.add_row(name, device["state"], *(str(cell) for cell in cells), device["capture_id"] or "–")
     console.print(table)
+    for name, device in state["devices"].items():
+        for words in _remarks(device):
+            console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
+
+
+def _remarks(device: dict[str, Any]) -> Iterator[str]:
+    """What does not fit into the table."""
+    if device["cause"]:
+        yield "; ".join(words for words in (device["cause"], device["hint"]) if words)
+    if any(device["recoveries"].values()):
+        steps = ", ".join(f"{step} {count}" for step, count in device["recoveries"].items() if count)
+        yield f"recoveries: {steps}; the last since {device['last_failure_utc']}: {device['last_failure']}"
+    yield from device["warnings"]

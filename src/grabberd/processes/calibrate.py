@@ -13,11 +13,13 @@ from grabberd.calibration import (
     FieldImages,
     Identification,
     IdentificationSettings,
+    LocalFieldTrial,
     Mark,
     MeanImages,
     Network,
     Unknowns,
     Validation,
+    VolumeSigma,
     check_depth,
     check_rank,
     compare,
@@ -74,21 +76,15 @@ def calibrate(
             frame, an unclear identification, or no convergence; the message says which.
     """
     settings = settings or CalibrateSettings()
-    if interior := [name for name in settings.free if name.rpartition(".")[2] in INTERIOR]:
-        check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
+    _check_depth(frame, settings)
     seen, bits, y_step = _located(fields, nominal, settings.location)
     images = (mean_images(seen[0]), mean_images(seen[1]))
     identification = _identify(nominal, frame, images, settings, by_hand)
     network = network_of(images, identification, frame, settings)
     network = network.starting_from([*_held_as_built(network.views, nominal, settings)])
     done = _adjusted(network, settings)
-    adjustment = done.adjustment
-    local = (
-        try_local_fields(adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
-        if settings.local_field
-        else None
-    )
-    validation, unvalidated = _validated(adjustment)
+    local = _local(done, nominal, settings)
+    validation, unvalidated = _validated(done.adjustment)
     pointing_px = _pointing_px(images)
     return CalibrateResult(
         frame=frame,
@@ -98,22 +94,24 @@ def calibrate(
         y_step=y_step,
         images=images,
         identification=identification,
-        adjustment=adjustment,
+        adjustment=done.adjustment,
         elimination=done.elimination,
         blunders=done.blunders,
         unmodelled_px=done.unmodelled_px,
         local=local,
-        differences=compare(adjustment),
-        normality=normality(adjustment),
+        differences=compare(done.adjustment),
+        normality=normality(done.adjustment),
         validation=validation,
-        volume=volume_sigma(
-            local.adjustment if local else adjustment,
-            pointing_px,
-            local_fields=local.fields if local else (),
-        ),
+        volume=_volume(done, local, pointing_px),
         pointing_px=pointing_px,
         warnings=(*_warnings(images, done, frame), *unvalidated),
     )
+
+
+def _check_depth(frame: ObjectModel, settings: CalibrateSettings) -> None:
+    """Interior parameters need targets that are not all in a plane."""
+    if interior := [name for name in settings.free if name.rpartition(".")[2] in INTERIOR]:
+        check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
 
 
 def _located(
@@ -227,6 +225,19 @@ def _kept(network: Network, part: Network) -> NDArray[np.bool_]:
     """(M,) which image points of a network are in a part of it."""
     count = len(network.target_mm)
     return np.isin(network.view * count + network.target, part.view * count + part.target)
+
+
+def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) -> LocalFieldTrial | None:
+    if not settings.local_field:
+        return None
+    return try_local_fields(done.adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
+
+
+def _volume(done: _Adjusted, local: LocalFieldTrial | None, pointing_px: tuple[float, float]) -> VolumeSigma:
+    """What the calibration that will be used is worth over the volume."""
+    if local is None:
+        return volume_sigma(done.adjustment, pointing_px)
+    return volume_sigma(local.adjustment, pointing_px, local_fields=local.fields)
 
 
 def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:

@@ -140,6 +140,25 @@ def nominal_calibration(
         MeasurementError: the calibration frame does not determine the parameters.
     """
     views = rig.views(handedness)
+    network = _simulated(rig, views, frame, settings)
+    adjusted = adjust(network, Unknowns.of(views, tied=True))
+    left, right = views
+    return Calibration(
+        id="nominal",
+        created_utc="1970-01-01T00:00:00Z",
+        source="simulated adjustment of a nominal rig",
+        columns=rig.columns,
+        lines=rig.lines,
+        left=left,
+        right=right,
+        covariance=adjusted.parameter_covariance / adjusted.sigma0**2,
+    )
+
+
+def _simulated(
+    rig: NominalRig, views: tuple[View, View], frame: ObjectModel, settings: PlanSettings
+) -> Network:
+    """The images of the targets that each view holds, with a little noise: what is adjusted is not exact."""
     ready = Rig.of_views(views)
     sigma = np.hypot(
         _pointing(ready, frame.xyz_mm, settings), (_jitter_px(ready, frame.xyz_mm, settings), 0.0)
@@ -156,19 +175,7 @@ def nominal_calibration(
     noise = np.random.default_rng(0).normal(size=(len(target), 2)) * sigma[target]
     places = xy[:, view, target].T + _SMALL * noise
     known = np.full_like(frame.xyz_mm, frame.sigma_mm)
-    network = Network(views, view, target, places, sigma[target], frame.xyz_mm, known)
-    adjusted = adjust(network, Unknowns.of(views, tied=True))
-    left, right = views
-    return Calibration(
-        id="nominal",
-        created_utc="1970-01-01T00:00:00Z",
-        source="simulated adjustment of a nominal rig",
-        columns=rig.columns,
-        lines=rig.lines,
-        left=left,
-        right=right,
-        covariance=adjusted.parameter_covariance / adjusted.sigma0**2,
-    )
+    return Network(views, view, target, places, sigma[target], frame.xyz_mm, known)
 
 
 def _places(low_mm: Array, high_mm: Array) -> Iterator[tuple[str, Array]]:

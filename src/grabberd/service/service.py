@@ -9,6 +9,7 @@ from grabberd import __version__
 from grabberd.config import Config
 from grabberd.errors import Conflict, NotFound
 from grabberd.geometry import Calibration
+from grabberd.service.access import Access
 from grabberd.service.active_calibrations import ActiveCalibrations
 from grabberd.service.archive import Archive
 from grabberd.service.calibrating import calibrate_capture
@@ -36,6 +37,7 @@ class Service:
         instruments: by the name of their device.
         archive: the captures.
         calibrations: those that there are; `active`: which of them every device measures with.
+        access: who may.
         jobs: what takes long.
     """
 
@@ -57,6 +59,7 @@ class Service:
         self.archive = Archive(directory / "captures", self._sessions)
         self.calibrations = Calibrations(directory / "calibrations", _configured(setups))
         self._state_store = StateStore(directory / "state.sqlite")
+        self.access = Access(directory, self._clock)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
         self._calibrator = calibrator
         self.jobs = JobRunner(self._clock)
@@ -90,6 +93,7 @@ class Service:
         """
         self.calibrations.open()
         self._state_store.open()
+        self.access.open()
         self.active.open()
 
     def stop(self) -> None:

@@ -67,10 +67,10 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
         try:
             return make()
         except (InputError, DriverMissing) as error:
-            message = f"{error.message}; {error.hint}"
+            messages = [f"{error.message}; {error.hint}"]
         except ValueError as error:
-            message = str(error)
-        problems.append(Problem(str(file), f"devices.{name}.{key}", message))
+            messages = str(error).splitlines()
+        problems.extend(Problem(str(file), f"devices.{name}.{key}", message) for message in messages)
         return None
 
     grabber = attempt("options", lambda: registry.create(config.driver, config.options))

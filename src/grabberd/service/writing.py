@@ -32,6 +32,7 @@ class Writing:
         backlog: Backlog[Slot],
         clock: Clock,
         on_failure: Callable[[StorageError], None],
+        on_commit: Callable[[], None] = lambda: None,
     ) -> None:
         self.committed = 0
         self.points = 0
@@ -41,6 +42,7 @@ class Writing:
         self._backlog = backlog
         self._clock = clock
         self._on_failure = on_failure
+        self._on_commit = on_commit
         self._results: queue.SimpleQueue[MeasuredField] = queue.SimpleQueue()
         self._appended = 0
         self._commit_due_ns = clock.now_ns() + COMMIT_EVERY_NS
@@ -83,3 +85,4 @@ class Writing:
         self.committed += self._appended
         self._appended = 0
         self._commit_due_ns = self._clock.now_ns() + COMMIT_EVERY_NS
+        self._on_commit()

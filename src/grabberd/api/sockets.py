@@ -1,0 +1,137 @@
+"""The sockets that the daemon listens on, and who can reach them."""
+
+import contextlib
+import ipaddress
+import os
+import socket
+import stat
+from collections.abc import Iterable, MutableMapping, Sequence
+from pathlib import Path
+
+from grabberd.errors import ConfigError, Conflict, Problem
+
+FIRST_INHERITED = 3
+BACKLOG = 128
+GONE_AFTER_MS = 30_000
+"""A client that acknowledges nothing for so long is gone, whatever it has left unread."""
+
+
+def inherited(environment: MutableMapping[str, str]) -> list[socket.socket]:
+    """The sockets that systemd hands over (LISTEN_PID, LISTEN_FDS); none where it does not.
+
+    They are taken out of the environment, so that no child takes them for its own.
+
+    Raises:
+        Conflict: they are not there, or are no sockets.
+    """
+    count = environment.pop("LISTEN_FDS", "0")
+    environment.pop("LISTEN_FDNAMES", None)
+    if environment.pop("LISTEN_PID", "") != str(os.getpid()) or not count.isdigit():
+        return []
+    try:
+        return [_take(FIRST_INHERITED + n) for n in range(int(count))]
+    except OSError as error:
+        raise Conflict(
+            f"the {count} sockets that were handed over cannot be used: {error.strerror}",
+            "check the socket unit (ListenStream=), or start without it",
+        ) from error
+
+
+def bind(host: str, port: int) -> list[socket.socket]:
+    """A listening socket for every address that a host name or address stands for.
+
+    Raises:
+        Conflict: it cannot be listened on.
+    """
+    bound: list[socket.socket] = []
+    try:
+        for address in _addresses(host, port):
+            bound.append(_listen(address))
+    except OSError as error:
+        if not bound:  # "localhost" stands for ::1 also where there is no IPv6
+            raise Conflict(
+                f"{host} port {port} cannot be listened on: {error.strerror}",
+                "another program may listen there, or this machine has no such address; see http in the "
+                "configuration",
+            ) from error
+    return bound
+
+
+def is_private(listening: socket.socket) -> bool:
+    """Whether a socket is reached from this machine alone: judged by what it is bound to, not by a setting.
+
+    A Unix socket is private unless everybody may write to its file.
+    """
+    name = listening.getsockname()
+    if listening.family in (socket.AF_INET, socket.AF_INET6):
+        address = ipaddress.ip_address(str(name[0]).partition("%")[0])
+        return (getattr(address, "ipv4_mapped", None) or address).is_loopback
+    if listening.family == socket.AF_UNIX:
+        return _is_private_file(name)
+    return False
+
+
+def check_private(sockets: Iterable[socket.socket], has_tokens: bool, file: Path) -> None:
+    """Whether the sockets may be served with the tokens that there are.
+
+    Raises:
+        ConfigError: somebody else can reach one of them, and there is no token.
+    """
+    public = [describe(one) for one in sockets if not is_private(one)]
+    if public and not has_tokens:
+        message = (
+            f"{', '.join(public)} is no loopback address, and there are no tokens that say who may use the "
+            "daemon; make one: grabberd token add NAME --role admin"
+        )
+        raise ConfigError([Problem(str(file), "http.host", message)])
+
+
+def describe(listening: socket.socket, scheme: str = "http") -> str:
+    """A socket as an address that can be typed."""
+    name = listening.getsockname()
+    if listening.family == socket.AF_INET6:
+        return f"{scheme}://[{name[0]}]:{name[1]}"
+    if listening.family == socket.AF_INET:
+        return f"{scheme}://{name[0]}:{name[1]}"
+    return f"{scheme}+unix:{name!s}"
+
+
+def _is_private_file(name: str | bytes) -> bool:
+    if not name or name[:1] in ("\0", b"\0"):
+        return False  # an abstract name has no rights: every process may connect
+    with contextlib.suppress(OSError):
+        return not stat.S_IMODE(os.stat(name).st_mode) & stat.S_IWOTH
+    return False
+
+
+def _addresses(host: str, port: int) -> Sequence[tuple[socket.AddressFamily, tuple[object, ...]]]:
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    return list(dict.fromkeys((family, address) for family, _, _, _, address in found))
+
+
+def _listen(address: tuple[socket.AddressFamily, tuple[object, ...]]) -> socket.socket:
+    one = socket.socket(address[0], socket.SOCK_STREAM)
+    try:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if address[0] == socket.AF_INET6:
+            one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        _prepare(one)
+        one.bind(address[1])
+        one.listen(BACKLOG)
+    except OSError:
+        one.close()
+        raise
+    return one
+
+
+def _take(descriptor: int) -> socket.socket:
+    one = socket.socket(fileno=descriptor)
+    os.set_inheritable(descriptor, False)
+    _prepare(one)
+    return one
+
+
+def _prepare(one: socket.socket) -> None:
+    one.setblocking(False)
+    if one.family in (socket.AF_INET, socket.AF_INET6):  # what is accepted inherits it
+        one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)

@@ -1,0 +1,81 @@
+"""`grabberd token`: who may use the daemon."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+from grabberd.service.roles import Role
+
+if TYPE_CHECKING:
+    from grabberd.service.access import Access
+
+commands = typer.Typer(
+    name="token",
+    help="Make, list and remove the tokens that say who may use the daemon. Run it as the daemon's own user.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+NameArgument = Annotated[str, typer.Argument(help="Whose it is, or what it is for, e.g. tablet-north.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.add_typer(commands)
+
+
+@commands.command("add")
+def add(
+    name: NameArgument,
+    role: Annotated[
+        Role, typer.Option(help="viewer looks; operator captures and calibrates; admin may do everything.")
+    ],
+    config: ConfigOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Make a token and print it: this once, as only its hash is kept.
+
+    Example: grabberd token add tablet-north --role operator
+    """
+    secret = _access(config).add(name, role)
+    if json:
+        print_json({"name": name, "role": role, "token": secret})
+        return
+    typer.echo("This token is shown only now; keep it as you keep a password:", err=True)
+    typer.echo(secret)
+
+
+@commands.command("list")
+def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
+    """List the tokens, without their secrets.
+
+    Example: grabberd token list
+    """
+    rows = _access(config).list()
+    if json:
+        print_json([row._asdict() for row in rows])
+        return
+    table = Table("name", "role", "made", "sessions")
+    for row in rows:
+        table.add_row(row.name, row.role, row.created_utc, str(row.sessions))
+    console.print(table)
+
+
+@commands.command("remove")
+def remove(name: NameArgument, config: ConfigOption = None) -> None:
+    """Remove a token; it and its sessions end at once, without a restart.
+
+    Example: grabberd token remove tablet-north
+    """
+    _access(config).remove(name)
+    typer.echo(f"token {name} and its sessions have ended")
+
+
+def _access(config: Path | None) -> "Access":
+    from grabberd.service.access import Access  # noqa: PLC0415
+
+    access = Access(load(config).state_directory)
+    access.open()
+    return access

@@ -1,0 +1,78 @@
+"""`state.sqlite`: what cannot be made again. Its schema by versions, and one transaction a call."""
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from grabberd.errors import StorageError
+
+MIGRATIONS: tuple[tuple[str, ...], ...] = (
+    ("CREATE TABLE IF NOT EXISTS settings (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",),
+    (
+        """CREATE TABLE tokens (
+            name TEXT PRIMARY KEY, role TEXT NOT NULL CHECK (role IN ('viewer', 'operator', 'admin')),
+            hash BLOB NOT NULL UNIQUE, created_utc TEXT NOT NULL) WITHOUT ROWID""",
+        """CREATE TABLE sessions (
+            hash BLOB PRIMARY KEY, token TEXT NOT NULL REFERENCES tokens (name) ON DELETE CASCADE,
+            created_utc TEXT NOT NULL, expires_utc TEXT NOT NULL) WITHOUT ROWID""",
+    ),
+)
+"""Entry n leads from version n to version n + 1; what is there stays as it is, new ones follow."""
+OWNER_ONLY = 0o600
+TIMEOUT_S = 10.0
+
+
+class StateDatabase:
+    """A connection for each call, so any thread, and any program beside the daemon, may call."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def open(self) -> None:
+        """Makes the file if it is not there, readable for its owner alone, and brings it to this version.
+
+        Safe twice, and from several programs at once.
+
+        Raises:
+            StorageError: it cannot be written, is damaged, or is of a later version.
+        """
+        with self.errors():
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            self.path.touch(OWNER_ONLY)
+        with self.transaction() as connection:
+            _migrate(connection, self.path)
+
+    @contextmanager
+    def transaction(self) -> Iterator[sqlite3.Connection]:
+        """A connection and one transaction on it: all of it, or nothing.
+
+        Raises:
+            StorageError: the file cannot be used.
+        """
+        with self.errors(), closing(sqlite3.connect(self.path, timeout=TIMEOUT_S)) as connection, connection:
+            connection.execute("PRAGMA foreign_keys = ON")
+            yield connection
+
+    @contextmanager
+    def errors(self) -> Iterator[None]:
+        """Has what goes wrong with the file said as it is meant for an operator."""
+        try:
+            yield
+        except (sqlite3.Error, OSError, ValueError) as error:
+            raise StorageError(
+                f"{self.path.name} cannot be used: {error}",
+                "make room, mend the disk, or put back its latest backup",
+            ) from error
+
+
+def _migrate(connection: sqlite3.Connection, path: Path) -> None:
+    connection.execute("BEGIN IMMEDIATE")
+    version = connection.execute("PRAGMA user_version").fetchone()[0]
+    if version > len(MIGRATIONS):
+        known = f"this program knows up to {len(MIGRATIONS)}"
+        raise StorageError(f"{path.name} is of version {version}, {known}", "use a newer grabberd")
+    for statements in MIGRATIONS[version:]:
+        for statement in statements:
+            connection.execute(statement)
+    connection.execute(f"PRAGMA user_version = {len(MIGRATIONS):d}")

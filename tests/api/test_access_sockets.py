@@ -1,0 +1,128 @@
+"""Who can reach a socket is asked of the socket itself."""
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from grabberd.api.sockets import bind, check_private, describe, inherited, is_private
+from grabberd.errors import ConfigError, Conflict
+
+FILE = Path("barn.yaml")
+
+
+@pytest.fixture
+def unix(tmp_path: Path) -> Iterator[socket.socket]:
+    with closing(socket.socket(socket.AF_UNIX)) as one:
+        one.bind(str(tmp_path / "grabberd.sock"))
+        yield one
+
+
+@pytest.mark.parametrize(("host", "private"), [("127.0.0.1", True), ("127.9.9.9", True), ("0.0.0.0", False)])
+def test_an_address_is_private_on_loopback_alone(host: str, private: bool) -> None:
+    [one] = bind(host, 0)
+    with closing(one):
+        assert is_private(one) is private
+
+
+def test_so_it_is_with_ipv6() -> None:
+    for host, private in (("::1", True), ("::ffff:127.0.0.1", True), ("::", False)):
+        with closing(socket.socket(socket.AF_INET6)) as one:
+            one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+            one.bind((host, 0))
+            assert is_private(one) is private
+
+
+@pytest.mark.parametrize(("mode", "private"), [(0o600, True), (0o660, True), (0o666, False), (0o602, False)])
+def test_a_unix_socket_is_private_by_its_files_rights(unix: socket.socket, mode: int, private: bool) -> None:
+    os.chmod(unix.getsockname(), mode)
+    assert is_private(unix) is private
+
+
+def test_a_unix_socket_without_a_file_is_not_private(unix: socket.socket) -> None:
+    Path(unix.getsockname()).unlink()
+    assert not is_private(unix)
+    with (
+        closing(socket.socket(socket.AF_UNIX)) as abstract,
+        closing(socket.socket(socket.AF_UNIX)) as unnamed,
+    ):
+        abstract.bind(f"\0grabberd-test-{os.getpid()}")
+        assert not is_private(abstract)
+        assert not is_private(unnamed)
+
+
+def test_what_others_reach_is_refused_without_tokens_and_named() -> None:
+    listening = bind("127.0.0.1", 0) + bind("0.0.0.0", 0)
+    try:
+        check_private(listening[:1], has_tokens=False, file=FILE)
+        check_private(listening, has_tokens=True, file=FILE)
+        with pytest.raises(ConfigError) as caught:
+            check_private(listening, has_tokens=False, file=FILE)
+        [problem] = caught.value.problems
+        assert (problem.file, problem.key) == ("barn.yaml", "http.host")
+        assert describe(listening[1]) in problem.message
+        assert describe(listening[0]) not in problem.message
+        assert "grabberd token add" in problem.message
+    finally:
+        for one in listening:
+            one.close()
+
+
+def test_an_address_that_is_taken_or_not_there_is_said_plainly() -> None:
+    [taken] = bind("127.0.0.1", 0)
+    with closing(taken):
+        with pytest.raises(Conflict, match=r"127\.0\.0\.1 port"):
+            bind("127.0.0.1", taken.getsockname()[1])
+        with pytest.raises(Conflict, match=r"192\.0\.2\.1"):
+            bind("192.0.2.1", 0)
+
+
+def test_a_name_is_listened_on_at_all_its_addresses() -> None:
+    listening = bind("localhost", 0)
+    assert listening
+    assert all(map(is_private, listening))
+    for one in listening:
+        one.close()
+
+
+INHERITING = """
+import os, sys
+from grabberd.api.sockets import describe, inherited, is_private
+os.environ["LISTEN_PID"] = str(os.getpid())
+print([(describe(one), is_private(one)) for one in inherited(os.environ)], "LISTEN_FDS" in os.environ)
+"""
+
+
+def test_what_systemd_hands_over_is_judged_as_it_is() -> None:
+    [one] = bind("0.0.0.0", 0)
+    with closing(one):
+        expected = f"[({describe(one)!r}, False)] False"
+        result = subprocess.run(
+            ["bash", "-c", f'exec "$0" -c "$1" 3<&{one.fileno()}', sys.executable, INHERITING],
+            env={**os.environ, "LISTEN_FDS": "1"},
+            pass_fds=[one.fileno()],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    assert result.stdout.strip() == expected
+
+
+@pytest.mark.parametrize("pid", ["1", "", "x"])
+def test_what_was_meant_for_another_process_is_left_alone(pid: str) -> None:
+    environment = {"LISTEN_PID": pid, "LISTEN_FDS": "1", "OTHER": "stays"}
+    assert inherited(environment) == []
+    assert environment == {"OTHER": "stays"}
+
+
+def test_what_is_no_socket_is_said_plainly() -> None:
+    code = "import os; from grabberd.api.sockets import inherited\n"
+    code += "inherited({'LISTEN_PID': str(os.getpid()), 'LISTEN_FDS': '1'})"
+    command = ["bash", "-c", 'exec "$0" -c "$1" 3</dev/null', sys.executable, code]
+    result = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "Conflict: the 1 sockets that were handed over cannot be used" in result.stderr

@@ -1,0 +1,79 @@
+"""Who may, without HTTP."""
+
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from grabberd.errors import Conflict, NotFound
+from grabberd.service.access import AT_THE_MACHINE, SESSION_LIFE, Access, Identity
+from grabberd.service.roles import Role
+
+
+class Wall:
+    """A clock that is set by hand."""
+
+    def __init__(self) -> None:
+        self.utc = datetime(2026, 1, 1, tzinfo=UTC)
+
+    def now_ns(self) -> int:
+        return 0
+
+    def utc_now(self) -> datetime:
+        return self.utc
+
+
+@pytest.fixture
+def wall() -> Wall:
+    return Wall()
+
+
+@pytest.fixture
+def access(tmp_path: Path, wall: Wall) -> Access:
+    access = Access(tmp_path, wall)
+    access.open()
+    return access
+
+
+def test_each_role_may_what_those_before_it_may() -> None:
+    for lower, higher in pairwise(Role):
+        assert higher.covers(lower)
+        assert higher.covers(higher)
+        assert not lower.covers(higher)
+
+
+def test_a_session_lasts_a_month(access: Access, wall: Wall) -> None:
+    tablet = access.of_token(access.add("tablet", Role.OPERATOR))
+    assert tablet
+    session = access.open_session(tablet)
+    wall.utc += SESSION_LIFE - timedelta(seconds=1)
+    assert access.of_session(session) == Identity(Role.OPERATOR, "session", "tablet")
+    wall.utc += timedelta(seconds=1)
+    assert access.of_session(session) is None
+
+
+def test_a_token_is_no_session_and_a_session_no_token(access: Access) -> None:
+    secret = access.add("tablet", Role.OPERATOR)
+    tablet = access.of_token(secret)
+    assert tablet
+    assert access.of_session(secret) is None
+    assert access.of_token(access.open_session(tablet)) is None
+
+
+def test_only_a_living_token_is_traded(access: Access) -> None:
+    tablet = access.of_token(access.add("tablet", Role.OPERATOR))
+    assert tablet
+    for other in (AT_THE_MACHINE, Identity(Role.ADMIN, "session", "tablet")):
+        with pytest.raises(Conflict):
+            access.open_session(other)
+    access.remove("tablet")
+    with pytest.raises(NotFound):
+        access.open_session(tablet)
+
+
+@pytest.mark.parametrize("secret", ["", "grabberd_", "\ud800", "x" * 100_000, "' OR 1=1 --"])
+def test_what_is_no_secret_is_nobodys(access: Access, secret: str) -> None:
+    access.add("tablet", Role.ADMIN)
+    assert access.of_token(secret) is None
+    assert access.of_session(secret) is None
