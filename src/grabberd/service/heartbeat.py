@@ -1,0 +1,61 @@
+"""The daemon's pulse: it lives while its event loop and every capture thread do."""
+
+import logging
+from collections.abc import Iterable
+
+from grabberd.service.notify import Notifier
+from grabberd.service.status import StatusBoard
+
+log = logging.getLogger(__name__)
+
+STATUS_EVERY_S = 1.0
+
+
+class Heartbeat:
+    """Tells systemd that the daemon lives; the event loop calls `beat`, so it can only while that runs.
+
+    A capture thread that is silent for half the watchdog's time holds the words back, and systemd restarts
+    the daemon. It beats in every state, whatever its device does: silence is a fault of the program or of the
+    kernel's driver.
+
+    Attributes:
+        every_s: how often to call `beat`.
+    """
+
+    def __init__(self, notifier: Notifier, boards: Iterable[StatusBoard]) -> None:
+        self.notifier = notifier
+        self._boards = tuple(boards)
+        self._half_s = None if notifier.watchdog_s is None else notifier.watchdog_s / 2
+        self._due_s = 0.0
+        self._silent: tuple[str, ...] = ()
+        self.every_s = STATUS_EVERY_S if self._half_s is None else min(STATUS_EVERY_S, self._half_s / 4)
+
+    def beat(self, now_s: float) -> None:
+        """Sends what is due; `now_s` is of a clock that no one sets."""
+        self.notifier.status(self.in_words())
+        if self._half_s is None or now_s < self._due_s or not self._all_live(self._half_s):
+            return
+        if self.notifier.alive():
+            self._due_s = (
+                now_s + self._half_s - self.every_s
+            )  # late by a beat at most, never by more than half
+
+    def in_words(self) -> str:
+        """Every device and its state, in one line."""
+        return "; ".join(map(_in_words, self._boards))
+
+    def _all_live(self, limit_s: float) -> bool:
+        silent = tuple(board.name for board in self._boards if board.silent_s > limit_s)
+        if silent and silent != self._silent:
+            log.critical(
+                "the capture thread of %s has not beaten for %.0f s: the watchdog may restart the daemon",
+                " and ".join(silent),
+                limit_s,
+            )
+        self._silent = silent
+        return not silent
+
+
+def _in_words(board: StatusBoard) -> str:
+    now = board.now
+    return f"{board.name} is {now.state}" + (f": {now.cause}" if now.cause else "")
