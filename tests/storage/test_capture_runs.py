@@ -1,9 +1,12 @@
 """A capture file holds runs: points, and what they were made with."""
 
+import tracemalloc
+
 import pytest
 
-from grabberd.errors import NotFound
+from grabberd.errors import NotFound, StorageError
 from grabberd.storage import CaptureReader, append_run
+from grabberd.storage.schema import connect
 from storage.captures import MADE_WITH, ledger_of, points, slots, write
 
 
@@ -60,6 +63,37 @@ def test_readers_are_not_kept_waiting_while_a_run_is_made(tmp_path):
 
     append_run(path, "measure", "", "", {}, measured())
     assert seen == [(1, 120)]
+
+
+def test_memory_holds_few_points_however_long_a_run_is(tmp_path):
+    path = write(tmp_path, slots(4))
+    one = points(0, 100)
+    tracemalloc.start()
+    append_run(path, "measure", "", "", {}, ((n, one) for n in range(1500)))
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert path.stat().st_size > 8_000_000
+    assert most < 2_000_000
+    with CaptureReader(path) as reader:
+        assert [n for n, _ in reader.points(1)] == [0, 1, 2, 3]
+
+
+def test_a_run_for_which_there_is_no_room_leaves_the_capture_as_it_was(tmp_path, monkeypatch):
+    path = write(tmp_path, slots(4), measured=range(4))
+
+    def limited(*arguments, **options):
+        connection = connect(*arguments, **options)
+        pages = connection.execute("PRAGMA page_count").fetchone()[0]
+        connection.execute(f"PRAGMA max_page_count = {pages + 3}")
+        return connection
+
+    monkeypatch.setattr("grabberd.storage.runs.connect", limited)
+    with pytest.raises(StorageError, match="full"):
+        append_run(path, "measure", "", "", {}, ((n, points(n, 100)) for n in range(200)))
+    assert [file.name for file in tmp_path.iterdir()] == ["liner.grab"]
+    with CaptureReader(path) as reader:
+        assert len(reader.runs) == 1
+        assert [n for n, _ in reader.points()] == [0, 1, 2, 3]
 
 
 def test_the_latest_run_is_meant_where_none_is_named(tmp_path):

@@ -1,5 +1,8 @@
 """The index over many captures can always be made again from the files."""
 
+import shutil
+import sqlite3
+
 import pytest
 
 from grabberd.errors import NotFound
@@ -39,11 +42,51 @@ def test_a_sealed_capture_is_added_once(archive):
 
 def test_damaged_files_are_listed_as_damaged_and_never_fatal(archive):
     (archive / "c1.grab").write_bytes(b"garbage")
-    (archive / "old.grab.damaged").write_bytes(b"garbage")
+    (archive / "damaged").mkdir()
+    (archive / "damaged" / "old.grab.part").write_bytes(b"garbage")
+    (archive / "damaged" / "old.grab.part.txt").write_text("why")
+    index = CaptureIndex(archive)
+    for _ in range(2):
+        index.rebuild()
+        states = {entry.id: entry.state for entry in index.list()}
+        assert states == {"c3": "sealed", "c2": "sealed", "c1": "damaged", "old": "damaged"}
+    assert index.file_of("c1").read_bytes() == b"garbage"
+    assert index.file_of("c1") == archive / "damaged" / "c1.grab"
+    assert "cannot be read" in (archive / "damaged" / "c1.grab.txt").read_text()
+
+
+def test_a_file_of_a_later_version_is_listed_where_it_is(archive):
+    connection = sqlite3.connect(archive / "c1.grab")
+    connection.execute("PRAGMA user_version = 99")
+    connection.close()
     index = CaptureIndex(archive)
     index.rebuild()
-    states = {entry.id: entry.state for entry in index.list()}
-    assert states == {"c3": "sealed", "c2": "sealed", "c1": "damaged", "old": "damaged"}
+    assert index.get("c1").state == "damaged"
+    assert index.file_of("c1") == archive / "c1.grab"
+
+
+def test_a_copy_hides_no_capture(archive):
+    shutil.copy(archive / "c1.grab", archive / "copy.grab")
+    (archive / "c2.grab").write_bytes(b"garbage")
+    shutil.copy(archive / "c3.grab", archive / "c2.grab.part")
+    index = CaptureIndex(archive)
+    index.rebuild([archive / "c2.grab.part"])
+    files = {entry.id: entry.file for entry in index.list()}
+    assert files == {
+        "c1": "c1.grab",
+        "c1-2": "copy.grab",
+        "c3": "c3.grab",
+        "c3-2": "c2.grab.part",
+        "c2": "damaged/c2.grab",
+    }
+
+
+def test_a_capture_that_is_removed_is_forgotten(archive):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    for _ in range(2):
+        index.remove("c2")
+        assert [entry.id for entry in index.list()] == ["c3", "c1"]
 
 
 def test_a_damaged_index_is_made_again(archive):

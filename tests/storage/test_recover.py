@@ -1,12 +1,14 @@
 """What a crash left is sealed as far as it goes, or set aside; nothing is deleted."""
 
 import shutil
+import sqlite3
 
 import pytest
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
-from grabberd.errors import StorageError
+from grabberd.errors import LaterVersion, StorageError
 from grabberd.storage import CaptureReader, CaptureWriter, recover
+from grabberd.storage.recover import set_aside
 from storage.captures import MADE_WITH, META, ledger_of, meta, points, slot, slots, write
 
 CUT = "the program ended while it was recording"
@@ -79,17 +81,47 @@ def test_a_file_that_cannot_be_read_is_set_aside_with_the_reason(tmp_path, conte
     part = tmp_path / "x.grab.part"
     part.write_bytes(content)
     aside = recover(part)
-    assert aside.name == "x.grab.damaged"
+    assert aside == tmp_path / "damaged" / "x.grab.part"
     assert aside.read_bytes() == content
-    assert "capture" in (tmp_path / "x.grab.damaged.txt").read_text()
+    assert "capture" in (tmp_path / "damaged" / "x.grab.part.txt").read_text()
     assert not part.exists()
+
+
+def test_a_journal_goes_aside_with_its_file(tmp_path):
+    part, journal = tmp_path / "x.grab.part", tmp_path / "x.grab.part-journal"
+    part.write_bytes(b"garbage " * 500)
+    journal.write_bytes(b"half a transaction")
+    aside = set_aside(part, "why")
+    assert aside.with_name("x.grab.part-journal").read_bytes() == b"half a transaction"
+    assert not journal.exists()
+
+
+def test_a_file_that_breaks_while_it_is_sealed_is_set_aside(part):
+    connection = sqlite3.connect(part)
+    page = connection.execute("SELECT rootpage FROM sqlite_schema WHERE name = 'reserve'").fetchone()[0]
+    size = connection.execute("PRAGMA page_size").fetchone()[0]
+    connection.close()
+    with part.open("r+b") as file:
+        file.seek((page - 1) * size)
+        file.write(b"\xff" * size)
+    assert recover(part).parent.name == "damaged"
+
+
+def test_a_later_versions_file_is_left_alone(tmp_path):
+    CaptureWriter.create(tmp_path / "x.grab.part", meta()).close()
+    connection = sqlite3.connect(tmp_path / "x.grab.part")
+    connection.execute("PRAGMA user_version = 99")
+    connection.close()
+    with pytest.raises(LaterVersion, match="version 99"):
+        recover(tmp_path / "x.grab.part")
+    assert (tmp_path / "x.grab.part").exists()
 
 
 def test_a_second_damaged_file_of_that_name_does_not_overwrite_the_first(tmp_path):
     for content in (b"first " * 300, b"second " * 300):
         (tmp_path / "x.grab.part").write_bytes(content)
         recover(tmp_path / "x.grab.part")
-    kept = {file.read_bytes() for file in tmp_path.iterdir() if file.suffix != ".txt"}
+    kept = {file.read_bytes() for file in (tmp_path / "damaged").iterdir() if file.suffix != ".txt"}
     assert kept == {b"first " * 300, b"second " * 300}
 
 

@@ -1,19 +1,23 @@
 """The captures on disk, and how each is described."""
 
-import shutil
+import logging
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from grabberd.acquisition import Ledger, Outcome
-from grabberd.errors import CaptureFileError, Conflict, NotFound
+from grabberd.errors import CaptureFileError, Conflict, LaterVersion, NotFound, StorageError
 from grabberd.service.session import CaptureSession
+from grabberd.service.waiting import WaitingCapture
 from grabberd.storage import CaptureIndex, CaptureReader, RunInfo, recover
+from grabberd.storage.annotations import Annotation
 from grabberd.storage.index import IndexEntry
 from grabberd.storage.lock import DirectoryLock
+from grabberd.storage.recover import reason_of
+from grabberd.storage.schema import storage_errors
 
-SUFFIX = ".grab"
+log = logging.getLogger(__name__)
 PART = ".grab.part"
 DESCRIBED = 4096
 """So many captures' descriptions are remembered."""
@@ -26,13 +30,23 @@ class Archive:
     Args:
         directory: where the files are; made if it is not there.
         sessions: gives the captures that are being recorded or sealed.
+        waiting: gives those that are armed.
+        annotation: what is said of a capture, by its id.
     """
 
-    def __init__(self, directory: Path, sessions: Callable[[], Sequence[CaptureSession]]) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        sessions: Callable[[], Sequence[CaptureSession]],
+        waiting: Callable[[], Sequence[WaitingCapture]] = list,
+        annotation: Callable[[str], Annotation] = lambda _: Annotation(),
+    ) -> None:
         self.directory = directory
         self.index = CaptureIndex(directory)
         self._lock = DirectoryLock(directory)
         self._sessions = sessions
+        self._waiting = waiting
+        self._annotation = annotation
         # Remembered as long as a file does not change: the ledger of a long capture takes its time to read.
         self._describe = lru_cache(DESCRIBED)(lambda path, mtime_ns: describe(path))
 
@@ -43,9 +57,11 @@ class Archive:
             StorageError: another program uses the folder, or it cannot be written.
         """
         self._lock.acquire()
-        for part in sorted(self.directory.glob(f"*{PART}")):
-            recover(part)
-        self.index.rebuild()
+        parts = sorted(self.directory.glob(f"*{PART}"))
+        self.index.rebuild([part for part in parts if not _recovered(part)])
+        for entry in self.index.list():
+            if entry.state == "damaged":
+                log.warning("capture %s is damaged: %s", entry.id, self.directory / entry.file)
 
     def close(self) -> None:
         """Lets another program have the folder."""
@@ -60,7 +76,9 @@ class Archive:
 
         Raises:
             NotFound: there is none of that id.
+            Conflict: it is armed.
         """
+        self._check_triggered(capture_id)
         if self._running(capture_id):
             return self.part_of(capture_id)
         return self.index.file_of(capture_id)
@@ -70,11 +88,26 @@ class Archive:
 
         Raises:
             NotFound: there is none of that id.
-            Conflict: it is still running.
+            Conflict: it is still running, or armed.
         """
+        self._check_triggered(capture_id)
         if self._running(capture_id):
             raise Conflict(f"capture {capture_id} is still running", "stop it, or wait for its end")
         return self.index.file_of(capture_id)
+
+    def remove(self, capture_id: str) -> None:
+        """Deletes a capture that is not running, for good.
+
+        Raises:
+            NotFound: there is none of that id.
+            Conflict: it is still running.
+            StorageError: the disk does not let it be deleted.
+        """
+        path = self.sealed_path(capture_id)
+        with storage_errors(path):
+            path.unlink(missing_ok=True)
+            reason_of(path).unlink(missing_ok=True)
+        self.index.remove(capture_id)
 
     def document(self, capture_id: str) -> dict[str, Any]:
         """A capture as it is shown.
@@ -82,7 +115,23 @@ class Archive:
         Raises:
             NotFound: there is none of that id.
         """
-        session = self._running(capture_id)
+        return _annotated(self._document(capture_id), self._annotation(capture_id))
+
+    def current(self) -> list[dict[str, Any]]:
+        """The captures that are armed or running, as they are shown."""
+        ids = {one.id for one in self._waiting()} | {one.id for one in self._sessions()}
+        return [document for capture_id in ids if (document := self._if_there(capture_id)) is not None]
+
+    def _if_there(self, capture_id: str) -> dict[str, Any] | None:
+        try:
+            return self.document(capture_id)
+        except NotFound:  # just disarmed
+            return None
+
+    def _document(self, capture_id: str) -> dict[str, Any]:
+        session, waiting = self._running(capture_id), self._armed(capture_id)
+        if session is None and waiting is not None:
+            return _waiting_document(waiting)
         if session is not None:
             try:
                 return _running_document(self.part_of(capture_id), session)
@@ -97,10 +146,15 @@ class Archive:
         sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
         return sorted(shown + sealed, key=lambda document: str(document["created_utc"]), reverse=True)
 
-    @property
-    def free_bytes(self) -> int:
-        """Room on the disk."""
-        return shutil.disk_usage(self.directory).free
+    def _armed(self, capture_id: str) -> WaitingCapture | None:
+        return next((one for one in self._waiting() if one.id == capture_id), None)
+
+    def _check_triggered(self, capture_id: str) -> None:
+        if self._armed(capture_id) and not self._running(capture_id):
+            raise Conflict(
+                f"capture {capture_id} is armed: nothing is in it yet",
+                f"trigger it: POST /api/v1/captures/{capture_id}/trigger, or stop it",
+            )
 
     def _running(self, capture_id: str) -> CaptureSession | None:
         return next((session for session in self._sessions() if session.id == capture_id), None)
@@ -108,9 +162,20 @@ class Archive:
     def _sealed_document(self, entry: IndexEntry) -> dict[str, Any]:
         path = self.directory / entry.file
         try:
-            return self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
-        except CaptureFileError as error:
+            described = self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
+        except (CaptureFileError, StorageError) as error:
             return _damaged_document(entry, path, error.message)
+        return described | {"id": entry.id}
+
+
+def _recovered(part: Path) -> bool:
+    """Whether a file that a crash left is sealed or set aside now; what keeps one from it keeps no other."""
+    try:
+        recover(part)
+    except (StorageError, LaterVersion) as error:
+        log.error("%s stays unsealed: %s; %s", part.name, error.message, error.hint)
+        return False
+    return True
 
 
 def ledger_document(ledger: Ledger, rate_hz: float) -> dict[str, Any]:
@@ -120,6 +185,37 @@ def ledger_document(ledger: Ledger, rate_hz: float) -> dict[str, Any]:
         "in_words": ledger.in_words(rate_hz),
         "counts": ledger.counts(),
         "entries": [entry._asdict() for entry in ledger.entries],
+    }
+
+
+def _annotated(document: dict[str, Any], said: Annotation) -> dict[str, Any]:
+    return {
+        **document,
+        "pinned": said.pinned,
+        "note": document["note"] if said.note is None else said.note,
+        "labels": document["labels"] if said.labels is None else dict(said.labels),
+    }
+
+
+def _waiting_document(waiting: WaitingCapture) -> dict[str, Any]:
+    """Nothing is in it yet."""
+    return {
+        "id": waiting.id,
+        "device": waiting.device,
+        "state": "armed",
+        "verdict": None,
+        "ended_because": None,
+        "created_utc": waiting.armed_utc,
+        "trigger_utc": None,
+        "pre_trigger_fields": 0,
+        "bits": waiting.bits,
+        "lines": waiting.lines,
+        "fields": 0,
+        "ledger": ledger_document(Ledger(), 50.0),
+        "runs": [],
+        "labels": dict(waiting.request.labels),
+        "note": waiting.request.note,
+        "size_bytes": 0,
     }
 
 
@@ -144,7 +240,7 @@ def describe(path: Path) -> dict[str, Any]:
 
 def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
     meta = reader.meta
-    counts = ledger.counts()
+    counts, trigger = ledger.counts(), meta.extra.get("trigger", {})
     verdict = {True: "complete", False: "incomplete", None: None}[meta.complete]
     return {
         "id": meta.id,
@@ -153,6 +249,8 @@ def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
         "verdict": verdict,
         "ended_because": meta.ended_because,
         "created_utc": meta.created_utc,
+        "trigger_utc": trigger.get("utc"),
+        "pre_trigger_fields": trigger.get("n", 0),
         "bits": meta.bits,
         "lines": meta.lines,
         "fields": sum(counts[outcome] for outcome in IN_THE_FILE),
@@ -186,6 +284,8 @@ def _damaged_document(entry: IndexEntry, path: Path, reason: str) -> dict[str, A
         "verdict": "incomplete",
         "ended_because": reason,
         "created_utc": entry.created_utc,
+        "trigger_utc": None,
+        "pre_trigger_fields": 0,
         "bits": 0,
         "lines": "",
         "fields": 0,

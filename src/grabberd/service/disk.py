@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from grabberd.errors import StorageError
 from grabberd.field.packed import packed_shape
@@ -57,6 +58,14 @@ class DiskGuard:
     def seconds_left(self, folder: Path, bytes_per_s: float) -> float:
         """How long captures may go on that together write so much."""
         return max(0, self.free_bytes(folder) - self.reserve_bytes) / bytes_per_s
+
+    def document(self, folder: Path, bytes_per_s: float) -> dict[str, Any]:
+        """The disk as it is shown, also where it fails."""
+        try:
+            free, left_s = self.free_bytes(folder), self.seconds_left(folder, bytes_per_s)
+        except StorageError as error:
+            return {"free_bytes": None, "minutes_left": None, "problem": error.message}
+        return {"free_bytes": free, "minutes_left": round(left_s / 60, 1), "problem": None}
 
     def check_fits(self, folder: Path, bytes_per_s: float, duration_s: float | None) -> None:
         """Whether a capture of this length may begin; without a length, whether a minute of it fits.

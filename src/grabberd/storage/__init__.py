@@ -10,7 +10,8 @@ from grabberd.storage.index import CaptureIndex
 from grabberd.storage.meta import CaptureMeta
 from grabberd.storage.reader import CaptureReader, RecordedField, RunInfo
 from grabberd.storage.recover import recover
-from grabberd.storage.writer import CaptureWriter, append_run
+from grabberd.storage.runs import append_run
+from grabberd.storage.writer import CaptureWriter
 
 __all__ = [
     "CaptureIndex",

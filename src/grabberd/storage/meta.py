@@ -3,7 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import Any
 
 RECORDING = "recording"
@@ -58,10 +58,12 @@ def write_all_meta(connection: sqlite3.Connection, meta: CaptureMeta) -> None:
 
 
 def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
-    """The meta data of a file.
+    """The meta data of a file; a key that came later than the file has its default.
 
     Raises:
-        KeyError: a key is missing.
+        KeyError: a key is missing that has none.
     """
     stored = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM meta")}
-    return CaptureMeta(**{f.name: stored[f.name] for f in fields(CaptureMeta)})
+    optional = {f.name for f in fields(CaptureMeta) if not (f.default is f.default_factory is MISSING)}
+    names = [f.name for f in fields(CaptureMeta) if f.name in stored or f.name not in optional]
+    return CaptureMeta(**{name: stored[name] for name in names})

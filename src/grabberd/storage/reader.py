@@ -14,6 +14,8 @@ from grabberd.storage.meta import CaptureMeta, read_meta
 from grabberd.storage.schema import connect, reading_errors
 
 FIELDS_AT_ONCE = 50
+END = 2**62
+"""Beyond every field."""
 
 _COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, codec, data, outcome, reason"
@@ -159,27 +161,37 @@ class CaptureReader:
         for n, _, points in self.timed_points(run):
             yield n, points
 
-    def timed_points(self, run: int | None = None) -> Iterator[tuple[int, int, Points]]:
+    def timed_points(
+        self, run: int | None = None, first_n: int = 0, end_n: int = END, every: int = 1
+    ) -> Iterator[tuple[int, int, Points]]:
         """(n, time_ns, points) of a run in order of n, fifty fields at a time.
 
-        A crash may have left points whose field was not written yet: they are passed over.
+        Of the fields with first_n ≤ n < end_n only those whose n `every` divides. A crash may have left
+        points whose field was not written yet: they are passed over.
 
         Raises:
             NotFound: there is no such run.
         """
-        number, first_n = self.run(run).run, -1
+        number, first_n = self.run(run).run, first_n - 1
         query = (
             "SELECT p.n, f.time_ns, p.data FROM points AS p JOIN fields AS f ON f.n = p.n "
-            "WHERE p.run = ? AND p.n > ? ORDER BY p.n LIMIT ?"
+            "WHERE p.run = ? AND p.n > ? AND p.n < ? AND p.n % ? = 0 ORDER BY p.n LIMIT ?"
         )
         while True:
             with reading_errors(self.path):
-                rows = self._connection.execute(query, (number, first_n, FIELDS_AT_ONCE)).fetchall()
+                asked = (number, first_n, end_n, every, FIELDS_AT_ONCE)
+                rows = self._connection.execute(query, asked).fetchall()
             for n, time_ns, data in rows:
                 yield n, time_ns, self._points(n, data)
             if len(rows) < FIELDS_AT_ONCE:
                 return
             first_n = rows[-1][0]
+
+    def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
+        """How many points `timed_points` would give."""
+        query = "SELECT coalesce(sum(count), 0) FROM points WHERE run = ? AND n >= ? AND n < ? AND n % ? = 0"
+        with reading_errors(self.path):
+            return int(self._connection.execute(query, (run, first_n, end_n, every)).fetchone()[0])
 
     @property
     def first_time_ns(self) -> int | None:
@@ -200,7 +212,7 @@ class CaptureReader:
         query = f"SELECT {_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
         with reading_errors(self.path):
             return self._connection.execute(
-                query, (first_n, 2**62 if end_n is None else end_n, FIELDS_AT_ONCE)
+                query, (first_n, END if end_n is None else end_n, FIELDS_AT_ONCE)
             ).fetchall()
 
     def _field(self, row: tuple[Any, ...]) -> RecordedField:

@@ -5,13 +5,14 @@ import os
 from pathlib import Path
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
-from grabberd.errors import CaptureFileError
+from grabberd.errors import CaptureFileError, LaterVersion
 from grabberd.storage.meta import SEALED, write_meta
 from grabberd.storage.reader import CaptureReader
-from grabberd.storage.schema import DAMAGED, PART, connect, storage_errors
+from grabberd.storage.schema import DAMAGED, connect, reading_errors, storage_errors
 from grabberd.storage.writer import FAILED, RUNNING, publish, write_ledger
 
 JOURNAL = "-journal"
+REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
 
 
@@ -20,21 +21,29 @@ def recover(part: Path) -> Path:
 
     The database rolls an unfinished commit back by itself when it is opened. The capture is marked
     incomplete: how much is missing at its end, at most the last second, nobody can know. A file that cannot
-    be read is renamed `NAME.grab.damaged`, with the reason in `NAME.grab.damaged.txt`.
+    be read is set aside.
 
     Raises:
+        LaterVersion: it is a later version's to seal.
         StorageError: the disk does not let it be written.
     """
     try:
-        with CaptureReader(part) as reader:
-            ledger, sealed = reader.ledger, reader.meta.state == SEALED
+        _seal_if_need_be(part)
+    except LaterVersion:
+        raise
     except CaptureFileError as error:
         return set_aside(part, error.message)
-    if not sealed:  # otherwise only its name was still missing
-        _seal(part, ledger)
     with storage_errors(part):
         part.with_name(part.name + JOURNAL).unlink(missing_ok=True)  # empty: its transaction has ended
         return publish(part)
+
+
+def _seal_if_need_be(part: Path) -> None:
+    with CaptureReader(part) as reader:
+        ledger, sealed = reader.ledger, reader.meta.state == SEALED
+    if not sealed:  # otherwise only its name was still missing
+        with reading_errors(part):
+            _seal(part, ledger)
 
 
 def _seal(part: Path, ledger: Ledger) -> None:
@@ -58,17 +67,31 @@ def _with_cut(ledger: Ledger) -> Ledger:
 
 
 def set_aside(path: Path, reason: str) -> Path:
-    """Renames a file that cannot be read, and writes the reason beside it."""
+    """Moves a file that cannot be read into the folder `damaged`, with the reason beside it as text.
+
+    Raises:
+        StorageError: the disk does not let it be moved; it stays where it is.
+    """
     with storage_errors(path):
-        aside = _free_name(path)
-        aside.with_name(aside.name + ".txt").write_text(reason + "\n", encoding="utf-8")
+        folder = path.parent / DAMAGED
+        folder.mkdir(exist_ok=True)
+        aside = _free_name(folder / path.name)
+        reason_of(aside).write_text(reason + "\n", encoding="utf-8")
+        journal = path.with_name(path.name + JOURNAL)
+        if journal.exists():  # whoever tries to save the file needs it
+            os.rename(journal, aside.with_name(aside.name + JOURNAL))
         os.rename(path, aside)
     return aside
 
 
+def reason_of(aside: Path) -> Path:
+    """The text file beside a file that was set aside."""
+    return aside.with_name(aside.name + REASON)
+
+
 def _free_name(path: Path) -> Path:
-    """`NAME.grab.damaged`, or `NAME-2.grab.damaged` and so on where there is one already."""
-    name, dot, rest = path.name.removesuffix(PART).partition(".")
+    """The path, or `NAME-2.grab` and so on where there is one already."""
+    name, dot, rest = path.name.partition(".")
     names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
-    candidates = (path.with_name(f"{free}{dot}{rest}{DAMAGED}") for free in names)
+    candidates = (path.with_name(f"{free}{dot}{rest}") for free in names)
     return next(candidate for candidate in candidates if not candidate.exists())

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from grabberd.errors import CaptureFileError, StorageError
+from grabberd.errors import CaptureFileError, LaterVersion, StorageError
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header, by which `file` and we know a capture."""
@@ -13,7 +13,10 @@ VERSION = 1
 
 PART = ".part"
 """What a capture's name ends with until it is sealed."""
-DAMAGED = ".damaged"
+SUFFIX = ".grab"
+"""What a sealed capture's name ends with."""
+DAMAGED = "damaged"
+"""The folder beside the captures where those are put that cannot be read."""
 
 TABLES = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -104,7 +107,7 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
     if application != APPLICATION_ID:
         raise CaptureFileError(f"{path} is a database, but no capture", "name a file that grabberd wrote")
     if version > VERSION:
-        raise CaptureFileError(
+        raise LaterVersion(
             f"{path} is of version {version}, this program reads up to {VERSION}", "use a newer grabberd"
         )
 

@@ -17,6 +17,13 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
             hash BLOB PRIMARY KEY, token TEXT NOT NULL REFERENCES tokens (name) ON DELETE CASCADE,
             created_utc TEXT NOT NULL, expires_utc TEXT NOT NULL) WITHOUT ROWID""",
     ),
+    (
+        """CREATE TABLE annotations (
+            capture TEXT PRIMARY KEY, pinned INTEGER NOT NULL, note TEXT, labels TEXT) WITHOUT ROWID""",
+        """CREATE TABLE idempotency (
+            key TEXT PRIMARY KEY, digest BLOB NOT NULL, created_utc TEXT NOT NULL, status INTEGER,
+            location TEXT, body BLOB NOT NULL DEFAULT x'') WITHOUT ROWID""",
+    ),
 )
 """Entry n leads from version n to version n + 1; what is there stays as it is, new ones follow."""
 OWNER_ONLY = 0o600

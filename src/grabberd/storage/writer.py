@@ -12,8 +12,8 @@ from grabberd.errors import StorageError
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.codec import encode_field, encode_points
-from grabberd.storage.meta import SEALED, CaptureMeta, write_all_meta, write_meta
-from grabberd.storage.schema import connect, create, sealed_path, storage_errors
+from grabberd.storage.meta import SEALED, CaptureMeta, read_meta, write_all_meta, write_meta
+from grabberd.storage.schema import create, sealed_path, storage_errors
 
 RUNNING = "running"
 DONE = "done"
@@ -21,7 +21,8 @@ FAILED = "failed"
 NOT_WRITTEN = "not written to disk"
 
 _FIELD = "INSERT INTO fields VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
-_RUN = "INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_RUN = "INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_POINTS = "INSERT INTO points VALUES (?, ?, ?, ?)"
 
 
 class CaptureWriter:
@@ -56,7 +57,7 @@ class CaptureWriter:
         """Opens a run; `made_with` has the documents `calibration`, `object` and `settings`."""
         with storage_errors(self.path):
             self._begin()
-            self._connection.execute(_RUN, _run_row(run, kind, created_utc, version, RUNNING, made_with))
+            self._connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, RUNNING, made_with))
 
     def append(self, slots: Iterable[Slot]) -> None:
         """Adds fields, and what became of those that did not come; in the file with the next commit."""
@@ -69,7 +70,7 @@ class CaptureWriter:
         """Adds one field's points; in the file with the next commit."""
         with storage_errors(self.path):
             self._begin()
-            _insert_points(self._connection, run, n, points)
+            self._connection.execute(INSERT_POINTS, (run, n, len(points), encode_points(points)))
 
     def commit(self) -> None:
         """Everything added so far survives a crash from here on."""
@@ -78,9 +79,17 @@ class CaptureWriter:
                 self._connection.execute("COMMIT")
 
     def seal(
-        self, ledger: Ledger, *, complete: bool, ended_because: str, measuring_failure: str | None = None
+        self,
+        ledger: Ledger,
+        *,
+        complete: bool,
+        ended_because: str,
+        measuring_failure: str | None = None,
+        findings: Mapping[str, Any] | None = None,
     ) -> Path:
         """Writes ledger and verdict, closes the file and gives it its final name.
+
+        `findings` are added to the meta data's `extra`.
 
         What was added and cannot be committed any more (a full disk) is given up and entered as lost; the
         rest is kept.
@@ -99,7 +108,8 @@ class CaptureWriter:
                 "UPDATE runs SET state = ?, reason = ? WHERE state = ?", (state, reason, RUNNING)
             )
             verdict = {"state": SEALED, "complete": complete, "ended_because": ended_because}
-            write_meta(self._connection, verdict)
+            extra = {**read_meta(self._connection).extra, **(findings or {})}
+            write_meta(self._connection, {**verdict, "extra": extra})
             self._connection.execute("COMMIT")
             self._connection.execute("PRAGMA journal_mode = DELETE")  # leaves no file beside the sealed one
             self._connection.close()
@@ -181,44 +191,10 @@ def insert_entry(connection: sqlite3.Connection, entry: LedgerEntry) -> None:
     connection.execute("INSERT INTO ledger VALUES (?, ?, ?, ?)", row)
 
 
-def append_run(
-    path: Path,
-    kind: str,
-    created_utc: str,
-    version: str,
-    made_with: Mapping[str, Any],
-    points: Iterable[tuple[int, Points]],
-) -> int:
-    """Adds a run to a sealed capture, whole or not at all; returns its number.
-
-    The points may be measured while they are taken: until the end nothing but memory is written, and
-    readers are not kept waiting.
-
-    Raises:
-        CaptureFileError: no capture, or damaged.
-        StorageError: it cannot be written.
-    """
-    connection = connect(path, writable=True)
-    try:
-        with storage_errors(path), connection:
-            connection.execute("PRAGMA cache_spill = OFF")
-            connection.execute("BEGIN IMMEDIATE")
-            run: int = connection.execute("SELECT coalesce(max(run), 0) + 1 FROM runs").fetchone()[0]
-            connection.execute(_RUN, _run_row(run, kind, created_utc, version, DONE, made_with))
-            for n, field_points in points:
-                _insert_points(connection, run, n, field_points)
-            return run
-    finally:
-        connection.close()
-
-
-def _insert_points(connection: sqlite3.Connection, run: int, n: int, points: Points) -> None:
-    connection.execute("INSERT INTO points VALUES (?, ?, ?, ?)", (run, n, len(points), encode_points(points)))
-
-
-def _run_row(
+def run_row(
     run: int, kind: str, created_utc: str, version: str, state: str, made_with: Mapping[str, Any]
 ) -> tuple[object, ...]:
+    """A row of the table `runs`."""
     documents = [
         json.dumps(made_with.get(key), ensure_ascii=False) for key in ("calibration", "object", "settings")
     ]

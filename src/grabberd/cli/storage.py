@@ -1,0 +1,102 @@
+"""`grabberd storage`: looking after the captures on disk."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+
+commands = typer.Typer(
+    name="storage",
+    help="Look after the captures on disk. Run it as the daemon's own user.",
+    no_args_is_help=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the commands."""
+    app.add_typer(commands)
+
+
+@commands.command("index")
+def index(config: ConfigOption = None, json: JsonOption = False) -> None:
+    """Make the index again from the capture files, as every start of the daemon does; stop it first.
+
+    What a crash left is sealed, what cannot be read is set aside in the folder damaged.
+
+    Example: grabberd storage index --config /etc/grabberd/grabberd.yaml
+    """
+    from grabberd.service.archive import Archive  # noqa: PLC0415
+
+    archive = Archive(load(config).state_directory / "captures", list)
+    archive.open()
+    entries = archive.index.list()
+    archive.close()
+    if json:
+        print_json([entry._asdict() for entry in entries])
+        return
+    damaged = [entry for entry in entries if entry.state == "damaged"]
+    typer.echo(f"{archive.index.path}: {len(entries)} captures, {len(damaged)} damaged")
+    for entry in damaged:
+        typer.echo(f"damaged: {archive.directory / entry.file}")
+
+
+@commands.command("retention")
+def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
+    """Show which captures the configuration's storage.retention would remove now; nothing is removed.
+
+    Those that a job of the daemon works on are listed too, though they stay until it ends.
+
+    Example: grabberd storage retention --config /etc/grabberd/grabberd.yaml
+    """
+    from grabberd.service.disk import GB, free_bytes  # noqa: PLC0415
+    from grabberd.service.retention import Policy, candidates, removals  # noqa: PLC0415
+    from grabberd.storage.annotations import AnnotationStore  # noqa: PLC0415
+    from grabberd.storage.index import entry_of  # noqa: PLC0415
+    from grabberd.storage.schema import SUFFIX, storage_errors  # noqa: PLC0415
+
+    settings = load(config)
+    state, folder = settings.state_directory / "state.sqlite", settings.state_directory / "captures"
+    said = AnnotationStore(state).all() if state.exists() else {}
+    pinned = {capture for capture, one in said.items() if one.pinned}
+    policy = Policy.from_config(settings.storage.retention)
+    kept = list(candidates(folder, map(entry_of, sorted(folder.glob(f"*{SUFFIX}"))), pinned))
+    with storage_errors(folder):
+        free = free_bytes(folder)
+    found = removals(kept, policy, datetime.now(UTC), free)
+    if json:
+        print_json([removal._asdict() for removal in found])
+        return
+    table = Table("capture", "GB", "because")
+    for removal in found:
+        table.add_row(removal.id, f"{removal.size_bytes / GB:.3f}", removal.because)
+    if found:
+        console.print(table)
+    words = "" if policy.removes else "storage.retention is not configured; "
+    typer.echo(f"{words}{len(found)} of {len(kept)} captures would go, {len(pinned)} are pinned")
+
+
+@commands.command("seal")
+def seal(
+    part: Annotated[Path, typer.Argument(help="What a killed capture left, NAME.grab.part.")],
+    json: JsonOption = False,
+) -> None:
+    """Seal a capture that was cut off; what is in it is kept, and it is marked incomplete.
+
+    The daemon's own captures are sealed at its next start; this is for those of grabberd capture.
+
+    Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
+    """
+    from grabberd.service.archive import describe  # noqa: PLC0415
+    from grabberd.storage.leftovers import seal as seal_part  # noqa: PLC0415
+
+    path = seal_part(part)
+    document = describe(path)
+    if json:
+        print_json({"file": str(path), **document})
+    else:
+        typer.echo(f"{path}: {document['fields']} fields, {document['ledger']['in_words']}")

@@ -1,0 +1,127 @@
+"""Captures on disk looked after, backed up and restored on the command line."""
+
+import json
+import os
+import time
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from grabberd.cli.app import app
+from grabberd.cli.status import disk_words
+from grabberd.errors import StorageError
+from grabberd.storage import CaptureWriter
+from grabberd.storage.annotations import Annotation, AnnotationStore
+from grabberd.storage.lock import DirectoryLock
+from grabberd.storage.state import StateStore
+from storage.captures import meta, slots, write
+
+
+@pytest.fixture
+def barn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A state directory with settings and captures that are 5, 40 and 50 days old."""
+    folder = tmp_path / "state"
+    monkeypatch.setenv("STATE_DIRECTORY", str(folder))
+    store = StateStore(folder / "state.sqlite")
+    store.open()
+    store.put({"threshold": 60})
+    captures = folder / "captures"
+    captures.mkdir()
+    for day in (5, 40, 50):
+        moment = f"{datetime.now(UTC) - timedelta(days=day):%FT%TZ}"
+        path = write(captures, slots(2), name=f"d{day}", id=f"d{day}", created_utc=moment)
+        os.utime(path, 2 * (time.time() - day * 86_400,))
+    return folder
+
+
+def run(*words: object) -> Result:
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def config_with(folder: Path, retention: str) -> Path:
+    file = folder.parent / "barn.yaml"
+    file.write_text(f"devices: {{one: {{driver: fake}}}}\nstorage: {{retention: {retention}}}\n")
+    return file
+
+
+def test_a_backup_comes_back(barn: Path, tmp_path: Path) -> None:
+    out = tmp_path / "barn.zip"
+    assert run("backup", out).exit_code == 0
+    StateStore(barn / "state.sqlite").put({"threshold": 99})
+    result = run("restore", out, "--json")
+    assert result.exit_code == 0, result.output
+    assert StateStore(barn / "state.sqlite").get("threshold") == 60
+    replaced = Path(json.loads(result.stdout)["replaced"])
+    assert StateStore(replaced / "state.sqlite").get("threshold") == 99
+    assert "what was there before" in run("restore", out).stdout
+
+
+def test_while_a_daemon_runs_a_backup_is_made_and_a_restore_refused(barn: Path, tmp_path: Path) -> None:
+    lock = DirectoryLock(barn / "captures")
+    lock.acquire()
+    try:
+        assert run("backup", tmp_path / "barn.zip").exit_code == 0
+        for words in (("restore", tmp_path / "barn.zip"), ("storage", "index")):
+            error = run(*words).exception
+            assert isinstance(error, StorageError)
+            assert "another grabberd" in error.message
+    finally:
+        lock.release()
+
+
+def test_the_index_is_made_again_from_the_files(barn: Path) -> None:
+    (barn / "captures" / "index.sqlite").write_bytes(b"garbage " * 1000)
+    (barn / "captures" / "d40.grab").write_bytes(b"garbage " * 1000)
+    CaptureWriter.create(barn / "captures" / "cut.grab.part", meta(id="cut")).close()
+    entries = json.loads(run("storage", "index", "--json").stdout)
+    states = {entry["id"]: entry["state"] for entry in entries}
+    assert states == {"cut": "sealed", "d5": "sealed", "d40": "damaged", "d50": "sealed"}
+    result = run("storage", "index")
+    assert "4 captures, 1 damaged" in result.stdout
+    assert "damaged/d40.grab" in result.stdout
+
+
+def test_a_dry_run_shows_what_would_go_and_removes_nothing(barn: Path) -> None:
+    AnnotationStore(barn / "state.sqlite").put("d50", Annotation(pinned=True))
+    config = config_with(barn, "{keep_days: 30}")
+    found = json.loads(run("storage", "retention", "--config", config, "--json").stdout)
+    assert [(one["id"], one["because"]) for one in found] == [("d40", "older than 30 days")]
+    assert "1 of 2 captures would go, 1 are pinned" in run("storage", "retention", "--config", config).stdout
+    assert len(list((barn / "captures").glob("*.grab"))) == 3
+
+
+def test_without_a_policy_it_says_so(barn: Path) -> None:
+    result = run("storage", "retention", "--config", config_with(barn, "{}"))
+    assert "not configured; 0 of 3 captures would go" in result.stdout
+
+
+def test_a_reserve_that_retention_never_reaches_is_refused(barn: Path) -> None:
+    config = config_with(barn, "{min_free_gb: 0.1}")
+    assert "has to be more than reserve_gb" in str(run("check-config", config).exception)
+
+
+def test_what_a_killed_capture_left_is_named_by_the_next_and_sealed(barn: Path, tmp_path: Path) -> None:
+    folder = tmp_path / ".grabberd-abc"
+    folder.mkdir()
+    writer = CaptureWriter.create(folder / "old.grab.part", meta())
+    writer.append(slots(5))
+    writer.commit()
+    writer.close()
+    config = tmp_path / "fast.yaml"
+    config.write_text("devices: {one: {driver: fake, options: {scene: liner, pace: free}}}\n")
+    result = run("capture", "--config", config, "--fields", 3, "--out", tmp_path / "new.grab")
+    assert result.exit_code == 0, result.output
+    assert f"grabberd storage seal {folder / 'old.grab.part'}" in result.stderr
+    result = run("storage", "seal", folder / "old.grab.part")
+    assert "old.grab: 5 fields" in result.stdout
+    assert {path.name for path in tmp_path.glob("*.grab")} == {"new.grab", "old.grab"}
+    assert not folder.exists()
+
+
+def test_the_status_says_what_is_left_or_what_is_wrong() -> None:
+    storage = {"free_bytes": 12_340_000_000, "minutes_left": 345.6, "problem": None}
+    assert disk_words(storage) == "disk: 12.3 GB free, 346 minutes of capturing left"
+    broken = {"free_bytes": None, "minutes_left": None, "problem": "captures cannot be written: gone"}
+    assert disk_words(broken) == "disk: captures cannot be written: gone"
