@@ -77,7 +77,7 @@ def calibrate(
     """
     settings = settings or CalibrateSettings()
     _check_depth(frame, settings)
-    seen, bits, y_step = _located(fields, nominal, settings.location)
+    seen, bits, y_step = located(fields, nominal, settings.location)
     images = (mean_images(seen[0]), mean_images(seen[1]))
     identification = _identify(nominal, frame, images, settings, by_hand)
     network = network_of(images, identification, frame, settings)
@@ -114,7 +114,7 @@ def _check_depth(frame: ObjectModel, settings: CalibrateSettings) -> None:
         check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
 
 
-def _located(
+def located(
     fields: Iterable[NumberedField], nominal: NominalRig, location: LocationSettings
 ) -> tuple[tuple[list[FieldImages], list[FieldImages]], int, int]:
     """Every field's whole blobs by view, with bits and line step of the fields."""

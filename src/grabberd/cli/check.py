@@ -1,0 +1,138 @@
+"""`grabberd check`: does the calibration still hold?"""
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+from urllib.parse import quote
+
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from grabberd.cli.options import (
+    DEFAULT_URL,
+    JsonOption,
+    TokenFileOption,
+    UrlOption,
+    console,
+    print_json,
+    progress_console,
+)
+from grabberd.errors import GrabberdError, InputError
+
+NOT_FITTING = 3
+"""Exit code of a check whose verdict is not 'fits'."""
+POLL_S = 0.2
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("check")(check)
+
+
+def check(
+    capture: Annotated[
+        Path | None, typer.Argument(help="A capture of the calibration frame; without one, of the daemon.")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="The calibration to check (JSON); default: the capture's own.")
+    ] = None,
+    calibration_frame: Annotated[
+        Path | None, typer.Option(help="The calibration frame's targets (YAML); default: the one there is.")
+    ] = None,
+    in_place: Annotated[
+        bool, typer.Option("--in-place", help="It stands exactly where it stood at the calibration.")
+    ] = False,
+    device: Annotated[
+        str | None, typer.Option(help="Whose calibration; not needed where there is one.")
+    ] = None,
+    url: UrlOption = DEFAULT_URL,
+    token_file: TokenFileOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Look at the calibration frame for ten seconds: does the calibration still hold?
+
+    Exit code 0: it fits; 3: it is doubtful, or does not.
+
+    Example: grabberd check          grabberd check frame.grab --calibration rig.calibration.json
+    """
+    frame = _frame(calibration_frame)
+    if capture is None:
+        found = _through_daemon(url, device, frame, token_file, in_place=in_place)
+    else:
+        found = _of_file(capture, calibration, frame, in_place=in_place)
+    if json:
+        print_json(found)
+    else:
+        _show(found)
+    if found["verdict"] != "fits":
+        raise typer.Exit(NOT_FITTING)
+
+
+def _frame(path: Path | None) -> dict[str, Any] | None:
+    from grabberd.service.setup import read_yaml  # noqa: PLC0415
+
+    return None if path is None else read_yaml(path)
+
+
+def _of_file(
+    capture: Path, calibration: Path | None, frame: dict[str, Any] | None, *, in_place: bool
+) -> dict[str, Any]:
+    from grabberd.service.calibration_frames import frame_document  # noqa: PLC0415
+    from grabberd.service.check_job import check_file  # noqa: PLC0415
+    from grabberd.service.setup import read_documents  # noqa: PLC0415
+
+    document = read_documents(calibration, None)["calibration"]
+    with Progress(console=progress_console, transient=True) as progress:
+        task = progress.add_task("checking", total=1.0)
+        return check_file(
+            lambda share: progress.update(task, completed=share),
+            path=capture,
+            frame=frame_document(frame),
+            calibration=document,
+            in_place=in_place,
+        )
+
+
+def _through_daemon(
+    url: str, device: str | None, frame: dict[str, Any] | None, token_file: Path | None, *, in_place: bool
+) -> dict[str, Any]:
+    from grabberd.cli.remote import ask  # noqa: PLC0415
+
+    name = device or _only(ask(url, "/api/v1/devices", token_file=token_file)["devices"])
+    order = {"calibration_frame": frame, "in_place": in_place}
+    job = ask(url, f"/api/v1/devices/{quote(name, safe='')}/check", "POST", order, token_file)
+    with Progress(console=progress_console, transient=True) as progress:
+        task = progress.add_task("looking at the calibration frame", total=1.0)
+        while job["state"] in ("queued", "running"):
+            time.sleep(POLL_S)
+            job = ask(url, f"/api/v1/jobs/{job['id']}", token_file=token_file)
+            progress.update(task, completed=job["progress"])
+    if job["state"] != "done":
+        problem = job["problem"] or {"message": f"the check was {job['state']}", "hint": "check again"}
+        raise GrabberdError(problem["message"], problem["hint"])
+    return dict(job["result"])
+
+
+def _only(devices: list[dict[str, Any]]) -> str:
+    names = [str(one["name"]) for one in devices]
+    if len(names) != 1:
+        raise InputError(f"there are several devices: {', '.join(names)}", "name one with --device")
+    return names[0]
+
+
+def _show(found: dict[str, Any]) -> None:
+    table = Table("", "left", "right", title=f"Calibration {found['calibration']}: {found['verdict']}")
+    for name, key in (("images moved", "shift_px"), ("residuals", "residual_px")):
+        for axis in ("x", "y"):
+            table.add_row(
+                f"{name} {axis}, px", *(f"{found[key][view][axis]:+.2f}" for view in ("left", "right"))
+            )
+    console.print(table)
+    rmse = found["rmse"]
+    words = ", ".join(f"{axis.upper()} {rmse[f'{axis}_mm']:.3f}" for axis in ("x", "y", "z", "xyz"))
+    console.print(f"RMSE in mm: {words}; χ² {found['chi2']:.2f} (1: as good as the calibration says)")
+    console.print(f"{found['seen']} of {found['of']} targets seen in both views, {found['fields']} fields")
+    for reason in found["reasons"]:
+        console.print(f"[yellow]{reason}[/yellow]")
+    console.print(found["advice"])

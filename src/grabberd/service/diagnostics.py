@@ -1,0 +1,146 @@
+"""One file that an operator can send when something is wrong: what there is, how it is, what was logged."""
+
+import io
+import json
+import platform
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from importlib.metadata import distributions
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from grabberd import __version__
+from grabberd.acquisition import available, discover
+from grabberd.service.clock import SystemClock, iso_utc
+from grabberd.service.configuration import without_secrets
+from grabberd.service.journal import last_lines
+from grabberd.service.journal import without_secrets as text_without_secrets
+
+if TYPE_CHECKING:
+    from grabberd.service.service import Service
+
+Parts = Mapping[str, Callable[[], Any]]
+"""By name of the file: what makes its content, text or a JSON document."""
+
+PEOPLES_WORDS = ("labels", "note", "site")
+UNIT = "grabberd.service"
+UNIT_PROPERTIES = "ActiveState,SubState,Result,NRestarts,ExecMainStatus,ActiveEnterTimestamp,MemoryCurrent"
+SYSTEMD = Path("/run/systemd/system")
+TIMEOUT_S = 5.0
+
+ABOUT = """grabberd diagnostics, made {made}
+
+Send this file to whoever helps you. It is plain text: look into it before.
+
+    versions.json       grabberd, Python, its packages, the kernel, OpenCV
+    grabbers.json       drivers, and the grabbers found on this computer
+    systemd.txt         state of the unit, where systemd runs
+    configuration.json  without what is secret in it
+    state.json          the devices as they are now, and the disk
+    captures.json       every capture with its ledger, no picture and no point of any
+    jobs.json           jobs since the daemon started
+    log.jsonl           the last lines of the log, one JSON object each
+
+{scope}
+There are no tokens, sessions, keys, certificates, pictures or measurements in it.
+{words}
+"""
+HIDDEN_WORDS = "Labels, notes and the name of the site have been left out."
+SHOWN_WORDS = "Labels, notes and the name of the site are in it, because that was asked for."
+OF_DAEMON = "It was made by the running daemon, and has all of these."
+OF_COMPUTER = "No daemon answered when it was made: it has only the parts that say how this computer is."
+
+
+def machine_parts() -> Parts:
+    """What is known without a running daemon."""
+    return {"versions.json": versions, "grabbers.json": _grabbers, "systemd.txt": _systemd}
+
+
+def daemon_parts(service: "Service", *, words: bool = False) -> Parts:
+    """What a daemon knows of itself.
+
+    Args:
+        service: the daemon's.
+        words: with what people have written: labels, notes and the site.
+    """
+
+    def shown(document: Any) -> Any:
+        return document if words else without_words(document)
+
+    return {
+        **machine_parts(),
+        "configuration.json": lambda: shown(without_secrets(service.configuration)),
+        "state.json": lambda: shown({**service.state(), "disk": _disk(service.archive.directory)}),
+        "captures.json": lambda: shown(service.archive.documents()),
+        "jobs.json": lambda: [asdict(job) for job in service.jobs.list()],
+        "log.jsonl": lambda: "\n".join(last_lines.lines) + "\n",
+    }
+
+
+def bundle(parts: Parts, *, words: bool = False) -> bytes:
+    """All parts in a ZIP file with a README; a part that cannot be made says why in its place."""
+    file = io.BytesIO()
+    about = ABOUT.format(
+        made=iso_utc(SystemClock().utc_now()),
+        scope=OF_DAEMON if "state.json" in parts else OF_COMPUTER,
+        words=SHOWN_WORDS if words else HIDDEN_WORDS,
+    )
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("README.txt", about)
+        for name, make in parts.items():
+            archive.writestr(name, text_without_secrets(_text(make)))
+    return file.getvalue()
+
+
+def without_words(document: Any) -> Any:
+    """A JSON document without labels, notes and the site."""
+    if isinstance(document, Mapping):
+        return {key: without_words(value) for key, value in document.items() if key not in PEOPLES_WORDS}
+    if isinstance(document, list | tuple):
+        return [without_words(inner) for inner in document]
+    return document
+
+
+def versions() -> dict[str, Any]:
+    """Of everything that takes part."""
+    import cv2  # noqa: PLC0415 - seldom asked for
+
+    packages = {one.metadata["Name"]: one.version for one in distributions() if one.metadata["Name"]}
+    return {
+        "grabberd": __version__,
+        "python": sys.version,
+        "platform": platform.platform(),
+        "kernel": platform.uname()._asdict(),
+        "opencv": cv2.__version__,
+        "packages": dict(sorted(packages.items())),
+    }
+
+
+def _grabbers() -> dict[str, Any]:
+    return {"drivers": available(), "found": [asdict(found) for found in discover()]}
+
+
+def _disk(directory: Path) -> dict[str, int]:
+    return shutil.disk_usage(directory)._asdict()
+
+
+def _systemd() -> str:
+    if not SYSTEMD.is_dir():
+        return "systemd does not run here\n"
+    command = ["systemctl", "show", UNIT, f"--property={UNIT_PROPERTIES}"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)  # noqa: S603
+    return done.stdout + done.stderr
+
+
+def _text(make: Callable[[], Any]) -> str:
+    try:
+        made = make()
+    except Exception as error:  # one part that fails must not cost the others
+        return f"could not be made: {type(error).__name__}: {error}\n"
+    if isinstance(made, str):
+        return made
+    return json.dumps(made, indent=2, ensure_ascii=False, default=str) + "\n"

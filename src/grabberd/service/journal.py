@@ -1,0 +1,120 @@
+"""How the daemon logs: lines of JSON for the journal, words for a person at a terminal.
+
+A record may carry `device`, `capture` and `cause` (`log.info("…", extra={"device": name})`); where it does
+not, they are read from words such as "device cup is …".
+"""
+
+import io
+import json
+import logging
+import re
+import sys
+from collections import deque
+from datetime import UTC, datetime
+from typing import Any, TextIO
+
+LAST_LINES = 2000
+LONGEST = 8000
+"""A message is cut after so many characters: a journal is no place for documents."""
+PRIORITIES = {"CRITICAL": 2, "ERROR": 3, "WARNING": 4, "INFO": 6, "DEBUG": 7}
+"""As syslog numbers them."""
+FIELDS = ("device", "capture", "cause")
+_SECRETS = re.compile(r"(grabberd_[A-Za-z0-9_-]{20})[A-Za-z0-9_-]+|(?i:(bearer|session=)\s*[^\s;,\"']+)")
+_NAMED = re.compile(r"^(device|capture) ([^\s:]+)")
+_OWN_FORMAT = ("uvicorn", "uvicorn.error", "uvicorn.access")
+
+
+def without_secrets(text: str) -> str:
+    """A text without what looks like a token or a session."""
+    return _SECRETS.sub("(secret)", text)
+
+
+def words_of(record: logging.LogRecord) -> str:
+    """The message of a record, with its exception, on lines of its own, and without secrets."""
+    formatter = logging.Formatter("%(message)s")
+    return without_secrets(formatter.format(record))[:LONGEST]
+
+
+class JsonFormatter(logging.Formatter):
+    """One JSON object a line: time_utc, priority, level, logger, message, and what it is about."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line."""
+        return json.dumps(document_of(record), ensure_ascii=False)
+
+
+class PlainFormatter(logging.Formatter):
+    """For a terminal."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line, or lines where there is an exception."""
+        moment = datetime.fromtimestamp(record.created).astimezone()
+        return f"{moment:%H:%M:%S} {record.levelname} {record.name}: {words_of(record)}"
+
+
+def document_of(record: logging.LogRecord) -> dict[str, Any]:
+    """A record as the journal gets it."""
+    message = words_of(record)
+    moment = datetime.fromtimestamp(record.created, UTC)
+    named = _NAMED.match(message)
+    about = {named[1]: named[2]} if named else {}
+    about |= {key: getattr(record, key) for key in FIELDS if getattr(record, key, None) is not None}
+    return {
+        "time_utc": moment.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
+        "priority": PRIORITIES.get(record.levelname, 6),
+        "level": record.levelname.lower(),
+        "logger": record.name,
+        "message": message,
+        **{key: without_secrets(str(value)) for key, value in about.items()},
+    }
+
+
+class LastLines(logging.Handler):
+    """Keeps the last lines in memory, for the diagnostics."""
+
+    def __init__(self, count: int = LAST_LINES) -> None:
+        super().__init__()
+        self._lines: deque[str] = deque(maxlen=count)
+        self.setFormatter(JsonFormatter())
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keeps one."""
+        self._lines.append(self.format(record))
+
+    @property
+    def lines(self) -> list[str]:
+        """The oldest first."""
+        self.acquire()
+        try:
+            return list(self._lines)
+        finally:
+            self.release()
+
+
+last_lines = LastLines()
+"""Of this process."""
+
+
+def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> None:
+    """One format for everything that this process logs; safe twice.
+
+    Args:
+        stream: where to; standard error by default. A terminal gets words, all else JSON.
+        level: the least that is logged.
+    """
+    stream = stream or sys.stderr
+    shown = logging.StreamHandler(stream)
+    shown.setFormatter(PlainFormatter() if _is_terminal(stream) else JsonFormatter())
+    root = logging.getLogger()
+    root.handlers = [shown, last_lines]
+    root.setLevel(level)
+    for name in _OWN_FORMAT:
+        logger = logging.getLogger(name)
+        logger.handlers, logger.propagate = [], True
+
+
+def _is_terminal(stream: TextIO) -> bool:
+    try:
+        return stream.isatty()
+    except (ValueError, io.UnsupportedOperation):
+        return False
