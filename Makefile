@@ -7,9 +7,10 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/ready
+SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
 
-.PHONY: help run test check pytest test-vm test-wheel bench soak docs format lock clean
+.PHONY: help run test check pytest test-vm test-wheel test-install check-units install uninstall bundle bench soak docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -17,13 +18,14 @@ help:  ## this list
 run: $(READY)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
 	STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve
 
-test: check pytest test-wheel  ## every check and test that this machine can run
+test: check pytest test-wheel test-install  ## every check and test that this machine can run
 
 check: $(READY)  ## ruff, mypy and the arrows between the rooms
 	$(BIN)/ruff format --check src drivers tests docs
 	$(BIN)/ruff check src drivers tests docs
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	@systemd/check-units.sh
 
 pytest: $(READY)  ## the tests alone
 	$(BIN)/python -m pytest
@@ -33,6 +35,21 @@ test-vm: $(READY)  ## the V4L2 driver under a real kernel, in a virtual machine 
 
 test-wheel: $(READY)  ## build the wheel, install it into an empty environment, run one capture there
 	bash tests/wheel/install_and_capture.sh "$(PYTHON)" "$(BIN)/python"
+
+test-install: $(READY)  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
+	bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
+
+check-units:  ## whether systemd accepts the units, and how exposed it finds the daemon
+	@systemd/check-units.sh
+
+install:  ## install into /opt/grabberd as a service, or upgrade it there (DESTDIR=: into another root)
+	@DESTDIR="$(DESTDIR)" PYTHON="$(SYSTEM_PYTHON)" sh systemd/installer.sh install "$(CURDIR)" constraints.txt
+
+uninstall:  ## remove the service; captures and configuration stay
+	@DESTDIR="$(DESTDIR)" sh systemd/installer.sh uninstall
+
+bundle: $(READY)  ## pack wheels and installer for a computer without internet, into dist/
+	@bash systemd/bundle.sh $(BIN)/python dist
 
 bench: $(READY)  ## units of the work measured, into docs/measured.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md

@@ -205,7 +205,9 @@ class StorageConfig(Section):
     def _retention_makes_room(self) -> Self:
         least = self.retention.min_free_gb
         if least is not None and least <= self.reserve_gb:
-            raise ValueError(f"retention.min_free_gb {least:g} has to be more than reserve_gb {self.reserve_gb:g}")
+            raise ValueError(
+                f"retention.min_free_gb {least:g} has to be more than reserve_gb {self.reserve_gb:g}"
+            )
         return self
 
 

@@ -11,7 +11,8 @@
     │   └── StreamEnded           a recording has no further field; what came before is good
     ├── InputError                a file or value from outside is not what it should be
     │   ├── PictureError          a picture: missing, truncated, of another size
-    │   ├── CaptureFileError      a capture file: damaged, of another version, not a capture
+    │   ├── CaptureFileError      a capture file: damaged, not a capture
+    │   │   └── LaterVersion      written by a later version: nothing is wrong with it, leave it alone
     │   └── CalibrationMismatch   a calibration that belongs to another picture size, glass or rig
     ├── NotFound                  no capture, run, field or job of that name
     ├── Conflict                  it cannot be done now
@@ -101,7 +102,11 @@ class PictureError(InputError):
 
 
 class CaptureFileError(InputError):
-    """A capture file is damaged, of another version, or no capture at all."""
+    """A capture file is damaged, or no capture at all."""
+
+
+class LaterVersion(CaptureFileError):
+    """A capture file was written by a later version: nothing is wrong with it."""
 
 
 class CalibrationMismatch(InputError):

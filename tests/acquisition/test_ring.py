@@ -152,6 +152,14 @@ def test_slots_before_the_trigger_belong_to_the_reader():
     assert [taken.n for taken in drain(reader)] == [7, 8, 9, 10]
 
 
+def test_fields_before_the_trigger_are_counted_with_those_that_were_lost_among_them():
+    ring = Ring(4)
+    assert ring.reader(back=3).back_fields == 0
+    ring.put(slot(0))
+    ring.put(slot(3, lost=2))
+    assert [ring.reader(back=back).back_fields for back in (0, 1, 2, 9)] == [0, 1, 4, 4]
+
+
 def test_slots_before_the_trigger_cannot_be_overrun():
     ring = Ring(4)
     fill(ring, *range(4))
@@ -269,3 +277,26 @@ def test_every_number_is_accounted_for_whatever_the_reader_does(slots, steps, be
     for taken in drain(reader):
         note(taken)
     assert numbers == list(range(before, n))
+
+
+def test_a_ring_tells_how_far_its_slowest_reader_is_behind_and_ever_was() -> None:
+    ring = Ring(4)
+    slow, quick = ring.reader(), ring.reader()
+    for n in range(3):
+        ring.put(slot(n))
+        quick.take(0)
+    assert (ring.waiting, ring.deepest) == (3, 1)
+    slow.take(0)
+    assert (ring.waiting, ring.deepest) == (2, 3)
+    slow.close()
+    assert (ring.waiting, ring.deepest) == (0, 3)
+
+
+def test_a_reader_that_was_overtaken_has_a_whole_ring_before_it() -> None:
+    ring = Ring(4)
+    reader = ring.reader()
+    for n in range(10):
+        ring.put(slot(n))
+    assert ring.waiting == 4
+    reader.take(0)
+    assert (ring.waiting, ring.deepest) == (3, 4)

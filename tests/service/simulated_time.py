@@ -81,7 +81,9 @@ class Run:
         self.seen: list[Seen] = []
         self.ended: list[GrabberdError] = []
         self.lost: list[LedgerEntry] = []
+        self.beats_s: list[float] = []
         self._enter, self._count = self.board.enter, self.board.count
+        self.board.beat = lambda: self.beats_s.append(clock.passed_s)  # type: ignore[method-assign]
         self.board.enter = self._noted  # type: ignore[method-assign]
         self.board.count = self._counted  # type: ignore[method-assign]
         captures = Captures(lambda: True, lambda: False, interrupted, self.ended.append)

@@ -319,3 +319,30 @@ def test_whatever_happens_no_state_follows_that_may_not_and_the_device_is_closed
     assert one.states[0] is S.OPENING
     assert grabber.asked[-1] == "close"
     assert not one.ended
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        [10_000],
+        [DeviceAbsent("not there", "")] * 10_000,
+        [DeviceRefused("busy", "")] * 10_000,
+        [StreamFailed("no buffer", "")] * 10_000,
+        [5, StreamEnded("the end", "")],
+        [],
+    ],
+    ids=["streaming", "absent", "refused", "failing", "ended", "silent"],
+)
+def test_it_beats_at_least_every_second_whatever_the_device_does(script: list[Exception | int]) -> None:
+    one, _ = run(*script, end_s=100.0)
+    assert len(one.beats_s) > 90
+    assert max(np.diff([0.0, *one.beats_s])) <= 1.1
+
+
+def test_it_beats_without_a_camera() -> None:
+    clock = SimulatedClock()
+    grabber = Scripted(clock, 5)
+    grabber.reading = Signal.ABSENT
+    one = Run(grabber, clock, 60.0)
+    assert one.states[-1] is S.NO_SIGNAL
+    assert max(np.diff(one.beats_s)) <= 1.1

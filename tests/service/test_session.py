@@ -1,5 +1,6 @@
 """A capture session: what the worker gets when it is late, and what a failing disk leaves."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,8 @@ from grabberd.processes.measure import MeasuredField
 from grabberd.service.backlog import Backlog
 from grabberd.service.recorder import Recorder
 from grabberd.service.session import CaptureSession
-from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter
+from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter, export_csv, export_png, points_csv
+from storage.captures import points
 
 PATIENCE_S = 30.0
 
@@ -34,6 +36,7 @@ class Rig:
         *,
         measured: bool,
         ends_when_interrupted: bool = False,
+        shortage: Callable[[Path], StorageError | None] = lambda _: None,
     ) -> None:
         self.ring = Ring(64)
         self.clock = ManualClock()
@@ -52,6 +55,7 @@ class Rig:
             self.clock,
             measured=measured,
             ends_when_interrupted=ends_when_interrupted,
+            shortage=shortage,
             on_sealed=self.told.append,
         )
 
@@ -95,10 +99,13 @@ def test_a_worker_that_starts_late_gets_every_good_field_in_order(tmp_path: Path
 
 def wait_until_written(rig: Rig, count: int) -> None:
     """The writer has taken what there is: time passes, so that it commits."""
-    rig.clock.advance(1.0)
     backlog = rig.session._backlog
     with backlog._changed:
-        assert backlog._changed.wait_for(lambda: backlog._written >= count, PATIENCE_S)
+        for _ in range(round(PATIENCE_S / 0.05)):
+            rig.clock.advance(1.0)  # each time anew: it may have committed only a part
+            if backlog._changed.wait_for(lambda: backlog._written >= count, 0.05):
+                return
+    raise AssertionError(f"only {backlog._written} of {count} are written")
 
 
 def test_it_is_not_sealed_before_the_last_field_is_measured(tmp_path: Path) -> None:
@@ -161,6 +168,28 @@ def test_an_interruption_does_not_end_another_capture(tmp_path: Path) -> None:
         assert reader.meta.ended_because == "length reached"
         assert reader.meta.complete is False
         assert [entry.reason for entry in reader.ledger.entries] == ["unplugged"]
+
+
+def test_a_capture_is_exported_while_it_goes_on_and_loses_nothing(tmp_path: Path) -> None:
+    rig = Rig(tmp_path, None, 100, measured=True)
+    rig.session.start()
+    for n in range(60):  # before the fields, so that they are written no later
+        rig.session.add(MeasuredField(n, n * PERIOD_NS, (), points(n)))
+    rig.put(*(slot(n) for n in range(60)))
+    wait_until_written(rig, 60)
+    path = rig.session.path
+    assert path.name == "one.grab.part"
+    assert export_png(path, tmp_path / "png") == 60
+    assert export_csv(path, tmp_path / "csv") > 0
+    text = points_csv(path)
+    assert next(text).startswith("n,")
+    rig.put(*(slot(n) for n in range(60, 90)))
+    assert sum(1 for _ in text) > 0
+    rig.session.stop("stopped by the operator")
+    rig.session.measuring_ended()
+    with rig.sealed() as reader:
+        assert reader.meta.complete
+        assert reader.ledger.received == 90
 
 
 def test_other_pictures_end_every_capture(tmp_path: Path) -> None:

@@ -211,3 +211,20 @@ def test_grey_and_other_lines_have_the_maps_median() -> None:
     assert doubled.of(double_lines(field), 8) == doubled.level
     assert doubled.of(field, 1) == doubled.level
     assert looked(one, field, ring(8, "field")).by_pixel is None
+
+
+def test_another_rule_is_in_force_from_the_next_look_on() -> None:
+    one, armed = keeper(fixed=40), ring()
+    assert looked(one, picture(), armed).level == 40
+    automatic = DeviceConfig(driver="test")
+    one.use(automatic)
+    assert looked(one, picture(), armed) != Threshold(40)
+    one.use(automatic.model_copy(update={"threshold": ThresholdConfig(kind="fixed", value=50)}))
+    assert one.in_force == Threshold(50)
+
+
+def test_a_recording_is_chosen_for_by_another_rule_at_its_next_field() -> None:
+    one, armed = keeper(live=False, fixed=40), ring()
+    one.use(DeviceConfig(driver="test"))
+    one.show(picture(), armed)
+    assert one.in_force.level != 40

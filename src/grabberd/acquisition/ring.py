@@ -1,6 +1,7 @@
 """The ring of packed fields between the capture thread and whoever reads them (paper 3.4: 32 of them)."""
 
 import threading
+import weakref
 from collections import deque
 from enum import StrEnum
 from typing import NamedTuple, Self
@@ -47,12 +48,18 @@ class Ring:
 
     `put` never waits for a reader: the lock is held by either side for a few assignments only. Slots are
     handed on by reference; nobody changes a slot's arrays after it was put.
+
+    Attributes:
+        slots: how many it keeps.
+        deepest: the most of them that were ever waiting for a reader.
     """
 
     def __init__(self, slots: int = 32) -> None:
         if slots < 1:
             raise ValueError(f"a ring needs at least one slot, not {slots}")
         self.slots = slots
+        self.deepest = 0
+        self._readers: weakref.WeakSet[RingReader] = weakref.WeakSet()
         self._kept: deque[Slot] = deque(maxlen=slots)
         self._head = 0
         self._first_n: int | None = None
@@ -80,6 +87,12 @@ class Ring:
         with self._changed:
             return self._kept[-1] if self._kept else None
 
+    @property
+    def waiting(self) -> int:
+        """How many slots wait for the reader that is furthest behind."""
+        with self._changed:
+            return max((reader._fill for reader in self._readers if not reader._closed), default=0)
+
     def reader(self, policy: Policy | str = Policy.COUNT, back: int = 0) -> "RingReader":
         """A reader whose first slot is the next one to come, or the oldest of the `back` newest ones.
 
@@ -88,7 +101,9 @@ class Ring:
         with self._changed:
             before = list(self._kept)[-back:] if back > 0 else []
             next_n = self._kept[-1].n + 1 if self._kept else None
-            return RingReader(self, Policy(policy), before, self._head, next_n)
+            reader = RingReader(self, Policy(policy), before, self._head, next_n)
+            self._readers.add(reader)
+            return reader
 
 
 class RingReader:
@@ -99,6 +114,7 @@ class RingReader:
             `lost_before`, `stop` raises `RingOverrun`, at once and ever after.
         missed: how many slots were overwritten before they could be taken.
         deepest: the most slots of the ring that were ever waiting for this reader.
+        back_fields: how many fields lie between its first slot and the moment it was made, lost ones too.
     """
 
     def __init__(self, ring: Ring, policy: Policy, before: list[Slot], head: int, next_n: int | None) -> None:
@@ -110,6 +126,7 @@ class RingReader:
         self._before = deque(
             slot._replace(lost_before=()) if i == 0 else slot for i, slot in enumerate(before)
         )
+        self.back_fields = next_n - before[0].n if before and next_n is not None else 0
         self._next = head
         self._next_n = next_n
         self._closed = False
@@ -161,6 +178,11 @@ class RingReader:
     def _waiting(self) -> int:
         return len(self._before) + self._ring._head - self._next
 
+    @property
+    def _fill(self) -> int:
+        """How many of the ring's own slots it has not taken yet."""
+        return min(self._ring._head - self._next, self._ring.slots)
+
     def _ready(self) -> bool:
         return self._closed or self._ring._closed or self._waiting > 0
 
@@ -169,7 +191,8 @@ class RingReader:
             return self._before.popleft(), None
         ring = self._ring
         fill = ring._head - self._next
-        self.deepest = max(self.deepest, min(fill, ring.slots))
+        self.deepest = max(self.deepest, self._fill)
+        ring.deepest = max(ring.deepest, self._fill)
         missed = self._skip(fill - ring.slots) if fill > ring.slots else None
         slot = ring._kept[self._next - ring._head]
         self._next += 1

@@ -2,19 +2,38 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from weakref import WeakValueDictionary
 
 from fastapi import APIRouter, Depends, FastAPI
 from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
-from grabberd.api import calibrations, captures, jobs, problems, sessions, system
+from grabberd.api import (
+    calibrations,
+    capture_contents,
+    captures,
+    checks,
+    devices,
+    diagnostics,
+    docs,
+    events,
+    jobs,
+    metrics,
+    preview,
+    problems,
+    sessions,
+    settings,
+    system,
+)
 from grabberd.api.auth import Authenticator
 from grabberd.api.auth_attempts import Attempts
 from grabberd.api.auth_description import describe_access
 from grabberd.api.front import Front
 from grabberd.api.gate import Gate
+from grabberd.api.head import HeadAsGet
 from grabberd.api.limits import Streams
+from grabberd.api.live import Live
 from grabberd.api.refusals import Refusal, answer_refusal
 from grabberd.api.roles import check_declared
 from grabberd.service.service import Service
@@ -41,16 +60,32 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     )
     app.state.service = service
     app.state.front = front
-    app.state.streams = Streams(front.limits)
+    app.state.once = WeakValueDictionary()
+    app.state.streams = streams = Streams(front.limits)
+    app.state.metrics = metrics.registry_of(service, lambda: streams.count)
+    app.state.live = Live(service)
     problems.install(app)
     app.add_exception_handler(Refusal, answer_refusal)
     authenticator = Authenticator(service.access, front.private, Attempts())
+    app.add_middleware(HeadAsGet)
     app.add_middleware(Gate, front=front, authenticator=authenticator)
     v1 = APIRouter(prefix="/api/v1")
-    for part in (captures, calibrations, jobs, sessions):
+    for part in (
+        captures,
+        capture_contents,
+        calibrations,
+        checks,
+        diagnostics,
+        jobs,
+        sessions,
+        events,
+        preview,
+        settings,
+    ):
         v1.include_router(part.router)
     app.include_router(v1)
-    app.include_router(system.router)
+    for part in (devices, system, metrics, docs):
+        app.include_router(part.router)
     describe_access(app)
     return app
 

@@ -1,10 +1,11 @@
 """Calibrations: make from a capture, store, list, look, activate. A stored one is never changed."""
 
-import hashlib
-from typing import Annotated
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Header, Path, Request, Response, status
+from fastapi import APIRouter, Path, Request, Response, status
 
+from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
+from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.models import (
     CalibrationChoice,
     CalibrationList,
@@ -13,10 +14,11 @@ from grabberd.api.models import (
     JobDocument,
 )
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
+from grabberd.api.paging import Cursor, Limit, page_of
 from grabberd.api.problems import Problem
 from grabberd.service.service import Service
 
-router = APIRouter(prefix="/calibrations", tags=["calibrations"], responses=PROBLEMS)
+router = APIRouter(prefix="/calibrations", tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
 
 CalibrationId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$")]
 
@@ -29,6 +31,7 @@ PAGE_HEADERS = {"Content-Security-Policy": "default-src 'none'; style-src 'unsaf
     status_code=status.HTTP_202_ACCEPTED,
     response_model=JobDocument | CalibrationRow,
     responses={201: {"model": CalibrationRow}, 202: {"model": JobDocument}},
+    dependencies=[TAKES_KEY],
 )
 def make_calibration(
     order: CalibrationOrder, service: ServiceOf, request: Request, response: Response
@@ -45,9 +48,10 @@ def make_calibration(
 
 
 @router.get("", response_model=CalibrationList)
-def list_calibrations(service: ServiceOf) -> object:
-    """All calibrations, the newest first, those of the configuration among them."""
-    return {"calibrations": service.active.rows()}
+def list_calibrations(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> object:
+    """The calibrations, the newest first, those of the configuration among them, page by page."""
+    page, following = page_of(service.active.rows(), _place, limit, cursor)
+    return {"calibrations": page, "next": following}
 
 
 @router.put("/active", response_model=CalibrationRow)
@@ -62,19 +66,15 @@ def activate_calibration(choice: CalibrationChoice, service: ServiceOf) -> objec
 @router.get(
     "/{calibration_id}",
     response_class=Response,
-    responses={200: {"content": {"application/json": {}}}, 304: {"description": "It is the one you have."}},
+    responses={200: {"content": {"application/json": {}}}, **NOT_MODIFIED},
 )
 def get_calibration(
     calibration_id: CalibrationId,
     service: ServiceOf,
-    if_none_match: Annotated[str | None, Header()] = None,
+    if_none_match: IfNoneMatch = None,
 ) -> Response:
     """The whole calibration as it was stored: one JSON document."""
-    content = service.calibrations.content(calibration_id)
-    headers = {"ETag": f'"{hashlib.sha256(content).hexdigest()}"'}
-    if headers["ETag"] in (if_none_match or ""):
-        return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=headers)
-    return Response(content, media_type="application/json", headers=headers)
+    return tagged(service.calibrations.content(calibration_id), "application/json", if_none_match)
 
 
 @router.get(
@@ -96,6 +96,10 @@ def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) ->
 def get_calibration_report_json(calibration_id: CalibrationId, service: ServiceOf) -> Response:
     """The report's numbers."""
     return Response(service.calibrations.report(calibration_id), media_type="application/json")
+
+
+def _place(row: dict[str, Any]) -> tuple[str, str]:
+    return row["created_utc"] or "", row["id"]
 
 
 def _store(

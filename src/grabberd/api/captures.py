@@ -1,52 +1,125 @@
-"""Captures: start, stop, list, look, take home."""
+"""Captures: start, arm, trigger, stop, list, look, keep, measure again."""
 
-from collections.abc import Iterator
+from datetime import UTC, datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response, status
-from fastapi.responses import FileResponse, StreamingResponse
 
-from grabberd.api.models import CaptureDocument, CaptureList, CaptureOrder, JobDocument
+from grabberd.api.capture_models import CaptureDocument, CaptureList, CaptureOrder, CapturePatch
+from grabberd.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.api.models import JobDocument
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
+from grabberd.api.paging import Cursor, Limit, cursor_of, place_of
+from grabberd.service.capture_list import CaptureQuery, Place
+from grabberd.service.capture_list import list_captures as page_of_captures
+from grabberd.service.clock import iso_utc
 from grabberd.service.recorder import CaptureRequest
-from grabberd.storage import field_png, points_csv
 
-router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS)
+router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
 CaptureId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$")]
-RunNumber = Annotated[
-    int | None, Query(ge=1, description="Which run's points; default: the latest that is done.")
-]
 
 
-@router.post("", status_code=status.HTTP_202_ACCEPTED, response_model=CaptureDocument)
+@router.post(
+    "",
+    status_code=status.HTTP_202_ACCEPTED,
+    response_model=CaptureDocument,
+    dependencies=[TAKES_KEY],
+    summary="Start or arm a capture",
+)
 def start_capture(order: CaptureOrder, service: ServiceOf, request: Request, response: Response) -> object:
-    """Start a capture; 409 with the running one's id while one is running."""
-    capture_id = service.start_capture(order.device, _request_of(order, service.rate_hz(order.device)))
+    """Start a capture, or arm one that waits for its trigger; 409 with the other one's id while one is
+    running or armed.
+    """
+    wanted = _request_of(order, service.rate_hz(order.device))
+    begin = service.arm_capture if order.armed else service.start_capture
+    capture_id = begin(order.device, wanted)
     response.headers["Location"] = str(request.url_for("get_capture", capture_id=capture_id))
     return service.archive.document(capture_id)
 
 
-@router.get("", response_model=CaptureList)
-def list_captures(service: ServiceOf) -> object:
-    """All captures, the newest first."""
-    return {"captures": service.archive.documents()}
+@router.get("", response_model=CaptureList, summary="List captures")
+def list_captures(
+    service: ServiceOf,
+    limit: Limit = 100,
+    cursor: Cursor = None,
+    device: Annotated[str | None, Query(max_length=200, description="Only this device's.")] = None,
+    since: Annotated[datetime | None, Query(description="Only those that began then or later.")] = None,
+    search: Annotated[
+        str | None, Query(max_length=200, description="Only those with this text in id, note or labels.")
+    ] = None,
+    pinned: Annotated[bool | None, Query(description="Only pinned ones, or only others.")] = None,
+) -> object:
+    """Captures, the newest first, page by page: one that comes or goes meanwhile shifts no page."""
+    after = None if cursor is None else Place(*place_of(cursor))
+    query = CaptureQuery(limit, after, device, _utc(since), search, pinned)
+    documents, last = page_of_captures(service.archive, query)
+    return {"captures": documents, "next": None if last is None else cursor_of(*last)}
 
 
-@router.get("/{capture_id}", response_model=CaptureDocument)
+@router.get("/{capture_id}", response_model=CaptureDocument, summary="Look at a capture")
 def get_capture(capture_id: CaptureId, service: ServiceOf) -> object:
     """One capture with its ledger."""
     return service.archive.document(capture_id)
 
 
-@router.post("/{capture_id}/stop", status_code=status.HTTP_202_ACCEPTED, response_model=CaptureDocument)
-def stop_capture(capture_id: CaptureId, service: ServiceOf) -> object:
-    """Stop the running capture; its file is sealed at once."""
-    service.stop_capture(capture_id)
+@router.patch(
+    "/{capture_id}", response_model=CaptureDocument, summary="Pin a capture, or say something of it"
+)
+def patch_capture(capture_id: CaptureId, patch: CapturePatch, service: ServiceOf) -> object:
+    """Change note, labels or pin. They are kept beside the file, which stays as it was recorded."""
+    service.keeping.annotate(capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels)
     return service.archive.document(capture_id)
 
 
-@router.post("/{capture_id}/measure", status_code=status.HTTP_202_ACCEPTED, response_model=JobDocument)
+@router.delete(
+    "/{capture_id}",
+    status_code=status.HTTP_204_NO_CONTENT,
+    response_class=Response,
+    summary="Delete a capture",
+)
+def delete_capture(capture_id: CaptureId, service: ServiceOf) -> None:
+    """Delete a capture and its file, for good; 409 while it is armed, running, pinned or worked on."""
+    service.keeping.delete(capture_id)
+
+
+@router.post(
+    "/{capture_id}/trigger",
+    status_code=status.HTTP_202_ACCEPTED,
+    response_model=CaptureDocument,
+    dependencies=[TAKES_KEY],
+    summary="Trigger an armed capture",
+)
+def trigger_capture(capture_id: CaptureId, service: ServiceOf) -> object:
+    """Have an armed capture record, with the fields before this moment that it wants; 409 if it is not
+    armed.
+    """
+    service.trigger_capture(capture_id)
+    return service.archive.document(capture_id)
+
+
+@router.post(
+    "/{capture_id}/stop",
+    status_code=status.HTTP_202_ACCEPTED,
+    response_model=CaptureDocument,
+    summary="Stop a capture",
+)
+def stop_capture(capture_id: CaptureId, service: ServiceOf) -> object:
+    """Stop the running capture, whose file is sealed at once; of an armed one nothing is left."""
+    before = service.archive.document(capture_id)
+    service.stop_capture(capture_id)
+    if before["state"] == "armed":
+        return {**before, "state": "disarmed", "ended_because": "stopped before it was triggered"}
+    return service.archive.document(capture_id)
+
+
+@router.post(
+    "/{capture_id}/measure",
+    status_code=status.HTTP_202_ACCEPTED,
+    response_model=JobDocument,
+    dependencies=[TAKES_KEY],
+    summary="Measure a capture again",
+)
 def measure_capture(
     capture_id: CaptureId, service: ServiceOf, request: Request, response: Response
 ) -> object:
@@ -56,33 +129,15 @@ def measure_capture(
     return job_document(job)
 
 
-@router.get("/{capture_id}/file", response_class=FileResponse)
-def get_capture_file(capture_id: CaptureId, service: ServiceOf) -> FileResponse:
-    """The whole sealed capture: one SQLite file."""
-    path = service.archive.sealed_path(capture_id)
-    return FileResponse(path, media_type="application/vnd.sqlite3", filename=path.name)
-
-
-@router.get("/{capture_id}/points.csv", response_class=StreamingResponse)
-def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> StreamingResponse:
-    """The points as CSV, a row for each target and field, with their standard deviations."""
-    text: Iterator[str] = points_csv(service.archive.path(capture_id), run)
-    name = f'attachment; filename="{capture_id}-points.csv"'
-    return StreamingResponse(text, media_type="text/csv", headers={"Content-Disposition": name})
-
-
-@router.get(
-    "/{capture_id}/fields/{n}.png", response_class=Response, responses={200: {"content": {"image/png": {}}}}
-)
-def get_field_png(
-    capture_id: CaptureId, n: Annotated[int, Path(ge=0, le=2**53)], service: ServiceOf
-) -> Response:
-    """One field as a picture, as it was recorded."""
-    return Response(field_png(service.archive.path(capture_id), n), media_type="image/png")
+def _utc(since: datetime | None) -> str | None:
+    """A time without a zone is UTC."""
+    if since is None:
+        return None
+    return iso_utc(since.astimezone(UTC) if since.tzinfo else since.replace(tzinfo=UTC))
 
 
 def _request_of(order: CaptureOrder, rate_hz: float) -> CaptureRequest:
-    fields = order.fields
+    fields = order.post_trigger_fields if order.armed else order.fields
     if order.duration_s is not None:
         fields = max(1, round(order.duration_s * rate_hz))
     return CaptureRequest(

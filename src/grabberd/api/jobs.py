@@ -6,6 +6,8 @@ from fastapi import APIRouter, Path
 
 from grabberd.api.models import JobDocument, JobList
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
+from grabberd.api.paging import Cursor, Limit, page_of
+from grabberd.service.jobs import Job
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS)
 
@@ -13,9 +15,10 @@ JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$")]
 
 
 @router.get("", response_model=JobList)
-def list_jobs(service: ServiceOf) -> object:
-    """All jobs since the daemon started, the newest first."""
-    return {"jobs": [job_document(job) for job in service.jobs.list()]}
+def list_jobs(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> object:
+    """The jobs since the daemon started, the newest first, page by page."""
+    page, following = page_of(service.jobs.list(), _place, limit, cursor)
+    return {"jobs": [job_document(job) for job in page], "next": following}
 
 
 @router.get("/{job_id}", response_model=JobDocument)
@@ -28,3 +31,8 @@ def get_job(job_id: JobId, service: ServiceOf) -> object:
 def cancel_job(job_id: JobId, service: ServiceOf) -> object:
     """Cancel a job that waits or runs; one that has ended stays as it is."""
     return job_document(service.jobs.cancel(job_id))
+
+
+def _place(job: Job) -> tuple[str, str]:
+    """By number: two may be made in the same millisecond."""
+    return job.id.removeprefix("job-").zfill(12), job.id

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from grabberd.acquisition import Outcome
-from grabberd.config import BitDepth, Lines, OnInterruption
+from grabberd.reconstruction.moved import RigVerdict
 from grabberd.service.jobs import JobState
 from grabberd.service.recovery import Rung
 from grabberd.service.states import DeviceState
@@ -19,95 +19,7 @@ class Document(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
-class CaptureOrder(Document):
-    """A capture as it is asked for: so many fields, so many seconds, or until it is stopped."""
-
-    device: str | None = Field(None, description="Name of the device; not needed where there is one.")
-    fields: int | None = Field(
-        None, ge=1, le=10_000_000, description="Length in fields of 20 ms, lost ones included."
-    )
-    duration_s: float | None = Field(None, gt=0, le=200_000, description="Length in seconds.")
-    bits: BitDepth | None = Field(None, description="Bits a pixel; default: as configured.")
-    lines: Lines | None = Field(
-        None, description="'doubled' (default at 1 bit) or 'field' (default for grey)."
-    )
-    pre_trigger_fields: int = Field(
-        0, ge=0, le=4096, description="Fields before the request that belong to it."
-    )
-    overrun: Literal["count", "stop"] = Field(
-        "count",
-        description="Fields that the ring loses because the computer is too busy: count them, or stop there.",
-    )
-    on_interruption: OnInterruption | None = Field(
-        None,
-        description="When the device fails to deliver: 'continue' with the gap in the ledger, or 'end'; "
-        "default: as configured.",
-    )
-    note: Annotated[str, StringConstraints(max_length=2000)] = ""
-    labels: dict[Label, Label] = Field(default_factory=dict, max_length=32, description="Cow, teat, liner, …")
-
-    @model_validator(mode="after")
-    def _one_length(self) -> Self:
-        if self.fields is not None and self.duration_s is not None:
-            raise ValueError("give fields or duration_s, not both")
-        if self.fields is not None and self.pre_trigger_fields >= self.fields:
-            raise ValueError("pre_trigger_fields are among the fields, so there have to be fewer of them")
-        return self
-
-
-class LedgerEntryDocument(Document):
-    """Consecutive fields that did not come whole."""
-
-    first_n: int
-    count: int
-    outcome: Outcome
-    reason: str
-
-
-class LedgerDocument(Document):
-    """What became of every field that should have come."""
-
-    complete: bool
-    in_words: str
-    counts: dict[Outcome, int]
-    entries: list[LedgerEntryDocument]
-
-
-class RunDocument(Document):
-    """Points of a capture and what they were made with."""
-
-    run: int
-    kind: str
-    created_utc: str
-    version: str
-    state: str
-
-
-class CaptureDocument(Document):
-    """A capture."""
-
-    id: str
-    device: str
-    state: Literal["recording", "sealing", "sealed", "unsealed", "damaged"] = Field(
-        description="'unsealed': the disk was too full to close it; it is sealed at the next start."
-    )
-    verdict: Literal["complete", "incomplete"] | None = Field(description="None while it is recording.")
-    ended_because: str | None
-    created_utc: str
-    bits: int
-    lines: str
-    fields: int = Field(description="Fields that are in it.")
-    ledger: LedgerDocument
-    runs: list[RunDocument]
-    labels: dict[str, str]
-    note: str
-    size_bytes: int
-
-
-class CaptureList(Document):
-    """The captures, newest first."""
-
-    captures: list[CaptureDocument]
+Next = Field(None, description="`cursor` of the next page; None after the last.")
 
 
 class JobDocument(Document):
@@ -124,9 +36,10 @@ class JobDocument(Document):
 
 
 class JobList(Document):
-    """The jobs since the daemon started, newest first."""
+    """A page of the jobs since the daemon started, newest first."""
 
     jobs: list[JobDocument]
+    next: str | None = Next
 
 
 Parameter = Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z_.]{1,40}$")]
@@ -208,9 +121,10 @@ class CalibrationRow(Document):
 
 
 class CalibrationList(Document):
-    """The calibrations, newest first, damaged ones last."""
+    """A page of the calibrations, newest first, damaged ones last."""
 
     calibrations: list[CalibrationRow]
+    next: str | None = Next
 
 
 class ActiveCalibration(Document):
@@ -241,6 +155,23 @@ class LiveDocument(Document):
     latency_ms: dict[str, float] | None
 
 
+class RigDocument(Document):
+    """Whether camera and mirrors still are as they were calibrated, from the last seconds' pictures."""
+
+    verdict: RigVerdict
+    shift_px: float | None = Field(
+        description="By how much the views have moved against each other, across the epipolar lines; what "
+        "moves images along them or both alike only a check with the calibration frame can tell."
+    )
+    sigma_px: float | None = Field(description="What that is expected to be on a rig that has not moved.")
+    ratio: float | None = Field(description="Root mean square in units of σ; 1 on a rig that has not moved.")
+    residual_px: dict[str, dict[str, float | None]] = Field(
+        description="Root mean square of the images' residuals, by view and axis."
+    )
+    targets: int
+    fields: int
+
+
 class DeviceDocument(Document):
     """A device at this moment."""
 
@@ -263,7 +194,20 @@ class DeviceDocument(Document):
     calibration: ActiveCalibration | None
     warnings: list[str] = Field(description="What a person has to know of it, in sentences.")
     capture_id: str | None
+    rig: RigDocument | None = Field(description="None before the first second of measuring.")
     live: LiveDocument | None
+
+
+class StorageDocument(Document):
+    """The disk with the captures."""
+
+    free_bytes: int | None
+    minutes_left: float | None = Field(
+        description="So long all devices together can still capture, as their rings are now."
+    )
+    problem: str | None = Field(description="Why the disk cannot be asked.")
+    removed: int = Field(description="Captures that retention has removed since the daemon started.")
+    removed_bytes: int
 
 
 class StateDocument(Document):
@@ -271,7 +215,7 @@ class StateDocument(Document):
 
     version: str
     devices: dict[str, DeviceDocument]
-    storage: dict[str, Any]
+    storage: StorageDocument
 
 
 class HealthDocument(Document):

@@ -16,6 +16,7 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /healthz": None,
     "GET /readyz": Role.VIEWER,
     "GET /metrics": Role.VIEWER,
+    "GET /docs": Role.VIEWER,
     "GET /api/v1/openapi.json": Role.VIEWER,
     "GET /api/v1/session": Role.VIEWER,
     "POST /api/v1/session": Role.VIEWER,
@@ -26,6 +27,7 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/preview.png": Role.VIEWER,
     "GET /api/v1/devices": Role.VIEWER,
     "GET /api/v1/devices/{name}": Role.VIEWER,
+    "POST /api/v1/devices/{name}/check": Role.OPERATOR,
     "GET /api/v1/captures": Role.VIEWER,
     "POST /api/v1/captures": Role.OPERATOR,
     "GET /api/v1/captures/{capture_id}": Role.VIEWER,
@@ -52,6 +54,7 @@ LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /api/v1/settings": Role.VIEWER,
     "PUT /api/v1/settings": Role.OPERATOR,
     "GET /api/v1/config": Role.ADMIN,
+    "GET /api/v1/diagnostics": Role.ADMIN,
 }
 
 

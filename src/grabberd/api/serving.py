@@ -1,5 +1,6 @@
-"""The server: an application on sockets, with or without a certificate, within its limits."""
+"""The server: an application on sockets, with or without a certificate, in its limits; systemd is told."""
 
+import asyncio
 import contextlib
 import logging
 import socket
@@ -11,9 +12,11 @@ from fastapi import FastAPI
 
 from grabberd.api.connections import connection_class
 from grabberd.api.front import Front
+from grabberd.api.live import Live
 from grabberd.api.sockets import describe
 from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
+from grabberd.service.heartbeat import Heartbeat
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +42,44 @@ def tls_context(tls: TlsConfig, file: Path) -> ssl.SSLContext:
     return context
 
 
-def server_of(app: FastAPI, front: Front, context: ssl.SSLContext | None = None) -> uvicorn.Server:
+class BeatingServer(uvicorn.Server):
+    """Says when it serves, beats while its loop runs, and says when it begins to end."""
+
+    def __init__(self, config: uvicorn.Config, heartbeat: Heartbeat | None) -> None:
+        super().__init__(config)
+        self._heartbeat = heartbeat
+
+    async def main_loop(self) -> None:
+        """Serves until it is told to end."""
+        if self._heartbeat is None:
+            await super().main_loop()
+            return
+        self._heartbeat.notifier.ready()
+        beating = asyncio.create_task(_beat(self._heartbeat))
+        try:
+            await super().main_loop()
+        finally:
+            beating.cancel()
+            self._heartbeat.notifier.stopping()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Ends the live streams first: the server waits for answers to end."""
+        live: Live | None = getattr(getattr(self.config.app, "state", None), "live", None)
+        if live is not None:
+            live.close()
+        await super().shutdown(sockets)
+
+
+async def _beat(heartbeat: Heartbeat) -> None:
+    """By the loop's own clock: uvicorn's callback_notify goes by the time of day, which may be set back."""
+    while True:
+        heartbeat.beat(asyncio.get_running_loop().time())
+        await asyncio.sleep(heartbeat.every_s)
+
+
+def server_of(
+    app: FastAPI, front: Front, context: ssl.SSLContext | None = None, heartbeat: Heartbeat | None = None
+) -> uvicorn.Server:
     """The server of an application; what a proxy says of its clients is not believed."""
     config = uvicorn.Config(
         app,
@@ -47,12 +87,14 @@ def server_of(app: FastAPI, front: Front, context: ssl.SSLContext | None = None)
         ssl_context_factory=None if context is None else lambda *_: context,
         h11_max_incomplete_event_size=HEAD_BYTES,
         ws_max_size=WEBSOCKET_BYTES,
+        ws_per_message_deflate=False,  # what is sent is deflated already, once for all clients
         proxy_headers=False,
         server_header=False,
         access_log=False,
+        log_config=None,  # the daemon's own format
         timeout_graceful_shutdown=SHUTDOWN_S,
     )
-    return uvicorn.Server(config)
+    return BeatingServer(config, heartbeat)
 
 
 def run(server: uvicorn.Server, sockets: list[socket.socket]) -> bool:

@@ -3,8 +3,8 @@
 from fastapi import APIRouter
 
 from grabberd import __version__
-from grabberd.api.models import DeviceDocument, HealthDocument, StateDocument
-from grabberd.api.of_service import PROBLEMS, ServiceOf
+from grabberd.api.models import HealthDocument, StateDocument
+from grabberd.api.of_service import ServiceOf
 
 router = APIRouter(tags=["system"])
 
@@ -13,12 +13,6 @@ router = APIRouter(tags=["system"])
 def get_state(service: ServiceOf) -> object:
     """Everything that a glance needs: devices, ring, newest points, storage."""
     return service.state()
-
-
-@router.get("/api/v1/devices/{name}", response_model=DeviceDocument, responses=PROBLEMS)
-def get_device(name: str, service: ServiceOf) -> object:
-    """One device."""
-    return service.device_document(service.instrument(name))
 
 
 @router.get("/healthz", response_model=HealthDocument)

@@ -14,6 +14,9 @@ from grabberd.reconstruction.lengths import LengthErrors
 from grabberd.reconstruction.pointing import PAPER_PX, PointingPrecision
 from grabberd.reconstruction.rigid import RigidMotion
 
+MUCH_CHI2 = 4.0
+"""Above it the σ given are less than half of the errors."""
+
 
 def show(results: Sequence[Investigation], console: Console) -> None:
     """Prints Table 1, lengths and pointing of every investigation."""
@@ -52,6 +55,7 @@ def _words(result: Investigation) -> list[str]:
         f"{head}: χ² {result.single.chi2:.2f} field by field, {result.smoothed.chi2:.2f} smoothed (1: the "
         f"σ given are true); {_movement(motion.acceleration_mm_s2)}; {left_out} points left out",
     ]
+    words += [f"{head}: remark: {remark}" for remark in _remarks(result.single)]
     if table.fitted:
         words.append(f"{head}: fitted: {_fit_words(table.fitted)}")
     for name, compared in (("field by field", result.single), ("smoothed", result.smoothed)):
@@ -59,6 +63,16 @@ def _words(result: Investigation) -> list[str]:
     if result.pointing:
         words.append(f"{head}: {_pointing_words(result.pointing)}")
     return words
+
+
+def _remarks(compared: Compared) -> list[str]:
+    """What a person should know of the calibration."""
+    if compared.chi2 <= MUCH_CHI2:
+        return []
+    return [
+        f"the errors are {compared.chi2**0.5:.1f} times what the σ given say: camera or mirrors may have "
+        "moved since the calibration, or truth and object may stand elsewhere; look with grabberd check"
+    ]
 
 
 def _pointing_words(pointing: PointingPrecision) -> str:
@@ -123,6 +137,7 @@ def _compared(compared: Compared) -> dict[str, Any]:
         "calibration_sigma": compared.calibration_sigma._asdict(),
         "chi2": compared.chi2,
         "chi2_axes": list(compared.chi2_axes),
+        "remarks": _remarks(compared),
         "fitted": table.fitted and _fit(table.fitted),
         "lengths": compared.lengths and _lengths(compared.lengths),
         "no_lengths": compared.no_lengths,

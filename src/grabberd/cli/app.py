@@ -7,15 +7,19 @@ import typer
 from grabberd import __version__
 from grabberd.cli import (
     accuracy,
+    backup,
     calibrate,
     capture,
+    check,
     check_config,
     devices,
+    diagnostics,
     export,
     measure,
     plan,
     serve,
     status,
+    storage,
     token,
 )
 
@@ -51,10 +55,14 @@ for command in (
     calibrate,
     measure,
     accuracy,
+    check,
     plan,
     export,
     devices,
+    diagnostics,
     token,
+    storage,
+    backup,
     check_config,
 ):
     command.register(app)

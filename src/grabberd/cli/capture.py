@@ -3,7 +3,6 @@
 import contextlib
 import signal
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -96,7 +95,7 @@ def _order(
     """The capture as the API takes it, with what is wrong said in the command line's words."""
     from pydantic import ValidationError  # noqa: PLC0415
 
-    from grabberd.api.models import CaptureOrder  # noqa: PLC0415
+    from grabberd.api.capture_models import CaptureOrder  # noqa: PLC0415
 
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
@@ -127,7 +126,12 @@ def _capture_here(
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
     from grabberd.service.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
+    from grabberd.storage.leftovers import leftovers, recording_folder  # noqa: PLC0415
 
+    warn(
+        f"{part} was left by a capture that was cut off; 'grabberd storage seal {part}' saves it"
+        for part in leftovers(out.parent)
+    )
     sys.setswitchinterval(0.001)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends a capture as Ctrl-C does
     chosen = with_device(config, file, device)
@@ -138,9 +142,9 @@ def _capture_here(
         _wait_until_it_accepts(instrument)
         warn(instrument.board.now.warnings)
         rate_hz = instrument.rate_hz
-        with tempfile.TemporaryDirectory(dir=out.parent, prefix=".grabberd-") as folder:
+        with recording_folder(out.parent) as folder:
             session = instrument.start_capture(
-                out.stem, _request(order, rate_hz), Path(folder) / f"{out.name}.part"
+                out.stem, _request(order, rate_hz), folder / f"{out.name}.part"
             )
             _follow(session, order, rate_hz)
             _keep(session, out)
@@ -153,6 +157,7 @@ def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
     from grabberd.service.recorder import CaptureRequest  # noqa: PLC0415
 
     values = dict(order)
+    values.pop("armed", None)  # here it begins at once
     duration_s = values.pop("duration_s", None)
     if duration_s is not None:
         values["fields"] = max(1, round(duration_s * rate_hz))

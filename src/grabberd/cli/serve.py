@@ -1,6 +1,5 @@
 """`grabberd serve`: the daemon."""
 
-import logging
 import os
 import sys
 from pathlib import Path
@@ -36,11 +35,15 @@ def serve(
     """
     from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
     from grabberd.api.front import Front  # noqa: PLC0415
+    from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
+    from grabberd.service.journal import set_up_logging  # noqa: PLC0415
+    from grabberd.service.notify import Notifier  # noqa: PLC0415
     from grabberd.service.service import Service  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
+    notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
+    set_up_logging()
     settings = load(config)
     file: Path = config or default_config_file()
     http = settings.http
@@ -53,5 +56,7 @@ def serve(
     sockets.check_private(listening, service.access.has_tokens, file)
     service.start()  # before the server, so that what keeps it from starting is said plainly
     front = Front.from_config(http, all(map(sockets.is_private, listening)))
-    if not serving.run(serving.server_of(create_app(service, front), front, context), listening):
+    heartbeat = Heartbeat(notifier, [one.board for one in service.instruments.values()])
+    server = serving.server_of(create_app(service, front), front, context, heartbeat)
+    if not serving.run(server, listening):
         raise typer.Exit(1)

@@ -38,6 +38,15 @@ def status(
     for name, device in state["devices"].items():
         for words in _remarks(device):
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
+    console.print(disk_words(state["storage"]), highlight=False, soft_wrap=True)
+
+
+def disk_words(storage: dict[str, Any]) -> str:
+    """Room on the disk in a line."""
+    if storage["problem"]:
+        return f"disk: {storage['problem']}"
+    free_gb = storage["free_bytes"] / 1e9
+    return f"disk: {free_gb:.1f} GB free, {storage['minutes_left']:.0f} minutes of capturing left"
 
 
 def _remarks(device: dict[str, Any]) -> Iterator[str]:

@@ -106,7 +106,7 @@ class ActiveCalibrations:
         return {
             "id": document["id"],
             "created_utc": document["created_utc"],
-            "age_days": age_days(document["created_utc"], self._clock.utc_now()),
+            "age_days": round(age_days(document["created_utc"], self._clock.utc_now()), 3),  # a minute or so
             "activated_utc": chosen.activated_utc if chosen else None,
         }
 

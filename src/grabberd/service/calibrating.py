@@ -65,7 +65,7 @@ def calibrate_file(
     """
     frame_model = ObjectModel.from_document({key: frame[key] for key in frame if key not in FRAME_KEYS})
     with CaptureReader(path) as reader:
-        rig = rig or _rig_of(reader)
+        rig = rig or rig_of(reader)
         settings = settings_of(options, reader.meta.config)
         fields = _counted(reader.received(), reader.field_count, progress)
         result = calibrate(fields, nominal_rig(rig), frame_model, settings, by_hand)
@@ -145,7 +145,12 @@ def _check_choice(given: Mapping[str, Any], key: str, known: Sequence[str]) -> N
         raise InputError(f"{key} {given[key]!r} is none of {', '.join(known)}", "choose one of them")
 
 
-def _rig_of(reader: CaptureReader) -> RigConfig:
+def rig_of(reader: CaptureReader) -> RigConfig:
+    """The nominal rig of a capture's own configuration.
+
+    Raises:
+        InputError: it has none.
+    """
     try:
         return RigConfig.model_validate(reader.meta.config.get("rig", {}))
     except ValidationError as error:

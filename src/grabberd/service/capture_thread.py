@@ -1,6 +1,7 @@
 """The only thread that touches a device: opens it, takes its fields, and helps it when none come."""
 
 import logging
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ DEQUEUE_TIMEOUT_S = 0.05
 STALLED_AFTER_S = 0.8
 SIGNAL_EVERY_NS = 500_000_000
 ROOM_POLL_S = 0.001
+BEAT_EVERY_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,8 @@ class CaptureThread(threading.Thread):
     """Opens the device, takes its fields into the ring, and climbs the ladder when they fail to come.
 
     It never waits for anybody, but for a source that waits for its reader: that is read only while there is
-    room. All other waiting is done on `stopping`, which `stop` sets.
+    room. All other waiting is done on `stopping`, which `stop` sets. It beats on the board as long as it
+    lives.
     """
 
     def __init__(
@@ -97,6 +100,7 @@ class CaptureThread(threading.Thread):
     def _until_it_fails(self, rung: Rung) -> GrabberdError | None:
         """Takes a step, then fields; why they come no more, or None when it is stopped."""
         self._flow = Flow(self._clock.now_ns())
+        self._board.beat()
         try:
             if not self._stopping.is_set():
                 self._stream(self._take_step[rung]())
@@ -121,7 +125,7 @@ class CaptureThread(threading.Thread):
         self._board.recovers(step, error)
         if step.rung is not Rung.RESTART:
             self._close()  # before the wait: a device that is held cannot come back under its old name
-        self._stopping.wait(step.wait_s)
+        self._wait(step.wait_s)
 
     def _interrupted(self, reason: str) -> None:
         """The first reason is what the fields are lost for; what is found out later only follows from it."""
@@ -165,6 +169,7 @@ class CaptureThread(threading.Thread):
             self._show_state()
 
     def _take(self, info: StreamInfo) -> None:
+        self._board.beat()
         asked_ns = self._clock.now_ns()
         if info.waits_for_reader and not self._captures.has_room():
             self._flow.excuse(asked_ns)
@@ -213,4 +218,12 @@ class CaptureThread(threading.Thread):
     def _ended(self, error: GrabberdError) -> None:
         self._board.enter(DeviceState.ENDED, error.message, error.hint)
         self._captures.ended(error)
-        self._stopping.wait()
+        self._wait(math.inf)
+
+    def _wait(self, seconds: float) -> None:
+        """Until stopped, or for so long; it lives meanwhile."""
+        end_ns = self._clock.now_ns() + seconds * 1e9
+        while (left_s := (end_ns - self._clock.now_ns()) / 1e9) > 0:
+            if self._stopping.wait(min(left_s, BEAT_EVERY_S)):
+                return
+            self._board.beat()

@@ -38,8 +38,9 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
             "threshold": instrument.intake.thresholds.in_force.level,
         },
         "calibration": active.document(instrument),
-        "warnings": [*status.warnings, *active.warnings(instrument)],
+        "warnings": [*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
         "capture_id": session.id if session else None,
+        "rig": instrument.worker.rig.document,
         "live": _live_document(instrument.worker),
     }
 

@@ -1,28 +1,30 @@
 """One grabber made into an instrument: its threads, its ring and at most one capture."""
 
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from grabberd import __version__
-from grabberd.acquisition import Signal, Slot, StreamInfo
-from grabberd.errors import CaptureRunning, GrabberdError, NotReady
+from grabberd.acquisition import Signal, StreamInfo
+from grabberd.config import DeviceConfig
+from grabberd.errors import CaptureRunning, Conflict, GrabberdError, InputError, NotReady
 from grabberd.geometry import Calibration
 from grabberd.service.armed import Armed
-from grabberd.service.backlog import Backlog
+from grabberd.service.attaching import Attaching, ring_bytes_per_field
 from grabberd.service.capture_thread import Captures, CaptureThread
 from grabberd.service.clock import Clock, iso_utc
+from grabberd.service.disk import DiskGuard
 from grabberd.service.intake import Intake
-from grabberd.service.recorder import CaptureRequest, Recorder
+from grabberd.service.recorder import CaptureRequest
 from grabberd.service.session import CaptureSession
-from grabberd.service.setup import DeviceSetup, check_rig, settings_of
+from grabberd.service.setup import DeviceSetup, check_rig
 from grabberd.service.states import DeviceState
 from grabberd.service.status import StatusBoard
+from grabberd.service.waiting import WaitingCapture
 from grabberd.service.worker import Worker
-from grabberd.storage import CaptureMeta, CaptureWriter
 
 NOMINAL_RATE_HZ = 50.0
 ACCEPTS = frozenset({DeviceState.READY, DeviceState.NO_SIGNAL, DeviceState.CAPTURING})
@@ -37,7 +39,8 @@ class Instrument:
         board: its status.
         intake: its ring and threshold.
         worker: its live points; it waits while there is no calibration or no object model.
-        session: the running or the last capture.
+        session: the running or the last capture; `waiting`: the one that is armed, or None.
+        ended: how many captures have ended complete, and how many incomplete.
     """
 
     def __init__(
@@ -47,6 +50,7 @@ class Instrument:
         *,
         site: dict[str, str] | None = None,
         queue_s: float = 10.0,
+        disk: DiskGuard | None = None,
         on_sealed: Callable[[CaptureSession], None] = lambda _: None,
     ) -> None:
         self.name = setup.name
@@ -54,9 +58,12 @@ class Instrument:
         self.board = StatusBoard(setup.name, clock)
         self.intake = Intake(setup.config)
         self.session: CaptureSession | None = None
+        self.waiting: WaitingCapture | None = None
+        self.ended: Counter[str] = Counter()
         self._clock = clock
-        self._site = site or {}
-        self._queue_s = queue_s
+        self._attaching = Attaching(
+            self.intake, clock, disk or DiskGuard(), site or {}, queue_s, self._sealed
+        )
         self._on_sealed = on_sealed
         self._starting = threading.Lock()
         self.worker = Worker(self.name, setup.measuring, self.intake, lambda: self.session, clock)
@@ -105,6 +112,14 @@ class Instrument:
         return stream.rate_hz if stream else NOMINAL_RATE_HZ
 
     @property
+    def bytes_per_s(self) -> float:
+        """What a capture writes a second: as the running one does, else as the ring would have it."""
+        session, armed = self.running, self.intake.armed
+        return self.rate_hz * (
+            (session and session.bytes_per_field) or ring_bytes_per_field(self.setup, armed)
+        )
+
+    @property
     def running(self) -> CaptureSession | None:
         """The capture that is recording, or None."""
         session = self.session
@@ -116,20 +131,63 @@ class Instrument:
         Raises:
             CaptureRunning: one is being recorded or sealed.
             NotReady: the device does not stream.
+            InputError: the ring has not so many slots for what was before.
             CalibrationMismatch: the calibration is of pictures of another size than the stream's.
-            StorageError: the file cannot be created.
+            StorageError: the file cannot be created, or the disk has no room for the capture.
         """
         with self._starting:
             self._check_free()
-            armed = self._arm(request)
+            self._arm(request)
             try:
-                session = self._attach(capture_id, request, armed, part)
+                session = self._attach(capture_id, request, part)
             except GrabberdError:
                 self.intake.thresholds.release()
                 raise
             self.session = session
             session.start()
         return session
+
+    def arm_capture(self, capture_id: str, request: CaptureRequest) -> None:
+        """Keeps the ring as a capture wants it, until it is triggered or disarmed.
+
+        Raises:
+            CaptureRunning, NotReady, InputError, CalibrationMismatch: as `start_capture`.
+        """
+        with self._starting:
+            self._check_free()
+            armed = self._arm(request)
+            now_utc = iso_utc(self._clock.utc_now())
+            self.waiting = WaitingCapture(capture_id, self.name, now_utc, request, armed.bits, armed.lines)
+
+    def trigger_capture(self, capture_id: str, part: Path) -> None:
+        """Has an armed capture begin: with so many slots of the ring as it wants, as far as they are there.
+
+        Raises:
+            Conflict: it is not armed.
+            NotReady, CalibrationMismatch, StorageError: as `start_capture`; it stays armed.
+        """
+        with self._starting:
+            waiting = self._armed(capture_id)
+            self._check_streams()
+            session = self._attach(capture_id, waiting.request, part, waiting)
+            self.session, self.waiting = session, None
+            session.start()
+
+    def disarm_capture(self, capture_id: str) -> None:
+        """Ends an armed capture, of which nothing is left.
+
+        Raises:
+            Conflict: it is not armed.
+        """
+        with self._starting:
+            self._armed(capture_id)
+            self.waiting = None
+            self.intake.thresholds.release()
+
+    def _armed(self, capture_id: str) -> WaitingCapture:
+        if self.waiting is None or self.waiting.id != capture_id:
+            raise Conflict(f"capture {capture_id} is not armed", "it was triggered or has ended already")
+        return self.waiting
 
     @contextmanager
     def between_captures(self) -> Iterator[None]:
@@ -146,6 +204,11 @@ class Instrument:
         """Measures with another calibration from the next field on; called `between_captures`."""
         self.setup = setup
         self.worker.use(setup.measuring)
+
+    def configure(self, config: DeviceConfig) -> None:
+        """Finds its threshold as another configuration has it; called `between_captures`."""
+        self.setup = replace(self.setup, config=config)
+        self.intake.thresholds.use(config)
 
     def check_fits(self, calibration: Calibration) -> None:
         """Whether the pictures of this device may be measured with a calibration.
@@ -171,9 +234,14 @@ class Instrument:
     def _check_no_capture(self) -> None:
         if self.session is not None and not self.session.sealed.is_set():
             raise CaptureRunning(self.session.id)
+        if self.waiting is not None:
+            raise CaptureRunning(self.waiting.id)
 
     def _check_free(self) -> None:
         self._check_no_capture()
+        self._check_streams()
+
+    def _check_streams(self) -> None:
         if not self.accepts:
             status = self.board.now
             cause = f" ({status.cause})" if status.cause else ""
@@ -184,80 +252,39 @@ class Instrument:
 
     def _arm(self, request: CaptureRequest) -> Armed:
         """The ring for a capture; its threshold is chosen, where there is a picture, and held."""
-        status, measuring = self.board.now, self.setup.measuring
-        assert status.stream is not None
-        if measuring is not None:
-            _check_stream(measuring.calibration, status.stream)
+        status, slots = self.board.now, self.intake.armed.ring.slots
+        if request.pre_trigger_fields > slots:
+            raise InputError(
+                f"pre_trigger_fields is {request.pre_trigger_fields}, but the ring has {slots} slots",
+                f"ask for fewer, or raise devices.{self.name}.ring.slots",
+            )
+        self._check_measurable(status.stream)
         armed = self.intake.arm(request.bits, request.lines)
         if status.signal is not Signal.ABSENT:
             self.intake.thresholds.settle(armed)
         self.intake.thresholds.hold()
         return armed
 
-    def _attach(self, capture_id: str, request: CaptureRequest, armed: Armed, part: Path) -> CaptureSession:
-        stream, measuring = self.board.now.stream, self.setup.measuring
+    def _check_measurable(self, stream: StreamInfo | None) -> None:
+        if self.setup.measuring is not None and stream is not None:
+            _check_stream(self.setup.measuring.calibration, stream)
+
+    def _attach(
+        self, capture_id: str, request: CaptureRequest, part: Path, waiting: WaitingCapture | None = None
+    ) -> CaptureSession:
+        stream = self.board.now.stream
         assert stream is not None
-        # The reader comes before the file, whose creation takes its time.
-        reader = armed.ring.reader(request.overrun, back=request.pre_trigger_fields)
-        writer = CaptureWriter.create(part, self._meta(capture_id, request, armed))
-        backlog: Backlog[Slot] = Backlog(capacity=round(self._queue_s * stream.rate_hz))
-        recorder = Recorder(
-            request.fields,
-            backlog,
-            self._clock,
-            round(1e9 / stream.rate_hz),
-            lossless=stream.waits_for_reader,
-            interruption=lambda: self.intake.interruption,
-        )
-        if measuring is not None:
-            writer.begin_run(1, "live", iso_utc(self._clock.utc_now()), __version__, self.made_with)
-        return CaptureSession(
-            capture_id,
-            recorder,
-            reader,
-            writer,
-            backlog,
-            self._clock,
-            measured=measuring is not None,
-            ends_when_interrupted=self._on_interruption(request) == "end",
-            on_sealed=self._sealed,
-        )
-
-    def _meta(self, capture_id: str, request: CaptureRequest, armed: Armed) -> CaptureMeta:
-        status = self.board.now
-        assert status.stream is not None
-        config = self.setup.config
-        return CaptureMeta(
-            id=capture_id,
-            created_utc=iso_utc(self._clock.utc_now()),
-            start_ns=self._clock.now_ns(),
-            device={
-                "name": self.name,
-                "driver": config.driver,
-                "options": config.options,
-                "stream": asdict(status.stream),
-            },
-            config=config.model_dump(mode="json"),
-            site=self._site,
-            labels=request.labels,
-            note=request.note,
-            bits=armed.bits,
-            lines=armed.lines,
-            rate_hz=status.stream.rate_hz,
-            version=__version__,
-            extra={"on_interruption": self._on_interruption(request)},
-        )
-
-    def _on_interruption(self, request: CaptureRequest) -> str:
-        return request.on_interruption or self.setup.config.capture.on_interruption
+        self._check_measurable(stream)
+        return self._attaching.attach(capture_id, self.setup, stream, request, part, waiting)
 
     @property
     def made_with(self) -> dict[str, Any]:
         """The documents that points are made with, as a run keeps them."""
-        return {**self.setup.documents, "settings": settings_of(self.setup.config)}
+        return self.setup.made_with
 
     def _sealed(self, session: CaptureSession) -> None:
         self.intake.thresholds.release()
+        self.ended[session.verdict] += 1
         self._on_sealed(session)
 
 

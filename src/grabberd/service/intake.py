@@ -21,6 +21,7 @@ from grabberd.acquisition import (
 from grabberd.config import DeviceConfig
 from grabberd.field import NumberedField, double_lines, quantise
 from grabberd.service.armed import Armed, default_lines
+from grabberd.service.newest_field import NewestField
 from grabberd.service.thresholds import ThresholdKeeper
 
 ARRIVALS = 4096
@@ -32,6 +33,7 @@ class Intake:
     Attributes:
         armed: the ring in use.
         thresholds: the keeper of the threshold in force.
+        newest: leaves a copy of the newest field for who asks.
         arrived_ns: when the latest fields arrived, by their number modulo `ARRIVALS`.
         interruption: why no fields come, or None while they do.
     """
@@ -45,6 +47,7 @@ class Intake:
             Ring(self._slots), bits, config.ring.lines or default_lines(bits)
         )
         self.thresholds = ThresholdKeeper(config)
+        self.newest = NewestField()
         self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
         self.interruption: str | None = None
         self._granted: StreamInfo | None = None
@@ -96,6 +99,7 @@ class Intake:
         number = self._numbering.number(grabbed, signal, content.damage, now_ns, content.no_picture)
         self.arrived_ns[number.n % ARRIVALS] = now_ns
         armed = self.armed
+        self.newest.offer(grabbed.field, armed)
         packed = self._packed(grabbed, number, armed)
         slot = Slot(packed, number.n, number.outcome, number.reason, number.lost_before)
         armed.ring.put(slot)

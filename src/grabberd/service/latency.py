@@ -1,19 +1,32 @@
 """How long it took from a field's arrival until its points were published."""
 
 import threading
+from bisect import bisect_left
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 KEPT = 32768
+BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28)
+"""Of the histogram's classes; 32 slots of the ring last .64 s."""
+
+
+class Histogram(NamedTuple):
+    """All latencies since the start: how many in each class of `BOUNDS_S` and beyond, and their sum."""
+
+    counts: tuple[int, ...]
+    sum_s: float
 
 
 class Latency:
-    """The latest ten minutes of latencies at 50 Hz."""
+    """The latest ten minutes of latencies at 50 Hz, and the histogram of all."""
 
     def __init__(self) -> None:
         self._kept: NDArray[np.int64] = np.zeros(KEPT, np.int64)
         self._count = 0
+        self._classes = [0] * (len(BOUNDS_S) + 1)
+        self._sum_ns = 0
         self._lock = threading.Lock()
 
     def add(self, latency_ns: int) -> None:
@@ -21,6 +34,14 @@ class Latency:
         with self._lock:
             self._kept[self._count % KEPT] = latency_ns
             self._count += 1
+            self._classes[bisect_left(BOUNDS_S, latency_ns / 1e9)] += 1
+            self._sum_ns += latency_ns
+
+    @property
+    def histogram(self) -> Histogram:
+        """Of all latencies there were."""
+        with self._lock:
+            return Histogram(tuple(self._classes), self._sum_ns / 1e9)
 
     def milliseconds(self, latest: int = KEPT) -> NDArray[np.float64]:
         """(N,) float64, the newest of them, at most `latest`, in no particular order."""

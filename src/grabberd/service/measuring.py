@@ -1,13 +1,15 @@
 """Measuring a sealed capture again: a job."""
 
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
 from grabberd.errors import MeasurementError, NotReady
 from grabberd.field import NumberedField
-from grabberd.processes.measure import measure_fields
+from grabberd.processes.measure import MeasuredField, measure_fields
+from grabberd.reconstruction.points import Points
 from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs import Progress
 from grabberd.service.setup import measure_setup
@@ -35,17 +37,25 @@ def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]
             "there is no calibration or no object model to measure with", "name both in the configuration"
         )
     setup = measure_setup(made_with, made_with["settings"])
+    counts = Counter({"fields": 0, "points": 0})
     with CaptureReader(path) as reader:
         fields = _counted(reader.received(), reader.field_count, progress)
-        results = [(measured.n, measured.points) for measured in measure_fields(fields, setup)]
-    if not any(len(points) for _, points in results):
+        results = _some_points(measure_fields(fields, setup), counts)
+        created = iso_utc(SystemClock().utc_now())
+        run = append_run(path, "measure", created, __version__, made_with, results)
+    return {"run": run, **counts}
+
+
+def _some_points(measured: Iterable[MeasuredField], counts: Counter[str]) -> Iterator[tuple[int, Points]]:
+    """The points of each field, counted; that there is not one is found out at the end."""
+    for one in measured:
+        counts.update(fields=1, points=len(one.points))
+        yield one.n, one.points
+    if not counts["points"]:
         raise MeasurementError(
-            f"no target of the object model was found in any of {len(results)} fields; no run was added",
+            f"no target of the object model was found in any of {counts['fields']} fields; no run was added",
             "check that calibration and object model belong to this capture's rig and object",
         )
-    created = iso_utc(SystemClock().utc_now())
-    run = append_run(path, "measure", created, __version__, made_with, results)
-    return {"run": run, "fields": len(results), "points": sum(len(points) for _, points in results)}
 
 
 def _counted(fields: Iterator[NumberedField], count: int, progress: Progress) -> Iterator[NumberedField]:

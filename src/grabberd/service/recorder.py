@@ -20,7 +20,8 @@ class CaptureRequest:
         fields: length in fields, lost ones included; None: until stopped.
         bits: bits a pixel; None: as configured.
         lines: "doubled" or "field"; None: doubled at 1 bit, field otherwise.
-        pre_trigger_fields: how many fields before the request belong to it, as far as the ring has them.
+        pre_trigger_fields: how many fields before the request, or the trigger, belong to it, as far as the
+            ring has them.
         overrun: "count" what the ring has overwritten before it was recorded, or "stop" the capture there.
         on_interruption: "continue" with the gap in the ledger when the device fails to deliver, or "end" the
             capture there; None: as configured.

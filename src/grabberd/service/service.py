@@ -17,13 +17,21 @@ from grabberd.service.calibration_frames import frame_document
 from grabberd.service.calibration_job import Calibrator, calibrate
 from grabberd.service.calibrations import Calibrations
 from grabberd.service.clock import Clock, SystemClock, iso_utc
+from grabberd.service.configuration import without_secrets
 from grabberd.service.device_document import device_document
+from grabberd.service.disk import GB, DiskGuard
+from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import NOMINAL_RATE_HZ, Instrument
 from grabberd.service.jobs import Job, JobRunner
+from grabberd.service.keeping import Keeping
 from grabberd.service.measuring import measure_file
 from grabberd.service.recorder import CaptureRequest
+from grabberd.service.retention import Policy, Retention
 from grabberd.service.session import CaptureSession
+from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
+from grabberd.service.waiting import WaitingCapture
+from grabberd.storage.annotations import AnnotationStore
 from grabberd.storage.calibrations import CalibrationRecord
 from grabberd.storage.state import StateStore
 
@@ -38,7 +46,12 @@ class Service:
         archive: the captures.
         calibrations: those that there are; `active`: which of them every device measures with.
         access: who may.
+        settings: what was set in place of the configuration.
+        configuration: as it was read, without what is secret in it.
         jobs: what takes long.
+        annotations: pins, notes and labels of captures.
+        idempotency: orders that take effect once.
+        keeping: pins, notes and labels of captures, and their end; `retention`: their end by themselves.
     """
 
     def __init__(
@@ -49,26 +62,58 @@ class Service:
         clock: Clock | None = None,
         site: dict[str, str] | None = None,
         queue_s: float = 10.0,
+        disk: DiskGuard | None = None,
+        retention: Policy | None = None,
         calibrator: Calibrator = calibrate_capture,
     ) -> None:
         self._clock = clock or SystemClock()
+        self._disk = disk or DiskGuard()
         self.instruments = {
-            name: Instrument(setup, self._clock, site=site, queue_s=queue_s, on_sealed=self._sealed)
+            name: Instrument(
+                setup, self._clock, site=site, queue_s=queue_s, disk=self._disk, on_sealed=self._sealed
+            )
             for name, setup in setups.items()
         }
-        self.archive = Archive(directory / "captures", self._sessions)
+        self.annotations = AnnotationStore(directory / "state.sqlite")
+        self.archive = Archive(directory / "captures", self._sessions, self._waiting, self.annotations.get)
         self.calibrations = Calibrations(directory / "calibrations", _configured(setups))
         self._state_store = StateStore(directory / "state.sqlite")
         self.access = Access(directory, self._clock)
+        self.settings = Settings(self._state_store, self.instruments)
+        self.configuration = _configuration(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
         self._calibrator = calibrator
         self.jobs = JobRunner(self._clock)
+        self.keeping = Keeping(self.archive, self.annotations, self.jobs)
+        self.idempotency = Idempotency(directory, self._clock)
+        self.retention = Retention(
+            self.archive,
+            retention or Policy(),
+            self._disk,
+            self._clock,
+            self.keeping.spared,
+            self.keeping.delete,
+        )
         self._started = False
+
+    @property
+    def clock(self) -> Clock:
+        """The clocks that it reads."""
+        return self._clock
 
     @classmethod
     def from_config(cls, config: Config, setups: Mapping[str, DeviceSetup]) -> "Service":
         """The service that a configuration describes."""
-        return cls(setups, config.state_directory, site=dict(config.site), queue_s=config.storage.queue_s)
+        service = cls(
+            setups,
+            config.state_directory,
+            site=dict(config.site),
+            queue_s=config.storage.queue_s,
+            disk=DiskGuard(round(config.storage.reserve_gb * GB)),
+            retention=Policy.from_config(config.storage.retention),
+        )
+        service.configuration = without_secrets(config.model_dump(mode="json"))
+        return service
 
     def start(self) -> None:
         """Seals what a crash left, then starts all instruments; does nothing the second time.
@@ -82,6 +127,7 @@ class Service:
         self.open_stores()
         self._started = True
         self.jobs.start()
+        self.retention.start()
         for instrument in self.instruments.values():
             instrument.start()
 
@@ -94,10 +140,12 @@ class Service:
         self.calibrations.open()
         self._state_store.open()
         self.access.open()
+        self.settings.open()
         self.active.open()
 
     def stop(self) -> None:
         """Ends and seals running captures, then stops everything."""
+        self.retention.stop()
         for instrument in self.instruments.values():
             instrument.stop()
         self.jobs.stop()
@@ -127,18 +175,43 @@ class Service:
             NotFound, CaptureRunning, NotReady, StorageError: see `Instrument.start_capture`.
         """
         instrument = self.instrument(device)
-        moment = self._clock.utc_now()
-        capture_id = f"{moment:%Y%m%dT%H%M%S}{moment.microsecond // 1000:03d}Z-{instrument.name}"
+        capture_id = self._new_id(instrument)
         instrument.start_capture(capture_id, request, self.archive.part_of(capture_id))
         return capture_id
 
+    def arm_capture(self, device: str | None, request: CaptureRequest) -> str:
+        """Arms a capture, whose `fields` count from its trigger on, and returns its id.
+
+        Raises:
+            NotFound, CaptureRunning, NotReady, InputError: see `Instrument.arm_capture`.
+        """
+        instrument = self.instrument(device)
+        capture_id = self._new_id(instrument)
+        instrument.arm_capture(capture_id, request)
+        return capture_id
+
+    def trigger_capture(self, capture_id: str) -> None:
+        """Has an armed capture begin.
+
+        Raises:
+            NotFound: there is none of that id.
+            Conflict, NotReady, StorageError: see `Instrument.trigger_capture`.
+        """
+        device = self.archive.document(capture_id)["device"]
+        self.instrument(device).trigger_capture(capture_id, self.archive.part_of(capture_id))
+
     def stop_capture(self, capture_id: str) -> None:
-        """Ends the recording of a running capture.
+        """Ends the recording of a running capture; of an armed one nothing is left.
 
         Raises:
             NotFound: there is none of that id.
             Conflict: it is not running.
         """
+        for waiting in self._waiting():
+            if waiting.id == capture_id:
+                self.instrument(waiting.device).disarm_capture(capture_id)
+                self.annotations.remove(capture_id)
+                return
         for session in self._sessions():
             if session.id == capture_id:
                 session.stop("stopped by the operator")
@@ -218,12 +291,26 @@ class Service:
         return {
             "version": __version__,
             "devices": {name: self.device_document(one) for name, one in self.instruments.items()},
-            "storage": {"free_bytes": self.archive.free_bytes},
+            "storage": self.storage_document(),
         }
+
+    def storage_document(self) -> dict[str, Any]:
+        """The disk at this moment, and what has been removed from it since the start."""
+        together = sum(instrument.bytes_per_s for instrument in self.instruments.values())
+        removed = {"removed": self.retention.removed, "removed_bytes": self.retention.removed_bytes}
+        return self._disk.document(self.archive.directory, together) | removed
 
     def device_document(self, instrument: Instrument) -> dict[str, Any]:
         """A device as it is shown."""
         return device_document(instrument, self.active)
+
+    def _new_id(self, instrument: Instrument) -> str:
+        moment = self._clock.utc_now()
+        return f"{moment:%Y%m%dT%H%M%S}{moment.microsecond // 1000:03d}Z-{instrument.name}"
+
+    def _waiting(self) -> list[WaitingCapture]:
+        """The captures that are armed."""
+        return [one.waiting for one in self.instruments.values() if one.waiting is not None]
 
     def _sessions(self) -> list[CaptureSession]:
         """The captures that are being recorded or sealed."""
@@ -234,9 +321,13 @@ class Service:
         self.archive.index.add(session.path)
         if session.failure is not None:
             log.error("capture %s: %s; %s", session.id, session.failure.message, session.failure.hint)
-        verdict = "complete" if session.complete else "incomplete"
         words = session.recorder.ledger.in_words(NOMINAL_RATE_HZ)
-        log.info("capture %s has ended, %s; received: %s", session.id, verdict, words)
+        log.info("capture %s has ended, %s; received: %s", session.id, session.verdict, words)
+
+
+def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:
+    devices = {name: setup.config.model_dump(mode="json") for name, setup in setups.items()}
+    return {"devices": without_secrets(devices)}
 
 
 def _configured(setups: Mapping[str, DeviceSetup]) -> dict[str, Mapping[str, Any]]:

@@ -1,8 +1,9 @@
 """One running capture: its recorder, its writer, and what the worker takes from both."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from grabberd.acquisition import Outcome, RingReader, Slot
 from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
@@ -13,9 +14,12 @@ from grabberd.service.clock import Clock
 from grabberd.service.recorder import Recorder
 from grabberd.service.writing import Writing
 from grabberd.storage import CaptureReader, CaptureWriter
+from grabberd.storage.schema import RESERVE_BYTES
 
 ROOM_SLOTS = 8
 """A source that waits for its reader is held back while fewer slots than this are free."""
+ENOUGH_FIELDS = 100
+"""So many fields say what one of them takes."""
 
 
 class CaptureSession:
@@ -40,18 +44,21 @@ class CaptureSession:
         *,
         measured: bool,
         ends_when_interrupted: bool = False,
+        shortage: Callable[[Path], StorageError | None] = lambda _: None,
         on_sealed: Callable[["CaptureSession"], None],
     ) -> None:
         self.id = capture_id
         self.recorder = recorder
         self.sealed = threading.Event()
-        self.writing = Writing(writer, backlog, clock, self._storage_failed)
+        self.writing = Writing(writer, backlog, clock, self._storage_failed, self._watch_disk)
         self.measuring_failure: str | None = None
+        self._findings: Mapping[str, Any] | None = None
         self.measured = measured
         self._reader = reader
         self._writer = writer
         self._backlog = backlog
         self._ends_when_interrupted = ends_when_interrupted
+        self._shortage = shortage
         self._on_sealed = on_sealed
         self._cut_by: GrabberdError | None = None
         if not measured:
@@ -85,6 +92,14 @@ class CaptureSession:
         self.stop(error.message)
 
     @property
+    def bytes_per_field(self) -> float | None:
+        """What a field takes in the file, its points included; None until there are enough to tell."""
+        written = self.writing.committed
+        if written < ENOUGH_FIELDS or not self.path.exists():
+            return None
+        return (self.path.stat().st_size - RESERVE_BYTES) / written
+
+    @property
     def failure(self) -> GrabberdError | None:
         """What kept the capture from being whole, or None."""
         return self.writing.failure or self._cut_by
@@ -93,6 +108,11 @@ class CaptureSession:
     def complete(self) -> bool:
         """Whether every field that should have come is in the file, whole."""
         return self.recorder.ledger.complete and self.failure is None
+
+    @property
+    def verdict(self) -> str:
+        """The same in a word."""
+        return "complete" if self.complete else "incomplete"
 
     @property
     def has_room(self) -> bool:
@@ -130,9 +150,10 @@ class CaptureSession:
         """Takes one field's points, in order."""
         self.writing.add(measured)
 
-    def measuring_ended(self, failure: str | None = None) -> None:
-        """The worker has measured the last field, or cannot go on."""
+    def measuring_ended(self, failure: str | None = None, findings: Mapping[str, Any] | None = None) -> None:
+        """The worker has measured the last field, or cannot go on; `findings` go into the meta data."""
         self.measuring_failure = failure
+        self._findings = findings
         self.writing.all_measured.set()
 
     def _past_end(self, index: int) -> bool:
@@ -141,6 +162,12 @@ class CaptureSession:
     def _from_file(self, first_n: int, end_n: int) -> Iterator[NumberedField]:
         with CaptureReader(self._writer.path) as reader:
             yield from reader.received(first_n, end_n)
+
+    def _watch_disk(self) -> None:
+        """Ends the recording while there is still room for what waits and for the seal."""
+        error = self._shortage(self.path.parent) if self.recorder.recording else None
+        if error is not None:
+            self.source_ended(error)
 
     def _storage_failed(self, error: StorageError) -> None:
         self.stop("storage failed")
@@ -164,4 +191,5 @@ class CaptureSession:
             complete=self.complete,
             ended_because=because or "",
             measuring_failure=self.measuring_failure,
+            findings=self._findings,
         )

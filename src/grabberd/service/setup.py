@@ -38,6 +38,11 @@ class DeviceSetup:
     measuring: MeasureSetup | None
     documents: Mapping[str, Any]
 
+    @property
+    def made_with(self) -> dict[str, Any]:
+        """The documents that points are made with, as a run keeps them."""
+        return {**self.documents, "settings": settings_of(self.config)}
+
     def with_calibration(self, document: Mapping[str, Any] | None) -> "DeviceSetup":
         """The same with another calibration, or with none.
 

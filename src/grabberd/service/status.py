@@ -54,15 +54,26 @@ class StatusBoard:
     """The status of one device; logs each change of state or cause once.
 
     Attributes:
+        name: of the device.
         changed: notified with every change of state; whoever waits for a state waits on it.
     """
 
     def __init__(self, name: str, clock: Clock) -> None:
+        self.name = name
         self.changed = threading.Condition()
-        self._name = name
         self._clock = clock
         self._status = DeviceStatus(DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet")
         self._told: tuple[DeviceState, str | None] | None = None
+        self._beat_ns = clock.now_ns()
+
+    def beat(self) -> None:
+        """The capture thread lives; said by itself, whatever its device does."""
+        self._beat_ns = self._clock.now_ns()
+
+    @property
+    def silent_s(self) -> float:
+        """For how long the capture thread has not beaten."""
+        return (self._clock.now_ns() - self._beat_ns) / 1e9
 
     @property
     def now(self) -> DeviceStatus:
@@ -80,7 +91,7 @@ class StatusBoard:
         """Goes into a state that may follow the present one."""
         with self.changed:
             if not may_follow(self._status.state, state):
-                raise ValueError(f"device {self._name}: {state} may not follow {self._status.state}")
+                raise ValueError(f"device {self.name}: {state} may not follow {self._status.state}")
             if (state, cause) == (self._status.state, self._status.cause):
                 return
             since = iso_utc(self._clock.utc_now())
@@ -130,12 +141,12 @@ class StatusBoard:
             return
         self._told = (state, cause)
         words = "; ".join(part for part in (cause, hint) if part)
-        log.log(_level(state), "device %s is %s%s", self._name, state, f": {words}" if words else "")
+        log.log(_level(state), "device %s is %s%s", self.name, state, f": {words}" if words else "")
 
     def _warn(self, known: tuple[str, ...]) -> None:
         for words in self._status.warnings:
             if words not in known:
-                log.warning("device %s: %s", self._name, words)
+                log.warning("device %s: %s", self.name, words)
 
 
 def _level(state: DeviceState) -> int:

@@ -71,9 +71,16 @@ class ThresholdKeeper:
 
     def start(self, name: str) -> None:
         """Begins to look."""
-        if not self._fixed:
-            self._thread = threading.Thread(target=self._run, name=f"threshold-{name}", daemon=True)
-            self._thread.start()
+        self._thread = threading.Thread(target=self._run, name=f"threshold-{name}", daemon=True)
+        self._thread.start()
+
+    def use(self, config: DeviceConfig) -> None:
+        """Chooses by another rule from the next look on; not during a capture."""
+        with self._deciding:
+            self._rule, self._by_pixel = _rule(config), config.threshold.map
+            self._looked_for = self._chosen_for = None
+            if self._rule.value is not None:
+                self.in_force = Threshold(self._rule.value)
 
     def stop(self, timeout_s: float) -> None:
         """Ends the looking."""
@@ -123,7 +130,9 @@ class ThresholdKeeper:
         self._held = False
 
     def look_again(self) -> None:
-        """Asks for the newest field and chooses by it, unless the threshold is held."""
+        """Asks for the newest field and chooses by it, unless the threshold is held or fixed."""
+        if self._fixed:
+            return
         shown = self._newest.ask(FIELD_WITHIN_S)
         if shown is not None and self._free(shown.armed):
             self._look(shown.field, shown.armed, beside=True)
@@ -135,18 +144,21 @@ class ThresholdKeeper:
             except Exception:
                 log.exception("choosing a threshold failed; the one in force stays")
                 self._stopping.wait(EVERY_S)
-            self._at_once.wait(EVERY_S if self._looked_for else 0)
+            self._at_once.wait(EVERY_S if self._looked_for or self._fixed else 0)
 
     def _free(self, armed: Armed) -> bool:
         """Whether this thread may choose: a held one only if it has not been chosen yet."""
         return not self._held or (self._live and self._chosen_for is not armed)
 
     def _look(self, field: Field, armed: Armed, *, beside: bool = False) -> None:
+        rule = self._rule
         try:
             chosen = self._choose(field, armed)
         except MeasurementError:
             chosen = None  # nothing to choose by, e.g. a dark picture: the one in force stays
         with self._deciding:
+            if rule is not self._rule:
+                return  # another one is in force by now
             if chosen and (not beside or self._free(armed)):
                 self.in_force, self._chosen_for = chosen, armed
             self._looked_for = armed

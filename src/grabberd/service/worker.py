@@ -11,6 +11,7 @@ from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fiel
 from grabberd.service.clock import Clock
 from grabberd.service.intake import ARRIVALS, Intake
 from grabberd.service.latency import Latency
+from grabberd.service.rig_light import RigLight
 from grabberd.service.session import CaptureSession
 
 log = logging.getLogger(__name__)
@@ -38,6 +39,7 @@ class Worker(threading.Thread):
     Attributes:
         live: the newest measured field; `published` is notified with each.
         latency: from a field's arrival until its points were published.
+        rig: whether camera and mirrors still are as they were calibrated.
     """
 
     def __init__(
@@ -52,6 +54,7 @@ class Worker(threading.Thread):
         self.live: Live | None = None
         self.published = threading.Condition()
         self.latency = Latency()
+        self.rig = RigLight(name)
         self._setup = setup
         self._intake = intake
         self._session = session
@@ -88,13 +91,14 @@ class Worker(threading.Thread):
         first_n = self._first_n_of(session)
         try:
             assert self._setup is not None, "a capture is measured only where there is a setup"
+            self.rig.begin(self._setup, capture=True)
             for measured in measure_fields(session.recorded(), self._setup):
                 session.add(measured)
                 self._publish(measured, first_n())
             failure = None
         finally:
             self._done = session
-            session.measuring_ended(failure)
+            session.measuring_ended(failure, self.rig.findings())
 
     def _first_n_of(self, session: CaptureSession) -> Callable[[], int]:
         return lambda: session.recorder.first_n or 0
@@ -104,6 +108,7 @@ class Worker(threading.Thread):
         if setup is None:
             self._stopping.wait(IDLE_S)
             return
+        self.rig.begin(setup)
         for measured in measure_fields(self._ring_fields(setup), setup):
             self._publish(measured, 0)
 
@@ -126,3 +131,4 @@ class Worker(threading.Thread):
             self.published.notify_all()
         arrived_ns = int(self._intake.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)
+        self.rig.see(measured)

@@ -1,0 +1,100 @@
+"""What is in a capture: its file, its points, its fields."""
+
+from collections.abc import Iterator
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Query, Response, status
+from fastapi.responses import FileResponse, StreamingResponse
+
+from grabberd.api.capture_models import PointsDocument
+from grabberd.api.captures import CaptureId
+from grabberd.api.etags import ASK_AGAIN, IMMUTABLE, NOT_MODIFIED, IfNoneMatch, is_known, tagged
+from grabberd.api.of_service import PROBLEMS, ServiceOf
+from grabberd.storage import field_png, points_csv
+from grabberd.storage.points_document import PointsQuery, points_document
+
+router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS)
+
+FIELD_END = 2**53
+SQLITE = "application/vnd.sqlite3"
+
+RunNumber = Annotated[
+    int | None, Query(ge=1, le=2**53, description="Which run's points; default: the latest that is done.")
+]
+FieldNumber = Annotated[int, Path(ge=0, le=FIELD_END)]
+
+
+@router.get(
+    "/{capture_id}/file",
+    response_class=FileResponse,
+    summary="Take a capture home",
+    responses={
+        200: {"content": {SQLITE: {}}},
+        206: {"description": "The range that was asked for.", "content": {SQLITE: {}}},
+        **NOT_MODIFIED,
+        416: {"description": "There is no such range.", "content": {"text/plain": {}}},
+    },
+)
+def get_capture_file(
+    capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None
+) -> Response:
+    """The whole sealed capture: one SQLite file. A part of it can be asked for (Range); a further run changes
+    its ETag.
+    """
+    path = service.archive.sealed_path(capture_id)
+    headers = {"Cache-Control": ASK_AGAIN}
+    answer = FileResponse(path, 200, headers, SQLITE, filename=path.name, stat_result=path.stat())
+    if is_known(answer.headers["etag"], if_none_match):
+        known = {**headers, "ETag": answer.headers["etag"]}
+        return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=known)
+    return answer
+
+
+@router.get("/{capture_id}/points", response_model=PointsDocument, summary="Points, thinned out")
+def get_points(
+    capture_id: CaptureId,
+    service: ServiceOf,
+    run: RunNumber = None,
+    first_n: Annotated[int, Query(ge=0, le=FIELD_END, description="First field.")] = 0,
+    end_n: Annotated[int, Query(ge=0, le=FIELD_END, description="Field after the last one.")] = FIELD_END,
+    every: Annotated[
+        int, Query(ge=1, le=1_000_000, description="Only fields whose number it divides; odd: both parities.")
+    ] = 1,
+    max_points: Annotated[
+        int, Query(ge=1000, le=200_000, description="`every` is raised until no more are left.")
+    ] = 20_000,
+    target: Annotated[
+        list[Annotated[int, Query(ge=0, le=2**31 - 1)]] | None,
+        Query(max_length=1000, description="Only this target; may be repeated."),
+    ] = None,
+) -> object:
+    """The points of a run, field by field, with their standard deviations."""
+    query = PointsQuery(run, first_n, end_n, every, max_points, target or ())
+    return points_document(service.archive.path(capture_id), query)
+
+
+@router.get(
+    "/{capture_id}/points.csv",
+    response_class=StreamingResponse,
+    summary="All points as CSV",
+    responses={200: {"content": {"text/csv": {}}}},
+)
+def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> StreamingResponse:
+    """The points as CSV, a row for each target and field, with their standard deviations."""
+    text: Iterator[str] = points_csv(service.archive.path(capture_id), run)
+    name = f'attachment; filename="{capture_id}-points.csv"'
+    return StreamingResponse(text, media_type="text/csv", headers={"Content-Disposition": name})
+
+
+@router.get(
+    "/{capture_id}/fields/{n}.png",
+    response_class=Response,
+    summary="A field as a picture",
+    responses={200: {"content": {"image/png": {}}}, **NOT_MODIFIED},
+)
+def get_field_png(
+    capture_id: CaptureId, n: FieldNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
+) -> Response:
+    """One field as a picture, as it was recorded; it never changes."""
+    png = field_png(service.archive.path(capture_id), n)
+    return tagged(png, "image/png", if_none_match, IMMUTABLE)

@@ -1,0 +1,125 @@
+"""Orders that take effect once: one that comes again with its Idempotency-Key gets the first one's answer."""
+
+import asyncio
+import contextlib
+import hashlib
+import json
+import logging
+import re
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Annotated, Any
+from weakref import WeakValueDictionary
+
+from fastapi import Depends, Header, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+
+from grabberd.api.refusals import Refusal
+from grabberd.errors import GrabberdError, StorageError
+from grabberd.service.idempotency import Idempotency
+from grabberd.storage.idempotency import KeptAnswer
+
+log = logging.getLogger(__name__)
+
+HEADER = "Idempotency-Key"
+PATTERN = r"^[!-~]{1,128}$"
+_KEY = re.compile(PATTERN.removeprefix("^").removesuffix("$"))
+
+Locks = WeakValueDictionary[str, asyncio.Lock]
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+def _declare(
+    _: Annotated[
+        str | None,
+        Header(
+            alias=HEADER,
+            pattern=PATTERN,
+            description="Of your own making, e.g. a UUID. For a day, the same order with the same key takes "
+            "effect once and gets the same answer; a refused one may come again.",
+        ),
+    ] = None,
+) -> None:
+    """Has the description say it, and keys that cannot be meant refused."""
+
+
+TAKES_KEY = Depends(_declare)
+"""A dependency of every route that takes a key."""
+
+
+class OnceRoute(APIRoute):
+    """A route whose orders (POST) may carry a key."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """The handler, with what is answered from what is kept before it."""
+        handle = super().get_route_handler()
+
+        async def once(request: Request) -> Response:
+            key = request.headers.get(HEADER, "")
+            if request.method != "POST" or not _KEY.fullmatch(key):
+                return await handle(request)
+            own = _key_of(request, key)
+            locks: Locks = request.app.state.once
+            async with locks.setdefault(own, asyncio.Lock()):
+                return await _answer(request, own, handle)
+
+        return once
+
+
+async def _answer(request: Request, key: str, handle: Handler) -> Response:
+    kept: Idempotency = request.app.state.service.idempotency
+    digest = _digest(await request.body())
+    known = await run_in_threadpool(kept.begin, key, digest)
+    if known is not None:
+        return _again(known, digest)
+    try:
+        response = await handle(request)
+    except (GrabberdError, RequestValidationError, HTTPException, Refusal):
+        await run_in_threadpool(kept.forget, key)
+        raise
+    answer = KeptAnswer(digest, response.status_code, response.headers.get("location"), bytes(response.body))
+    try:
+        await run_in_threadpool(kept.finish, key, answer)
+    except StorageError as error:  # it has taken effect, so it is answered
+        log.warning("an answer cannot be kept for its %s: %s; %s", HEADER, error.message, error.hint)
+    return response
+
+
+def _again(known: KeptAnswer, digest: bytes) -> Response:
+    """The first answer.
+
+    Raises:
+        Refusal: 422, the order is another one; 409, nobody knows whether the first one took effect.
+    """
+    if known.digest != digest:
+        raise Refusal(
+            422,
+            "idempotency-key-reused",
+            f"another order came with this {HEADER} within a day",
+            "make a new key for every order; send an old one only to repeat its order",
+        )
+    if known.status is None:
+        raise Refusal(
+            409,
+            "outcome-unknown",
+            f"the daemon ended before it answered the order with this {HEADER}",
+            "look whether it took effect, e.g. GET /api/v1/captures; to order again, make a new key",
+        )
+    location = {"Location": known.location} if known.location else {}
+    headers = {"Idempotent-Replayed": "true", **location}
+    return Response(known.body, known.status, headers, "application/json")
+
+
+def _key_of(request: Request, key: str) -> str:
+    """Every token, and every thing that is ordered, has keys of its own."""
+    identity = getattr(request.state, "identity", None)
+    return f"{identity.token if identity else None} {request.method} {request.url.path} {key}"
+
+
+def _digest(body: bytes) -> bytes:
+    """The same for JSON that is written in another way."""
+    with contextlib.suppress(ValueError, RecursionError):
+        body = json.dumps(json.loads(body), sort_keys=True).encode()
+    return hashlib.sha256(body).digest()

@@ -1,0 +1,92 @@
+"""Captures as they are listed, page by page: a new one, or one that goes, shifts no page."""
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, NamedTuple
+
+from grabberd.errors import NotFound
+from grabberd.service.archive import Archive
+from grabberd.storage.index import IndexEntry
+
+AT_ONCE = 200
+
+
+class Place(NamedTuple):
+    """Where a capture stands in the list, which begins with the greatest."""
+
+    created_utc: str
+    id: str
+
+
+@dataclass(frozen=True, slots=True)
+class CaptureQuery:
+    """Which captures are wanted.
+
+    Attributes:
+        limit: so many at most.
+        after: the last one of the page before; None: from the newest.
+        device: only those of this device.
+        since_utc: only those that began then or later; ISO 8601 with milliseconds and Z.
+        search: only those with this text in id, note or labels, in capitals or not.
+        pinned: only pinned ones, or only others.
+    """
+
+    limit: int = 100
+    after: Place | None = None
+    device: str | None = None
+    since_utc: str | None = None
+    search: str | None = None
+    pinned: bool | None = None
+
+    def wants(self, document: dict[str, Any]) -> bool:
+        """Whether a capture is one of them."""
+        text = " ".join([document["id"], document["note"], *document["labels"], *document["labels"].values()])
+        return (
+            (self.after is None or place_of(document) < self.after)
+            and self.device in (None, document["device"])
+            and (self.since_utc is None or document["created_utc"] >= self.since_utc)
+            and (self.search is None or self.search.casefold() in text.casefold())
+            and self.pinned in (None, document["pinned"])
+        )
+
+
+def list_captures(archive: Archive, query: CaptureQuery) -> tuple[list[dict[str, Any]], Place | None]:
+    """A page of captures, the newest first, and the place to go on from; None where no more follow."""
+    found = list(islice(filter(query.wants, _newest(archive, query)), query.limit + 1))
+    shown = found[: query.limit]
+    return shown, place_of(shown[-1]) if len(found) > query.limit else None
+
+
+def place_of(document: dict[str, Any]) -> Place:
+    """Where a capture stands."""
+    return Place(document["created_utc"], document["id"])
+
+
+def _newest(archive: Archive, query: CaptureQuery) -> Iterator[dict[str, Any]]:
+    """Those that are armed or running, and those that the index has, in one order."""
+    current = {document["id"]: document for document in archive.current()}
+    ended = (entry for entry in _indexed(archive, query) if entry.id not in current)
+    documents = (document for entry in ended if (document := _document(archive, entry)) is not None)
+    ordered = sorted(current.values(), key=place_of, reverse=True)
+    yield from heapq.merge(ordered, documents, key=place_of, reverse=True)
+
+
+def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[IndexEntry]:
+    after = query.after
+    while entries := archive.index.page(after, AT_ONCE):
+        for entry in entries:
+            if query.since_utc is not None and entry.created_utc < query.since_utc:
+                return
+            if query.device in (None, entry.device):
+                yield entry
+        after = Place(entries[-1].created_utc, entries[-1].id)
+
+
+def _document(archive: Archive, entry: IndexEntry) -> dict[str, Any] | None:
+    """A capture; None for one that has just been deleted, or whose file was removed by hand."""
+    try:
+        return {**archive.document(entry.id), "created_utc": entry.created_utc}
+    except NotFound:
+        return None

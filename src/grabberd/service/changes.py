@@ -1,0 +1,64 @@
+"""What has changed in a document since a client last saw it. Nothing else."""
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+KEPT = 150
+"""At five a second, who comes back within half a minute is told the changes alone."""
+
+
+def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+    """The keys whose values differ, with their new values; of documents inside likewise.
+
+    A JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
+    """
+    gone = {key: None for key in before if key not in after}
+    return gone | {
+        key: _change(before.get(key), value) for key, value in after.items() if _differs(key, before, value)
+    }
+
+
+def merged(document: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+    """A document with a change; null values stay, so that they can be told from what was never there."""
+    result = dict(document)
+    for key, value in change.items():
+        inner = isinstance(value, Mapping)
+        known = result.get(key)
+        result[key] = merged(known if isinstance(known, Mapping) else {}, value) if inner else value
+    return result
+
+
+class Version(NamedTuple):
+    """A document and its number, from 1 on."""
+
+    number: int
+    document: Mapping[str, Any]
+
+
+class History:
+    """The latest versions of a document."""
+
+    def __init__(self, kept: int = KEPT) -> None:
+        self._versions: deque[Version] = deque(maxlen=kept)
+
+    def enter(self, document: Mapping[str, Any]) -> Version | None:
+        """The document as it is now; None if it is as it was."""
+        newest = self._versions[-1] if self._versions else Version(0, {})
+        if document == newest.document:
+            return None
+        self._versions.append(Version(newest.number + 1, document))
+        return self._versions[-1]
+
+    def find(self, number: int) -> Version | None:
+        """A version, unless it has been forgotten."""
+        return next((version for version in list(self._versions) if version.number == number), None)
+
+
+def _differs(key: str, before: Mapping[str, Any], value: Any) -> bool:
+    return key not in before or before[key] != value
+
+
+def _change(before: Any, after: Any) -> Any:
+    both = isinstance(before, Mapping) and isinstance(after, Mapping)
+    return changes(before, after) if both else after

@@ -1,0 +1,86 @@
+"""What is in a capture comes in parts, thinned out, and not twice."""
+
+import math
+
+import pytest
+from fastapi.testclient import TestClient
+
+CAPTURES = "/api/v1/captures"
+
+
+def test_points_come_field_by_field_with_their_sigma(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    document = client.get(f"{CAPTURES}/{capture_id}/points").json()
+    assert (document["capture"], document["run"], document["every"]) == (capture_id, 1, 1)
+    assert [field["n"] for field in document["fields"]] == list(range(20))
+    field = document["fields"][5]
+    assert field["time_s"] == pytest.approx(0.1, abs=0.001)
+    assert len({len(column) for column in field.values() if isinstance(column, list)}) == 1
+    assert all(0 < sigma < 0.5 for sigma in field["sigma_z_mm"])
+    assert all(map(math.isfinite, field["x_mm"]))
+
+
+def test_they_are_chosen_by_field_and_target(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    query = {"first_n": 3, "end_n": 12, "every": 3, "target": [4, 5]}
+    fields = client.get(f"{CAPTURES}/{capture_id}/points", params=query).json()["fields"]
+    assert [field["n"] for field in fields] == [3, 6, 9]
+    assert {target for field in fields for target in field["target"]} <= {4, 5}
+
+
+def test_too_many_are_thinned_out_and_the_answer_says_so(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    everything = client.get(f"{CAPTURES}/{capture_id}/points").json()
+    total = sum(len(field["target"]) for field in everything["fields"])
+    assert total > 1000
+    thinned = client.get(f"{CAPTURES}/{capture_id}/points", params={"max_points": 1000}).json()
+    assert thinned["every"] == -(-total // 1000)
+    kept = [field for field in everything["fields"] if field["n"] % thinned["every"] == 0]
+    assert thinned["fields"] == kept
+    assert sum(len(field["target"]) for field in kept) <= 1000
+
+
+def test_a_capture_without_such_points_is_a_problem(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    assert client.get(f"{CAPTURES}/{capture_id}/points?run=7").status_code == 404
+    assert client.get(f"{CAPTURES}/{capture_id}/points?every=0").status_code == 422
+    assert client.get(f"{CAPTURES}/{capture_id}/points?first_n=30").json()["fields"] == []
+
+
+@pytest.mark.parametrize("what", ["file", "fields/3.png"])
+def test_what_is_known_already_is_not_sent_again(captured: tuple[TestClient, str], what: str) -> None:
+    client, capture_id = captured
+    first = client.get(f"{CAPTURES}/{capture_id}/{what}")
+    etag = first.headers["ETag"]
+    for known in (etag, f'"other", W/{etag}', "*"):
+        again = client.get(f"{CAPTURES}/{capture_id}/{what}", headers={"If-None-Match": known})
+        assert (again.status_code, again.content, again.headers["ETag"]) == (304, b"", etag)
+    assert client.get(f"{CAPTURES}/{capture_id}/{what}", headers={"If-None-Match": '"other"'}).content
+    assert first.headers["Cache-Control"].startswith("private")
+
+
+def test_a_field_never_changes(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    assert "immutable" in client.get(f"{CAPTURES}/{capture_id}/fields/3.png").headers["Cache-Control"]
+
+
+def test_a_download_that_broke_off_goes_on(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    url = f"{CAPTURES}/{capture_id}/file"
+    whole = client.get(url)
+    size = len(whole.content)
+    rest = client.get(url, headers={"Range": "bytes=1000-", "If-Range": whole.headers["ETag"]})
+    assert (rest.status_code, rest.content) == (206, whole.content[1000:])
+    assert rest.headers["Content-Range"] == f"bytes 1000-{size - 1}/{size}"
+    other = client.get(url, headers={"Range": "bytes=1000-", "If-Range": '"other"'})
+    assert (other.status_code, other.content) == (200, whole.content)
+    assert client.get(url, headers={"Range": f"bytes={size}-"}).status_code == 416
+
+
+def test_a_further_run_changes_the_files_tag(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    before = client.get(f"{CAPTURES}/{capture_id}/file").headers["ETag"]
+    job = client.post(f"{CAPTURES}/{capture_id}/measure").json()["id"]
+    service = client.app.state.service  # type: ignore[attr-defined]
+    service.jobs.wait(job, 60)
+    assert client.get(f"{CAPTURES}/{capture_id}/file").headers["ETag"] != before

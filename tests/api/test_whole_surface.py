@@ -1,0 +1,85 @@
+"""Whatever is asked over HTTP is answered as described; the endless streams have tests of their own."""
+
+import importlib
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, settings
+from running import PATIENCE_S, wait_until_it_accepts
+
+from api.conftest import service_in
+from grabberd.api import create_app
+from grabberd.api.front import Front
+from grabberd.api.serving import server_of
+from grabberd.api.sockets import bind
+from grabberd.service.roles import Role
+
+schemathesis = pytest.importorskip("schemathesis")
+
+ENDLESS = ("/api/v1/events", "/api/v1/preview")
+BEYOND_A_SCHEMA = ("POST /api/v1/captures", "POST /api/v1/calibrations", "PUT /api/v1/settings")
+"""What they take depends on several keys together, or on the rig, which a JSON schema cannot say."""
+EXAMPLES = 5
+ENOUGH_S = 40.0
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[tuple[str, str]]:
+    """Its address and the token of an admin."""
+    service = service_in(tmp_path, pace="real")
+    service.open_stores()
+    secret = service.access.add("tester", Role.ADMIN)
+    server = server_of(create_app(service), Front())
+    sockets = bind("127.0.0.1", 0)
+    thread = threading.Thread(target=server.run, args=(sockets,))
+    thread.start()
+    try:
+        wait_until_it_accepts(service)
+        yield f"http://127.0.0.1:{sockets[0].getsockname()[1]}", secret
+    finally:
+        server.should_exit = True
+        thread.join(PATIENCE_S)
+
+
+def findings(operation: Any, headers: dict[str, str]) -> str | None:
+    """What is wrong with how an operation is answered, or None."""
+    accepted = [importlib.import_module("schemathesis.specs.openapi.checks").positive_data_acceptance]
+    excluded = accepted if operation.label in BEYOND_A_SCHEMA else []
+
+    @given(case=operation.as_strategy())
+    @settings(
+        max_examples=EXAMPLES,
+        deadline=None,
+        database=None,
+        derandomize=True,
+        phases=[Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    def ask(case: Any) -> None:
+        case.call_and_validate(headers=headers, timeout=PATIENCE_S, excluded_checks=excluded)
+
+    try:
+        ask()
+    except BaseExceptionGroup as group:
+        return "\n".join(str(error) for error in group.exceptions)
+    except (AssertionError, schemathesis.errors.SchemathesisError) as error:
+        return str(error)
+    return None
+
+
+@pytest.mark.slow
+def test_every_operation_answers_as_it_is_described(daemon: tuple[str, str]) -> None:
+    url, secret = daemon
+    headers = {"Authorization": f"Bearer {secret}"}
+    schema = schemathesis.openapi.from_url(f"{url}/api/v1/openapi.json", headers=headers)
+    operations = [result.ok() for result in schema.get_all_operations()]
+    finite = [operation for operation in operations if operation.path not in ENDLESS]
+    begun_s = time.monotonic()
+    found = {one.label: wrong for one in finite if (wrong := findings(one, headers)) is not None}
+    assert len(finite) > 25
+    assert not found, "\n\n".join(f"{label}\n{wrong}" for label, wrong in found.items())
+    assert time.monotonic() - begun_s < ENOUGH_S
