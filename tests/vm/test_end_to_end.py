@@ -1,0 +1,67 @@
+"""From a film of the liner to points: through the kernel, the driver, the daemon, HTTP and the file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grabberd.field import unpack
+from grabberd.storage import CaptureReader
+from grabberd_fake.stamp import read_stamp
+from vm import film
+from vm.guest import daemon, vivid
+from vm.machine import Machine
+from vm.tables import Tables
+
+FIELDS = 100
+RMS_MM, WORST_MM = 0.11, 1.0
+"""Of a single field of one bit; a point further off has another target's id."""
+
+
+def test_points_of_a_capture_over_http_lie_near_the_truth_of_the_film(fast: Machine, tables: Tables) -> None:
+    film.render(fast.share / "film")
+    fast.call(vivid.load_loop)
+    result = fast.call(
+        daemon.captured_liner, film="/share/film", fields=FIELDS, target="/share/liner.grab", timeout_s=600
+    )
+    capture, device = result["capture"], result["device"]
+    assert (capture["state"], capture["verdict"]) == ("sealed", "complete"), capture
+    assert capture["ledger"]["counts"]["received"] == FIELDS
+    assert device["stream"]["details"]["kernel driver"] == "vivid"
+    errors_mm = _errors_mm(fast.share / "liner.grab")
+    rms_mm, worst_mm = float(np.sqrt((errors_mm**2).mean())), float(errors_mm.max())
+    tables.add(
+        "End to end",
+        "Rendered pictures of the liner, played into the test device and captured from it over HTTP.",
+        fields=FIELDS,
+        ledger=capture["ledger"]["in_words"],
+        points=len(errors_mm),
+        RMS_mm=f"{rms_mm:.3f}",
+        worst_mm=f"{worst_mm:.2f}",
+    )
+    assert len(errors_mm) > 60 * FIELDS
+    assert rms_mm < RMS_MM
+    assert worst_mm < WORST_MM
+
+
+def _errors_mm(path: Path) -> np.ndarray:
+    """Distances of all points from their targets at the fields that the pictures' stamps name."""
+    with CaptureReader(path) as reader:
+        stamps = {numbered.n: read_stamp(unpack(numbered.packed).luma) for numbered in reader.received()}
+        numbers = [stamp.number for stamp in stamps.values() if stamp is not None]
+        assert len(numbers) == FIELDS, "every picture bears its number"
+        assert set(np.diff(numbers) % film.FIELDS) == {1}, "the film's fields come in their order"
+        errors = []
+        for n, points in reader.points():
+            stamp = stamps[n]
+            assert stamp is not None
+            truth = film.truth(stamp.number)
+            place = dict(zip(truth.ids.tolist(), truth.xyz_mm, strict=True))
+            errors += [xyz - place[int(id_)] for id_, xyz in zip(points.target, points.xyz_mm, strict=True)]
+    return np.linalg.norm(errors, axis=1)
+
+
+@pytest.fixture(autouse=True)
+def _stop_playing(fast: Machine) -> object:
+    yield
+    fast.call(vivid.unload)

@@ -1,0 +1,132 @@
+"""Every fault that the kernel's test device can show, in mid-capture, through the whole service."""
+
+from typing import Any, NamedTuple
+
+import pytest
+
+from vm.guest import faults, instrument, vivid
+from vm.machine import Machine
+from vm.tables import Tables
+
+NOTICED_S, RECOVERED_S = 1.0, 3.0
+NOTE = (
+    "Of a capture at 50 Hz in alternate fields. Noticed: from the fault to the first change of the device's "
+    "state or of the capture's ledger. Recovered: from the fault's end to fields that are received again; "
+    "for what is over at once, from the fault. Steps: of the ladder of recovery."
+)
+
+
+class Expected(NamedTuple):
+    """What the ledger has to say: an outcome, and words of its reason; nothing where no field is lost."""
+
+    outcome: str | None = None
+    reason: str = ""
+
+
+EXPECTED = {
+    "buffer flagged damaged": Expected("damaged", "flags an error"),
+    "one buffer in five dropped": Expected("lost", "gap"),
+    "all buffers dropped": Expected("lost", "no field for"),
+    "requeueing fails once": Expected(),
+    "fatal streaming error": Expected("lost", "stopped streaming"),
+    "fatal error, then STREAMON fails": Expected("lost", "stopped streaming"),
+    "fatal error, then REQBUFS fails": Expected("lost", "stopped streaming"),
+    "disconnected": Expected("lost", "unplugged"),
+    "unplugged for 5 s": Expected("lost", "unplugged"),
+    "no signal": Expected("no_signal", "no signal"),
+    "no lock": Expected("no_signal", "no signal"),
+    "another standard": Expected("lost", "NTSC"),
+    "a standard that changes all the time": Expected("lost", "60 Hz"),
+    "times of the future": Expected(),
+    "sequence near its wrap": Expected("lost", "stopped streaming"),
+    "times near their wrap, 64 bits": Expected("lost", "stopped streaming"),
+    "process stopped for 0.2 s": Expected(),
+    "process stopped for 0.9 s": Expected("lost", "gap"),
+    "black picture": Expected("no_signal", "flat picture"),
+    "blue picture": Expected("no_signal", "flat picture"),
+    "noise for a picture": Expected("no_signal", "snow"),
+}
+
+
+@pytest.fixture
+def patterns(fast: Machine) -> Machine:
+    """The device draws a pattern that moves."""
+    if not fast.call(vivid.draws_patterns):
+        fast.call(vivid.load_patterns)
+    fast.call(vivid.show_picture)
+    return fast
+
+
+def test_every_fault_of_the_device_is_expected_here() -> None:
+    assert EXPECTED.keys() == faults.FAULTS.keys()
+
+
+def test_a_capture_to_which_nothing_happens_is_complete(patterns: Machine) -> None:
+    result = patterns.call(faults.quiet, seconds=10.0, field_order="alternate")
+    assert result["ledger"] == "complete"
+    assert result["received"] > 500
+
+
+@pytest.mark.parametrize("fault", EXPECTED)
+def test_a_fault_is_noticed_recovered_from_and_accounted_for(
+    patterns: Machine, tables: Tables, fault: str
+) -> None:
+    result = patterns.call(faults.suffer, name=fault, field_order="alternate")
+    _add(tables, fault, result)
+    expected = EXPECTED[fault]
+    if expected.outcome is None:
+        assert result["ledger"] == "complete"
+    else:
+        assert result["noticed_s"] is not None
+        assert result["noticed_s"] <= NOTICED_S
+        assert [expected.outcome] == sorted({outcome for _, outcome, _ in result["entries"]})
+        assert any(expected.reason in reason for *_, reason in result["entries"])
+    assert result["recovered_s"] is not None
+    assert result["recovered_s"] <= RECOVERED_S
+    assert result["received"] + sum(count for count, *_ in result["entries"]) == result["total"]
+
+
+def test_a_grabber_that_comes_back_as_another_node_is_found_by_its_path(
+    fast: Machine, tables: Tables
+) -> None:
+    fast.call(vivid.load_patterns)
+    fast.call(vivid.show_picture)
+    result = fast.call(faults.comes_back_as_another_node, field_order="alternate")
+    _add(tables, "unplugged, back as another node", result)
+    assert result["nodes"] == ["/dev/video0", "/dev/video1"]
+    assert {reason for *_, reason in result["entries"]} == {"unplugged"}
+    assert result["recovered_s"] <= RECOVERED_S
+    fast.call(vivid.unload)
+
+
+def test_on_two_processors_every_field_is_accounted_for_through_an_unplug(
+    concurrent_machine: Machine,
+) -> None:
+    concurrent_machine.call(vivid.load_patterns)
+    concurrent_machine.call(vivid.show_picture)
+    result = concurrent_machine.call(faults.suffer, name="unplugged for 5 s", field_order="interlaced")
+    assert result["recovered_s"] is not None
+    assert "unplugged" in {reason for *_, reason in result["entries"]}
+    assert result["received"] + sum(count for count, *_ in result["entries"]) == result["total"]
+
+
+def _add(tables: Tables, fault: str, result: dict[str, Any]) -> None:
+    tables.add(
+        "Faults",
+        NOTE,
+        fault=fault,
+        noticed_in=_seconds(result["noticed_s"]),
+        recovered_in=_seconds(result["recovered_s"]) if result["entries"] else "–",
+        steps=", ".join(f"{count} × {rung}" for rung, count in result["steps"].items()) or "–",
+        ledger_says=result["ledger"],
+    )
+
+
+def _seconds(seconds: float | None) -> str:
+    return "–" if seconds is None else f"{seconds:.2f} s"
+
+
+@pytest.fixture(autouse=True)
+def _no_service_left(fast: Machine) -> object:
+    yield
+    fast.call(instrument.stop)
