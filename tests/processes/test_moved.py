@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from grabberd.geometry import rotation_angles, rotation_matrix
@@ -46,6 +47,18 @@ def test_a_mirror_that_has_moved_is_seen_even_where_no_target_is_identified_any_
     fit = watched(liner, px)[-1]
     assert fit.verdict is RigVerdict.MOVED
     assert fit.shift_px == pytest.approx(px, abs=0.15 + 0.1 * px)
+
+
+def test_a_mirror_that_has_moved_far_leaves_targets_that_fit_nothing(liner):
+    assert watched(liner, 40.0)[-1].verdict is RigVerdict.UNMATCHED
+
+
+def test_a_dark_picture_says_nothing_of_the_rig(liner):
+    watch = RigWatch(liner.setup)
+    nothing = np.zeros(0, np.intp)
+    for one in measure_fields(liner.packed(1, "doubled"), liner.setup):
+        watch.see(one._replace(blobs=one.blobs.select(nothing), points=one.points.select(nothing)))
+    assert watch.fit().verdict is RigVerdict.UNKNOWN
 
 
 @pytest.mark.slow

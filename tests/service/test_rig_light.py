@@ -43,6 +43,12 @@ def test_a_rig_that_has_moved_is_said_once_with_what_to_do(caplog: pytest.LogCap
     assert "grabberd check" in made.warnings[0]
 
 
+def test_a_rig_that_has_moved_so_far_that_nothing_fits_is_said_too() -> None:
+    made = light(fit(RigVerdict.UNMATCHED, np.nan))
+    assert "moved far" in made.warnings[0]
+    assert made.findings() == {"rig": {"verdict": "unmatched", "ratio": None, "shift_px": None}}
+
+
 def test_that_it_fits_again_is_said_too(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO):
         made = light(fit(RigVerdict.DOUBTFUL), fit(RigVerdict.FITS, 0.02))

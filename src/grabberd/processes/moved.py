@@ -1,5 +1,6 @@
 """The light that says that camera or mirrors have moved: what measuring finds out beside points."""
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from grabberd.geometry import Rig
 from grabberd.processes.measure import MeasuredField, MeasureSetup, whole_blobs
 from grabberd.reconstruction import Correspondence, ImageNoise, Points, ViewBlobs
-from grabberd.reconstruction.moved import RigFit, RigMovement
+from grabberd.reconstruction.moved import LEAST_TARGETS, WINDOW, RigFit, RigMovement, RigVerdict
 
 EVERY = 10
 """One field in so many is looked at: five a second."""
@@ -15,6 +16,8 @@ LEAST_SHARE = 0.5
 """Of the blobs in the view that shows fewer: with fewer points, targets are identified more generously."""
 FIT_EVERY = 50
 """Fields from fit to fit: one a second."""
+MANY = 3 * LEAST_TARGETS
+"""Blobs in either view that cannot all be false: of these some targets have to be identified."""
 GENEROUS_PX = 1.0
 """What a rig that has moved may add to every image coordinate: past this, nothing is identified."""
 
@@ -34,6 +37,7 @@ class RigWatch:
         self._calibration = setup.calibration
         self._generous = Correspondence(rig, model, noise, replace(known, unmodelled_px=GENEROUS_PX))
         self._movement = RigMovement(rig, model)
+        self._blobs: deque[int] = deque(maxlen=WINDOW)
         self._fields = 0
 
     def see(self, measured: MeasuredField) -> RigFit | None:
@@ -45,11 +49,16 @@ class RigWatch:
 
     def fit(self) -> RigFit:
         """What the last seconds say."""
-        return self._movement.fit()
+        fit = self._movement.fit()
+        seen = sorted(self._blobs)[len(self._blobs) // 2] if self._blobs else 0
+        if fit.verdict is RigVerdict.UNKNOWN and seen >= MANY:
+            return replace(fit, verdict=RigVerdict.UNMATCHED)
+        return fit
 
     def _points(self, measured: MeasuredField) -> Points:
         x_px, seam = measured.blobs.xy_px[:, 0], self._calibration.views[1].first_column
-        fewer = min(np.count_nonzero(x_px < seam), np.count_nonzero(x_px >= seam))
+        fewer = int(min(np.count_nonzero(x_px < seam), np.count_nonzero(x_px >= seam)))
+        self._blobs.append(fewer)
         if len(measured.points) >= LEAST_SHARE * fewer:
             return measured.points
         return self._generous.identify(*self._view_blobs(measured)).points

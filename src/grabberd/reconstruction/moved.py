@@ -41,6 +41,8 @@ class RigVerdict(StrEnum):
     FITS = "fits"
     DOUBTFUL = "doubtful"
     MOVED = "moved"
+    UNMATCHED = "unmatched"
+    """Targets are seen in both views, but next to none of them is the object's by this calibration."""
     UNKNOWN = "unknown"
 
 

@@ -18,6 +18,8 @@ WHAT_TO_DO = "check with the calibration frame (grabberd check), and calibrate a
 _SEEM = {
     RigVerdict.DOUBTFUL: "camera or mirrors may have moved since the calibration",
     RigVerdict.MOVED: "camera or mirrors have moved since the calibration",
+    RigVerdict.UNMATCHED: "both views show targets, but by this calibration they are not the object's: "
+    "camera or mirrors have moved far, or another object is there",
 }
 
 
@@ -68,9 +70,8 @@ class RigLight:
         if not known:
             return {}
         worst = max((fit.verdict for fit in known), key=list(RigVerdict).index)
-        ratio = sum(fit.ratio for fit in known) / len(known)
-        shift = sum(fit.shift_px for fit in known) / len(known)
-        return {"rig": {"verdict": worst, "ratio": ratio, "shift_px": shift}}
+        means = {key: _mean([getattr(fit, key) for fit in known]) for key in ("ratio", "shift_px")}
+        return {"rig": {"verdict": worst, **means}}
 
     def _tell(self, fit: RigFit) -> None:
         """Once for each change; not to know is none."""
@@ -101,10 +102,17 @@ def fit_document(fit: RigFit) -> dict[str, Any]:
 
 
 def _words(fit: RigFit) -> str:
+    if not math.isfinite(fit.shift_px):
+        return f"{_SEEM[fit.verdict]}; {WHAT_TO_DO}"
     return (
         f"{_SEEM[fit.verdict]}: the views lie {fit.shift_px:.2f} px apart, where {fit.sigma_px:.2f} px are "
         f"expected; {WHAT_TO_DO}"
     )
+
+
+def _mean(values: list[float]) -> float | None:
+    finite = [value for value in values if math.isfinite(value)]
+    return sum(finite) / len(finite) if finite else None
 
 
 def _known(value: float) -> float | None:
