@@ -16,7 +16,7 @@ from vm.guest.shell import wait_for
 
 ADDRESS = "http://127.0.0.1:8050"
 PATIENCE_S = 240.0
-CONFIGS = "/checkout/configs"
+CONFIGS = "/run/copy/configs"
 
 
 def captured_liner(film: str, fields: int, target: str) -> dict[str, Any]:
