@@ -77,7 +77,7 @@ def test_fields_of_another_size_begin_anew():
     assert check.look(grabbed(noise(1)[:240, :640], 2)).damage == "repeated"
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(
     shape=st.tuples(st.integers(1, 30), st.integers(1, 30)),
     values=st.lists(st.integers(0, 255), min_size=1, max_size=4),

@@ -304,7 +304,7 @@ def kept_fields(gaps_between):
     return kept
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(gaps, orders, st.integers(0, 14 * MS), st.floats(-200e-6, 200e-6), st.randoms(use_true_random=False))
 def test_random_losses_are_recovered_exactly_through_jitter_and_drift(
     gaps_between, order, pp_ns, drift, random
@@ -317,7 +317,6 @@ def test_random_losses_are_recovered_exactly_through_jitter_and_drift(
     assert missing == sorted(set(range(kept[-1])) - set(kept))
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), gaps, st.booleans(), st.randoms(use_true_random=False))
 def test_losses_are_recovered_when_timestamps_fail_but_the_driver_counts(start, gaps_between, shared, random):
     kept = [*range(6), *(n + 6 for n in kept_fields(gaps_between))]

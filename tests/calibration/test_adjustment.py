@@ -194,7 +194,7 @@ def test_an_unseen_target_changes_nothing_and_keeps_what_was_known_of_it():
 
 
 @given(seed=st.integers(0, 1000), factor=st.floats(0.1, 10.0))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_neither_the_order_nor_the_unit_of_weight_matters(seed, factor):
     one = seen_less(network(places=SMALL, target_sigma_mm=0.02), 0.1)
     order, names = (

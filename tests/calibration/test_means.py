@@ -50,7 +50,7 @@ def test_one_parity_alone_halves_nothing():
     assert np.median(mean.sigma_px) == pytest.approx(0.14, rel=0.05)
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     st.sampled_from([4, 16, 60]),
     st.floats(0.02, 0.15),

@@ -20,7 +20,7 @@ def moved(view: View, share: float) -> View:
     return replace(view.with_vector(values), b=(0.0,) * 9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(views(), st.floats(-1, 1))
 def test_targets_are_seen_again_where_they_were_seen(view, share):
     found = resect(moved(view, share), PLACES, project(view, PLACES), 0.3)

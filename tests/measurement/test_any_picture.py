@@ -25,7 +25,7 @@ def picture(rng, kind, rows, columns):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.integers(0, 2**31),
     st.sampled_from(["noise", "blots", "bars", "holes"]),

@@ -114,7 +114,7 @@ def test_a_window_keeps_the_blobs_whose_centre_it_holds_edges_included(scene):
     assert len(measure(packed, np.array([[12.1, 10.0, 19.0, 11.0]]), SETTINGS)) == 0
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     hnp.arrays(
         np.float64, st.tuples(st.integers(0, 6), st.just(4)), elements=st.floats(0, 720, allow_nan=False)

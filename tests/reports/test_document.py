@@ -16,13 +16,13 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.dictionaries(st.text(), VALUES, max_size=6))
 def test_the_json_is_the_document(document):
     assert json.loads(document_json(document)) == document
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.dictionaries(st.text(), VALUES, max_size=6))
 def test_the_order_of_keys_does_not_matter(document):
     assert document_json(dict(reversed(document.items()))) == document_json(document)

@@ -310,7 +310,7 @@ errors = st.sampled_from(
 )
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(errors | st.integers(0, 20), max_size=20))
 def test_whatever_happens_no_state_follows_that_may_not_and_the_device_is_closed_at_the_end(
     script: list[Exception | int],

@@ -143,7 +143,7 @@ class Pulse:
             self.clock.sleep(self.heartbeat.every_s)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(watchdog_s=st.floats(0.1, 120))
 def test_it_lives_at_least_every_half_of_the_watchdogs_time(watchdog_s: float) -> None:
     with listening(f"@grabberd-pulse-{os.getpid()}") as ear:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd_v4l2.formats import FORMATS, bytes_per_pixel, luma, needed_bytes
@@ -26,7 +26,6 @@ def buffer_of(grey, fourcc, padding=0):
 
 
 @pytest.mark.parametrize("fourcc", FORMATS)
-@settings(deadline=None)
 @given(
     lines=st.integers(2, 12).map(lambda n: 2 * n),
     pairs=st.integers(1, 20),

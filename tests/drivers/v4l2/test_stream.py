@@ -100,7 +100,7 @@ def test_a_reader_that_is_late_finds_what_the_buffers_could_hold(streaming):
 # ---- what is lost
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     lost=st.sets(st.integers(1, 38), max_size=30),
     counted=st.booleans(),

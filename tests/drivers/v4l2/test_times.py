@@ -122,7 +122,6 @@ def test_after_a_restart_the_count_begins_anew():
     assert times.of(stamp(sequence=0), laid(0))[0].sequence == 0
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32 - 1), st.lists(st.integers(0, 2**31 - 1), max_size=20))
 def test_any_steps_of_a_wrapping_count_are_kept(start, steps):
     sums = [start, *(start + int(s) for s in np.cumsum(steps, dtype=object))]
@@ -233,7 +232,7 @@ def test_a_lost_buffer_is_found_in_time(arrangement, driver, shared):
 
 
 @EVERY_WAY
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     gaps=st.lists(st.integers(0, 5), min_size=1, max_size=60),
     jitter_ns=st.integers(0, 8 * MS),

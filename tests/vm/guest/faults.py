@@ -58,7 +58,7 @@ FAULTS: Mapping[str, Fault] = {
     "sequence near its wrap": _restart_with("wrap_sequence_number"),
     "times near their wrap, 64 bits": _restart_with("wrap_timestamp"),
     "process stopped for 0.2 s": Fault(lambda: _stand_still(0.2)),
-    "process stopped for 0.9 s": Fault(lambda: _stand_still(0.9)),
+    "process stopped for 0.6 s": Fault(lambda: _stand_still(0.6)),
     "black picture": _control("test_pattern", 5, then=4, after_s=3.0),
     "blue picture": _control("test_pattern", 9, then=4, after_s=3.0),
     "noise for a picture": _control("test_pattern", 21, then=4, after_s=3.0),
