@@ -107,9 +107,12 @@ def _best(inputs: Sequence[abi.Input], options: V4l2Options) -> abi.Input:
 
 
 def _named(node: Node, inputs: Sequence[abi.Input], wanted: str) -> abi.Input:
-    for one in inputs:
-        if wanted.casefold() in (str(one.index), _name(one).casefold()):
-            return one
+    """By number or name; the beginning of a name is enough where it is that of one input only."""
+    folded = wanted.casefold()
+    exact = [one for one in inputs if folded in (str(one.index), _name(one).casefold())]
+    begun = [one for one in inputs if _name(one).casefold().startswith(folded)]
+    if exact or len(begun) == 1:
+        return (exact or begun)[0]
     known = ", ".join(map(_called, inputs))
     raise DeviceRefused(f"{node.path} has no input '{wanted}'", f"option 'input': it has {known}")
 

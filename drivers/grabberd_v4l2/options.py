@@ -48,7 +48,7 @@ class V4l2Options(BaseModel):
     field_order: str | None = None
     older_field: Literal["top", "bottom"] | None = None
     exposure_ms: float | None = Field(None, ge=0, le=20)
-    buffers: int = Field(12, ge=8, le=16, strict=True)
+    buffers: int = Field(16, ge=8, le=16, strict=True)
     profiles: Path = DIRECTORY
 
     @property

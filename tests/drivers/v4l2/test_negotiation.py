@@ -75,11 +75,24 @@ def test_an_input_without_standards_is_not_chosen_by_itself(bench):
     assert made.card.input == 1
 
 
+NUMBERED_SOCKETS = (("S-Video 0", 2), ("Composite 0", 2), ("Composite 1", 2))
+
+
+def test_the_beginning_of_an_inputs_name_is_enough_where_it_is_one_inputs_only(bench):
+    made = bench(card_with(sockets=NUMBERED_SOCKETS), input="s-video")
+    made.grabber.open()
+    assert made.card.input == 0
+
+
+def test_the_beginning_of_several_names_is_none(bench):
+    assert "Composite 1" in refusal(bench(card_with(sockets=NUMBERED_SOCKETS), input="Composite")).hint
+
+
 def test_single_grey_fields_are_taken_where_a_card_has_them(bench):
     made = bench()
     info = made.grabber.open()
     assert (info.field_order, info.pixel_format) == (FieldOrder.ALTERNATE, "GREY")
-    assert (info.columns, info.field_rows, info.rate_hz, info.buffers) == (720, 288, 50.0, 12)
+    assert (info.columns, info.field_rows, info.rate_hz, info.buffers) == (720, 288, 50.0, 16)
 
 
 @pytest.mark.parametrize("order", [order.name.lower() for order in ALL_ORDERS])
@@ -260,7 +273,7 @@ def test_a_format_that_is_refused_outright_is_passed_over(bench):
     assert made.grabber.open().pixel_format == "NV12"
 
 
-@pytest.mark.parametrize(("most", "fewest", "granted"), [(4, 1, 4), (32, 20, 20), (32, 1, 12)])
+@pytest.mark.parametrize(("most", "fewest", "granted"), [(4, 1, 4), (32, 20, 20), (32, 1, 16)])
 def test_as_many_buffers_are_used_as_are_granted(bench, most, fewest, granted):
     made = bench(card_with(most_buffers=most, fewest_buffers=fewest))
     info = made.grabber.open()

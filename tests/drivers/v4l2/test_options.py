@@ -12,7 +12,7 @@ def test_a_device_is_enough():
     options = V4l2Options.read({"device": "/dev/video0"})
     assert options.standard == "PAL"
     assert options.format == ("GREY", "NV12", "YUYV", "UYVY")
-    assert options.buffers == 12
+    assert options.buffers == 16
     assert options.arrangement is None
     assert options.older is None
     assert options.input is None

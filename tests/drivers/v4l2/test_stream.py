@@ -84,17 +84,17 @@ def test_a_buffer_is_queued_again_as_soon_as_the_block_is_left(streaming):
     for _ in range(3):
         with bench.grabber.dequeue(1.0) as fields:
             assert fields
-            assert len(bench.card.queue.waiting) == 11
-        assert len(bench.card.queue.waiting) == 12
+            assert len(bench.card.queue.waiting) == 15
+        assert len(bench.card.queue.waiting) == 16
 
 
 def test_a_reader_that_is_late_finds_what_the_buffers_could_hold(streaming):
     bench = streaming()
     bench.kernel.sleep(5.0)
     late = numbered(bench, take(bench, 20))
-    assert [field.n for field in late[:12]] == list(range(12))
-    assert late[12].n > 200
-    assert sum(entry.count for entry in late[12].lost_before) == late[12].n - 12
+    assert [field.n for field in late[:16]] == list(range(16))
+    assert late[16].n > 200
+    assert sum(entry.count for entry in late[16].lost_before) == late[16].n - 16
 
 
 # ---- what is lost
@@ -199,7 +199,7 @@ def test_one_failed_dequeue_costs_one_buffers_field_and_no_buffer(streaming):
     fields += take(bench, 20)
     found = numbered(bench, fields)
     assert [field.n for field in found] == [*range(5), *range(6, 26)]
-    assert len(bench.card.queue.waiting) == 12
+    assert len(bench.card.queue.waiting) == 16
 
 
 def test_a_failed_dequeue_that_keeps_its_buffer_costs_nothing(streaming):
@@ -207,7 +207,7 @@ def test_a_failed_dequeue_that_keeps_its_buffer_costs_nothing(streaming):
     fields = take(bench, 5)
     bench.card.answers["DQBUF"].append(errno.EIO)
     assert [field.n for field in numbered(bench, fields + take(bench, 5))] == list(range(10))
-    assert len(bench.card.queue.waiting) == 12
+    assert len(bench.card.queue.waiting) == 16
 
 
 def test_wakes_for_nothing_are_slept_through_until_the_time_is_over(streaming):
@@ -228,9 +228,9 @@ def test_a_buffer_that_is_not_taken_back_is_offered_again(streaming):
     bench = streaming()
     bench.card.answers["QBUF"].append(errno.EINVAL)
     take(bench, 1)
-    assert len(bench.card.queue.waiting) == 11
+    assert len(bench.card.queue.waiting) == 15
     take(bench, 30)
-    assert len(bench.card.queue.waiting) == 12
+    assert len(bench.card.queue.waiting) == 16
 
 
 def test_events_are_taken_away_so_that_polling_sleeps(streaming):
@@ -289,8 +289,8 @@ def test_an_unknown_answer_to_a_dequeue_ends_the_stream(streaming):
 def test_a_card_that_takes_back_no_buffer_is_said_before_the_queue_is_empty(streaming):
     bench = streaming()
     bench.card.answers["QBUF"].extend([errno.EINVAL] * 1000)
-    with pytest.raises(StreamFailed, match="5 of 12 are left"):
-        take(bench, 12)
+    with pytest.raises(StreamFailed, match="7 of 16 are left"):
+        take(bench, 16)
 
 
 def test_an_unplug_is_noticed_at_once(streaming):
