@@ -1,0 +1,43 @@
+"""The configuration: what stands in the YAML file, checked as a whole before anything starts.
+
+All problems are found at once and named by file and key. Relative paths count from the file's own folder.
+"""
+
+from grabberd.config.daemon import Config, HttpConfig, HttpLimits, RetentionConfig, StorageConfig, TlsConfig
+from grabberd.config.device import (
+    BitDepth,
+    CaptureConfig,
+    DeviceConfig,
+    GlassConfig,
+    Lines,
+    LocationConfig,
+    OnInterruption,
+    RigConfig,
+    RingConfig,
+    ThresholdConfig,
+)
+from grabberd.config.places import default_config_file, default_state_directory, shipped_configs
+from grabberd.config.reading import load_config
+
+__all__ = [
+    "BitDepth",
+    "CaptureConfig",
+    "Config",
+    "DeviceConfig",
+    "GlassConfig",
+    "HttpConfig",
+    "HttpLimits",
+    "Lines",
+    "LocationConfig",
+    "OnInterruption",
+    "RetentionConfig",
+    "RigConfig",
+    "RingConfig",
+    "StorageConfig",
+    "ThresholdConfig",
+    "TlsConfig",
+    "default_config_file",
+    "default_state_directory",
+    "load_config",
+    "shipped_configs",
+]

@@ -1,0 +1,142 @@
+"""The sections of one grabber: its rig, its ring, how its fields are treated."""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from grabberd.config.section import ExistingFile, Section
+
+BitDepth = Literal[1, 2, 3, 4, 5, 6, 8]
+Lines = Literal["doubled", "field"]
+OnInterruption = Literal["continue", "end"]
+
+Millimetres = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class ViewColumns(Section):
+    """The columns of the picture that one view has."""
+
+    first_column: int = Field(ge=0)
+    end_column: int = Field(gt=0)
+
+
+class Views(Section):
+    """Both halves of the picture."""
+
+    left: ViewColumns = ViewColumns(first_column=0, end_column=360)
+    right: ViewColumns = ViewColumns(first_column=360, end_column=720)
+
+    @model_validator(mode="after")
+    def _stand_side_by_side(self) -> Self:
+        for name, view in (("left", self.left), ("right", self.right)):
+            if view.end_column <= view.first_column:
+                raise ValueError(f"{name} has no columns: {view.first_column} to {view.end_column}")
+        if self.left.end_column > self.right.first_column:
+            raise ValueError(
+                f"the views overlap: left ends at column {self.left.end_column}, "
+                f"right begins at {self.right.first_column}"
+            )
+        return self
+
+
+class GlassConfig(Section):
+    """A plane plate between the mirrors and the object."""
+
+    thickness_mm: Millimetres = Field(gt=0, le=50)
+    refractive_index: float = Field(ge=1, le=3)
+
+
+class RigConfig(Section):
+    """The rig as it was built, each number to about ten per cent: the prior knowledge for a calibration."""
+
+    columns: int = Field(720, ge=16, le=4096)
+    lines: int = Field(576, ge=16, le=4096, multiple_of=2)
+    views: Views = Views()
+    distance_mm: Millimetres = Field(240.0, ge=20, le=5000)
+    base_mm: Millimetres = Field(128.0, ge=5, le=2000)
+    convergence_deg: float = Field(30.0, ge=0, le=120)
+    focal_length_mm: Millimetres = Field(8.0, ge=1, le=200)
+    pixel_x_mm: Millimetres = Field(0.0086, ge=0.001, le=0.05)
+    pixel_y_mm: Millimetres = Field(0.0083, ge=0.001, le=0.05)
+    exposure_ms: float = Field(1.0, gt=0, le=20)
+    glass: GlassConfig | None = Field(
+        None, description="the plate that is in place; a calibration has to match it"
+    )
+
+    @model_validator(mode="after")
+    def _views_inside_picture(self) -> Self:
+        if self.views.right.end_column > self.columns:
+            raise ValueError(
+                f"the right view ends at column {self.views.right.end_column}, the picture has {self.columns}"
+            )
+        return self
+
+
+class RingConfig(Section):
+    """The ring of packed fields."""
+
+    slots: int = Field(32, ge=4, le=4096)
+    bits: BitDepth = 1
+    lines: Lines | None = Field(None, description="doubled (default at 1 bit) or field (default for grey)")
+    interpolation: Literal["linear", "kernel3x3"] = Field(
+        "linear", description="of the missing lines of doubled fields, on the grey values"
+    )
+
+
+class ThresholdConfig(Section):
+    """How the grey value is found that separates targets from the background."""
+
+    kind: Literal["fixed", "trinder", "automatic"] = "automatic"
+    value: int | None = Field(None, ge=0, le=254)
+    map: bool = Field(False, description="a threshold for every pixel, for uneven light; automatic, 1 bit")
+
+    @model_validator(mode="after")
+    def _value_belongs_to_fixed(self) -> Self:
+        if (self.kind == "fixed") != (self.value is not None):
+            raise ValueError("'value' belongs to kind fixed, and kind fixed needs it")
+        return self
+
+    @model_validator(mode="after")
+    def _map_belongs_to_automatic(self) -> Self:
+        if self.map and self.kind != "automatic":
+            raise ValueError(f"'map' belongs to kind automatic, not to {self.kind}")
+        return self
+
+
+class LocationConfig(Section):
+    """How targets are located in the picture."""
+
+    method: str = Field("automatic", description="a locator by name, or what measured best for the bits")
+    target_px: float | None = Field(None, gt=0, le=100, description="size of the targets; default: as seen")
+    line_shifts: bool | None = Field(None, description="solve for the lines' shifts; default: where it pays")
+
+
+class CaptureConfig(Section):
+    """What captures are like unless they are asked for otherwise."""
+
+    on_interruption: OnInterruption = Field(
+        "continue",
+        description="when the device fails to deliver: continue with the gap in the ledger, or end",
+    )
+
+
+class DeviceConfig(Section):
+    """One grabber, the rig before it and how its fields are treated."""
+
+    driver: str
+    options: dict[str, Any] = Field(default_factory=dict)
+    rig: RigConfig = RigConfig()
+    calibration: ExistingFile | None = None
+    object: ExistingFile | None = None
+    ring: RingConfig = RingConfig()
+    threshold: ThresholdConfig = ThresholdConfig()
+    location: LocationConfig = LocationConfig()
+    capture: CaptureConfig = CaptureConfig()
+    line_jitter_px: float = Field(0.12, ge=0, le=2)
+    spread_px: float = Field(0.8, gt=0, le=5)
+
+    @model_validator(mode="after")
+    def _map_belongs_to_one_bit(self) -> Self:
+        if self.threshold.map and self.ring.bits != 1:
+            raise ValueError(f"threshold.map needs ring.bits: 1, not {self.ring.bits}")
+        return self

@@ -1,0 +1,24 @@
+"""Where configuration and state are where nobody says it."""
+
+import os
+import sys
+from pathlib import Path
+
+
+def default_state_directory() -> Path:
+    """Systemd's state directory, else the user's own."""
+    if systemd := os.environ.get("STATE_DIRECTORY"):
+        return Path(systemd.split(":")[0])
+    base = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(base) / "grabberd"
+
+
+def shipped_configs() -> Path:
+    """The folder of the configurations that come with the program: in a checkout, or as installed."""
+    checkout = Path(__file__).resolve().parents[3] / "configs"
+    return checkout if checkout.is_dir() else Path(sys.prefix) / "share" / "grabberd" / "configs"
+
+
+def default_config_file() -> Path:
+    """The configuration of the simulated grabber, in force where none is named."""
+    return shipped_configs() / "fake.yaml"

@@ -1,0 +1,98 @@
+"""From a YAML file to the configuration, or to all of its problems in words."""
+
+import difflib
+from collections.abc import Hashable, Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from grabberd.config.daemon import Config
+from grabberd.errors import ConfigError, Problem
+
+
+def load_config(path: Path) -> Config:
+    """The configuration in a YAML file.
+
+    Raises:
+        ConfigError: with every problem of it.
+    """
+    document = _read_yaml(path)
+    try:
+        return Config.model_validate(document, context={"directory": path.resolve().parent})
+    except ValidationError as error:
+        problems = [_problem(path, details) for details in error.errors()]
+        raise ConfigError(problems) from None
+
+
+def _read_yaml(path: Path) -> object:
+    try:
+        return yaml.load(path.read_text(encoding="utf-8"), Loader=_StrictLoader)  # noqa: S506 - it is a SafeLoader
+    except OSError as error:
+        raise ConfigError([Problem(str(path), "(file)", error.strerror or str(error))]) from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigError([Problem(str(path), "(file)", f"no YAML: {error}")]) from None
+
+
+class _StrictLoader(yaml.SafeLoader):
+    """Refuses a key that is given twice, where YAML would silently take the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"the key {key!r} is given twice", node.start_mark
+                )
+        return super().construct_mapping(node, deep)
+
+
+def _problem(path: Path, details: ErrorDetails) -> Problem:
+    key = ".".join(str(part) for part in details["loc"]) or "(file)"
+    return Problem(str(path), key, _explain(details))
+
+
+def _explain(details: ErrorDetails) -> str:
+    key = str(details["loc"][-1]) if details["loc"] else ""
+    if details["type"] == "extra_forbidden":
+        return f"unknown key{_did_you_mean(key, details['loc'])}"
+    message = details["msg"].removeprefix("Value error, ")
+    if isinstance(details["input"], Mapping | list):
+        return message
+    return f"{message}, not {details['input']!r}{_unit_advice(key)}"
+
+
+def _did_you_mean(key: str, location: tuple[int | str, ...]) -> str:
+    known = sorted(_known_keys(location))
+    near = [name for name in known if name.startswith(key + "_")] or difflib.get_close_matches(
+        key, known, n=1
+    )
+    return f"; did you mean {near[0]}?" if near else f"; known here: {', '.join(known)}"
+
+
+def _known_keys(location: tuple[int | str, ...]) -> set[str]:
+    """The keys that the section at this place knows."""
+    section: Any = Config
+    for part in location[:-1]:
+        section = _descend(section, part)
+        if section is None:
+            return set()
+    return set(getattr(section, "model_fields", ()))
+
+
+def _descend(section: Any, part: int | str) -> Any:
+    if isinstance(section, type) and issubclass(section, BaseModel):
+        found = section.model_fields.get(str(part))
+        return found.annotation if found else None
+    arguments = get_args(section)
+    return arguments[-1] if arguments else None
+
+
+UNITS = {"_mm": "millimetres", "_px": "pixels", "_ms": "milliseconds", "_s": "seconds", "_deg": "degrees"}
+
+
+def _unit_advice(key: str) -> str:
+    unit = next((name for suffix, name in UNITS.items() if key.endswith(suffix)), None)
+    return f" (this key is in {unit})" if unit else ""
