@@ -12,7 +12,9 @@ from running import PATIENCE_S, configuration, running, sealed, wait_until_it_ac
 
 from grabberd.config import GlassConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
+from grabberd.service.calibration_job import order_calibration
 from grabberd.service.jobs import JobState
+from grabberd.service.measuring import order_measuring
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
@@ -231,10 +233,10 @@ def test_worker_and_captures_go_over_to_the_active_one(tmp_path: Path) -> None:
         with CaptureReader(before) as old, CaptureReader(after) as new:
             assert old.runs[0].made_with["calibration"]["id"] == CONFIGURED
             assert new.runs[0].made_with["calibration"] == calibration("shifted", SHIFT_MM)
-        service.jobs.wait(service.measure(before.stem).id, PATIENCE_S)
+        service.jobs.wait(order_measuring(service, before.stem).id, PATIENCE_S)
         assert shift_between(before, 1, 2) == pytest.approx(SHIFT_MM, abs=0.01)
         service.activate_calibration(CONFIGURED, None)
-        service.jobs.wait(service.measure(after.stem).id, PATIENCE_S)
+        service.jobs.wait(order_measuring(service, after.stem).id, PATIENCE_S)
         assert shift_between(after, 2, 1) == pytest.approx(SHIFT_MM, abs=0.01)
 
 
@@ -278,7 +280,7 @@ def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(t
         first = capture(service)
         with CaptureReader(first) as reader:
             assert reader.runs == []
-        done = service.jobs.wait(service.calibrate(first.stem, note="first").id, PATIENCE_S)
+        done = service.jobs.wait(order_calibration(service, first.stem, note="first").id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
         service.activate_calibration(done.result["calibration"], None)
         with CaptureReader(capture(service)) as reader:

@@ -12,6 +12,7 @@ from grabberd.acquisition import Outcome
 from grabberd.config import CaptureConfig, ThresholdConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, NotFound
 from grabberd.service.jobs import JobState
+from grabberd.service.measuring import order_measuring
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
@@ -150,7 +151,7 @@ def test_the_fields_before_the_trigger_belong_to_the_capture(tmp_path: Path) -> 
 def test_measuring_the_file_again_gives_the_same_points_bit_for_bit(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         path = capture(service, fields=30)
-        job = service.measure(path.stem)
+        job = order_measuring(service, path.stem)
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
         assert done.result["run"] == 2

@@ -16,6 +16,7 @@ from grabberd.api.models import (
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
 from grabberd.api.paging import Cursor, Limit, page_of
 from grabberd.api.problems import Problem
+from grabberd.service.calibration_job import order_calibration
 from grabberd.service.service import Service
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
@@ -42,7 +43,8 @@ def make_calibration(
     if order.document is not None:
         return _store(order, order.document, service, request, response)
     options = order.options.model_dump(exclude_none=True) if order.options else {}
-    job = service.calibrate(order.capture or "", order.calibration_frame, options, order.device, order.note)
+    frame, device = order.calibration_frame, order.device
+    job = order_calibration(service, order.capture or "", frame, options, device, order.note)
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)
 

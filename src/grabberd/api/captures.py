@@ -13,6 +13,7 @@ from grabberd.api.paging import Cursor, Limit, cursor_of, place_of
 from grabberd.service.capture_list import CaptureQuery, Place
 from grabberd.service.capture_list import list_captures as page_of_captures
 from grabberd.service.clock import iso_utc
+from grabberd.service.measuring import order_measuring
 from grabberd.service.recorder import CaptureRequest
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
@@ -124,7 +125,7 @@ def measure_capture(
     capture_id: CaptureId, service: ServiceOf, request: Request, response: Response
 ) -> object:
     """Measure a sealed capture again with the device's present calibration: a job that adds a run."""
-    job = service.measure(capture_id)
+    job = order_measuring(service, capture_id)
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)
 

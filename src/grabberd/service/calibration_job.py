@@ -4,17 +4,58 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grabberd.errors import ExtraMissing
+from grabberd.service.calibration_frames import frame_document
 from grabberd.service.clock import SystemClock, iso_utc
-from grabberd.service.jobs import Progress
+from grabberd.service.jobs import Job, Progress
 from grabberd.storage.calibrations import CalibrationRecord, CalibrationStore
+
+if TYPE_CHECKING:
+    from grabberd.service.service import Service
 
 Calibrator = Callable[[Path, Mapping[str, Any], Mapping[str, Any], Path, Progress], Mapping[str, Any]]
 """`calibrator(capture, frame_document, options, store, progress)`, at module level: it adds one calibration,
 with its report, to the store in that folder and returns its id as `calibration`.
 """
+
+
+def order_calibration(
+    service: "Service",
+    capture_id: str,
+    frame: str | Mapping[str, Any] | None = None,
+    options: Mapping[str, Any] | None = None,
+    device: str | None = None,
+    note: str = "",
+) -> Job:
+    """Queues the calibrating from a sealed capture of the calibration frame.
+
+    Args:
+        service: whose capture it is.
+        capture_id: of the capture.
+        frame: the calibration frame's name or its document; None: the one there is.
+        options: the calibrator's.
+        device: whose calibration it becomes; None: the capture's.
+        note: for people.
+
+    Raises:
+        NotFound: there is no capture, calibration frame or device of that name.
+        Conflict: the capture is still running.
+    """
+    path = service.archive.sealed_path(capture_id)
+    owner = service.instrument(device or service.archive.document(capture_id)["device"]).name
+    return service.jobs.submit(
+        "calibrate",
+        capture_id,
+        calibrate,
+        calibrator=service.calibrator,
+        capture=path,
+        frame=frame_document(frame),
+        options={**(options or {}), **({"note": note} if note else {})},
+        store=service.calibrations.store.directory,
+        record=CalibrationRecord(owner, "capture", note=note, capture=capture_id),
+    )
 
 
 def calibrate(

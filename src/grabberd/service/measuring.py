@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grabberd import __version__
 from grabberd.errors import MeasurementError, NotReady
@@ -11,9 +11,24 @@ from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, measure_fields
 from grabberd.reconstruction.points import Points
 from grabberd.service.clock import SystemClock, iso_utc
-from grabberd.service.jobs import Progress
+from grabberd.service.jobs import Job, Progress
 from grabberd.service.setup import measure_setup
 from grabberd.storage import CaptureReader, append_run
+
+if TYPE_CHECKING:
+    from grabberd.service.service import Service
+
+
+def order_measuring(service: "Service", capture_id: str) -> Job:
+    """Queues the measuring of a sealed capture with its device's present calibration.
+
+    Raises:
+        NotFound, Conflict: there is none of that id, or it is still running.
+    """
+    path = service.archive.sealed_path(capture_id)
+    device = service.archive.document(capture_id)["device"]
+    made_with = service.instrument(device).made_with
+    return service.jobs.submit("measure", capture_id, measure_file, path=path, made_with=made_with)
 
 
 def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]) -> dict[str, int]:

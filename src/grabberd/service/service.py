@@ -13,8 +13,7 @@ from grabberd.service.access import Access
 from grabberd.service.active_calibrations import ActiveCalibrations
 from grabberd.service.archive import Archive
 from grabberd.service.calibrating import calibrate_capture
-from grabberd.service.calibration_frames import frame_document
-from grabberd.service.calibration_job import Calibrator, calibrate
+from grabberd.service.calibration_job import Calibrator
 from grabberd.service.calibrations import Calibrations
 from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.configuration import without_secrets
@@ -22,9 +21,8 @@ from grabberd.service.device_document import device_document
 from grabberd.service.disk import GB, DiskGuard
 from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import NOMINAL_RATE_HZ, Instrument
-from grabberd.service.jobs import Job, JobRunner
+from grabberd.service.jobs import JobRunner
 from grabberd.service.keeping import Keeping
-from grabberd.service.measuring import measure_file
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.retention import Policy, Retention
 from grabberd.service.session import CaptureSession
@@ -48,7 +46,7 @@ class Service:
         access: who may.
         settings: what was set in place of the configuration.
         configuration: as it was read, without what is secret in it.
-        jobs: what takes long.
+        jobs: what takes long; `calibrator`: of those that calibrate.
         annotations: pins, notes and labels of captures.
         idempotency: orders that take effect once.
         keeping: pins, notes and labels of captures, and their end; `retention`: their end by themselves.
@@ -82,7 +80,7 @@ class Service:
         self.settings = Settings(self._state_store, self.instruments)
         self.configuration = _configuration(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
-        self._calibrator = calibrator
+        self.calibrator = calibrator
         self.jobs = JobRunner(self._clock)
         self.keeping = Keeping(self.archive, self.annotations, self.jobs)
         self.idempotency = Idempotency(directory, self._clock)
@@ -218,52 +216,6 @@ class Service:
                 return
         self.archive.index.get(capture_id)
         raise Conflict(f"capture {capture_id} is not running", "it has ended already")
-
-    def measure(self, capture_id: str) -> Job:
-        """Queues the measuring of a sealed capture with its device's present calibration.
-
-        Raises:
-            NotFound, Conflict: there is none of that id, or it is still running.
-        """
-        path = self.archive.sealed_path(capture_id)
-        device = self.archive.document(capture_id)["device"]
-        made_with = self.instrument(device).made_with
-        return self.jobs.submit("measure", capture_id, measure_file, path=path, made_with=made_with)
-
-    def calibrate(
-        self,
-        capture_id: str,
-        frame: str | Mapping[str, Any] | None = None,
-        options: Mapping[str, Any] | None = None,
-        device: str | None = None,
-        note: str = "",
-    ) -> Job:
-        """Queues the calibrating from a sealed capture of the calibration frame.
-
-        Args:
-            capture_id: of the capture.
-            frame: the calibration frame's name or its document; None: the one there is.
-            options: the calibrator's.
-            device: whose calibration it becomes; None: the capture's.
-            note: for people.
-
-        Raises:
-            NotFound: there is no capture, calibration frame or device of that name.
-            Conflict: the capture is still running.
-        """
-        path = self.archive.sealed_path(capture_id)
-        owner = self.instrument(device or self.archive.document(capture_id)["device"]).name
-        return self.jobs.submit(
-            "calibrate",
-            capture_id,
-            calibrate,
-            calibrator=self._calibrator,
-            capture=path,
-            frame=frame_document(frame),
-            options={**(options or {}), **({"note": note} if note else {})},
-            store=self.calibrations.store.directory,
-            record=CalibrationRecord(owner, "capture", note=note, capture=capture_id),
-        )
 
     def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
         """Stores a complete calibration that fits a device, and returns its id.
