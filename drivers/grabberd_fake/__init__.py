@@ -7,9 +7,11 @@ script.
 
     FakeGrabber(**options)                      the driver; `FakeOptions` lists the options
     truth_at(options, time_ns) -> Truth         what is true at a field's time
+    truth_of_wall(options, time_ns)             what is true of the liner's wall: strain, tension, pressure
     python -m grabberd_fake calibration         its exact calibration, as the program reads it
     python -m grabberd_fake object SCENE        the object model of a scene
     python -m grabberd_fake truth CAPTURE.grab  the targets' true places at every field of a capture, as CSV
+                                                (--of wall: strain to pressure; --of vacuum: a logger)
 """
 
 from grabberd_fake.clock import Clock, JumpingClock, RealClock
@@ -18,6 +20,7 @@ from grabberd_fake.grabber import FakeGrabber
 from grabberd_fake.options import SCENES, FakeOptions
 from grabberd_fake.stamp import Stamp, read_stamp
 from grabberd_fake.truth import truth_at
+from grabberd_fake.wall_truth import WallTruth, truth_of_wall
 from grabberd_fake.world import Truth, World
 
 NOT_SIMULATED = """\
@@ -27,6 +30,10 @@ that a mirror loses, depth of field, vignetting, the glass plate, rolling or hal
 colour, sub-carrier and comb artefacts, ringing and DC restoration of the video signal, a sampling clock that
 drifts, fixed-pattern noise, noise that grows with the light or is correlated between pixels, the teat, and a
 liner that moves otherwise than by flattening. Discs of more than 40 pixels are left out of the picture.
+The liner's movement is prescribed, no answer to its loads: there is no contact with a teat. The pressure
+p_contact of its truth is what equilibrium across the wall demands of the movement, also suction, and tens of
+kPa where it bends sharply; along the wall the movement asks for friction that nothing gives. The wall is
+thin, elastic without losses and the same everywhere; the vacuum has straight slopes and no ripple.
 """
 """What this driver leaves out; a test that passes on it says nothing about these."""
 
@@ -41,7 +48,9 @@ __all__ = [
     "RealClock",
     "Stamp",
     "Truth",
+    "WallTruth",
     "World",
     "read_stamp",
     "truth_at",
+    "truth_of_wall",
 ]

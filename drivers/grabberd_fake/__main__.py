@@ -10,13 +10,15 @@ from typing import Any
 from grabberd.errors import GrabberdError
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.options import SCENES, FakeOptions
-from grabberd_fake.truth import capture_truth
+from grabberd_fake.truth import capture_truth, capture_vacuum_log, capture_wall_truth
 
 _EXAMPLES = """examples:
   python -m grabberd_fake calibration > configs/fake.calibration.json
   python -m grabberd_fake calibration --options '{"rig": {"reflections": 1}}'
   python -m grabberd_fake object liner > configs/objects/liner.yaml
-  python -m grabberd_fake truth liner.grab > truth.csv"""
+  python -m grabberd_fake truth liner.grab > truth.csv
+  python -m grabberd_fake truth liner.grab --of wall > wall.csv
+  python -m grabberd_fake truth liner.grab --of vacuum --offset-s 0.37 --noise-kpa 0.1 > vacuum.csv"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -35,10 +37,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _lines(given: argparse.Namespace) -> Iterable[str]:
     if given.command == "truth":
-        return capture_truth(given.capture)
+        return _truth_lines(given)
     if given.command == "calibration":
         return [json.dumps(calibration_document(FakeOptions.read(given.options)), indent=2)]
     return [object_document(FakeOptions.read({**given.options, "scene": given.scene})).rstrip("\n")]
+
+
+def _truth_lines(given: argparse.Namespace) -> Iterable[str]:
+    if given.of == "wall":
+        return capture_wall_truth(given.capture)
+    if given.of == "vacuum":
+        return capture_vacuum_log(given.capture, given.offset_s, given.noise_kpa, given.rate_hz)
+    return capture_truth(given.capture)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -56,9 +66,23 @@ def _parser() -> argparse.ArgumentParser:
     scene.add_argument("scene", choices=SCENES)
     for command in (calibration, scene):
         command.add_argument("--options", type=_options, default={}, help="the driver's options, JSON")
-    truth = commands.add_parser("truth", help="true places of all targets at every field of a capture, CSV")
-    truth.add_argument("capture", type=Path, help="a .grab file that the simulated grabber made")
+    _add_truth(commands.add_parser("truth", help="what is true at every field of a capture, CSV"))
     return parser
+
+
+def _add_truth(truth: argparse.ArgumentParser) -> None:
+    truth.add_argument("capture", type=Path, help="a .grab file that the simulated grabber made")
+    truth.add_argument(
+        "--of",
+        choices=("targets", "wall", "vacuum"),
+        default="targets",
+        help="the targets' places, the wall's strain to pressure, or a vacuum logger's readings",
+    )
+    truth.add_argument(
+        "--offset-s", type=float, default=0.0, help="of vacuum: seconds since the first field - logger's time"
+    )
+    truth.add_argument("--noise-kpa", type=float, default=0.0, help="of vacuum: σ of each reading")
+    truth.add_argument("--rate-hz", type=float, default=1000.0, help="of vacuum: readings a second")
 
 
 def _options(text: str) -> dict[str, Any]:

@@ -1,13 +1,14 @@
 """What a grabber does wrong, by script.
 
-A fault holds for a window of camera fields, counted from the first field after the first `open`; the script
-runs once, however often the grabber is opened again. A new kind is a dataclass and a line in `KINDS`.
+A fault holds for a window of camera fields, counted from the first field after the first `open`, or after the
+script's cue; the script runs once, however often the grabber is opened again. A new kind is a dataclass and a
+line in `KINDS`.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, TypeVar
+from typing import ClassVar
 
 from grabberd_fake.reading import choice, flag, integer, number
 
@@ -140,6 +141,39 @@ class Shift(Counted):
 
 
 @dataclass(frozen=True)
+class Timestamp(Lasting):
+    """The driver's times are wrong: zero, running backward, or an hour ahead on another clock."""
+
+    says: str = choice("zero", "backward", "another_clock")
+
+    def time_ns(self, number: int, true_ns: int) -> int:
+        """What the driver says of field `number`, which is of `true_ns`."""
+        if self.says == "zero":
+            return 0
+        if self.says == "backward":
+            return true_ns - 2 * (number - self.first + 1) * PERIOD_NS
+        return true_ns + 3_600_000_000_000
+
+
+@dataclass(frozen=True)
+class Wrap(Counted):
+    """The driver's sequence passes 2³² so many fields after each `open` or `restart`."""
+
+
+@dataclass(frozen=True)
+class Storm(Lasting):
+    """Whoever asks for a field is sent away at once, with nothing and no error; fields wait meanwhile."""
+
+
+@dataclass(frozen=True)
+class DeadInput(Lasting):
+    """The camera's cable is out, `signal()` says so, and nothing comes."""
+
+    delivers: ClassVar[bool] = False
+    counted: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
 class Stall(Mendable):
     """Nothing comes, and no error; the driver's sequence does not move."""
 
@@ -158,9 +192,9 @@ class Fail(Mendable):
 
 @dataclass(frozen=True)
 class Refuse(Lasting):
-    """Whoever opens the device is refused: another program has it, or the rights are missing."""
+    """Whoever opens the device is refused: another program has it, or rights or bandwidth are missing."""
 
-    why: str = choice("busy", "rights")
+    why: str = choice("busy", "rights", "bandwidth")
 
 
 @dataclass(frozen=True)
@@ -170,9 +204,10 @@ class Standard(Lasting):
 
 @dataclass(frozen=True)
 class Unplug(Fault):
-    """The device goes away; `back_after_s` later it can be opened again."""
+    """The device goes away; `back_after_s` later it can be opened again, `elsewhere`: as another node."""
 
     back_after_s: float = number(1.0, 0.02, FOREVER_S)
+    elsewhere: bool = flag(False)
     delivers: ClassVar[bool] = False
     counted: ClassVar[bool] = False
 
@@ -202,6 +237,10 @@ KINDS: dict[str, type[Fault]] = {
     "damage": Damage,
     "short": Short,
     "shift": Shift,
+    "timestamp": Timestamp,
+    "wrap": Wrap,
+    "storm": Storm,
+    "dead_input": DeadInput,
     "stall": Stall,
     "fail": Fail,
     "refuse": Refuse,
@@ -210,51 +249,3 @@ KINDS: dict[str, type[Fault]] = {
     "no_signal": NoSignal,
 }
 """The script's `kind` → what it means."""
-
-F = TypeVar("F", bound=Fault)
-
-
-class Script:
-    """The faults of a grabber, asked by field number."""
-
-    def __init__(self, faults: Sequence[Fault]) -> None:
-        self._faults = tuple(faults)
-        self._mended_at: dict[Fault, int] = {}
-
-    def at(self, number: int, kind: type[F]) -> F | None:
-        """The fault of this kind that holds for a field."""
-        found = (fault for fault in self._faults if isinstance(fault, kind) and self._holds(fault, number))
-        return next(found, None)
-
-    def delivers(self, number: int) -> bool:
-        """Whether the field reaches the driver's buffers."""
-        return all(fault.delivers or not self._holds(fault, number) for fault in self._faults)
-
-    def mend(self, step: str, number: int) -> None:
-        """Ends the faults that this step helps against, from a field on."""
-        for fault in self._faults:
-            if isinstance(fault, Mendable) and fault.is_mended_by(step) and self._holds(fault, number):
-                self._mended_at[fault] = number
-
-    def _holds(self, fault: Fault, number: int) -> bool:
-        return fault.holds(number) and number < self._end(fault)
-
-    def _end(self, fault: Fault) -> int:
-        end = fault.first + fault.fields
-        return min(end, self._mended_at.get(fault, end))
-
-    def uncounted(self, number: int) -> int:
-        """How many fields before this one the sequence passed over; overlaps count once."""
-        return sum(last - first for first, last in self._silent_windows(number))
-
-    def _silent_windows(self, number: int) -> Iterator[tuple[int, int]]:
-        windows = ((fault.first, self._end(fault)) for fault in self._faults if not fault.counted)
-        silent = sorted((min(first, number), min(end, number)) for first, end in windows)
-        reached = 0
-        for first, last in silent:
-            yield max(first, reached), max(last, first, reached)
-            reached = max(reached, last)
-
-    def counts_losses(self) -> bool:
-        """Whether the sequence shows every field that is lost."""
-        return all(fault.counted for fault in self._faults)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
@@ -9,14 +10,16 @@ from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFaile
 from grabberd_fake.clock import Clock, JumpingClock, RealClock
 from grabberd_fake.faults import (
     PERIOD_NS,
+    DeadInput,
     Fail,
     Fault,
     NoSignal,
     Refuse,
-    Script,
     Standard,
+    Storm,
     Unplug,
 )
+from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
@@ -24,9 +27,11 @@ from grabberd_fake.stream import ARRIVAL_NS, Stream
 from grabberd_fake.world import World
 
 _NTSC_ROWS = 240
+_NEVER = 2**62
 _REFUSALS = {
     "busy": ("another program has it", "end that program"),
     "rights": ("it may not be opened", "add the user to the group that owns it"),
+    "bandwidth": ("the bus has no room for its stream", "plug it into a bus of its own"),
 }
 _REPLUG = "plug the grabber in again; it is tried again by itself"
 
@@ -56,7 +61,7 @@ class FakeGrabber:
         self._script = Script(self.options.faults)
         self._world: World | None = None
         self._stream: Stream | None = None
-        self._first: int | None = None
+        self._origin: int | None = None
 
     def open(self) -> StreamInfo:
         """Starts streaming with the next top field.
@@ -92,8 +97,10 @@ class FakeGrabber:
         """What the script says of now; unknown while it is not open."""
         if self._stream is None:
             return Signal.UNKNOWN
-        lost = self._script.at(self._number_now(), NoSignal)
-        return Signal.PRESENT if lost is None or not lost.told else Signal.ABSENT
+        number = self._number_now()
+        lost = self._script.at(number, NoSignal)
+        absent = self._script.at(number, DeadInput) or (lost and lost.told)
+        return Signal.ABSENT if absent else Signal.PRESENT
 
     def restart(self) -> StreamInfo:
         """Streams anew from the next top field.
@@ -131,14 +138,21 @@ class FakeGrabber:
     def _start(self, check: Callable[[], None]) -> None:
         self._world = self._world or World(self.options)  # takes its time, so before the first field is due
         first = self._next_top_field()
-        self._first = first if self._first is None else self._first
+        if self._origin is None and self.options.cue is None:
+            self._origin = first
         check()
         rows, buffers = self._rows_now(), self.options.buffers
-        self._stream = Stream(self._world, self._script, self._first, first, buffers, rows)
+        self._stream = Stream(self._world, self._script, self._begins_with(), first, buffers, rows)
+
+    def _begins_with(self) -> int:
+        """The camera's field with which the script begins; one that never comes before its cue."""
+        cue = self.options.cue
+        if self._origin is None and cue is not None and Path(cue).exists():
+            self._origin = self._field_now() + 1
+        return _NEVER if self._origin is None else self._origin
 
     def _mend(self, step: str) -> None:
-        if self._first is not None:
-            self._script.mend(step, self._number_now())
+        self._script.mend(step, self._number_now())
 
     def _rows_now(self) -> int:
         return ROWS if self._script.at(self._number_now(), Standard) is None else _NTSC_ROWS
@@ -146,9 +160,14 @@ class FakeGrabber:
     def _next_top_field(self) -> int:
         return -(-self._clock.now_ns() // (2 * PERIOD_NS)) * 2
 
+    def _field_now(self) -> int:
+        """The camera's field that was due last."""
+        return (self._clock.now_ns() - ARRIVAL_NS) // PERIOD_NS
+
     def _number_now(self) -> int:
-        """The last field that was due, counted from the first: the script's time."""
-        return max((self._clock.now_ns() - ARRIVAL_NS) // PERIOD_NS - (self._first or 0), 0)
+        """The same as the script counts; before its first field it is there already, before its cue not."""
+        origin = self._begins_with()
+        return -1 if origin == _NEVER else max(self._field_now() - origin, 0)
 
     def _check_opening(self) -> None:
         self._refuse_if_unplugged()
@@ -170,7 +189,7 @@ class FakeGrabber:
             self._clock.sleep_until_ns(self._arrival_ns(fault.first + fault.fields))
 
     def _arrival_ns(self, number: int) -> int:
-        return ((self._first or 0) + number) * PERIOD_NS + ARRIVAL_NS
+        return (self._begins_with() + number) * PERIOD_NS + ARRIVAL_NS
 
     def _wait(self, timeout_s: float) -> "Stream | None":
         """The stream when it has a field waiting, None when the time is over."""
@@ -180,12 +199,21 @@ class FakeGrabber:
         while True:
             now_ns = self._clock.now_ns()
             self._check_stream()
+            self._stream.origin = self._begins_with()
             self._stream.catch_up(now_ns)
+            if self._is_stormy():
+                return None
             if self._stream.has_field():
                 return self._stream
             if now_ns >= deadline_ns:
                 return None
             self._clock.sleep_until_ns(min(self._stream.next_arrival_ns(), deadline_ns))
+
+    def _is_stormy(self) -> bool:
+        storm = self._script.at(self._number_now(), Storm)
+        if storm is not None:
+            self._let_pass(storm)
+        return storm is not None
 
     def _check_plug(self) -> None:
         if self._script.at(self._number_now(), Unplug) is not None:
@@ -197,6 +225,9 @@ class FakeGrabber:
             raise StreamFailed("the simulated grabber's stream has failed", "the script says so")
         if self._stream is not None and self._rows_now() != self._stream.rows:
             raise StreamFailed("the camera's standard has changed", "the script says so")
+
+    def _node(self) -> str:
+        return f"simulated{self._script.node(self._number_now())}"
 
     def _info(self) -> StreamInfo:
         assert self._stream is not None
@@ -216,5 +247,5 @@ class FakeGrabber:
             counts_losses=self._script.counts_losses(),
             tells_signal=True,
             time_sigma_ns=1_000,
-            details={"scene": self.options.scene, "pace": self.options.pace},
+            details={"scene": self.options.scene, "pace": self.options.pace, "node": self._node()},
         )

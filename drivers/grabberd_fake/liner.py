@@ -6,8 +6,8 @@ Its mathematics stands here and in `ellipse` alone. The middle surface of the wa
 
 where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an ellipse
 of semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on the outer
-face, half a wall off along the normal, at constant x and s: their intervals along the middle surface never
-    change round the wall.
+face, half a wall (and their own thickness) off along the normal, at constant x and s: their intervals along
+the middle surface never change round the wall.
 """
 
 from functools import lru_cache
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_fake import ellipse
+from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.optics import Array
-from grabberd_fake.options import LinerOptions
 from grabberd_fake.targets import Targets, grid_numbers
 
 _STEPS = 2048
@@ -58,12 +58,12 @@ class Liner:
     def targets(self, time_ns: int) -> Targets:
         """Places on the outer face and normals."""
         wall = self.wall(time_ns)
-        return Targets(wall.xyz_mm + wall.normal * (self._options.wall_mm / 2), wall.normal)
+        return Targets(wall.xyz_mm + wall.normal * self._options.targets_over_middle_mm, wall.normal)
 
     def nominal(self) -> Targets:
         """The open liner: what the object model holds."""
         wall = self._wall(0.0)
-        return Targets(wall.xyz_mm + wall.normal * (self._options.wall_mm / 2), wall.normal)
+        return Targets(wall.xyz_mm + wall.normal * self._options.targets_over_middle_mm, wall.normal)
 
     def wall(self, time_ns: int) -> Wall:
         """The middle surface under the targets."""

@@ -7,17 +7,18 @@ All of them have defaults: without any it is the reference rig before the pulsat
 `liner` determine the truth; `picture` what the camera makes of it.
 """
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from grabberd_fake.faults import KINDS, Fault
+from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.reading import (
     Group,
     ListOf,
     Number,
     OneOfKinds,
+    Text,
     by,
     choice,
     flag,
@@ -120,44 +121,6 @@ class PictureOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class LinerOptions:
-    """The pulsating liner.
-
-    Attributes:
-        radius_mm: of the wall's middle surface, open; `wall_mm`: thickness; `length_mm`: between its ends.
-        axis_z_mm: height of its axis in the object's frame.
-        deflection_mm: how far the middle of its length flattens towards the axis when closed.
-        period_s: one pulsation.
-        opening: proportion of the period that phase a takes; `open`: phase b; `closing`: phase c; d the rest.
-        rows: targets along X; `columns`: round the wall; `pitch_mm`: along the middle surface.
-    """
-
-    radius_mm: float = number(12.5, 5, 30)
-    wall_mm: float = number(2.5, 0.5, 5)
-    length_mm: float = number(130.0, 20, 300)
-    axis_z_mm: float = number(-9.0, -100, 100)
-    deflection_mm: float = number(5.0, 0, 20)
-    period_s: float = number(1.0, 0.1, 60)
-    opening: float = number(0.15, 0.02, 0.9)
-    open: float = number(0.45, 0, 0.9)
-    closing: float = number(0.15, 0.02, 0.9)
-    rows: int = integer(18, 1, 60)
-    columns: int = integer(6, 1, 30)
-    pitch_mm: float = number(6.5, 1, 50)
-
-    def check(self) -> Iterator[str]:
-        """What is wrong across keys."""
-        if self.opening + self.open + self.closing > 1 + 1e-12:
-            yield "opening + open + closing: more than the whole period"
-        if self.deflection_mm > 0.7 * self.radius_mm:
-            yield f"deflection_mm: {self.deflection_mm:g} is more than .7 of the radius {self.radius_mm:g}"
-        if self.columns * self.pitch_mm > 2 * math.pi * self.radius_mm:
-            yield f"columns: {self.columns} columns of {self.pitch_mm:g} mm do not fit round the wall"
-        if (self.rows - 1) * self.pitch_mm > self.length_mm:
-            yield f"rows: {self.rows} rows of {self.pitch_mm:g} mm are longer than {self.length_mm:g} mm"
-
-
-@dataclass(frozen=True, slots=True)
 class PointOption:
     """One target of the scene `points`; its disc faces along (nx, ny, nz), toward the cameras by default."""
 
@@ -193,6 +156,7 @@ class FakeOptions:
         buffers: fields that wait while nobody dequeues; with all full, new ones are lost.
         seed: of noise and jitter.
         faults: the script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
+        cue: the script begins when a file of this path is there; null: with the first field.
     """
 
     scene: str = choice(*SCENES)
@@ -207,6 +171,7 @@ class FakeOptions:
     buffers: int = integer(16, 2, 32)
     seed: int = integer(0, 0, 2**32 - 1)
     faults: tuple[Fault, ...] = ruled(ListOf(OneOfKinds(KINDS)), ())
+    cue: str | None = ruled(Text(), None)
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "FakeOptions":

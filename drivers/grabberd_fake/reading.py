@@ -62,6 +62,16 @@ class Choice(Rule):
         return None
 
 
+class Text(Rule):
+    """A text, or null."""
+
+    def read(self, key: str, value: Any, problems: list[str]) -> Any:
+        """The text itself."""
+        if value is not None and not isinstance(value, str):
+            problems.append(f"{key}: {value!r} is not a text or null")
+        return value
+
+
 class Group(Rule):
     """A mapping that becomes a dataclass of its own."""
 

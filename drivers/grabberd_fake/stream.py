@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from grabberd.acquisition.device import GrabbedField
 from grabberd.field import Field
-from grabberd_fake.faults import PERIOD_NS, Damage, NoSignal, Repeat, Script, Shift, Short
+from grabberd_fake.faults import PERIOD_NS, Damage, NoSignal, Repeat, Shift, Short, Timestamp
+from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS
 from grabberd_fake.render import ROWS
 from grabberd_fake.world import World
@@ -20,13 +21,19 @@ _BARS_LUMA = np.array([235, 210, 170, 145, 106, 81, 41, 16], np.uint8)
 
 
 class Stream:
-    """The driver's buffers between one open and close: which fields wait in them, and what they hold."""
+    """The driver's buffers between one open and close: which fields wait in them, and what they hold.
+
+    Attributes:
+        rows: of each field.
+        origin: the camera's field with which the script begins.
+    """
 
     def __init__(
         self, world: World, script: Script, origin: int, first: int, buffers: int, rows: int
     ) -> None:
         self.rows = rows
-        self._world, self._script, self._origin = world, script, origin
+        self.origin = origin
+        self._world, self._script = world, script
         self._first = self._next = first
         self._waiting: deque[int] = deque()
         self._free = buffers
@@ -36,7 +43,7 @@ class Stream:
         """Fills the free buffers with what has arrived; what finds none is lost."""
         newest = (now_ns - ARRIVAL_NS) // PERIOD_NS
         while self._next <= newest and self._free:
-            if self._script.delivers(self._next - self._origin):
+            if self._script.delivers(self._next - self.origin):
                 self._waiting.append(self._next)
                 self._free -= 1
             self._next += 1
@@ -53,23 +60,28 @@ class Stream:
     def take(self) -> GrabbedField:
         """The oldest field that waits; its buffer stays taken until `give_back`. It is drawn only now."""
         field = self._waiting.popleft()
-        number = field - self._origin
+        number = field - self.origin
         luma = self._lumas[0]
         self._lumas.rotate(-1)
         self._draw(field, number, luma)
         damage = "the driver flags an error" if self._script.at(number, Damage) else None
         picture = Field.intact(luma[: self.rows], field % 2)
-        return GrabbedField(picture, field * PERIOD_NS, self._sequence(field), damage)
+        return GrabbedField(picture, self._time_ns(field), self._sequence(field), damage)
 
     def give_back(self) -> None:
         """A buffer is free again."""
         self._free += 1
 
     def _sequence(self, field: int) -> int:
-        passed = self._script.uncounted(field - self._origin) - self._script.uncounted(
-            self._first - self._origin
+        passed = self._script.uncounted(field - self.origin) - self._script.uncounted(
+            self._first - self.origin
         )
-        return (field - self._first - passed) % 2**32
+        return (field - self._first - passed - self._script.wraps_after()) % 2**32
+
+    def _time_ns(self, field: int) -> int:
+        number, true_ns = field - self.origin, field * PERIOD_NS
+        wrong = self._script.at(number, Timestamp)
+        return true_ns if wrong is None else wrong.time_ns(number, true_ns)
 
     def _draw(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:
         no_signal = self._script.at(number, NoSignal)
@@ -77,7 +89,7 @@ class Stream:
             _draw_no_signal(no_signal.picture, self._world.random(field), luma)
             return
         repeat = self._script.at(number, Repeat)
-        self._world.picture(self._origin + repeat.first - 1 if repeat else field, luma)
+        self._world.picture(self.origin + repeat.first - 1 if repeat else field, luma)
         self._spoil(field, number, luma)
 
     def _spoil(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:

@@ -8,11 +8,21 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from grabberd.errors import CaptureFileError
 from grabberd_fake.options import FakeOptions
+from grabberd_fake.vacuum import vacuum_log
+from grabberd_fake.wall_truth import WallTruth, truth_of_wall
 from grabberd_fake.world import Truth, World
 
 CSV_HEADER = "n,time_ns,target,x_mm,y_mm,z_mm,visible"
+_TENSORS = ("strain", "curvature_per_m", "tension_n_per_m", "moment_n")
+_MIDDLE = ("n", "time_ns", "target", "x_mm", "y_mm", "z_mm")
+_ALL = ("stretch_1", "stretch_2", "p_contact_kpa", "wall_kpa", "pulsation_vacuum_kpa", "liner_vacuum_kpa")
+WALL_CSV_HEADER = ",".join(
+    [*_MIDDLE, *(f"{name}_{place}" for name in _TENSORS for place in ("11", "12", "22")), *_ALL]
+)
 
 
 def truth_at(options: FakeOptions | Mapping[str, Any], time_ns: int) -> Truth:
@@ -49,6 +59,51 @@ def capture_truth(path: Path) -> Iterator[str]:
         visible = (truth.visible_left & truth.visible_right).astype(int).tolist()
         for target, (x, y, z), seen in zip(truth.ids.tolist(), truth.xyz_mm.tolist(), visible, strict=True):
             yield f"{n},{time_ns},{target},{x:.6f},{y:.6f},{z:.6f},{seen}"
+
+
+def capture_wall_truth(path: Path) -> Iterator[str]:
+    """CSV lines, the header first: the wall under every target at every field of a capture.
+
+    The places are those of the wall's middle surface; 1 is along the tube and 2 round it, the strain counts
+    from the open liner. See `WallTruth`.
+
+    Raises:
+        CaptureFileError: it is no capture, or one that another driver made.
+        ValueError: it shows another scene.
+    """
+    options, fields = _read_capture(path)
+    yield WALL_CSV_HEADER
+    for n, time_ns in fields:
+        for line in _wall_rows(truth_of_wall(options, time_ns)):
+            yield f"{n},{time_ns},{line}"
+
+
+def _wall_rows(truth: WallTruth) -> Iterator[str]:
+    tensors = [getattr(truth, name)[:, (0, 0, 1), (0, 1, 1)] for name in _TENSORS]
+    loads = np.column_stack([truth.pressure_kpa, truth.wall_kpa])
+    table = np.hstack([truth.xyz_mm, *tensors, truth.stretch, loads])
+    for target, row in zip(truth.ids.tolist(), table.tolist(), strict=True):
+        values = [*row, truth.pulsation_kpa, truth.liner_kpa]
+        yield ",".join([str(target), *(f"{value + 0.0:.9g}" for value in values)])
+
+
+def capture_vacuum_log(
+    path: Path, offset_s: float = 0.0, noise_kpa: float = 0.0, rate_hz: float = 1000.0
+) -> Iterator[str]:
+    """CSV lines, the header first: what a logger of its own clock wrote from one cycle before to one after.
+
+    `offset_s` is what has to be added to its times for seconds since the capture's first field.
+
+    Raises:
+        CaptureFileError: it is no capture, or one that another driver made, or one without fields.
+    """
+    options, fields = _read_capture(path)
+    if not fields:
+        raise CaptureFileError(f"{path}: it has no fields", "name a capture with fields")
+    period_ns = round(options.liner.period_s * 1e9)
+    start_ns, end_ns = fields[0][1] - period_ns, fields[-1][1] + period_ns
+    shifted_s = offset_s + options.liner.period_s
+    return vacuum_log(options.liner, start_ns, end_ns, shifted_s, noise_kpa, rate_hz, options.seed)
 
 
 def _read_capture(path: Path) -> tuple[FakeOptions, list[tuple[int, int]]]:

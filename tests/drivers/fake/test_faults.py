@@ -14,10 +14,11 @@ from grabberd_fake.faults import (
     Mendable,
     NoSignal,
     Repeat,
-    Script,
     Stall,
     Unplug,
+    Wrap,
 )
+from grabberd_fake.faults_script import Script
 
 
 @pytest.mark.parametrize(
@@ -100,3 +101,18 @@ def test_what_was_mended_was_not_counted_until_then() -> None:
     script = Script([Stall(at_field=10, until="restart")])
     script.mend("restart", 25)
     assert script.uncounted(100) == 15
+
+
+def test_the_sequence_begins_anew_where_the_script_has_it_pass_its_end() -> None:
+    assert (Script([]).wraps_after(), Script([Wrap(at_field=30)]).wraps_after()) == (0, 30)
+
+
+def test_a_grabber_has_another_node_after_each_time_it_came_back_elsewhere() -> None:
+    script = Script(
+        [
+            Unplug(at_field=10, back_after_s=0.1, elsewhere=True),
+            Unplug(at_field=30, back_after_s=0.1),
+            Unplug(at_field=50, back_after_s=0.1, elsewhere=True),
+        ]
+    )
+    assert [script.node(n) for n in (0, 14, 15, 40, 55)] == [0, 0, 1, 1, 2]

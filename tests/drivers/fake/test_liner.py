@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from grabberd_fake import ellipse
 from grabberd_fake.liner import Liner, Sections, closure, profile
-from grabberd_fake.options import LinerOptions
+from grabberd_fake.liner_options import LinerOptions
 
 OPEN_NS, CLOSED_NS = 400_000_000, 900_000_000
 times = st.integers(0, 3_000_000_000)

@@ -6,7 +6,8 @@ import pytest
 
 from grabberd_fake import FakeGrabber, FakeOptions
 from grabberd_fake.faults import Lose, Unplug
-from grabberd_fake.options import CameraOptions, LinerOptions, PictureOptions, PointOption, RigOptions
+from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.options import CameraOptions, PictureOptions, PointOption, RigOptions
 
 
 def test_without_options_it_is_the_reference_rig_before_the_liner() -> None:

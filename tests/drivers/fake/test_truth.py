@@ -10,9 +10,15 @@ import pytest
 from numpy.testing import assert_allclose
 
 from grabberd.errors import CaptureFileError
-from grabberd_fake import FakeOptions, World, truth_at
+from grabberd_fake import FakeOptions, World, truth_at, truth_of_wall
 from grabberd_fake.__main__ import main
-from grabberd_fake.truth import CSV_HEADER, capture_truth
+from grabberd_fake.truth import (
+    CSV_HEADER,
+    WALL_CSV_HEADER,
+    capture_truth,
+    capture_vacuum_log,
+    capture_wall_truth,
+)
 
 OPTIONS = {"scene": "liner", "rig": {"reflections": 1}, "pace": "free"}
 
@@ -95,3 +101,32 @@ def test_the_command_says_what_is_wrong_and_fails(tmp_path: Path, capsys: pytest
         main(["truth", str(tmp_path / "absent.grab")])
     assert left.value.code == 2
     assert "absent.grab" in capsys.readouterr().err
+
+
+def test_the_walls_truth_of_a_capture_has_a_row_for_every_target_and_field(capture: Path) -> None:
+    lines = list(capture_wall_truth(capture))
+    columns = lines[0].split(",")
+    assert lines[0] == WALL_CSV_HEADER
+    assert len(lines) == 1 + 3 * 108
+    last = dict(zip(columns, lines[-1].split(","), strict=True))
+    truth = truth_of_wall(OPTIONS, 80_000_000)
+    assert (last["n"], last["time_ns"], last["target"]) == ("3", "80000000", "108")
+    assert float(last["strain_12"]) == pytest.approx(truth.strain[-1, 0, 1])
+    assert float(last["curvature_per_m_22"]) == pytest.approx(truth.curvature_per_m[-1, 1, 1])
+    assert float(last["p_contact_kpa"]) == pytest.approx(truth.pressure_kpa[-1], abs=1e-6)
+    assert float(last["pulsation_vacuum_kpa"]) == pytest.approx(truth.pulsation_kpa)
+
+
+def test_the_vacuum_log_reaches_a_cycle_beyond_the_capture_on_its_own_clock(capture: Path) -> None:
+    lines = list(capture_vacuum_log(capture, offset_s=0.4))
+    first, last = (float(line.split(",")[0]) + 0.4 for line in (lines[1], lines[-1]))
+    assert (first, last) == (pytest.approx(-1.0), pytest.approx(1.06))
+
+
+@pytest.mark.parametrize("of", ["wall", "vacuum"])
+def test_the_command_prints_wall_and_vacuum(
+    capture: Path, capsys: pytest.CaptureFixture[str], of: str
+) -> None:
+    lines = {"wall": capture_wall_truth, "vacuum": capture_vacuum_log}[of](capture)
+    assert main(["truth", str(capture), "--of", of]) == 0
+    assert capsys.readouterr().out.splitlines() == list(lines)

@@ -1,0 +1,63 @@
+"""The faults of one grabber, asked field by field."""
+
+from collections.abc import Iterator, Sequence
+from typing import TypeVar
+
+from grabberd_fake.faults import Fault, Mendable, Unplug, Wrap
+
+F = TypeVar("F", bound=Fault)
+
+
+class Script:
+    """The faults of a grabber, asked by field number."""
+
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        self._faults = tuple(faults)
+        self._mended_at: dict[Fault, int] = {}
+
+    def at(self, number: int, kind: type[F]) -> F | None:
+        """The fault of this kind that holds for a field."""
+        found = (fault for fault in self._faults if isinstance(fault, kind) and self._holds(fault, number))
+        return next(found, None)
+
+    def delivers(self, number: int) -> bool:
+        """Whether the field reaches the driver's buffers."""
+        return all(fault.delivers or not self._holds(fault, number) for fault in self._faults)
+
+    def mend(self, step: str, number: int) -> None:
+        """Ends the faults that this step helps against, from a field on."""
+        for fault in self._faults:
+            if isinstance(fault, Mendable) and fault.is_mended_by(step) and self._holds(fault, number):
+                self._mended_at[fault] = number
+
+    def _holds(self, fault: Fault, number: int) -> bool:
+        return fault.holds(number) and number < self._end(fault)
+
+    def _end(self, fault: Fault) -> int:
+        end = fault.first + fault.fields
+        return min(end, self._mended_at.get(fault, end))
+
+    def uncounted(self, number: int) -> int:
+        """How many fields before this one the sequence passed over; overlaps count once."""
+        return sum(last - first for first, last in self._silent_windows(number))
+
+    def _silent_windows(self, number: int) -> Iterator[tuple[int, int]]:
+        windows = ((fault.first, self._end(fault)) for fault in self._faults if not fault.counted)
+        silent = sorted((min(first, number), min(end, number)) for first, end in windows)
+        reached = 0
+        for first, last in silent:
+            yield max(first, reached), max(last, first, reached)
+            reached = max(reached, last)
+
+    def wraps_after(self) -> int:
+        """After how many fields of a stream its sequence begins anew at zero; 0: it begins there."""
+        return next((fault.first for fault in self._faults if isinstance(fault, Wrap)), 0)
+
+    def node(self, number: int) -> int:
+        """Under which number the device is there: how often it has come back as another node."""
+        moves = (fault for fault in self._faults if isinstance(fault, Unplug) and fault.elsewhere)
+        return sum(fault.first + fault.fields <= number for fault in moves)
+
+    def counts_losses(self) -> bool:
+        """Whether the sequence shows every field that is lost."""
+        return all(fault.counted for fault in self._faults)

@@ -1,0 +1,68 @@
+"""The vacuum on both sides of the liner's wall, and a logger that writes it down on a clock of its own."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.optics import Array
+
+LOG_HEADER = "time_s,pulsation_vacuum_kpa,liner_vacuum_kpa"
+
+
+def pulsation_kpa(options: LinerOptions, time_s: Array) -> Array:
+    """Vacuum in the pulsation chamber below atmosphere: a trapezoid that leads the wall's movement."""
+    vacuum = options.vacuum
+    rise = -vacuum.opening_lag
+    fall = options.opening + options.open - vacuum.closing_lag
+    part = np.mod(np.asarray(time_s, np.float64) / options.period_s - rise, 1.0)
+    risen = np.clip(part / vacuum.rising, 0.0, 1.0)
+    fallen = np.clip((part - (fall - rise)) / vacuum.falling, 0.0, 1.0)
+    kpa: Array = vacuum.system_kpa * (risen - fallen)
+    return kpa
+
+
+def iso_phases_s(options: LinerOptions) -> tuple[float, float, float, float]:
+    """Durations of a, b, c, d by thresholds 4 kPa over atmosphere and 4 kPa under the system's vacuum."""
+    vacuum = options.vacuum
+    steep = (vacuum.system_kpa - 8) / vacuum.system_kpa
+    edge = 4 / vacuum.system_kpa
+    held = options.opening + options.open - vacuum.closing_lag + vacuum.opening_lag - vacuum.rising
+    a, c = vacuum.rising * steep, vacuum.falling * steep
+    b = held + (vacuum.rising + vacuum.falling) * edge
+    return (
+        a * options.period_s,
+        b * options.period_s,
+        c * options.period_s,
+        (1 - a - b - c) * options.period_s,
+    )
+
+
+def vacuum_log(
+    options: LinerOptions,
+    start_ns: int,
+    end_ns: int,
+    offset_s: float = 0.0,
+    noise_kpa: float = 0.0,
+    rate_hz: float = 1000.0,
+    seed: int = 0,
+) -> Iterator[str]:
+    """CSV lines of a logger, the header first.
+
+    Args:
+        options: the liner's.
+        start_ns: the camera's time at which it begins to write.
+        end_ns: at which it ends.
+        offset_s: what has to be added to the logger's time for seconds since `start_ns`.
+        noise_kpa: standard deviation of each reading.
+        rate_hz: readings a second.
+        seed: of the noise.
+    """
+    yield LOG_HEADER
+    count = math.floor((end_ns - start_ns) / 1e9 * rate_hz) + 1
+    since_s = np.arange(count) / rate_hz
+    chamber = pulsation_kpa(options, start_ns / 1e9 + since_s)
+    noise = np.random.default_rng(seed).normal(0.0, noise_kpa, (count, 2))
+    for time_s, told, (first, second) in zip(since_s - offset_s, chamber, noise, strict=True):
+        yield f"{time_s:.6f},{told + first:.4f},{options.vacuum.liner_kpa + second:.4f}"

@@ -1,0 +1,216 @@
+"""What is true of the liner's wall: strain, curvature, tension, moment and pressure at its middle surface.
+
+The wall stands on a grid round the whole tube and along its whole length, and is differentiated there as the
+Fourier series that it is: the collapse is one period of a cosine along the length. The targets' places are
+read off that series. No target, spline or fitted surface has part in it. The grid is good to .001 kPa for
+deflections up to half the radius, to .02 kPa up to .56 of it.
+
+The pressure is what equilibrium across the wall demands of the prescribed movement; no teat is simulated, and
+along the wall the movement asks for friction that nothing gives.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd_fake import ellipse
+from grabberd_fake.liner import Liner, closure
+from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.optics import Array
+from grabberd_fake.options import FakeOptions
+from grabberd_fake.sheet import Sheet, determinant, inverse
+from grabberd_fake.vacuum import pulsation_kpa
+from grabberd_fake.wall_law import moment, strain, tension
+
+GRID = (64, 256)
+"""Places along the tube and round it."""
+
+
+class WallTruth(NamedTuple):
+    """What is true of the wall's middle surface under N targets.
+
+    The bases are orthonormal: 0 along the tube, 1 perpendicular to it in the wall, towards increasing s, that
+    is y where the wall faces the cameras. κ > 0 has its centre inside.
+
+    Attributes:
+        ids: (N,) int32; `xyz_mm`: (N, 3) places of the middle surface.
+        basis: (N, 2, 3) the present basis, object's frame; `normal`: (N, 3) outward.
+        strain: (N, 2, 2) Green-Lagrange strain from the reference time, in the basis of that time.
+        stretch: (N, 2) principal stretches, the greater first.
+        direction: (N, 2, 3) their directions in the present wall, unit vectors, object's frame.
+        curvature_per_m: (N, 2, 2) in the present basis, as are `tension_n_per_m` (from the free liner, by the
+            wall's law) and `moment_n` (bending out of the open state).
+        pressure_kpa: (N,) p_contact on the inner face; `wall_kpa`: (N,) T:κ - ∇∇:M, on the middle surface.
+        pulsation_kpa: vacuum in the pulsation chamber; `liner_kpa`: in the liner.
+    """
+
+    ids: NDArray[np.int32]
+    xyz_mm: Array
+    basis: Array
+    normal: Array
+    strain: Array
+    stretch: Array
+    direction: Array
+    curvature_per_m: Array
+    tension_n_per_m: Array
+    moment_n: Array
+    pressure_kpa: Array
+    wall_kpa: Array
+    pulsation_kpa: float
+    liner_kpa: float
+
+
+def truth_of_wall(
+    options: FakeOptions | Mapping[str, Any], time_ns: int, reference_ns: int | None = None
+) -> WallTruth:
+    """What is true of the liner's wall at a time.
+
+    Args:
+        options: as `FakeGrabber` takes them; the scene has to be `liner`.
+        time_ns: a field's time, or any other on the same clock.
+        reference_ns: the time that the strain counts from; the open liner by default. Tension and moment
+            always come from the open, mounted liner.
+
+    Raises:
+        ValueError: the options cannot be used, or are of another scene.
+    """
+    options = options if isinstance(options, FakeOptions) else FakeOptions.read(options)
+    if options.scene != "liner":
+        raise ValueError(f"scene: {options.scene!r} has no wall; only 'liner' has")
+    liner = options.liner
+    reference = 0.0 if reference_ns is None else closure(liner, reference_ns)
+    chamber = float(pulsation_kpa(liner, np.array(time_ns / 1e9)))
+    return _truth(liner, closure(liner, time_ns), reference, chamber)
+
+
+def _truth(options: LinerOptions, closed: float, reference: float, chamber_kpa: float) -> WallTruth:
+    here, before = _patch(options, closed), _patch(options, reference)
+    axes, old_axes = _axes(here.metric), _axes(before.metric)
+    lagrange = _tensor(strain(before.metric, here.metric), old_axes)
+    stretch, old_direction = _principal(lagrange)
+    carried = np.einsum("nik,kan,anx->nix", old_direction, old_axes, here.tangents)
+    load_kpa = 1000 * here.load_mpa
+    contact_kpa = (options.vacuum.liner_kpa - chamber_kpa + load_kpa) / here.inner_area
+    lowered = [np.einsum("ac...,bd...,cd...->ab...", here.metric, here.metric, t) for t in here.answers]
+    return WallTruth(
+        ids=Liner(options).ids,
+        xyz_mm=here.xyz_mm,
+        basis=np.einsum("ian,anx->nix", axes, here.tangents),
+        normal=here.normal,
+        strain=lagrange,
+        stretch=stretch,
+        direction=carried / stretch[..., np.newaxis],
+        curvature_per_m=1000 * _tensor(here.curvature, axes),
+        tension_n_per_m=1000 * _tensor(lowered[0], axes),
+        moment_n=_tensor(lowered[1], axes),
+        pressure_kpa=contact_kpa,
+        wall_kpa=load_kpa,
+        pulsation_kpa=chamber_kpa,
+        liner_kpa=options.vacuum.liner_kpa,
+    )
+
+
+class _Patch(NamedTuple):
+    """The wall at N targets, by its coordinates: tangents (2, N, 3), forms (2, 2, N), the rest (N, …)."""
+
+    xyz_mm: Array
+    tangents: Array
+    normal: Array
+    metric: Array
+    curvature: Array
+    answers: tuple[Array, Array]
+    load_mpa: Array
+    inner_area: Array
+
+
+@lru_cache(maxsize=64)
+def _patch(options: LinerOptions, closed: float) -> _Patch:
+    places_mm, wall = wall_sheet(options, closed)
+    curvature, opened = -wall.bending, _open(options)
+    force = tension(options, opened.metric, wall.metric)
+    bend = moment(options, wall.metric, curvature + opened.bending)
+    load = np.einsum("abnm,abnm->nm", force, curvature) - wall.double_divergence(bend)
+
+    def read(values: Array, lead: int = 0) -> Array:
+        return _at_targets(options, wall, values, lead)
+
+    xyz_mm = read(places_mm)
+    xyz_mm[:, 0] = Liner(options).wall(0).xyz_mm[:, 0]
+    inner = _area_ratio(wall.metric, curvature, options.wall_mm / 2)
+    return _Patch(
+        xyz_mm=xyz_mm,
+        tangents=read(wall.tangents, 1),
+        normal=read(wall.normal),
+        metric=read(wall.metric, 2),
+        curvature=read(curvature, 2),
+        answers=(read(force, 2), read(bend, 2)),
+        load_mpa=read(load),
+        inner_area=read(inner),
+    )
+
+
+@lru_cache(maxsize=4)
+def _open(options: LinerOptions) -> Sheet:
+    return wall_sheet(options, 0.0)[1]
+
+
+def wall_sheet(options: LinerOptions, closed: float, grid: tuple[int, int] = GRID) -> tuple[Array, Sheet]:
+    """The middle surface on a grid (n, m) of x = index · length / n and s = index · perimeter / m.
+
+    Returns:
+        (n, m, 3) the places without their x, and the surface.
+    """
+    radius, length = options.radius_mm, options.length_mm
+    x_mm, arc = (np.arange(count) / count for count in grid)
+    depth = options.deflection_mm / radius * closed * np.cos(np.pi * x_mm) ** 2
+    p, back = np.unique(1.0 - depth, return_inverse=True)
+    arcs, q = np.tile(2 * np.pi * arc, len(p)), ellipse.widened(p).repeat(grid[1])
+    p = p.repeat(grid[1])
+    theta = ellipse.eccentric_angle(p, q, arcs)
+    round_mm = radius * np.column_stack([0 * p, q * np.sin(theta), p * np.cos(theta)])
+    places_mm = round_mm.reshape(-1, grid[1], 3)[back]
+    places_mm[..., 2] += options.axis_z_mm
+    secular = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    return places_mm, Sheet(places_mm, secular, (length, 2 * np.pi * radius))
+
+
+def _at_targets(options: LinerOptions, wall: Sheet, values: Array, lead: int) -> Array:
+    """Values (lead × 2, n, m, …) at the targets, (lead × 2, N, …)."""
+    x_mm, s_mm = (
+        np.array([index - (count - 1) / 2 for index in range(count)]) * options.pitch_mm
+        for count in (options.rows, options.columns)
+    )
+    last = np.moveaxis(values, range(lead), range(-lead, 0)) if lead else values
+    read = wall.at(last, x_mm, s_mm)
+    read = read.reshape(-1, *read.shape[2:])
+    return np.moveaxis(read, range(-lead, 0), range(lead)) if lead else read
+
+
+def _area_ratio(metric: Array, curvature: Array, depth_mm: float) -> Array:
+    """Area of the face `depth_mm` inside by that of the middle surface: 1 - 2Hh + Kh²."""
+    mixed = np.einsum("ac...,cb...->ab...", inverse(metric), curvature)
+    ratio: Array = 1 - depth_mm * (mixed[0, 0] + mixed[1, 1]) + depth_mm**2 * determinant(mixed)
+    return ratio
+
+
+def _axes(metric: Array) -> Array:
+    """(2, 2, N) components of the orthonormal basis: 0 along the first tangent, 1 towards the second."""
+    first = 1 / np.sqrt(metric[0, 0])
+    second = np.sqrt(metric[0, 0] / determinant(metric))
+    zero = np.zeros_like(first)
+    return np.array([[first, zero], [-metric[0, 1] / metric[0, 0] * second, second]])
+
+
+def _tensor(form: Array, axes: Array) -> Array:
+    """(N, 2, 2) of a covariant form (2, 2, N) in an orthonormal basis."""
+    tensor: Array = np.einsum("ian,jbn,abn->nij", axes, axes, form)
+    return tensor
+
+
+def _principal(lagrange: Array) -> tuple[Array, Array]:
+    """(N, 2) principal stretches, the greater first, and (N, 2, 2) their directions in the old basis."""
+    values, vectors = np.linalg.eigh(lagrange)
+    return np.sqrt(1 + 2 * values[:, ::-1]), np.swapaxes(vectors, 1, 2)[:, ::-1]

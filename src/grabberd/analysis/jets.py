@@ -1,0 +1,46 @@
+"""A jet: what a surface does at one place, all its partial derivatives up to order four.
+
+Every quantity of a surface at a place is a pure function of its jet there: first forms and strain need order
+1, curvature 2, the wall's equilibrium with bending 4.
+"""
+
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+Jets = NDArray[np.float64]
+"""(..., 15, 3): ∂^(i+j) X / ∂u^i ∂v^j at `index(i, j)`, mm / mm^(i+j), in the object's frame."""
+
+HIGHEST = 4
+
+ORDERS: tuple[tuple[int, int], ...] = tuple(
+    (order - j, j) for order in range(HIGHEST + 1) for j in range(order + 1)
+)
+"""The pairs (i, j), i + j ≤ 4: (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), …"""
+
+
+def index(i: int, j: int) -> int:
+    """Where ∂^(i+j) X / ∂u^i ∂v^j stands in a jet."""
+    order = i + j
+    return order * (order + 1) // 2 + j
+
+
+def count_to(order: int) -> int:
+    """How many derivatives there are up to an order: the first so many of a jet."""
+    return index(0, order) + 1
+
+
+def times(factor: Jets) -> NDArray[np.float64]:
+    """(..., 15, 15, 3) the matrix that makes a scalar's 15 derivatives the jet of scalar · factor (Leibniz).
+
+    Args:
+        factor: (..., 15, 3) jet of a vector.
+    """
+    matrix = np.zeros((*factor.shape[:-2], len(ORDERS), len(ORDERS), 3))
+    for i, j in ORDERS:
+        for a in range(i + 1):
+            for b in range(j + 1):
+                weight = comb(i, a) * comb(j, b)
+                matrix[..., index(i, j), index(a, b), :] = weight * factor[..., index(i - a, j - b), :]
+    return matrix

@@ -1,0 +1,195 @@
+"""What the wall is made of: given from outside, with no silent default."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import AnalysisError, InputError
+
+Array = NDArray[np.float64]
+
+LAWS = ("neo_hookean", "linear")
+VARIED = ("E_mpa", "wall_mm", "F0_n")
+"""The inputs whose σ the pressure carries; each has its σ in a field of its own."""
+
+_HINT = "give the own values of the liner that is in the teatcup"
+_SIGMAS = {"E_mpa": "E_sigma_mpa", "wall_mm": "wall_sigma_mm", "F0_n": "F0_sigma_n"}
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """The liner's wall as mounted, in the reference state, and its law.
+
+    Attributes:
+        E_mpa: Young's modulus.
+        wall_mm: thickness of the wall, as mounted.
+        poisson: ν; .5 for the law `neo_hookean`, which keeps the volume.
+        F0_n: the force along the liner that it is mounted with; 0 is a value too.
+        radius_mm: radius of the mounted liner's middle surface: F0 / 2πR is the tension it brings.
+        target_mm: thickness of the targets on the outer face.
+        law: `neo_hookean` or `linear` (in the stretches λ − 1).
+        E_sigma_mpa: σ of E; 0 where it is taken as exact. `wall_sigma_mm`, `F0_sigma_n` alike.
+
+    Raises:
+        InputError: values that no wall has; the message names all.
+    """
+
+    E_mpa: float
+    wall_mm: float
+    poisson: float
+    F0_n: float
+    radius_mm: float
+    target_mm: float
+    law: str
+    E_sigma_mpa: float = 0.0
+    wall_sigma_mm: float = 0.0
+    F0_sigma_n: float = 0.0
+
+    def __post_init__(self) -> None:
+        problems = [problem for problem in (*_numbers(self), *_law(self)) if problem]
+        if problems:
+            raise InputError(f"the wall's material cannot be used: {'; '.join(problems)}", _HINT)
+
+    @property
+    def depth_mm(self) -> float:
+        """From the targets' face to the middle surface."""
+        return self.wall_mm / 2 + self.target_mm
+
+    def varied(self, name: str) -> "Material":
+        """The same with one of `VARIED` a σ higher."""
+        return replace(self, **{name: getattr(self, name) + getattr(self, _SIGMAS[name])})
+
+
+def _numbers(material: Material) -> list[str]:
+    above = ("E_mpa", "wall_mm", "radius_mm")
+    from_zero = ("F0_n", "target_mm", *_SIGMAS.values())
+    problems = [_problem(material, name, "above 0", lambda v: v > 0) for name in above]
+    problems += [_problem(material, name, "from 0", lambda v: v >= 0) for name in from_zero]
+    if material.wall_mm >= 2 * material.radius_mm > 0:
+        problems.append(f"wall_mm is {material.wall_mm:g}: thicker than a liner of this radius can be")
+    return problems
+
+
+def _problem(material: Material, name: str, expected: str, good: object) -> str:
+    value = getattr(material, name)
+    return "" if np.isfinite(value) and good(value) else f"{name} is {value:g}, expected {expected}"  # type: ignore[operator]
+
+
+def _law(material: Material) -> list[str]:
+    problems = []
+    if material.law not in LAWS:
+        problems.append(f"law is {material.law!r}, known are {', '.join(LAWS)}")
+    if not 0 <= material.poisson <= 0.5:
+        problems.append(f"poisson is {material.poisson:g}, expected 0 to .5")
+    elif material.law == "neo_hookean" and material.poisson != 0.5:
+        problems.append(f"poisson is {material.poisson:g}, but the law neo_hookean keeps the volume: .5")
+    return problems
+
+
+class Zone(NamedTuple):
+    """A part of the liner with a material of its own, from one coordinate u along the liner to another.
+
+    Attributes:
+        first_u_mm: where it begins; `last_u_mm`: where it ends, both included.
+        material: what it is made of.
+    """
+
+    first_u_mm: float
+    last_u_mm: float
+    material: Material
+
+    @classmethod
+    def of_rows(cls, first: int, last: int, pitch_mm: float, material: Material) -> "Zone":
+        """The zone of some rows of targets, half a pitch beyond the first and the last."""
+        return cls((first - 0.5) * pitch_mm, (last + 0.5) * pitch_mm, material)
+
+
+class Wall(NamedTuple):
+    """The material at N places; where several variants of it are looked at, (V, N).
+
+    Attributes:
+        E_mpa: Young's modulus; `wall_mm`, `poisson` alike.
+        along: stretch by which the pre-tension lengthened the wall before the reference state;
+            `across`: the stretch round it that came with that.
+        depth_mm: from the targets' face to the middle surface.
+        neo_hookean: whether the law is that one, or linear.
+    """
+
+    E_mpa: Array
+    wall_mm: Array
+    poisson: Array
+    along: Array
+    across: Array
+    depth_mm: Array
+    neo_hookean: NDArray[np.bool_]
+
+    @property
+    def stiffness_nmm(self) -> Array:
+        """D = E t³ / 12 (1 − ν²) in N mm."""
+        return self.E_mpa * self.wall_mm**3 / (12 * (1 - self.poisson**2))
+
+
+def lacking(inputs: Mapping[str, object]) -> tuple[str, ...]:
+    """The inputs of a material that are not given: what tension and pressure still need."""
+    needed = [field.name for field in fields(Material) if field.name not in _SIGMAS.values()]
+    return tuple(name for name in needed if inputs.get(name) is None)
+
+
+def wall_at(zones: Sequence[Zone], u_mm: Array) -> Wall:
+    """The wall at N places along the liner.
+
+    Raises:
+        AnalysisError: a place that lies in no zone, or in two.
+    """
+    chosen = _zone_of(zones, u_mm)
+    walls = [_wall(zone.material) for zone in zones]
+    return Wall(*(np.array(values)[chosen] for values in zip(*walls, strict=True)))
+
+
+def varied(zones: Sequence[Zone], name: str) -> list[Zone] | None:
+    """The zones with one of `VARIED` a σ higher in all; None where none has a σ of it."""
+    if not any(getattr(zone.material, _SIGMAS[name]) for zone in zones):
+        return None
+    return [zone._replace(material=zone.material.varied(name)) for zone in zones]
+
+
+def _zone_of(zones: Sequence[Zone], u_mm: Array) -> NDArray[np.intp]:
+    inside = np.array([(zone.first_u_mm <= u_mm) & (u_mm <= zone.last_u_mm) for zone in zones])
+    inside = inside.reshape(len(zones), *np.shape(u_mm))
+    _check(u_mm, inside.sum(axis=0) == 0, "no zone of the material")
+    interior = np.array([(zone.first_u_mm < u_mm) & (u_mm < zone.last_u_mm) for zone in zones])
+    _check(u_mm, interior.reshape(inside.shape).sum(axis=0) > 1, "more than one zone of the material")
+    chosen: NDArray[np.intp] = inside.argmax(axis=0)
+    return chosen
+
+
+def _check(u_mm: Array, wrong: NDArray[np.bool_], where: str) -> None:
+    if wrong.any():
+        places = u_mm[wrong]
+        raise AnalysisError(
+            f"{wrong.sum()} places lie in {where}, from u = {places.min():.1f} to {places.max():.1f} mm",
+            "let the zones follow each other along the liner, from its first row of targets to its last",
+        )
+
+
+def _wall(material: Material) -> tuple[float, float, float, float, float, float, bool]:
+    along, across = pre_stretch(material)
+    neo = material.law == "neo_hookean"
+    return (material.E_mpa, material.wall_mm, material.poisson, along, across, material.depth_mm, neo)
+
+
+def pre_stretch(material: Material) -> tuple[float, float]:
+    """The stretches along and round the liner that the mounting force brings, the wall being free to narrow.
+
+    They give back F0 / 2πR along the liner and nothing round it: λ³ − λ F0/(2πR µ t) = 1 for the neo-Hookean
+    law (µ = E/3, t as mounted), λ = 1 + F0/(2πR E t) for the linear one.
+    """
+    load = material.F0_n / (2 * np.pi * material.radius_mm * material.E_mpa * material.wall_mm)
+    if material.law == "linear":
+        return 1 + load, 1 - material.poisson * load
+    roots = np.roots([1.0, 0.0, -3 * load, -1.0])
+    along = float(roots.real[np.abs(roots.imag) < 1e-9].max())
+    return along, along**-0.5

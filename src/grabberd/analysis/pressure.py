@@ -1,0 +1,101 @@
+"""The liner's pressure on the teat as a map, with all that its σ is made of."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.estimate import Estimate
+
+Array = NDArray[np.float64]
+
+
+class ChamberVacuum(NamedTuple):
+    """The vacuum on both sides of the wall at one field, kPa below atmosphere.
+
+    Attributes:
+        pulsation_kpa: in the pulsation chamber; `liner_kpa`: in the liner.
+        pulsation_sigma_kpa: σ of the first; `liner_sigma_kpa`: of the second.
+        pulsation_slope_kpa_per_s: how fast it changes; `liner_slope_kpa_per_s` alike.
+        time_sigma_s: σ of the offset between the clocks of the camera and of the vacuum.
+    """
+
+    pulsation_kpa: float
+    liner_kpa: float
+    pulsation_sigma_kpa: float
+    liner_sigma_kpa: float
+    pulsation_slope_kpa_per_s: float = 0.0
+    liner_slope_kpa_per_s: float = 0.0
+    time_sigma_s: float = 0.0
+
+    @property
+    def difference_kpa(self) -> float:
+        """p_pulsation − p_liner."""
+        return self.liner_kpa - self.pulsation_kpa
+
+
+class Shares(NamedTuple):
+    """What σ_p is made of, at N places; the signed ones are one σ's worth, the same cause at every place.
+
+    Attributes:
+        points_kpa: (N,) from the points, independent from field to field, and from those of the reference.
+        pulsation_kpa: (N,) signed, from the pulsation chamber's vacuum; `liner_kpa`: the liner's.
+        time_kpa: (N,) signed, from the offset between the clocks.
+        material_kpa: (3, N) signed, from E, wall and F0 (`VARIED`).
+    """
+
+    points_kpa: Array
+    pulsation_kpa: Array
+    liner_kpa: Array
+    time_kpa: Array
+    material_kpa: Array
+
+    @property
+    def common_kpa(self) -> Array:
+        """(6, N) the signed ones together."""
+        return np.concatenate([[self.pulsation_kpa, self.liner_kpa, self.time_kpa], self.material_kpa])
+
+    @property
+    def sigma_kpa(self) -> Array:
+        """(N,) all together."""
+        result: Array = np.sqrt(self.points_kpa**2 + (self.common_kpa**2).sum(axis=0))
+        return result
+
+
+class PressureMap(NamedTuple):
+    """The pressure at N places of the wall at one field.
+
+    Attributes:
+        u_mm: (N,) material coordinates; `v_mm`: (N,).
+        contact_kpa: (N,) p_contact on the inner face, above the pressure in the liner.
+        overpressure_kpa: (N,) the same above atmosphere: the load on the teat, in phase d the overpressure.
+        wall_kpa: (N,) T:κ − ∇∇:M, what the wall itself presses inward, on the middle surface.
+        shares: what the σ of `contact_kpa` is made of.
+        reason: (N,) why a place says nothing; empty where it does.
+    """
+
+    u_mm: Array
+    v_mm: Array
+    contact_kpa: Estimate
+    overpressure_kpa: Estimate
+    wall_kpa: Array
+    shares: Shares
+    reason: tuple[str, ...]
+
+    @property
+    def usable(self) -> NDArray[np.bool_]:
+        """(N,) where the map says something."""
+        return np.array([not reason for reason in self.reason], np.bool_)
+
+    def mean_kpa(self, chosen: NDArray[np.bool_]) -> Estimate:
+        """p_contact averaged over the usable ones of some places (N,); NaN where there are none.
+
+        What the smoothing misjudges is alike at many places, so their own shares of σ are taken for wholly
+        dependent: the mean's is no less than the truth's, and not much less than one place's.
+        """
+        places = np.flatnonzero(chosen & self.usable)
+        if not len(places):
+            return Estimate(np.array(np.nan), np.array(np.nan))
+        common = self.shares.common_kpa[:, places].mean(axis=1)
+        sigma = np.hypot(self.shares.points_kpa[places].mean(), np.linalg.norm(common))
+        return Estimate(np.asarray(self.contact_kpa.value[places].mean()), np.asarray(sigma))

@@ -1,0 +1,85 @@
+"""Points that cannot be where they are: ids that jumped, crossed targets, a folded wall."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.grid import Grid
+
+_SHORTEST, _LONGEST = 0.7, 1.35
+"""Fibres stretch by some ten per cent; where an id jumps to a neighbour, distances double or vanish."""
+
+_STEEPEST = 0.0
+
+
+class Screening(NamedTuple):
+    """What a look at the neighbours shows.
+
+    Attributes:
+        kept: (N,) points that stand as their neighbours let expect.
+        problems: one sentence for each kind of trouble, with the targets.
+    """
+
+    kept: NDArray[np.bool_]
+    problems: tuple[str, ...]
+
+
+def screen(grid: Grid, place: NDArray[np.intp], xyz_mm: NDArray[np.float64]) -> Screening:
+    """Leaves out the points whose distances to their neighbours are impossible, worst first; names folds.
+
+    Args:
+        grid: the target grid.
+        place: (N,) indices in it of the points.
+        xyz_mm: (N, 3).
+    """
+    where = np.full((len(grid), 3), np.nan)
+    where[place] = xyz_mm
+    pairs = grid.pairs()
+    nominal_mm = _lengths(grid.nominal_mm, pairs)
+    left_out: list[int] = []
+    while (worst := _worst(where, pairs, nominal_mm)) is not None:
+        left_out.append(worst)
+        where[worst] = np.nan
+    kept = np.isfinite(where[place, 0])
+    return Screening(kept, (*_jumped(grid, left_out), *_folded(grid, where)))
+
+
+def _worst(
+    where: NDArray[np.float64], pairs: NDArray[np.intp], nominal_mm: NDArray[np.float64]
+) -> int | None:
+    """The target with most impossible distances, of equals the one most at odds; None: there are none."""
+    ratio = _lengths(where, pairs) / nominal_mm
+    wrong = (ratio < _SHORTEST) | (ratio > _LONGEST)
+    if not wrong.any():
+        return None
+    at_odds = np.where(wrong, 1 + np.minimum(np.abs(np.log(np.maximum(ratio, 1e-3))), 100) / 1e3, 0.0)
+    score = np.bincount(pairs.ravel(), np.repeat(at_odds, 2), len(where))
+    return int(np.argmax(score))
+
+
+def _lengths(xyz: NDArray[np.float64], pairs: NDArray[np.intp]) -> NDArray[np.float64]:
+    lengths: NDArray[np.float64] = np.linalg.norm(xyz[pairs[:, 1]] - xyz[pairs[:, 0]], axis=1)
+    return lengths
+
+
+def _jumped(grid: Grid, left_out: list[int]) -> tuple[str, ...]:
+    if not left_out:
+        return ()
+    names = ", ".join(str(grid.target[index]) for index in sorted(left_out))
+    return (
+        f"left out, too far from or too near to their neighbours (ids jumped or crossed): targets {names}",
+    )
+
+
+def _folded(grid: Grid, where: NDArray[np.float64]) -> tuple[str, ...]:
+    """Neighbouring triangles whose outsides face each other: the wall would be folded between them."""
+    corner = where[grid.triangles]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    adjoining = grid.adjoining_triangles()
+    facing = (normal[adjoining[:, 0]] * normal[adjoining[:, 1]]).sum(axis=1)
+    folded = adjoining[facing < _STEEPEST]
+    if not len(folded):
+        return ()
+    names = ", ".join(map(str, grid.target[np.unique(grid.triangles[folded])]))
+    return (f"the wall is folded, or targets have crossed, among targets {names}",)

@@ -1,0 +1,141 @@
+"""What a vacuum logger wrote: readings on a clock of its own."""
+
+import csv
+import io
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import InputError
+
+Array = NDArray[np.float64]
+
+TIMES = {"time_s": 1.0, "time_ms": 1e-3}
+PULSATION, LINER = "pulsation_vacuum_kpa", "liner_vacuum_kpa"
+LEAST_KPA, MOST_KPA = 15.0, 80.0
+"""What the maximum of a milking machine's vacuum lies between."""
+
+_GAP_STEPS = 3.0
+_LEAST_ROWS = 10
+_COLUMNS = (
+    f"the first line names the columns: {' or '.join(TIMES)}, {PULSATION} and, where it is known, {LINER};"
+    " every further line is one reading"
+)
+_UNITS: tuple[tuple[Callable[[float], bool], str], ...] = (
+    (lambda top: 400.0 <= top <= 1100.0, "mbar (hPa): divide by 10"),
+    (lambda top: 9000.0 <= top <= 110000.0, "Pa: divide by 1000"),
+    (lambda top: 80.0 < top <= 110.0, "absolute pressure in kPa: vacuum is atmosphere less pressure"),
+    (lambda top: 150.0 < top < 400.0, "mmHg (Torr): multiply by 0.13332, or mbar: divide by 10"),
+    (lambda top: 8.0 <= top < LEAST_KPA, "inHg: multiply by 3.3864"),
+    (lambda top: 0.15 <= top < 0.8, "bar: multiply by 100"),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class VacuumLog:
+    """K readings.
+
+    Attributes:
+        time_s: (K,) the logger's own time, ascending.
+        pulsation_kpa: (K,) vacuum in the pulsation chamber, below atmosphere.
+        liner_kpa: (K,) in the liner, or None where it was not logged.
+    """
+
+    time_s: Array
+    pulsation_kpa: Array
+    liner_kpa: Array | None = None
+
+    def __post_init__(self) -> None:
+        """Checks times and units.
+
+        Raises:
+            InputError: too few readings, times that do not ascend, or magnitudes of another unit.
+        """
+        if len(self.time_s) < _LEAST_ROWS:
+            raise InputError(f"the vacuum log has {len(self.time_s)} readings", _COLUMNS)
+        back = np.flatnonzero(np.diff(self.time_s) <= 0)
+        if len(back):
+            raise InputError(
+                f"the vacuum log's times do not ascend: reading {back[0] + 2} is at"
+                f" {self.time_s[back[0] + 1]:g} s, the one before at {self.time_s[back[0]]:g} s",
+                "sort the log by time, and cut it where the logger was restarted",
+            )
+        _check_unit(PULSATION, self.pulsation_kpa)
+        if self.liner_kpa is not None:
+            _check_unit(LINER, self.liner_kpa)
+
+    @property
+    def step_s(self) -> float:
+        """From reading to reading, as a rule."""
+        return float(np.median(np.diff(self.time_s)))
+
+    @property
+    def gaps_s(self) -> list[tuple[float, float]]:
+        """Where readings are missing: beginning and end, in the logger's time."""
+        after = np.flatnonzero(np.diff(self.time_s) > _GAP_STEPS * self.step_s)
+        return [(float(self.time_s[k]), float(self.time_s[k + 1])) for k in after]
+
+    def noise_kpa(self, kpa: Array) -> float:
+        """σ of one reading, from its departure from its neighbours' mean."""
+        bend = kpa[1:-1] - (kpa[:-2] + kpa[2:]) / 2
+        return float(1.4826 * np.median(np.abs(bend)) / math.sqrt(1.5))
+
+
+def read_vacuum_log(text: str) -> VacuumLog:
+    """A log from CSV text (comma or semicolon, with decimal comma).
+
+    Raises:
+        InputError: columns or numbers are missing, times do not ascend, or the magnitudes are not
+            those of kPa of vacuum.
+    """
+    head, *lines = [line for line in text.lstrip("\ufeff").splitlines() if line.strip()] or [""]
+    separator = ";" if ";" in head else ","
+    names = [name.strip() for name in head.split(separator)]
+    time = next((name for name in TIMES if name in names), None)
+    if time is None or PULSATION not in names:
+        raise InputError(f"the vacuum log has the columns {', '.join(names) or 'none'}", _COLUMNS)
+    rows = list(csv.reader(io.StringIO("\n".join(lines)), delimiter=separator))
+    columns = {
+        name: _numbers(rows, names, name, separator) for name in (time, PULSATION, LINER) if name in names
+    }
+    return VacuumLog(columns[time] * TIMES[time], columns[PULSATION], columns.get(LINER))
+
+
+def _numbers(rows: list[list[str]], names: list[str], name: str, separator: str) -> Array:
+    place = names.index(name)
+    return np.array([_number(row, place, name, index + 2, separator) for index, row in enumerate(rows)])
+
+
+def _number(row: list[str], place: int, name: str, line: int, separator: str) -> float:
+    text = row[place].strip() if place < len(row) else ""
+    try:
+        value = float(text.replace(",", ".") if separator == ";" else text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"line {line} of the vacuum log: {name} is {text!r}, not a number",
+            "mend or remove the line; nothing is filled in for it",
+        )
+    return value
+
+
+def _check_unit(name: str, kpa: Array) -> None:
+    """A milking machine's vacuum reaches 30 to 60 kPa; other magnitudes are other units."""
+    top = float(np.percentile(kpa, 99))
+    if float(np.percentile(kpa, 1)) < -LEAST_KPA:
+        raise InputError(
+            f"{name} of the vacuum log goes down to {kpa.min():g}: pressure over atmosphere, not vacuum",
+            "turn its sign: vacuum counts downward from atmosphere",
+        )
+    if not LEAST_KPA <= top <= MOST_KPA:
+        likely = next(
+            (unit for fits, unit in _UNITS if fits(top)), "no unit that a milking machine's vacuum has"
+        )
+        raise InputError(
+            f"{name} of the vacuum log reaches {top:g}, a milking machine's vacuum 30 to 60 kPa",
+            f"these numbers look like {likely}" if ":" in likely else f"they are in {likely}",
+        )

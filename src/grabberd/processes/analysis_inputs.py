@@ -1,0 +1,187 @@
+"""What an analysis is told beside the points; nothing of it is assumed (paper 3.8).
+
+reference: nominal                      or {field: 12}, or {phase: 0.4}: the state that strain counts from
+material: {E_mpa: 3, wall_mm: 2.5, …}   or {zones: [{rows: [0, 8], E_mpa: …}, …]}
+vacuum:
+  pulsation: {kpa: 0, sigma_kpa: 0.5}   or {rate_per_min: 60, ratio: 0.6, …}, or log
+  liner: {kpa: 42, sigma_kpa: 0.5}      or log
+  log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
+  offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's
+  lag: {opening_s: 0.03, closing_s: 0.03, sigma_s: 0.005, near_s: 12}   in place of offset
+plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: widths count from it
+heights_mm: [-30, 0, 30]
+phases: 24                              how many states of the mean cycle
+sought_kpa: 1                           the least pressure that the map is to show
+free_rows: [0, 2]                       rows of targets where nothing touches the wall
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from grabberd.analysis import Grid, Plane, Zone, read_zones, symmetry_plane
+from grabberd.errors import InputError
+from grabberd.geometry import Reading
+
+KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "free_rows")
+_VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
+_HINT = "mend these inputs; docs/howto/analyse.md has all of them"
+_MOST_PHASES = 200
+DEFAULT_PHASES = 24
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The state that strain counts from: the object model's, a field's or a phase's of the mean cycle."""
+
+    kind: str
+    value: float = 0.0
+
+    def __str__(self) -> str:
+        if self.kind == "nominal":
+            return "the object model's nominal shape"
+        return (
+            f"field {self.value:.0f}" if self.kind == "field" else f"phase {self.value:g} of the mean cycle"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AnalysisInputs:
+    """The inputs, read.
+
+    Attributes:
+        given: the document itself, for the record.
+        reference: None: no strain. `zones`: none: no tension. `vacuum`: empty: no pressure.
+        plane: None: no widths where the targets do not go round.
+        heights_mm: of sections. `phases`: how many of the mean cycle. `sought_kpa`: None: no pressure.
+        free_rows: first and last row where nothing touches the wall.
+    """
+
+    given: Mapping[str, Any]
+    reference: Reference | None
+    zones: tuple[Zone, ...]
+    vacuum: Mapping[str, Any]
+    plane: Plane | None
+    heights_mm: tuple[float, ...]
+    phases: int
+    sought_kpa: float | None
+    free_rows: tuple[int, int] | None
+
+    @property
+    def lacks(self) -> tuple[str, ...]:
+        """What was not given, and what there is not without it."""
+        missing = (
+            (self.reference is None, "reference: without it no strain, tension and pressure"),
+            (
+                not self.zones,
+                "material: without it strain is that of the outer face, no tension and pressure",
+            ),
+            ("pulsation" not in self.vacuum, "vacuum.pulsation: without it no pressure"),
+            ("liner" not in self.vacuum, "vacuum.liner: without it no pressure"),
+            (self.sought_kpa is None, "sought_kpa: without it no pressure"),
+            (
+                self.plane is None,
+                "plane: without it no widths and volume of a liner that is seen from one side",
+            ),
+        )
+        return tuple(text for lacks, text in missing if lacks)
+
+
+def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
+    """The inputs from a document.
+
+    Raises:
+        InputError: a key is unknown or of a wrong type; the message names all that were found.
+        AnalysisError: `plane: symmetry` of an object that has none.
+    """
+    reading = Reading("the analysis' inputs")
+    reading.keys("", document, KEYS)
+    reference = _reference(reading, document.get("reference"))
+    vacuum = _vacuum(reading, document.get("vacuum"))
+    plane = _plane(reading, document.get("plane"))
+    heights = _heights(reading, document.get("heights_mm"), grid)
+    phases = reading.integer(document, "phases", least=2) if "phases" in document else DEFAULT_PHASES
+    if phases > _MOST_PHASES:
+        reading.refuse("phases", phases, f"at most {_MOST_PHASES}")
+    sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else None
+    free = _free_rows(reading, document.get("free_rows"))
+    material = reading.mapping(document, "material") if "material" in document else {}
+    reading.finish(_HINT)
+    return AnalysisInputs(
+        given=document,
+        reference=reference,
+        zones=read_zones(material, grid) if material else (),
+        vacuum=vacuum,
+        plane=symmetry_plane(grid) if isinstance(plane, str) else plane,
+        heights_mm=heights,
+        phases=phases,
+        sought_kpa=sought,
+        free_rows=free,
+    )
+
+
+def _reference(reading: Reading, value: object) -> Reference | None:
+    expected = "nominal, {field: n} or {phase: 0…1}"
+    if value is None:
+        return None
+    if value == "nominal":
+        return Reference("nominal")
+    if not isinstance(value, Mapping) or len(value) != 1 or not {"field", "phase"} & set(value):
+        reading.refuse("reference", value, expected)
+        return None
+    if "field" in value:
+        return Reference("field", reading.integer(value, "field", "reference.", least=0))
+    phase = reading.number(value, "phase", "reference.")
+    if not 0 <= phase < 1:
+        reading.refuse("reference.phase", phase, "from 0 to less than 1")
+    return Reference("phase", phase)
+
+
+def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        reading.refuse("vacuum", value, f"a mapping of {', '.join(_VACUUM_KEYS)}")
+        return {}
+    reading.keys("vacuum.", value, _VACUUM_KEYS)
+    if "offset" in value and "lag" in value:
+        reading.problems.append("vacuum: offset and lag are both given, one of them is needed")
+    return value
+
+
+def _plane(reading: Reading, value: object) -> Plane | str | None:
+    if value is None or (isinstance(value, str) and value == "symmetry"):
+        return value
+    if not isinstance(value, Mapping):
+        reading.refuse("plane", value, "symmetry, or a mapping of point_mm and normal")
+        return None
+    point = reading.numbers(value.get("point_mm"), "plane.point_mm", (3,))
+    normal = reading.numbers(value.get("normal"), "plane.normal", (3,))
+    if not np.any(normal):
+        reading.refuse("plane.normal", value.get("normal"), "a direction, not nothing")
+    return Plane(point, normal)
+
+
+def _heights(reading: Reading, value: object, grid: Grid) -> tuple[float, ...]:
+    """Without any, three over the middle half of the liner."""
+    if value is None:
+        low, high = np.quantile(grid.nominal_mm[:, 0], (0.25, 0.75))
+        return float(low), float((low + high) / 2), float(high)
+    count = len(value) if isinstance(value, list | tuple) else 0
+    return tuple(sorted(map(float, reading.numbers(value, "heights_mm", (count or 1,)))))
+
+
+def _free_rows(reading: Reading, value: object) -> tuple[int, int] | None:
+    if value is None:
+        return None
+    first, last = reading.numbers(value, "free_rows", (2,))
+    if not (0 <= first <= last and float(first).is_integer() and float(last).is_integer()):
+        reading.refuse("free_rows", value, "first and last row, counted from 0")
+    return int(first), int(last)
+
+
+def missing(what: str, hint: str) -> InputError:
+    """An input that another one asks for."""
+    return InputError(f"the analysis' inputs lack {what}", hint)

@@ -1,0 +1,97 @@
+"""ISO's phases by the vacuum, wall phases by the movement."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from analysis.pulsating import LINER, capture, times
+from grabberd.analysis import (
+    VacuumLog,
+    first_movement,
+    fit_pulsation,
+    iso_phases,
+    read_vacuum_log,
+    wall_phases,
+)
+from grabberd.errors import AnalysisError
+from grabberd_fake.vacuum import iso_phases_s, vacuum_log
+
+
+def log(seconds=8, noise_kpa=0.0, options=LINER, **more):
+    return read_vacuum_log(
+        "\n".join(vacuum_log(options, 0, round(seconds * 1e9), noise_kpa=noise_kpa, **more))
+    )
+
+
+def movement_phases(options):
+    """Wall phases of the exact movement, a field each millisecond."""
+    (movement,) = first_movement([capture(np.arange(0, 1, 0.001), 1e-6, **options)])
+    value = (movement.value_mm - movement.value_mm.min()) / np.ptp(movement.value_mm)
+    passed = [np.interp(level, value[:300], movement.time_s[:300]) for level in (0.1, 0.9)]
+    passed += [np.interp(-level, -value[500:], movement.time_s[500:]) for level in (0.9, 0.1)]
+    return np.diff([*passed, passed[0] + 1])
+
+
+def test_wall_phases_are_those_of_the_exact_movement() -> None:
+    found = wall_phases(fit_pulsation(first_movement([capture(times(200))])))
+    assert_allclose(found.durations_s.value, movement_phases({}), atol=1e-3)
+    assert found.durations_s.value.sum() == pytest.approx(found.period_s.value)
+    assert found.ratio.value == pytest.approx(0.5991, abs=1e-3)
+    assert (found.durations_s.sigma < 5e-4).all()
+    assert (found.defined_by, found.cycles) == ("wall", 3)
+
+
+@pytest.mark.slow
+def test_wall_phases_scatter_by_their_sigma() -> None:
+    found = [
+        wall_phases(fit_pulsation(first_movement([capture(times(150), 0.08, seed=k)]))) for k in range(8)
+    ]
+    durations = np.array([one.durations_s.value for one in found])
+    sigma = np.array([one.durations_s.sigma for one in found]).mean(axis=0)
+    assert_allclose(durations.std(axis=0, ddof=1) / sigma, 1.0, atol=0.6)
+
+
+def test_iso_phases_are_those_between_the_thresholds() -> None:
+    found = iso_phases(log())
+    assert_allclose(found.durations_s.value, iso_phases_s(LINER), atol=1e-4)
+    assert found.ratio.value == pytest.approx(sum(iso_phases_s(LINER)[:2]), abs=1e-4)
+    assert (found.defined_by, found.cycles) == ("vacuum", 6)
+
+
+@pytest.mark.parametrize("noise_kpa", [0.05, 0.3])
+def test_noise_of_the_logger_costs_less_than_a_millisecond(noise_kpa: float) -> None:
+    found = iso_phases(log(noise_kpa=noise_kpa))
+    assert_allclose(found.durations_s.value, iso_phases_s(LINER), atol=8e-4)
+    assert (found.durations_s.sigma < 1e-3).all()
+
+
+def test_a_slow_logger_does_too_but_knows_less() -> None:
+    found = iso_phases(log(rate_hz=100))
+    assert_allclose(found.durations_s.value, iso_phases_s(LINER), atol=3e-3)
+    assert (found.durations_s.sigma > 1e-3).all()
+
+
+def test_iso_phases_and_wall_phases_differ_because_the_wall_lags() -> None:
+    iso = iso_phases(log()).durations_s.value
+    wall = wall_phases(fit_pulsation(first_movement([capture(times(200))]))).durations_s.value
+    assert np.abs(iso - wall).max() > 0.005
+
+
+def test_cycles_with_a_gap_in_the_log_do_not_count() -> None:
+    whole = log()
+    keep = (whole.time_s < 3.2) | (whole.time_s > 3.3)
+    found = iso_phases(VacuumLog(whole.time_s[keep], whole.pulsation_kpa[keep]))
+    assert found.cycles == 5
+    assert_allclose(found.durations_s.value, iso_phases_s(LINER), atol=1e-4)
+
+
+def test_less_than_a_cycle_of_log_has_no_phases() -> None:
+    with pytest.raises(AnalysisError, match="hold no whole cycle"):
+        iso_phases(log(0.9))
+
+
+def test_a_chamber_that_never_comes_to_atmosphere_has_no_phases() -> None:
+    whole = log()
+    with pytest.raises(AnalysisError, match="hold no whole cycle") as caught:
+        iso_phases(VacuumLog(whole.time_s, 5 + 0.8 * whole.pulsation_kpa))
+    assert "rise and fall" in caught.value.hint
