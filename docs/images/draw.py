@@ -1,4 +1,8 @@
-"""Draws docs/images/field.jpg: one simulated field, its targets ringed. `make docs` runs it."""
+"""Draws the pictures in docs/images from simulated fields. `make docs` runs it.
+
+field.jpg: one field of 1 bit, its targets ringed. model.png: the surface of another, coloured by height.
+overlay.jpg: the synthetic views of the same, over the camera's pictures.
+"""
 
 from pathlib import Path
 
@@ -7,21 +11,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition import create
+from grabberd.analysis import Surface
 from grabberd.config import default_config_file, load_config
-from grabberd.field import Field, NumberedField, double_lines, quantise
-from grabberd.processes.measure import MeasuredField, measure_fields
+from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
+from grabberd.processes import render
+from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
+from grabberd.processes.model_pictures import Gallery, Modelling
+from grabberd.processes.stand import SIDES
+from grabberd.processes.wire_model import Look
 from grabberd.service.setup import set_up
 
 THRESHOLD = 60
 SCALE = 2
+CLOSED = 8
+"""A field in which the liner is closed."""
+LINES, LEFT, RIGHT = slice(190, 400), slice(118, 238), slice(480, 600)
 RING, INK, SEAM = (80, 220, 255), (120, 200, 120), (90, 90, 90)
 
 
 def main() -> None:
     """Grabs, measures, draws and writes."""
-    doubled = double_lines(_grabbed())
-    picture = drawn(doubled, _measured(doubled))
-    cv2.imwrite(str(Path(__file__).with_name("field.jpg")), picture, [cv2.IMWRITE_JPEG_QUALITY, 82])
+    fields, folder, setup = _grabbed(CLOSED + 1), Path(__file__).parent, _setup()
+    doubled = double_lines(fields[0])
+    ringed = drawn(doubled, _measured([quantise(doubled, 1, THRESHOLD)], setup)[0])
+    cv2.imwrite(str(folder / "field.jpg"), ringed, [cv2.IMWRITE_JPEG_QUALITY, 82])
+    measured = _measured([quantise(field, 8, THRESHOLD) for field in fields], setup)
+    modelling = Modelling.of(setup.object_model, [one.points for one in measured])
+    cv2.imwrite(str(folder / "model.png"), model(modelling, measured))
+    overlay = laid_over(modelling.surface(measured[-1].points), setup, fields[-1])
+    cv2.imwrite(str(folder / "overlay.jpg"), overlay, [cv2.IMWRITE_JPEG_QUALITY, 90])
+
+
+def model(modelling: Modelling, measured: list[MeasuredField]) -> NDArray[np.uint8]:
+    """(600, 960, 3) uint8: the model at the last field."""
+    last = measured[-1]
+    gallery = Gallery.of(modelling, [last.points], measured[0].points, "height")
+    return gallery.picture(last.points, Look(*SIDES["oblique"]), f"field {last.n}")
+
+
+def laid_over(surface: Surface, setup: MeasureSetup, field: Field) -> NDArray[np.uint8]:
+    """Parts of both synthetic views over the camera's, side by side and enlarged."""
+    pair = render.synthetic_pair(surface, setup.calibration, field, fitted=False)
+    over = render.laid_over(render.frame_of(pair, setup.calibration), field)
+    parts = np.concatenate([over[LINES, LEFT], over[LINES, RIGHT]], axis=1)
+    return np.asarray(cv2.resize(parts, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC), np.uint8)
 
 
 def drawn(field: Field, measured: MeasuredField) -> NDArray[np.uint8]:
@@ -40,21 +73,30 @@ def drawn(field: Field, measured: MeasuredField) -> NDArray[np.uint8]:
     return np.asarray(picture, np.uint8)
 
 
-def _grabbed() -> Field:
+def _grabbed(count: int) -> list[Field]:
     grabber = create("fake", {"pace": "free", "picture": {"stamp": False}})
     grabber.open()
+    kept: list[Field] = []
     try:
-        with grabber.dequeue(1.0) as fields:
-            return Field.intact(fields[0].field.luma.copy(), fields[0].field.parity)
+        while len(kept) < count:
+            with grabber.dequeue(1.0) as fields:
+                kept += [Field.intact(one.field.luma.copy(), one.field.parity) for one in fields]
     finally:
         grabber.close()
+    return kept[:count]
 
 
-def _measured(doubled: Field) -> MeasuredField:
+def _setup() -> MeasureSetup:
     file = default_config_file()
     setup = next(iter(set_up(load_config(file), file).values())).measuring
     assert setup
-    return next(measure_fields([NumberedField(0, 0, 0, quantise(doubled, 1, THRESHOLD))], setup))
+    return setup
+
+
+def _measured(packed: list[PackedField], setup: MeasureSetup) -> list[MeasuredField]:
+    period_ns = 20_000_000
+    numbered = (NumberedField(n, n * period_ns, n, one) for n, one in enumerate(packed))
+    return list(measure_fields(numbered, setup))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,8 @@ turns one part of the document into text and tables, each figure one part into a
 extra `report`.
 """
 
+from grabberd.reports.analysis import analysis_html
 from grabberd.reports.calibration import calibration_html
 from grabberd.reports.document import document_json
 
-__all__ = ["calibration_html", "document_json"]
+__all__ = ["analysis_html", "calibration_html", "document_json"]

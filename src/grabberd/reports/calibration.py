@@ -1,7 +1,6 @@
 """The calibration report: one HTML page that needs nothing beside it."""
 
 from collections.abc import Callable, Mapping
-from importlib.resources import files
 from typing import Any
 
 from grabberd.reports.chapters.accuracy import validation, volume
@@ -14,7 +13,8 @@ from grabberd.reports.chapters.significance import correlations, tests
 from grabberd.reports.chapters.sources import definitions, signature
 from grabberd.reports.document import check_document
 from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.markup import Html, element, joined
+from grabberd.reports.markup import Html
+from grabberd.reports.page import page
 
 CHAPTERS: tuple[tuple[str, Callable[[Mapping[str, Any]], Html]], ...] = (
     ("Project data", project),
@@ -47,24 +47,5 @@ def calibration_html(document: Mapping[str, Any]) -> str:
     """
     check_document(document)
     require_matplotlib()
-    chapters = [_chapter(number, *chapter, document) for number, chapter in enumerate(CHAPTERS, start=1)]
-    body = element("body", element("main", head(document), *chapters, signature()))
-    page = element("html", _head(document), body, lang="en")
-    return f"<!DOCTYPE html>\n{page}\n"
-
-
-def _head(document: Mapping[str, Any]) -> Html:
-    style = files(__package__).joinpath("style.css").read_text(encoding="utf-8")
-    return element(
-        "head",
-        element("meta", charset="utf-8"),
-        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
-        element("title", f"Calibration report {document['id']}"),
-        element("style", Html(style)),
-    )
-
-
-def _chapter(
-    number: int, title: str, content: Callable[[Mapping[str, Any]], Html], document: Mapping[str, Any]
-) -> Html:
-    return joined("\n", element("section", element("h2", f"{number} {title}"), content(document)))
+    title = f"Calibration report {document['id']}"
+    return page(title, document, head(document), CHAPTERS, signature())

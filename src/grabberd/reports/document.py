@@ -8,8 +8,10 @@ from typing import Any
 from grabberd.errors import InputError
 
 SCHEMA = "grabberd/calibration-report/1"
+ANALYSIS_SCHEMA = "grabberd/analysis-report/1"
 
 _HINT = "make the report anew: grabberd calibrate … --report FILE"
+_ANALYSIS_HINT = "make the report anew: grabberd analyse … --out DIR"
 
 
 def document_json(document: Mapping[str, Any]) -> str:
@@ -29,10 +31,24 @@ def check_document(document: Mapping[str, Any]) -> None:
     Raises:
         InputError: it is of another schema, lacks what every report has, or has a number that is none.
     """
-    if document.get("schema") != SCHEMA:
-        raise InputError(f"a report's schema is {SCHEMA!r}, this is {document.get('schema')!r}", _HINT)
-    if missing := [key for key in ("id", "created_utc", "result", "views") if not document.get(key)]:
-        raise InputError(f"the calibration report has no {', '.join(missing)}", _HINT)
+    _check(document, SCHEMA, ("id", "created_utc", "result", "views"), _HINT)
+
+
+def check_analysis(document: Mapping[str, Any]) -> None:
+    """Whether an analysis report can be drawn from this.
+
+    Raises:
+        InputError: as above.
+    """
+    needed = ("id", "created_utc", "inputs", "tables", "states")
+    _check(document, ANALYSIS_SCHEMA, needed, _ANALYSIS_HINT)
+
+
+def _check(document: Mapping[str, Any], schema: str, needed: Sequence[str], hint: str) -> None:
+    if document.get("schema") != schema:
+        raise InputError(f"a report's schema is {schema!r}, this is {document.get('schema')!r}", hint)
+    if missing := [key for key in needed if not document.get(key)]:
+        raise InputError(f"the {schema.split('/')[1].replace('-', ' ')} has no {', '.join(missing)}", hint)
     _check_finite(document)
 
 

@@ -1,0 +1,142 @@
+"""`grabberd analyse`: from a capture's points to shape, strain, tension and pressure."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from grabberd.cli.options import JsonOption, console, print_json, progress_console, warn
+from grabberd.errors import InputError
+
+if TYPE_CHECKING:
+    from grabberd.service.analysing import Analysed
+
+_SHOWN = (
+    "period_s",
+    "rate_per_min",
+    "wall_a_s",
+    "wall_b_s",
+    "wall_c_s",
+    "wall_d_s",
+    "wall_ratio",
+    "iso_ratio",
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("analyse")(analyse)
+
+
+def analyse(
+    capture: Annotated[
+        Path, typer.Argument(help="A capture file with points, NAME.grab; it is not changed.")
+    ],
+    out: Annotated[Path, typer.Option("--out", "-o", help="A new or empty folder.")],
+    inputs: Annotated[
+        Path | None,
+        typer.Option(help="Reference state, material, vacuum, plane, … (YAML); without it, the shape alone."),
+    ] = None,
+    bursts: Annotated[
+        list[Path] | None,
+        typer.Option(help="A further capture of the same liner, put together by phase; may be repeated."),
+    ] = None,
+    vacuum_log: Annotated[
+        Path | None, typer.Option(help="A vacuum logger's file (CSV): time_s, pulsation_vacuum_kpa, ….")
+    ] = None,
+    run: Annotated[int | None, typer.Option(min=1, help="Whose points; default: the latest.")] = None,
+    formats: Annotated[str, typer.Option(help="Of csv, parquet, hdf5, vtu, ply; with commas.")] = "csv",
+    json: JsonOption = False,
+) -> None:
+    """Surface, sections, curvature, strain, tension and pressure of a capture, field by field and by phase.
+
+    What an analysis takes beside the points is in the inputs; none of it is assumed; what lacks is said.
+
+    Example: grabberd analyse liner.grab --inputs configs/analysis/liner.yaml --out liner-analysis
+
+    Example: grabberd analyse liner.grab --inputs liner.yaml --vacuum-log log.csv --formats csv,vtu --out out
+
+    Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
+    """
+    from grabberd.service.analysing import analyse_file  # noqa: PLC0415
+    from grabberd.service.setup import read_yaml  # noqa: PLC0415
+    from grabberd.storage.analysis_export import check_formats, write_analysis  # noqa: PLC0415
+    from grabberd.storage.export import make_empty  # noqa: PLC0415
+
+    wanted = [name.strip() for name in formats.split(",") if name.strip()]
+    check_formats(wanted)
+    given = read_yaml(inputs) if inputs else {}
+    log = _text(vacuum_log) if vacuum_log else None
+    make_empty(out)
+    sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
+    with Progress(console=progress_console, transient=True) as progress:
+        task = progress.add_task("analysing", total=1.0)
+        made = analyse_file(
+            lambda share: progress.update(task, completed=share),
+            path=capture,
+            inputs=given,
+            bursts=bursts or [],
+            run=run,
+            vacuum_log=log,
+            sources=sources,
+        )
+    written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted)
+    if json:
+        print_json(_document(made, written))
+    else:
+        _show(made)
+        typer.echo(f"{out}: {', '.join(path.name for path in written)}")
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} cannot be read: {error}", "name the logger's CSV file") from error
+
+
+def _document(made: "Analysed", written: list[Path]) -> dict[str, Any]:
+    """What scripts want to know at once; all else is in the files."""
+    return {
+        **made.about,
+        "summary": {name: value if math.isfinite(value) else None for name, value in _summary(made).items()},
+        "lacks": list(made.analysis.inputs.lacks),
+        "problems": list(made.analysis.problems),
+        "files": [str(path) for path in written],
+    }
+
+
+def _summary(made: "Analysed") -> dict[str, float]:
+    """The one row of the table `summary`."""
+    return {column.name: column.values.tolist()[0] for column in made.tables["summary"].columns}
+
+
+def _show(made: "Analysed") -> None:
+    row = _summary(made)
+    table = Table(title=f"{row['analysed']} of {row['fields']} fields analysed, {row['missing']} missing")
+    for heading, side in (("", "left"), ("value", "right"), ("σ", "right")):
+        table.add_column(heading, justify=side)  # type: ignore[arg-type]
+    for name in _SHOWN:
+        if math.isfinite(row[name]):
+            table.add_row(name, f"{row[name]:.4f}", f"{row[f'sigma_{name}']:.4f}")
+    for cells in _ranges(made):
+        table.add_row(*cells)
+    console.print(table)
+    warn(f"not given: {words}" for words in made.analysis.inputs.lacks)
+    warn(made.analysis.problems)
+
+
+def _ranges(made: "Analysed") -> list[tuple[str, str, str]]:
+    """Least and greatest of some columns over the fields."""
+    import numpy as np  # noqa: PLC0415
+
+    fields, rows = made.tables["fields"], []
+    for name in ("movement_mm", "area_mm2", "mean_contact_kpa", "greatest_contact_kpa"):
+        values, sigma = fields.column(name), fields.column(f"sigma_{name}")
+        if np.isfinite(values).any():
+            ends = f"{np.nanmin(values):.2f} … {np.nanmax(values):.2f}"
+            rows.append((f"{name}, over the fields", ends, f"{np.nanmedian(sigma):.2f}"))
+    return rows

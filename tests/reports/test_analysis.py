@@ -1,0 +1,132 @@
+import copy
+import re
+import subprocess
+import sys
+
+import pytest
+
+from grabberd.errors import ExtraMissing, InputError
+from grabberd.reports import analysis_html
+from grabberd.reports.analysis import ANALYSIS_CHAPTERS
+from reports.analysis_documents import full, least
+from reports.pages import Page
+
+
+@pytest.fixture(scope="module")
+def text():
+    return analysis_html(full())
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+@pytest.fixture(scope="module")
+def bare():
+    return Page(analysis_html(least()))
+
+
+def test_the_page_stands_alone(text, page):
+    named = set(re.findall(r"https?://[^\s\"'<>]+", text))
+    assert named <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
+    assert not {"script", "link", "iframe", "img", "object"} & {tag for tag, _ in page.elements}
+
+
+def test_every_reference_inside_the_page_leads_somewhere(text, page):
+    ids = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(ids) == len(set(ids))
+    assert set(re.findall(r"url\(#([^)]+)\)", text)) <= set(ids)
+
+
+def test_every_chapter_has_its_heading_in_order(page):
+    numbered = [f"{index} {title}" for index, (title, _) in enumerate(ANALYSIS_CHAPTERS, start=1)]
+    assert page.headings == ["Analysis report", "What was not given", "Problems", *numbered]
+
+
+def test_the_top_says_what_was_found_with_its_sigma(page):
+    assert "3 of 4 fields were analysed." in page.text
+    assert "a cycle takes 1.00120 ± 0.00030 s" in page.text
+    assert "greatest at phase 0.50: 9.0 (2.0) kPa" in page.text
+
+
+def test_what_lacks_and_what_went_wrong_stands_at_the_top(page):
+    before = page.text.partition("1 The wall")[0]
+    assert "plane: without it no widths" in before
+    assert "left out: targets 63" in before
+
+
+def test_a_value_without_sigma_or_unit_has_none(page):
+    glance = dict(page.tables["Result at a glance (± is one σ)"])
+    assert glance["Cycles"] == "2.5"
+    assert glance["Ratio by the wall's movement"] == "0.60120 ± 0.00050"
+    assert glance["Ratio by the vacuum (ISO 5707)"] == "–"
+
+
+def test_targets_without_a_pressure_are_counted_by_reason(page):
+    rows = page.table("Targets at which")
+    assert rows[0] == ["opening (a)", "12", "0", "all are determined"]
+    assert rows[1] == ["closed (d)", "9", "3", "no targets near enough: 2; σ exceeds it: 1"]
+
+
+def test_every_figure_is_heard_and_has_a_caption(page):
+    figures = page.all("svg")
+    assert len(figures) == len(page.captions) == 7
+    assert len({attributes["aria-label"] for attributes in figures}) == 7
+
+
+def test_the_sigma_of_the_pressure_is_told_apart(page):
+    (opening, closed) = page.table("What the σ of the pressure")
+    assert opening == ["opening (a)", "1.20", "1.60", "2.00"]
+    assert closed == ["closed (d)", "1.20", "1.60", "2.00"]
+
+
+def test_inputs_are_listed_with_their_sources(page):
+    assert dict(page.tables["Inputs as they were given"])["material.E_mpa"] == "3"
+    assert dict(page.tables["Where the inputs come from"]) == {"material": "liner.yaml"}
+
+
+def test_missing_fields_are_listed(page):
+    assert page.table("Fields without points") == [["1", "7", "5"]]
+
+
+def test_what_comes_from_outside_is_escaped(text, page):
+    assert "milking-<7>" in page.text
+    assert "milking-<7>" not in text
+
+
+def test_of_the_shape_alone_there_is_a_page_that_says_what_there_is_not(bare):
+    assert "No pulsation was found." in bare.text
+    assert "There is no mean cycle" in bare.text
+    assert "The pressure was determined in no field" in bare.text
+    assert "greater principal strain is not known" in bare.text
+    assert len(bare.all("svg")) == 3
+
+
+@pytest.mark.slow
+def test_the_same_document_gives_the_same_page(text):
+    assert analysis_html(copy.deepcopy(full())) == text
+
+
+@pytest.mark.parametrize("key", ["id", "inputs", "tables", "states"])
+def test_a_document_without_its_parts_is_refused(key):
+    with pytest.raises(InputError, match=f"has no {key}"):
+        analysis_html(full() | {key: None})
+
+
+def test_a_document_of_another_schema_or_with_a_number_that_is_none_is_refused():
+    with pytest.raises(InputError, match="schema"):
+        analysis_html(full() | {"schema": "grabberd/calibration-report/1"})
+    with pytest.raises(InputError, match=r"about\.run"):
+        analysis_html(full() | {"about": {"run": float("nan")}})
+
+
+def test_without_matplotlib_the_extra_is_named(monkeypatch):
+    monkeypatch.setattr("grabberd.reports.figures.drawing.find_spec", lambda name: None)
+    with pytest.raises(ExtraMissing, match="report"):
+        analysis_html(full())
+
+
+def test_reports_are_imported_without_matplotlib():
+    code = "import sys, grabberd.reports; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
