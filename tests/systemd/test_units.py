@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.cli import EX_CONFIG
+from grabberd.cli import EX_CONFIG, EX_IOERR
 from grabberd.config import load_config
 from systemd.sandbox import allowed_calls, settings_of
 
@@ -32,7 +32,7 @@ def test_systemd_accepts_the_units_with_every_drop_in_and_finds_them_little_expo
 
 
 def test_a_wrong_configuration_is_not_tried_again() -> None:
-    assert settings["RestartPreventExitStatus"] == [str(EX_CONFIG)]
+    assert settings["RestartPreventExitStatus"] == [f"{EX_IOERR} {EX_CONFIG}"]
     assert settings["Restart"] == ["on-failure"]
 
 

@@ -6,12 +6,16 @@ from pathlib import Path
 
 import pytest
 
+from vm.guest import unit
 from vm.image import CHECKOUT, cached_image
+from vm.installed import Installed
 from vm.machine import Machine, Processor, concurrent, counted
-from vm.tables import Tables
+from vm.tables import KERNEL, SYSTEMD, Tables
 
 HERE = Path(__file__).parent
-RESULTS = CHECKOUT / "docs" / "reference" / "real-kernel.md"
+REFERENCE = CHECKOUT / "docs" / "reference"
+RESULTS = REFERENCE / "real-kernel.md"
+RESULTS_OF_SERVICE = REFERENCE / "real-systemd.md"
 LIMIT_S = 900
 """Of one test, the image's building and a boot included; a call into the machine has a shorter limit."""
 
@@ -21,6 +25,7 @@ _PROCESSORS: dict[str, Callable[[], Processor]] = {
     "concurrent": concurrent,
 }
 _tables = pytest.StashKey[Tables]()
+_service_tables = pytest.StashKey[Tables]()
 
 
 class Machines:
@@ -30,6 +35,23 @@ class Machines:
         self._image = cached_image()
         self._booter = ThreadPoolExecutor(max_workers=1)
         self._booting: dict[str, Future[Machine]] = {}
+        self._installer = ThreadPoolExecutor(max_workers=1)
+        self._installing: Future[Installed] | None = None
+
+    def expect_installed(self) -> None:
+        """The service is installed beside whatever else is tested: it takes minutes, of another core."""
+        if self._installing is None:
+            self._installing = self._installer.submit(Installed, self._image)
+
+    def installed(self) -> Installed:
+        """The machine with the service, running."""
+        self.expect_installed()
+        assert self._installing is not None
+        there = self._installing.result()
+        if not there.machine.is_alive:
+            there.boot()
+        there.machine.resume()
+        return there
 
     def expect(self, names: list[str]) -> None:
         """These will be needed, in this order."""
@@ -51,6 +73,9 @@ class Machines:
         for booting in self._booting.values():
             if not booting.cancelled() and booting.exception() is None:
                 booting.result().stop()
+        self._installer.shutdown()
+        if self._installing is not None and self._installing.exception() is None:
+            self._installing.result().close()
 
     def _boot(self, name: str) -> "Future[Machine]":
         if name not in self._booting:
@@ -64,12 +89,13 @@ class Machines:
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    parser.addoption("--write-tables", action="store_true", help=f"write the results into {RESULTS.name}")
+    parser.addoption("--write-tables", action="store_true", help=f"write the results into {REFERENCE}")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "vm: runs in a virtual machine, under a real kernel: make test-vm")
-    config.stash[_tables] = Tables()
+    config.stash[_tables] = Tables(KERNEL)
+    config.stash[_service_tables] = Tables(SYSTEMD)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -80,11 +106,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
-    tables = config.stash[_tables]
-    for line in tables.lines():
-        terminalreporter.write_line(line)
-    if config.getoption("--write-tables") and not terminalreporter.stats.get("failed"):
-        RESULTS.write_text(tables.document())
+    failed = terminalreporter.stats.get("failed") or terminalreporter.stats.get("error")
+    for key, results in ((_tables, RESULTS), (_service_tables, RESULTS_OF_SERVICE)):
+        tables = config.stash[key]
+        for line in tables.lines():
+            terminalreporter.write_line(line)
+        if tables and config.getoption("--write-tables") and not failed:
+            results.write_text(tables.document())
 
 
 @pytest.fixture
@@ -93,11 +121,19 @@ def tables(pytestconfig: pytest.Config) -> Tables:
     return pytestconfig.stash[_tables]
 
 
+@pytest.fixture
+def service_tables(pytestconfig: pytest.Config) -> Tables:
+    """The same, of the installed service."""
+    return pytestconfig.stash[_service_tables]
+
+
 @pytest.fixture(scope="session")
 def machines(request: pytest.FixtureRequest) -> Iterator[Machines]:
     """All of them; those that the collected tests name are booted ahead."""
     made = Machines()
-    wanted = (name for item in request.session.items for name in getattr(item, "fixturenames", ()))
+    wanted = [name for item in request.session.items for name in getattr(item, "fixturenames", ())]
+    if "installed" in wanted:
+        made.expect_installed()
     made.expect([name for name in dict.fromkeys(wanted) if name in _PROCESSORS])
     yield made
     made.stop()
@@ -119,6 +155,21 @@ def fast(machines: Machines) -> Iterator[Machine]:
 def concurrent_machine(machines: Machines) -> Iterator[Machine]:
     """A machine with two processors, of whose time nothing is known."""
     yield from _lent(machines, "concurrent")
+
+
+@pytest.fixture
+def installed(machines: Machines) -> Iterator[Installed]:
+    """The machine on which the service is installed, running when it is lent."""
+    there = machines.installed()
+    yield there
+    there.machine.pause()
+
+
+@pytest.fixture
+def service(installed: Installed) -> Machine:
+    """The same, for tests that boot nothing: its service is ready, nothing is captured."""
+    installed.machine.call(unit.until_ready, timeout_s=600)
+    return installed.machine
 
 
 def _lent(machines: Machines, name: str) -> Iterator[Machine]:

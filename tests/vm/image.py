@@ -23,10 +23,10 @@ from pathlib import Path
 from vm import host, kernel
 
 CHECKOUT = Path(__file__).parents[2]
-PACKAGES = ("systemd-sysv", "udev", "kmod", "python3", "v4l-utils", "libusb-1.0-0", "procps")
+PACKAGES = ("systemd-sysv", "udev", "kmod", "python3", "python3-venv", "v4l-utils", "libusb-1.0-0", "procps")
 SITE = "opt/site"
 """Where the Python packages are in the guest."""
-SIZE_MB = 1200
+SIZE_MB = 2600
 
 AGENT_UNIT = """[Unit]
 Description=Runs what the host asks for

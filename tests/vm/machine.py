@@ -25,6 +25,19 @@ _KERNEL_WORDS = (
 
 
 @dataclass(frozen=True)
+class Disks:
+    """Files that the machine writes for good: they outlive it, as disks outlive a power cut.
+
+    Attributes:
+        root: a copy of the image's disk.
+        state: /dev/vdb, which honours what the guest flushes.
+    """
+
+    root: Path
+    state: Path
+
+
+@dataclass(frozen=True)
 class Processor:
     """How QEMU makes the guest's processor and its time.
 
@@ -62,7 +75,9 @@ class Machine:
         calls: what was called, with the guest's and the host's seconds.
     """
 
-    def __init__(self, image: Image, processor: Processor, *, memory_mb: int = 1024) -> None:
+    def __init__(
+        self, image: Image, processor: Processor, *, memory_mb: int = 1024, disks: Disks | None = None
+    ) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="grabberd-vm-"))
         self.share = self._folder / "share"
         self.share.mkdir()
@@ -70,6 +85,7 @@ class Machine:
         self.calls: list[tuple[str, float, float]] = []
         self._pending = b""
         self._id = 0
+        self._disks = disks
         self._process = self._launch(image, memory_mb)
         try:
             self._agent = self._connect("agent")
@@ -129,10 +145,14 @@ class Machine:
         """It goes on."""
         self.qmp.command("cont")
 
-    def stop(self) -> None:
-        """Kills it; nothing in it is worth keeping."""
+    def kill(self) -> None:
+        """It is gone, as without power; `share` stays until `stop`."""
         self._process.kill()
         self._process.wait()
+
+    def stop(self) -> None:
+        """Kills it; nothing in it is worth keeping."""
+        self.kill()
         if hasattr(self, "_agent"):
             self._agent.close()
         if hasattr(self, "qmp"):
@@ -155,12 +175,11 @@ class Machine:
             )
 
     def _arguments(self, image: Image, memory_mb: int) -> list[str]:
-        drive = f"file={image.disk},if=none,id=root,format=raw,snapshot=on,cache=unsafe"
         return [
             *("-nodefaults", "-no-user-config", "-display", "none", "-no-reboot", "-machine", "q35"),
             *("-cpu", "Nehalem", "-m", str(memory_mb), *self.processor.arguments),
             *("-kernel", str(image.kernel), "-initrd", str(image.initrd), "-append", _KERNEL_WORDS),
-            *("-drive", drive, "-device", "virtio-blk-pci,drive=root"),
+            *_drives(image, self._disks),
             *_share("checkout", CHECKOUT, readonly=True),
             *_share("share", self.share),
             *("-device", "virtio-rng-pci", "-device", "virtio-serial-pci"),
@@ -208,6 +227,17 @@ class Machine:
 
     def _qemu_log(self) -> str:
         return (self._folder / "qemu.log").read_text(errors="replace")[-1000:]
+
+
+def _drives(image: Image, disks: Disks | None) -> tuple[str, ...]:
+    if disks is None:
+        return _drive("root", image.disk, "snapshot=on,cache=unsafe")
+    return (*_drive("root", disks.root, "cache=unsafe"), *_drive("state", disks.state, "cache=writeback"))
+
+
+def _drive(name: str, file: Path, how: str) -> tuple[str, ...]:
+    drive = f"file={file},if=none,id={name},format=raw,{how}"
+    return ("-drive", drive, "-device", f"virtio-blk-pci,drive={name}")
 
 
 def _share(name: str, folder: Path, readonly: bool = False) -> tuple[str, ...]:

@@ -3,11 +3,19 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-INTRODUCTION = """# Under a real kernel
+KERNEL = """# Under a real kernel
 
 Written by `make test-vm WRITE=1`: a virtual machine with Debian's own kernel, whose test driver `vivid` is a
 grabber that can be told to fail. Times are the guest's, whose clock follows its own instructions, so the
 host's load is not in them.
+"""
+SYSTEMD = """# Under a real systemd
+
+Written by `make test-vm WRITE=1`: a virtual machine with Debian 12, into which the installer has put the
+service from a bundle. It captures from the kernel's test driver, within its sandbox, started by systemd
+through its socket; captures lie on a disk of their own, ext4 with a journal. Times are the guest's, whose
+clock follows its own instructions; its processor takes twenty times as long over the start of Python as a
+real one.
 """
 
 
@@ -32,7 +40,8 @@ class Table:
 class Tables:
     """Those of one run, in the order in which they were begun."""
 
-    def __init__(self) -> None:
+    def __init__(self, introduction: str) -> None:
+        self._introduction = introduction
         self._tables: dict[str, Table] = {}
 
     def add(self, title: str, note: str = "", **cells: object) -> None:
@@ -41,6 +50,10 @@ class Tables:
         table = self._tables.setdefault(title, Table(title, tuple(row), note))
         table.rows.append(row)
 
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._tables)
+
     def lines(self) -> Iterator[str]:
         """For the terminal."""
         for table in self._tables.values():
@@ -48,7 +61,7 @@ class Tables:
 
     def document(self) -> str:
         """For the documentation."""
-        parts = [INTRODUCTION]
+        parts = [self._introduction]
         for table in self._tables.values():
             note = f"{table.note}\n\n" if table.note else ""
             parts.append(f"## {table.title}\n\n{note}" + "\n".join(table.lines()) + "\n")
