@@ -2,12 +2,14 @@
 
 import argparse
 import platform
+import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from tests.bench import (
     accuracy,
     adjustment,
+    analysis,
     calibrated,
     content,
     content_found,
@@ -15,6 +17,7 @@ from tests.bench import (
     live,
     location,
     location_bits,
+    soak,
 )
 
 HEADER = """# What was measured
@@ -23,10 +26,13 @@ Made by `make bench` and `make soak`; do not edit. Single times on a shared mach
 the ratios, and at what the witness saw of the machine itself.
 """
 
+SOAK = "Soak: 50 Hz, clients that come and go, captures of all kinds"
+
 PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
     "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
     "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
+    "analysis": {"From points to pressure, against the simulated liner's truth": analysis.table},
     "content": {
         "A look at every field: what it costs": content.table,
         "A look at every field: what it finds": content_found.table,
@@ -40,16 +46,21 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
     },
 }
-"""Tables by the titles of their sections, without the live one."""
+"""Tables by the titles of their sections, without those of the running daemon."""
 
 
 def main() -> None:
     """Runs what is asked for, prints it, and writes it down where that is asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument("what", nargs="?", default="all", choices=[*PARTS, "live", "all"])
-    parser.add_argument("--seconds", type=float, default=60.0, help="length of the live capture")
+    parser.add_argument("what", nargs="?", default="all", choices=[*PARTS, "live", "soak", "all"])
+    parser.add_argument(
+        "--seconds", type=float, default=60.0, help="length of the live capture, or of the soak"
+    )
     parser.add_argument("--write", type=Path, help="file whose sections are replaced")
+    parser.add_argument("--seed", type=int, default=soak.SEED, help="who comes when in the soak")
     options = parser.parse_args()
+    if options.what == "soak":
+        sys.exit(_soak(options.seconds, options.seed, options.write))
     tables = dict(_tables(options.what))
     if options.what in ("live", "all"):
         tables[f"Live, {options.seconds:.0f} s at 50 Hz"] = lambda: live.table(options.seconds)
@@ -58,6 +69,15 @@ def main() -> None:
         print(f"## {title}\n\n{text}\n")
         if options.write:
             write(options.write, {title: text})
+
+
+def _soak(seconds: float, seed: int, file: Path | None) -> int:
+    """Shows it and writes it down; 1 where a promise is broken."""
+    done = soak.soak(seconds, seed)
+    print(f"## {SOAK}\n\n{done.table()}\n")
+    if file:
+        write(file, {SOAK: done.table()})
+    return int(bool(done.broken))
 
 
 def _tables(what: str) -> Mapping[str, Callable[[], str]]:

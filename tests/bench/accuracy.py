@@ -98,13 +98,13 @@ def _axes(axes: tuple[float, ...]) -> str:
 class Scene:
     """Grey fields of the simulator, and what is true in them."""
 
-    def __init__(self, options: dict[str, Any]) -> None:
+    def __init__(self, options: dict[str, Any], count: int = FIELDS) -> None:
         known = FakeOptions.read(options)
         self.setup = MeasureSetup(
             Calibration.from_document(json.loads(json.dumps(calibration_document(known)))),
             ObjectModel.from_document(safe_load(object_document(known))),
         )
-        self.fields = list(_grabbed(options))
+        self.fields = list(_grabbed(options, count))
         self._truth = _truth(options, self.fields)
 
     def investigated(self, bits: int, doubled: bool) -> Investigation:
@@ -113,11 +113,11 @@ class Scene:
         return investigate(points, self._truth, InvestigationSettings(bits=bits))
 
 
-def _grabbed(options: dict[str, Any]) -> Iterator[NumberedField]:
+def _grabbed(options: dict[str, Any], count: int) -> Iterator[NumberedField]:
     grabber = create("fake", {**options, "pace": "free"})
     grabber.open()
     n = 0
-    while n < FIELDS:
+    while n < count:
         with grabber.dequeue(1.0) as some:
             for one in some:
                 intact = Field.intact(one.field.luma, one.field.parity)

@@ -1,0 +1,84 @@
+"""The daemon on which the machine and its clients fail."""
+
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from grabberd.config import shipped_configs
+
+from . import clients, machine
+from .clients import WRITE_TIMEOUT_S
+from .daemon import running
+from .finding import Finding
+from .judging import problems_of
+from .machine import QUEUE_S, Machine
+from .scenario import Scenario
+from .suffering import Suffered, suffer_all
+
+FAULTS: Mapping[str, Callable[[Machine], Finding]] = {**machine.FAULTS, **clients.FAULTS}
+TURNS = 2
+INJECTED = (sys.executable, str(Path(__file__).with_name("injected.py")))
+
+
+def configuration() -> dict[str, Any]:
+    """One device that is measured, short queues and short patience."""
+    configs = shipped_configs()
+    cup = {
+        "driver": "fake",
+        "options": {"scene": "liner", "buffers": 32},
+        "calibration": str(configs / "fake.calibration.json"),
+        "object": str(configs / "objects" / "liner.yaml"),
+    }
+    return {
+        "devices": {"cup": cup},
+        "storage": {"queue_s": QUEUE_S},
+        "http": {"limits": {"write_timeout_s": WRITE_TIMEOUT_S}},
+    }
+
+
+@contextmanager
+def failing_machine(folder: Path) -> Iterator[Machine]:
+    """A daemon whose disk and clock can be told to fail."""
+    folder.mkdir(parents=True, exist_ok=True)
+    controls = folder / "controls.json"
+    controls.write_text("{}")
+    variables = {"FAULTS_CONTROLS": str(controls)}
+    with running(folder, configuration(), INJECTED, variables) as daemon:
+        daemon.wait_until_ready()
+        yield Machine(daemon, controls)
+
+
+def play_all(scenarios: Sequence[Scenario], folder: Path) -> dict[str, Suffered]:
+    """What became of every scenario, by name.
+
+    A computer that has more to do than it can loses fields by itself: what is not as wanted there is played
+    again, with little beside it.
+    """
+    suffered = suffer_all(scenarios, folder / "first")
+    for turn in range(TURNS):
+        again = [one for one in scenarios if problems_of(one, suffered[one.name])]
+        if not again or not _is_busy():
+            break
+        suffered |= suffer_all(again, folder / f"again-{turn}", daemons=1, side_by_side=2)
+    return suffered
+
+
+def _is_busy() -> bool:
+    return os.getloadavg()[0] > (os.cpu_count() or 1)
+
+
+def play(fault: str, on: Machine) -> Finding:
+    """What comes of a fault of the machine or of clients, on a busy computer at the second try."""
+    finding = _play(fault, on)
+    return _play(fault, on) if finding.problems and _is_busy() else finding
+
+
+def _play(fault: str, on: Machine) -> Finding:
+    """That it could not be played to its end is a finding, too."""
+    try:
+        return FAULTS[fault](on)
+    except (AssertionError, OSError) as error:
+        return Finding("", None, None, (f"{type(error).__name__}: {error}",))
