@@ -10,7 +10,7 @@ READY := $(VENV)/ready
 SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
 
-.PHONY: help run test check pytest test-vm test-wheel test-install check-units install uninstall bundle bench soak docs format lock clean
+.PHONY: help run test check pytest test-vm test-wheel test-install check-units install uninstall bundle bench soak faults docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -27,10 +27,10 @@ check: $(READY)  ## ruff, mypy and the arrows between the rooms
 	$(BIN)/lint-imports --no-cache
 	@systemd/check-units.sh
 
-pytest: $(READY)  ## the tests alone
-	$(BIN)/python -m pytest
+pytest: $(READY)  ## the tests alone, on all processors
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
-test-vm: $(READY)  ## the V4L2 driver under a real kernel, in a virtual machine (WRITE=1: results into docs/)
+test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
 
 test-wheel: $(READY)  ## build the wheel, install it into an empty environment, run one capture there
@@ -54,8 +54,11 @@ bundle: $(READY)  ## pack wheels and installer for a computer without internet, 
 bench: $(READY)  ## units of the work measured, into docs/measured.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
 
-soak: $(READY)  ## ten minutes (or DURATION=… seconds) of capturing with requests beside it
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench live --seconds $(or $(DURATION),600) --write docs/measured.md
+soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients coming and going; fails where a promise is broken
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench soak --seconds $(or $(DURATION),600) $(if $(SEED),--seed $(SEED)) --write docs/measured.md
+
+faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
+	$(BIN)/python -m tests.faults --write docs/reference/faults.md
 
 docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures
 	$(BIN)/python docs/reference/generate.py

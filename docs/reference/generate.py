@@ -13,8 +13,28 @@ from grabberd.api import create_app
 from grabberd.config import Config, default_config_file, load_config
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
+from grabberd.storage.export_columns import COLUMNS
+from grabberd.storage.export_points import PLY_COLUMNS, PLY_NAMES, PLY_TYPES
 
 HERE = Path(__file__).parent
+PARQUET_TYPES = {"i4": "int32", "f4": "float32", "f8": "float64", "M8[ms]": "timestamp, ms, UTC"}
+POINTS_BEFORE = """\
+Of a capture's run, by `grabberd export --format csv|ply|parquet`, or over HTTP:
+`/api/v1/captures/{capture_id}/points.csv`, `.ply` and `.parquet`, with `?run=`. A row is one target in one
+field.
+"""
+POINTS_AFTER = """
+**CSV** has every column, coordinates with all their digits, so they are read back bit for bit.
+
+**PLY** is binary, little-endian, one cloud for MeshLab, CloudCompare, Open3D and the like: all fields in one,
+told apart by the property `n`, or one field's with `?field=` (`--field`). It has no time of day, no
+pixels.
+
+**Parquet** has every column; each one's metadata are `unit` and `description`. The file's own metadata
+`grabberd` are a JSON document: capture, run, calibration, version, and site, labels and note as they were
+recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the API
+answers 501. The daemon has it done by a niced process of its own. In Python:
+`pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`."""
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 
 
@@ -25,6 +45,7 @@ def documents() -> dict[str, str]:
         "openapi.json": json.dumps(description, indent=1, ensure_ascii=False) + "\n",
         "http.md": "\n".join(_http(description)) + "\n",
         "configuration.md": "\n".join(_configuration()) + "\n",
+        "points.md": "\n".join(_points()) + "\n",
     }
 
 
@@ -111,6 +132,17 @@ def _models(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [model for argument in getattr(annotation, "__args__", ()) for model in _models(argument)]
+
+
+def _points() -> Iterator[str]:
+    yield f"{MADE}# Points, column by column\n"
+    yield POINTS_BEFORE
+    yield "| column | unit | Parquet | PLY | |\n|---|---|---|---|---|"
+    ply = {column.name for column in PLY_COLUMNS}
+    for name, kind, unit, meaning in COLUMNS:
+        as_ply = f"`{PLY_NAMES.get(name, name)}` {PLY_TYPES[kind]}" if name in ply else "–"
+        yield f"| `{name}` | {unit or '–'} | {PARQUET_TYPES[kind]} | {as_ply} | {meaning} |"
+    yield POINTS_AFTER
 
 
 if __name__ == "__main__":

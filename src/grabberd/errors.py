@@ -19,10 +19,12 @@
     │   ├── CaptureRunning        a capture is running: carries its id
     │   └── NotReady              the device does not stream, or there is no calibration
     ├── RingOverrun               a reader that may miss nothing was overtaken: its capture ends
+    ├── AccessExpired             a token has been good until a day that has passed
     ├── StorageError              the disk is full, read-only or broken
     ├── ExtraMissing              an optional part of grabberd is not installed: carries its name
     └── MeasurementError          the data do not determine what is asked of them
-        └── RankDeficient         some unknowns only together: names them
+        ├── RankDeficient         some unknowns only together: names them
+        └── AnalysisError         the points do not give the surface, strain or pressure asked of them
 
 A class exists because somebody reacts differently to it. A message says what failed, on what, with which
 values; the hint says what to do.
@@ -147,6 +149,10 @@ class RingOverrun(GrabberdError):
         self.count = count
 
 
+class AccessExpired(GrabberdError):
+    """A token has been good until a day that has passed."""
+
+
 class StorageError(GrabberdError):
     """The disk is full, read-only or broken."""
 
@@ -172,3 +178,7 @@ class RankDeficient(MeasurementError):
     def __init__(self, message: str, hint: str, parameters: Sequence[str]) -> None:
         super().__init__(message, hint)
         self.parameters = tuple(parameters)
+
+
+class AnalysisError(MeasurementError):
+    """The points or inputs do not give the surface, strain, pressure or cycle that is asked of them."""

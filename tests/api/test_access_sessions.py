@@ -45,7 +45,7 @@ def signed_in(client: TestClient, role: Role = Role.OPERATOR) -> TestClient:
 
 def test_a_token_is_traded_for_a_cookie_that_no_page_can_read(browser: TestClient) -> None:
     answer = browser.post(SESSION, headers={**token(browser), **PAGE})
-    assert answer.json() == {"role": "operator", "by": "session", "token": "tablet"}
+    assert answer.json() == {"role": "operator", "by": "session", "token": "tablet", "expires_utc": None}
     cookie = answer.headers["set-cookie"].lower()
     for part in ("httponly", "samesite=strict", "path=/", "max-age=2592000"):
         assert part in cookie
@@ -60,7 +60,8 @@ def test_under_tls_the_cookie_is_secure(tmp_path: Path) -> None:
 
 def test_the_session_says_what_its_token_may(browser: TestClient) -> None:
     signed_in(browser, Role.VIEWER)
-    assert browser.get(SESSION).json() == {"role": "viewer", "by": "session", "token": "tablet"}
+    expected = {"role": "viewer", "by": "session", "token": "tablet", "expires_utc": None}
+    assert browser.get(SESSION).json() == expected
     assert is_problem(browser.delete(JOB, headers=PAGE), 403, "role-not-enough")
 
 
@@ -117,7 +118,8 @@ def test_only_a_token_is_traded(browser: TestClient) -> None:
 
 
 def test_at_the_machine_without_tokens_everybody_is_an_operator(browser: TestClient) -> None:
-    assert browser.get(SESSION).json() == {"role": "operator", "by": "socket", "token": None}
+    expected = {"role": "operator", "by": "socket", "token": None, "expires_utc": None}
+    assert browser.get(SESSION).json() == expected
 
 
 def test_the_first_token_shuts_the_door_at_once_and_the_last_one_opens_it(browser: TestClient) -> None:

@@ -113,6 +113,15 @@ def test_a_configuration_with_problems_names_them_all_and_exits_with_78(tmp_path
             assert key in result.stderr
 
 
+def test_a_daemon_that_cannot_write_its_disk_says_so_and_exits_with_74(tmp_path: Path) -> None:
+    (tmp_path / "captures").write_text("where a folder should be")
+    file = tmp_path / "fake.yaml"
+    file.write_text(f"devices: {{one: {{driver: fake}}}}\nstorage: {{directory: {tmp_path}}}\n")
+    result = shell("serve", "--port", 0, "--config", file)
+    assert result.returncode == 74
+    assert "hint: make room or mend the disk" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("line", "says"),
     [

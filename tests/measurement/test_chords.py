@@ -3,8 +3,8 @@ import pytest
 
 from grabberd.field import Field, double_lines, quantise
 from grabberd.measurement import LocationSettings, measure
-from grabberd.measurement.chords import binary_chords, grey_chords
-from grabberd.measurement.labels import label_runs
+from grabberd.measurement.chords import binary_chords, binary_shares, grey_chords
+from grabberd.measurement.labels import by_component
 from grabberd.measurement.locator import Seen
 from grabberd.measurement.mask import target_bits
 from grabberd.measurement.runs import find_runs
@@ -24,10 +24,13 @@ def packed(field, bits, doubled):
     return quantise(double_lines(field) if doubled else field, bits, 80)
 
 
+def seen_in(one, settings=SETTINGS):
+    components = by_component(find_runs(target_bits(one)))
+    return Seen(one, *components[:2], shapes_of(*components), settings)
+
+
 def chords_of(one, settings=SETTINGS):
-    runs = find_runs(target_bits(one))
-    label, count = label_runs(runs)
-    seen = Seen(one, runs, label, shapes_of(runs, label, count), settings)
+    seen = seen_in(one, settings)
     return binary_chords(seen) if one.bits == 1 else grey_chords(seen, 3.6)
 
 
@@ -76,3 +79,12 @@ def test_blobs_that_no_target_can_make_have_no_chords(field):
     luma[5:8, 100:106] = 255
     chords = chords_of(packed(Field.intact(luma, TOP), 1, False), LocationSettings(max_diameter_px=40.0))
     assert len(chords.blob) == 1
+
+
+@pytest.mark.parametrize("doubled", [False, True])
+def test_shares_alone_are_those_of_the_chords(field, doubled):
+    for settings in (SETTINGS, LocationSettings(max_diameter_px=6.5), LocationSettings(max_diameter_px=2.6)):
+        seen = seen_in(packed(field, 1, doubled), settings)
+        shares, chords = binary_shares(seen), binary_chords(seen)
+        np.testing.assert_array_equal(shares.blob, chords.blob)
+        np.testing.assert_array_equal(shares.share, chords.share)

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grabberd.measurement.labels import label_runs
+from grabberd.measurement.labels import by_component, label_runs
 from grabberd.measurement.runs import find_runs
 
 SHAPES = {
@@ -78,3 +78,19 @@ def test_components_are_numbered_in_the_order_of_their_first_row_and_column():
 
 def test_nothing_set_means_no_component():
     assert label_picture(np.zeros((3, 9), bool))[1] == 0
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_runs_by_component_keep_their_order_within_each(name):
+    picture = np.array([[pixel == "#" for pixel in row] for row in SHAPES[name]] * 2)
+    runs = find_runs(np.packbits(picture, axis=1))
+    label, count = label_runs(runs)
+    ordered, own, same = by_component(runs)
+    expected = sorted(zip(label.tolist(), *(one.tolist() for one in runs), strict=True))
+    assert [tuple(map(int, one)) for one in zip(own, *ordered, strict=True)] == expected
+    assert same == count
+
+
+def test_an_empty_picture_has_no_component():
+    runs, label, count = by_component(find_runs(np.zeros((4, 3), np.uint8)))
+    assert (len(runs.row), len(label), count) == (0, 0, 0)

@@ -72,7 +72,9 @@ def test_a_lonely_blob_learns_nothing_and_says_so():
     chords, centre, _ = made_up(5, rows=1, columns=1)
     found = line_shifts(chords, centre, LINES, 0.12)
     assert abs(found.x_px[0]) < 0.05
-    np.testing.assert_allclose(found.common_px, unsolved(chords, found.line_jitter_px).common_px, rtol=0.05)
+    np.testing.assert_allclose(
+        found.common_px, unsolved(chords.share, found.line_jitter_px).common_px, rtol=0.05
+    )
 
 
 def test_the_shifts_do_not_depend_on_the_order_of_the_blobs():
@@ -87,4 +89,4 @@ def test_shares_without_chords_keep_the_whole_jitter():
     empty = chords._replace(weight=np.zeros_like(chords.weight))
     found = line_shifts(empty, centre, LINES, 0.12)
     assert not found.x_px.any()
-    np.testing.assert_allclose(found.common_px, unsolved(chords, 0.12).common_px, rtol=1e-6)
+    np.testing.assert_allclose(found.common_px, unsolved(chords.share, 0.12).common_px, rtol=1e-6)

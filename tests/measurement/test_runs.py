@@ -5,7 +5,7 @@ from hypothesis.extra import numpy as hnp
 
 from grabberd.measurement.runs import find_runs
 
-pictures = hnp.arrays(np.bool_, st.tuples(st.integers(1, 8), st.integers(1, 40)))
+pictures = hnp.arrays(np.bool_, st.tuples(st.integers(1, 8), st.integers(1, 140)))
 
 
 def runs_one_by_one(picture):

@@ -77,3 +77,12 @@ def test_an_expected_displacement_passes_smoothing_unchanged():
     expected = FIELD.expect(seen, TRUTH).displacement_mm
     filled = np.where(seen[:, np.newaxis], TRUTH, expected)
     assert np.allclose(FIELD.smooth(filled)[~seen], expected[~seen], atol=1e-6)
+
+
+def test_what_was_asked_before_changes_no_bit_of_the_answer():
+    asked = DisplacementField.of(MODEL, SMOOTHNESS)
+    masks = np.random.default_rng(2).random((70, 108)) < 0.7
+    for mask in [*masks, *masks[::-1]]:
+        found, fresh = (one.expect(mask, TRUTH) for one in (asked, DisplacementField.of(MODEL, SMOOTHNESS)))
+        np.testing.assert_array_equal(found.displacement_mm, fresh.displacement_mm)
+        np.testing.assert_array_equal(found.sigma_mm, fresh.sigma_mm)

@@ -1,31 +1,70 @@
 """A service on the simulated grabber for tests: as fast as its reader goes, or at the camera's own pace."""
 
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from grabberd.config import Config, default_config_file, load_config
+from grabberd.service.clock import SystemClock
 from grabberd.service.service import Service
 from grabberd.service.session import CaptureSession
 from grabberd.service.setup import set_up
+from grabberd_fake import FakeGrabber
 
 PATIENCE_S = 60.0
 
 
 def configuration(options: Mapping[str, Any], **changes: Any) -> Config:
-    """The simulated grabber's configuration, with other options and changes of the device's part."""
+    """The simulated grabber's configuration, with other options and changes of the device's part.
+
+    It has as many buffers as it may have: on a busy computer its reader is late.
+    """
     config = load_config(default_config_file())
     device = config.devices["simulated"]
-    changed = device.model_copy(update={"options": {**device.options, **options}, **changes})
+    changed = device.model_copy(update={"options": {**device.options, "buffers": 32, **options}, **changes})
     return config.model_copy(update={"devices": {"simulated": changed}})
+
+
+class PatientClock(SystemClock):
+    """Goes on only while the grabber waits for its next field: whoever takes it is never late."""
+
+    def __init__(self) -> None:
+        self._now_ns = super().now_ns()
+
+    def now_ns(self) -> int:
+        return self._now_ns
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        time.sleep(max(time_ns - self._now_ns, 0) / 1e9)
+        self._now_ns = max(self._now_ns, time_ns)
 
 
 @contextmanager
 def running(folder: Path, options: Mapping[str, Any] | None = None, **changes: Any) -> Iterator[Service]:
     """A started service; fast, unless the options say otherwise."""
     config = configuration({"pace": "free", **(options or {})}, **changes)
-    service = Service(set_up(config, default_config_file()), folder)
+    with started(Service(set_up(config, default_config_file()), folder)) as service:
+        yield service
+
+
+@contextmanager
+def live(folder: Path, options: Mapping[str, Any] | None = None, **changes: Any) -> Iterator[Service]:
+    """A started service at the camera's pace but without the computer's delays: every field comes in time."""
+    config = configuration({"pace": "real", **(options or {})}, **changes)
+    clock = PatientClock()
+    setups = set_up(config, default_config_file())
+    grabber = FakeGrabber(clock=clock, **config.devices["simulated"].options)
+    setups["simulated"] = replace(setups["simulated"], grabber=grabber)
+    with started(Service(setups, folder, clock=clock)) as service:
+        yield service
+
+
+@contextmanager
+def started(service: Service) -> Iterator[Service]:
+    """It accepts captures; it is stopped at the end, whatever happens."""
     service.start()
     try:
         wait_until_it_accepts(service)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from slots import PERIOD_NS, ManualClock, damaged, slot, without_signal
 
-from grabberd.acquisition import LedgerEntry, Outcome, Ring, Slot
+from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot
 from grabberd.service.backlog import Backlog
 from grabberd.service.recorder import GRACE_NS, Recorder
 
@@ -224,7 +224,73 @@ def test_a_stop_while_fields_come_loses_nothing() -> None:
     one, _ = recorder(clock=clock)
     reader = ring.reader()
     one.take(slot(0))
+    clock.advance(0.03)
+    one.stop("stopped by the operator")
+    one.run(reader)
+    assert one.ledger.complete
+
+
+def heard(clock: ManualClock, reader: RingReader, comes: dict[int, Slot]) -> None:
+    """Makes time pass for who takes from a reader; slots come at their time in ms."""
+    take = reader.take
+
+    def timed(timeout_s: float) -> Slot | None:
+        if (taken := take(0)) is not None:
+            return taken
+        clock.advance(timeout_s)
+        passed_ms = (clock.ns - ManualClock().ns) // 1_000_000
+        due = [at for at in comes if at <= passed_ms]
+        return comes.pop(due[0]) if due and timeout_s else None
+
+    reader.take = timed  # type: ignore[method-assign]
+
+
+def test_a_stall_that_nobody_has_noticed_when_it_is_stopped_is_noticed_then() -> None:
+    clock, ring = ManualClock(), Ring()
+    begun_ns = clock.ns
+    one, _ = recorder(
+        clock=clock, interruption=lambda: "no field for 0.8 s" if clock.ns - begun_ns > 8e8 else None
+    )
+    reader = ring.reader()
+    heard(clock, reader, {})
+    one.take(slot(0))
     clock.advance(0.5)
     one.stop("stopped by the operator")
     one.run(reader)
+    assert one.ledger.entries == [LedgerEntry(1, 25, Outcome.LOST, "no field for 0.8 s")]
+    assert clock.ns - begun_ns < 1.0e9
+
+
+def test_a_silence_at_the_stop_that_nobody_explains_is_a_loss_all_the_same() -> None:
+    clock, ring = ManualClock(), Ring()
+    one, _ = recorder(clock=clock)
+    reader = ring.reader()
+    heard(clock, reader, {})
+    one.take(slot(0))
+    clock.advance(0.5)
+    one.stop("stopped by the operator")
+    one.run(reader)
+    assert one.ledger.entries == [LedgerEntry(1, 25, Outcome.LOST, "nothing came")]
+
+
+def test_the_field_that_ends_a_silence_at_the_stop_says_what_was_lost() -> None:
+    clock, ring = ManualClock(), Ring()
+    one, backlog = recorder(clock=clock)
+    reader = ring.reader()
+    heard(clock, reader, {600: slot(30, lost_before=29)})
+    one.take(slot(0))
+    clock.advance(0.5)
+    one.stop("stopped by the operator")
+    one.run(reader)
+    assert recorded(backlog) == [0, 30]
+    assert one.ledger.entries == [LedgerEntry(1, 29, Outcome.LOST, "time gap")]
+
+
+def test_a_recording_may_pause_before_it_ends() -> None:
+    clock, ring = ManualClock(), Ring()
+    one = Recorder(None, Backlog(10), clock, PERIOD_NS, live=False)
+    one.take(slot(0))
+    clock.advance(5)
+    one.stop("the recording has ended")
+    one.run(ring.reader())
     assert one.ledger.complete

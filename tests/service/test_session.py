@@ -219,4 +219,7 @@ def test_a_disk_that_fails_ends_the_recording_and_frees_the_worker(
     with rig.sealed() as reader:
         assert reader.meta.ended_because == "the disk is full"
         assert reader.meta.complete is False
+        assert [(run.state, run.reason) for run in reader.runs] == [
+            ("failed", "writing ended early: the disk is full")
+        ]
     assert not rig.session.recorder.recording

@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -110,3 +111,12 @@ def test_anybody_can_read_it_with_sqlite_and_json(tmp_path):
     assert values["labels"] == {"cow": "1807", "teat": "front left"}
     assert connection.execute("SELECT count(*) FROM fields").fetchone() == (3,)
     connection.close()
+
+
+def test_one_thread_after_the_other_may_read_on(tmp_path):
+    path = write(tmp_path, slots(120))
+    with CaptureReader(path) as reader, ThreadPoolExecutor(1) as pool:
+        fields = reader.fields()
+        found = [next(fields).numbered.n for _ in range(30)]
+        found += pool.submit(lambda: [one.numbered.n for one in fields]).result()
+    assert found == list(range(120))

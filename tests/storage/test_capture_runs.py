@@ -1,6 +1,9 @@
 """A capture file holds runs: points, and what they were made with."""
 
+import fcntl
+import sqlite3
 import tracemalloc
+from contextlib import closing
 
 import pytest
 
@@ -94,6 +97,42 @@ def test_a_run_for_which_there_is_no_room_leaves_the_capture_as_it_was(tmp_path,
     with CaptureReader(path) as reader:
         assert len(reader.runs) == 1
         assert [n for n, _ in reader.points()] == [0, 1, 2, 3]
+
+
+def test_a_run_is_seen_when_it_is_whole_and_others_read_while_it_is_copied(tmp_path, monkeypatch):
+    path = write(tmp_path, slots(4), measured=range(4))
+    seen = []
+
+    def look(_):
+        with CaptureReader(path) as reader:
+            seen.append((len(reader.runs), [n for n, _ in reader.points()]))
+
+    monkeypatch.setattr("grabberd.storage.runs.FIELDS_A_COMMIT", 10)
+    monkeypatch.setattr("grabberd.storage.runs.time.sleep", look)
+    append_run(path, "measure", "", "", {}, ((n, points(n)) for n in range(25)))
+    assert seen == [(1, [0, 1, 2, 3])] * 3
+    with CaptureReader(path) as reader:
+        assert [info.run for info in reader.runs] == [1, 2]
+
+
+def test_what_a_killed_program_left_of_a_run_is_nobodys_and_removed_by_the_next(tmp_path):
+    path = write(tmp_path, slots(4), measured=range(4))
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute("INSERT INTO points SELECT 2, n + 100, count, data FROM points")
+    with CaptureReader(path) as reader:
+        assert [n for n, _ in reader.points()] == [0, 1, 2, 3]
+    assert append_run(path, "measure", "", "", {}, [(0, points(0))]) == 2
+    with closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("SELECT n FROM points WHERE run = 2").fetchall() == [(0,)]
+
+
+def test_two_programs_do_not_add_a_run_at_once(tmp_path):
+    path = write(tmp_path, slots(4), measured=range(4))
+    with path.open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        with pytest.raises(StorageError, match="another program adds a run"):
+            append_run(path, "measure", "", "", {}, [(0, points(0))])
+    assert append_run(path, "measure", "", "", {}, [(0, points(0))]) == 2
 
 
 def test_the_latest_run_is_meant_where_none_is_named(tmp_path):

@@ -7,6 +7,7 @@ import pytest
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import StorageError
 from grabberd.storage import CaptureReader, CaptureWriter
+from grabberd.storage.schema import JOURNAL, JOURNAL_BYTES
 from storage.captures import ledger_of, meta, numbers, slot, slots
 
 # --- while it is being written ---
@@ -19,6 +20,14 @@ def test_what_is_committed_can_be_read_while_more_is_being_written(part, writer)
     assert numbers(part) == list(range(10))
     writer.commit()
     assert numbers(part) == list(range(11))
+
+
+def test_the_journal_of_the_last_transaction_has_its_room_on_the_disk_already(part, writer):
+    journal = part.with_name(part.name + JOURNAL)
+    writer.append(slots(25))
+    assert 512 * journal.stat().st_blocks >= JOURNAL_BYTES
+    writer.commit()
+    assert 512 * journal.stat().st_blocks >= JOURNAL_BYTES
 
 
 def test_readers_and_the_writer_get_along(part, writer):

@@ -5,7 +5,7 @@ import sqlite3
 
 import pytest
 
-from grabberd.errors import NotFound
+from grabberd.errors import NotFound, StorageError
 from grabberd.storage import CaptureIndex
 from storage.captures import slots, write
 
@@ -106,3 +106,30 @@ def test_captures_that_are_being_written_are_not_in_it(archive):
 def test_an_unknown_capture_is_not_found(tmp_path):
     with pytest.raises(NotFound, match="no capture 'c9'"):
         CaptureIndex(tmp_path / "new").get("c9")
+
+
+def test_what_a_full_disk_kept_out_is_entered_as_soon_as_there_is_room(tmp_path, monkeypatch):
+    index = CaptureIndex(tmp_path)
+    path = write(tmp_path, slots(2))
+
+    def full(_):
+        raise StorageError("index.sqlite cannot be used: database or disk is full", "mend the disk")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(index, "_write", full)
+        with pytest.raises(StorageError, match="full"):
+            index.add(path)
+        assert index.list() == []
+    assert [entry.file for entry in index.list()] == [path.name]
+    assert [entry.file for entry in index.page(None, 10)] == [path.name]
+
+
+def test_what_was_kept_out_and_is_gone_meanwhile_is_not_entered(tmp_path, monkeypatch):
+    index = CaptureIndex(tmp_path)
+    path = write(tmp_path, slots(2))
+    with monkeypatch.context() as patch:
+        patch.setattr(index, "_write", lambda _: (_ for _ in ()).throw(StorageError("full", "mend")))
+        with pytest.raises(StorageError):
+            index.add(path)
+    path.unlink()
+    assert index.list() == []

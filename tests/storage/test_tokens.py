@@ -10,7 +10,7 @@ import pytest
 from grabberd.errors import Conflict, NotFound, StorageError
 from grabberd.storage.state import StateStore
 from grabberd.storage.state_database import MIGRATIONS
-from grabberd.storage.tokens import SESSIONS_A_TOKEN, TokenRow, TokenStore
+from grabberd.storage.tokens import SESSIONS_A_TOKEN, Holder, TokenRow, TokenStore
 
 NOW, LATER, END = "2026-01-01T00:00:00.000Z", "2026-01-02T00:00:00.000Z", "2026-02-01T00:00:00.000Z"
 
@@ -34,11 +34,11 @@ def sql(path: Path, text: str) -> list[tuple[object, ...]]:
 
 
 def test_a_token_is_found_by_its_hash_after_a_restart_too(tokens: TokenStore, path: Path) -> None:
-    assert tokens.of_token(b"token 1") == ("tablet", "operator")
+    assert tokens.of_token(b"token 1") == Holder("tablet", "operator")
     assert tokens.of_token(b"token 2") is None
     again = TokenStore(path)
     again.open()
-    assert again.of_token(b"token 1") == ("tablet", "operator")
+    assert again.of_token(b"token 1") == Holder("tablet", "operator")
 
 
 def test_tokens_are_listed_by_name_with_their_living_sessions(tokens: TokenStore) -> None:
@@ -64,7 +64,7 @@ def test_a_role_that_there_is_not_is_refused(tokens: TokenStore) -> None:
 
 def test_a_session_has_its_tokens_role_until_its_time_is_over(tokens: TokenStore) -> None:
     tokens.add_session(b"session", "tablet", NOW, LATER)
-    assert tokens.of_session(b"session", NOW) == ("tablet", "operator")
+    assert tokens.of_session(b"session", NOW) == Holder("tablet", "operator")
     assert tokens.of_session(b"session", LATER) is None
     assert tokens.of_session(b"token 1", NOW) is None
     assert tokens.of_token(b"session") is None
@@ -133,3 +133,18 @@ def test_a_migration_that_fails_changes_nothing(path: Path) -> None:
         TokenStore(path).open()
     assert sql(path, "SELECT name FROM sqlite_schema WHERE type = 'table'") == [("sessions",)]
     assert sql(path, "PRAGMA user_version") == [(1,)]
+
+
+def test_a_token_that_expires_is_listed_with_its_day_and_still_known_after_it(tokens: TokenStore) -> None:
+    tokens.add("guest", "viewer", b"token 2", NOW, LATER)
+    assert tokens.of_token(b"token 2") == Holder("guest", "viewer", LATER)
+    assert [row.expires_utc for row in tokens.list(END)] == [LATER, None]
+    tokens.remove("tablet")
+    assert tokens.any()
+
+
+def test_a_session_never_outlives_its_token(tokens: TokenStore) -> None:
+    tokens.add("guest", "viewer", b"token 2", NOW, LATER)
+    tokens.add_session(b"session", "guest", NOW, END)
+    assert tokens.of_session(b"session", NOW) == Holder("guest", "viewer", LATER)
+    assert tokens.of_session(b"session", LATER) is None

@@ -4,12 +4,13 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from weakref import WeakValueDictionary
 
-from fastapi import APIRouter, Depends, FastAPI
+from fastapi import Depends, FastAPI
 from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
 from grabberd.api import (
+    analyses,
     calibrations,
     capture_contents,
     captures,
@@ -28,7 +29,7 @@ from grabberd.api import (
 )
 from grabberd.api.auth import Authenticator
 from grabberd.api.auth_attempts import Attempts
-from grabberd.api.auth_description import describe_access
+from grabberd.api.description import describe
 from grabberd.api.front import Front
 from grabberd.api.gate import Gate
 from grabberd.api.head import HeadAsGet
@@ -69,10 +70,10 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     authenticator = Authenticator(service.access, front.private, Attempts())
     app.add_middleware(HeadAsGet)
     app.add_middleware(Gate, front=front, authenticator=authenticator)
-    v1 = APIRouter(prefix="/api/v1")
     for part in (
         captures,
         capture_contents,
+        analyses,
         calibrations,
         checks,
         diagnostics,
@@ -82,11 +83,10 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
         preview,
         settings,
     ):
-        v1.include_router(part.router)
-    app.include_router(v1)
+        app.include_router(part.router, prefix="/api/v1")
     for part in (devices, system, metrics, docs):
         app.include_router(part.router)
-    describe_access(app)
+    describe(app)
     return app
 
 

@@ -1,5 +1,6 @@
 """Who asks: a bearer token, a browser's session, or whoever is at the machine while there are no tokens."""
 
+from contextlib import suppress
 from typing import Annotated, NamedTuple
 
 from fastapi import Depends
@@ -9,11 +10,13 @@ from starlette.types import Scope
 
 from grabberd.api.auth_attempts import Attempts, client_of
 from grabberd.api.refusals import Refusal
-from grabberd.errors import StorageError
+from grabberd.errors import AccessExpired, StorageError
 from grabberd.service.access import AT_THE_MACHINE, Access, Identity
 from grabberd.service.roles import Role
 
 COOKIE = "grabberd_session"
+_CHALLENGE = 'Bearer realm="grabberd"'
+_INVALID_TOKEN = {"WWW-Authenticate": f'{_CHALLENGE}, error="invalid_token"'}
 _FORGET_COOKIE = f"{COOKIE}=; Max-Age=0; Path=/; HttpOnly; SameSite=Strict"
 
 
@@ -54,7 +57,10 @@ class Authenticator:
         shown, client = Credentials.of(scope), client_of(scope)
         if shown.secret is not None:
             self._attempts.check(client, shown.secret)
-        identity = await run_in_threadpool(self._look_up, shown)
+        try:
+            identity = await run_in_threadpool(self._look_up, shown)
+        except AccessExpired as error:
+            raise Refusal(401, "token-expired", error.message, error.hint, _INVALID_TOKEN) from error
         if identity is None:
             if shown.secret is not None:
                 self._attempts.failed(client)
@@ -65,8 +71,10 @@ class Authenticator:
 
     async def still_is(self, scope: Scope, least: Role) -> bool:
         """Whether what a request shows is still good: asked again while its answer goes on."""
-        identity = await run_in_threadpool(self._look_up, Credentials.of(scope))
-        return identity is not None and identity.role.covers(least)
+        with suppress(AccessExpired):
+            identity = await run_in_threadpool(self._look_up, Credentials.of(scope))
+            return identity is not None and identity.role.covers(least)
+        return False
 
     def _look_up(self, shown: Credentials) -> Identity | None:
         try:
@@ -97,9 +105,9 @@ def check_role(identity: Identity, least: Role) -> None:
 
 
 def _unknown(shown: Credentials) -> Refusal:
-    headers = {"WWW-Authenticate": 'Bearer realm="grabberd"'}
+    headers = {"WWW-Authenticate": _CHALLENGE}
     if shown.bearer is not None:
-        headers["WWW-Authenticate"] += ', error="invalid_token"'
+        headers = _INVALID_TOKEN
     elif shown.session is not None:
         headers["Set-Cookie"] = _FORGET_COOKIE  # a browser must not go on trying one that has ended
     detail = "this takes a token" if shown.secret is None else "nobody has this token or session"

@@ -21,7 +21,8 @@ from grabberd.service.service import Service
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
 
-CalibrationId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$")]
+CalibrationId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$", description="Id of the calibration.")]
+ANY_DOCUMENT = {"$ref": "#/components/schemas/JsonObject"}
 
 PAGE_HEADERS = {"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:"}
 """A report needs nothing but itself."""
@@ -33,6 +34,7 @@ PAGE_HEADERS = {"Content-Security-Policy": "default-src 'none'; style-src 'unsaf
     response_model=JobDocument | CalibrationRow,
     responses={201: {"model": CalibrationRow}, 202: {"model": JobDocument}},
     dependencies=[TAKES_KEY],
+    summary="Calibrate, or store a calibration",
 )
 def make_calibration(
     order: CalibrationOrder, service: ServiceOf, request: Request, response: Response
@@ -49,14 +51,14 @@ def make_calibration(
     return job_document(job)
 
 
-@router.get("", response_model=CalibrationList)
+@router.get("", response_model=CalibrationList, summary="List calibrations")
 def list_calibrations(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> object:
     """The calibrations, the newest first, those of the configuration among them, page by page."""
     page, following = page_of(service.active.rows(), _place, limit, cursor)
     return {"calibrations": page, "next": following}
 
 
-@router.put("/active", response_model=CalibrationRow)
+@router.put("/active", response_model=CalibrationRow, summary="Choose the calibration to measure with")
 def activate_calibration(choice: CalibrationChoice, service: ServiceOf) -> object:
     """Measure with this calibration from the next field on, and after every restart; 409 while a capture
     runs.
@@ -68,7 +70,8 @@ def activate_calibration(choice: CalibrationChoice, service: ServiceOf) -> objec
 @router.get(
     "/{calibration_id}",
     response_class=Response,
-    responses={200: {"content": {"application/json": {}}}, **NOT_MODIFIED},
+    summary="Take a calibration home",
+    responses={200: {"content": {"application/json": {"schema": ANY_DOCUMENT}}}, **NOT_MODIFIED},
 )
 def get_calibration(
     calibration_id: CalibrationId,
@@ -82,6 +85,7 @@ def get_calibration(
 @router.get(
     "/{calibration_id}/report",
     response_class=Response,
+    summary="A calibration's report as a page",
     responses={200: {"content": {"text/html": {}}}, 501: {"model": Problem}},
 )
 def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) -> Response:
@@ -93,7 +97,8 @@ def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) ->
 @router.get(
     "/{calibration_id}/report.json",
     response_class=Response,
-    responses={200: {"content": {"application/json": {}}}},
+    summary="A calibration's report as numbers",
+    responses={200: {"content": {"application/json": {"schema": ANY_DOCUMENT}}}},
 )
 def get_calibration_report_json(calibration_id: CalibrationId, service: ServiceOf) -> Response:
     """The report's numbers."""

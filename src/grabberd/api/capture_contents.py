@@ -1,6 +1,5 @@
 """What is in a capture: its file, its points, its fields."""
 
-from collections.abc import Iterator
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Response, status
@@ -8,20 +7,28 @@ from fastapi.responses import FileResponse, StreamingResponse
 
 from grabberd.api.capture_models import PointsDocument
 from grabberd.api.captures import CaptureId
+from grabberd.api.downloads import Download, download
 from grabberd.api.etags import ASK_AGAIN, IMMUTABLE, NOT_MODIFIED, IfNoneMatch, is_known, tagged
 from grabberd.api.of_service import PROBLEMS, ServiceOf
-from grabberd.storage import field_png, points_csv
+from grabberd.api.problems import Problem
+from grabberd.api.whole_file import WholeFile
+from grabberd.storage import field_png, points_csv, points_ply
+from grabberd.storage.at_rest import stat_at_rest
+from grabberd.storage.export_parquet import parquet_stream
 from grabberd.storage.points_document import PointsQuery, points_document
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS)
 
 FIELD_END = 2**53
 SQLITE = "application/vnd.sqlite3"
+PLY = "application/ply"
+PARQUET = "application/vnd.apache.parquet"
 
 RunNumber = Annotated[
     int | None, Query(ge=1, le=2**53, description="Which run's points; default: the latest that is done.")
 ]
-FieldNumber = Annotated[int, Path(ge=0, le=FIELD_END)]
+PlyField = Annotated[int | None, Query(ge=0, le=FIELD_END, description="Only this field's; default: all.")]
+FieldNumber = Annotated[int, Path(ge=0, le=FIELD_END, description="Number of the field.")]
 
 
 @router.get(
@@ -39,18 +46,18 @@ def get_capture_file(
     capture_id: CaptureId, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Response:
     """The whole sealed capture: one SQLite file. A part of it can be asked for (Range); a further run changes
-    its ETag.
+    its ETag, and breaks the answer off that is being sent.
     """
     path = service.archive.sealed_path(capture_id)
     headers = {"Cache-Control": ASK_AGAIN}
-    answer = FileResponse(path, 200, headers, SQLITE, filename=path.name, stat_result=path.stat())
+    answer = WholeFile(path, 200, headers, SQLITE, filename=path.name, stat_result=stat_at_rest(path))
     if is_known(answer.headers["etag"], if_none_match):
         known = {**headers, "ETag": answer.headers["etag"]}
         return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=known)
     return answer
 
 
-@router.get("/{capture_id}/points", response_model=PointsDocument, summary="Points, thinned out")
+@router.get("/{capture_id}/points", response_model=PointsDocument, summary="Points as JSON, thinned out")
 def get_points(
     capture_id: CaptureId,
     service: ServiceOf,
@@ -76,14 +83,44 @@ def get_points(
 @router.get(
     "/{capture_id}/points.csv",
     response_class=StreamingResponse,
-    summary="All points as CSV",
+    summary="Points as CSV",
     responses={200: {"content": {"text/csv": {}}}},
 )
-def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> StreamingResponse:
+def get_points_csv(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
     """The points as CSV, a row for each target and field, with their standard deviations."""
-    text: Iterator[str] = points_csv(service.archive.path(capture_id), run)
-    name = f'attachment; filename="{capture_id}-points.csv"'
-    return StreamingResponse(text, media_type="text/csv", headers={"Content-Disposition": name})
+    text = points_csv(service.archive.path(capture_id), run)
+    return download(text, "text/csv", f"{capture_id}-points.csv")
+
+
+@router.get(
+    "/{capture_id}/points.ply",
+    response_class=StreamingResponse,
+    summary="Points as a PLY cloud",
+    responses={200: {"content": {PLY: {}}}},
+)
+def get_points_ply(
+    capture_id: CaptureId, service: ServiceOf, run: RunNumber = None, field: PlyField = None
+) -> Download:
+    """The points as one cloud for programs that draw clouds: x, y, z in mm, with field number, target and
+    standard deviations as further properties. Of all fields, or of one.
+    """
+    parts = points_ply(service.archive.path(capture_id), run, field)
+    suffix = "points" if field is None else f"field-{field:08d}"
+    return download(parts, PLY, f"{capture_id}-{suffix}.ply")
+
+
+@router.get(
+    "/{capture_id}/points.parquet",
+    response_class=StreamingResponse,
+    summary="Points as Parquet",
+    responses={200: {"content": {PARQUET: {}}}, 501: {"model": Problem}},
+)
+def get_points_parquet(capture_id: CaptureId, service: ServiceOf, run: RunNumber = None) -> Download:
+    """The points as Parquet, the columns of the CSV with their units as metadata; 501 where the optional part
+    that writes it is not installed.
+    """
+    parts = parquet_stream(service.archive.path(capture_id), run)
+    return download(parts, PARQUET, f"{capture_id}-points.parquet")
 
 
 @router.get(

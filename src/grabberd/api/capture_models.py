@@ -1,17 +1,32 @@
 """Captures as they go in and out over HTTP."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
 from grabberd.acquisition import Outcome
-from grabberd.api.models import Document, Label, Next
-from grabberd.config import BitDepth, Lines, OnInterruption
-from grabberd.service.keeping import MOST_LABELS
+from grabberd.api.examples import CAPTURE as EXAMPLE
+from grabberd.api.examples import POINTS as POINTS_EXAMPLE
+from grabberd.api.models import Document, Next, shown
+from grabberd.api.named_types import (
+    Bits,
+    CaptureState,
+    InterruptionPolicy,
+    LabelChanges,
+    Labels,
+    LinesKind,
+    OverrunPolicy,
+    Verdict,
+)
 
 
 class CaptureOrder(Document):
     """A capture as it is asked for: so many fields, so many seconds, or until it is stopped."""
+
+    model_config = shown(
+        {"fields": 64, "labels": {"cow": "112", "teat": "front left"}, "note": "new liners"},
+        {"armed": True, "pre_trigger_fields": 25, "post_trigger_fields": 500, "bits": 8},
+    )
 
     device: str | None = Field(None, description="Name of the device; not needed where there is one.")
     armed: bool = Field(False, description="It waits for its trigger: POST captures/{capture_id}/trigger.")
@@ -19,8 +34,8 @@ class CaptureOrder(Document):
         None, ge=1, le=10_000_000, description="Length in fields of 20 ms, lost ones included."
     )
     duration_s: float | None = Field(None, gt=0, le=200_000, description="Length in seconds.")
-    bits: BitDepth | None = Field(None, description="Bits a pixel; default: as configured.")
-    lines: Lines | None = Field(
+    bits: Bits | None = Field(None, description="Bits a pixel; default: as configured.")
+    lines: LinesKind | None = Field(
         None, description="'doubled' (default at 1 bit) or 'field' (default for grey)."
     )
     pre_trigger_fields: int = Field(
@@ -36,19 +51,17 @@ class CaptureOrder(Document):
         le=10_000_000,
         description="Of an armed one: fields from the trigger on; default: until stopped.",
     )
-    overrun: Literal["count", "stop"] = Field(
+    overrun: OverrunPolicy = Field(
         "count",
         description="Fields that the ring loses because the computer is too busy: count them, or stop there.",
     )
-    on_interruption: OnInterruption | None = Field(
+    on_interruption: InterruptionPolicy | None = Field(
         None,
         description="When the device fails to deliver: 'continue' with the gap in the ledger, or 'end'; "
         "default: as configured.",
     )
     note: Annotated[str, StringConstraints(max_length=2000)] = ""
-    labels: dict[Label, Label] = Field(
-        default_factory=dict, max_length=MOST_LABELS, description="Cow, teat, liner, …"
-    )
+    labels: Labels = Field(default_factory=dict, description="Cow, teat, liner, …")
 
     @model_validator(mode="after")
     def _one_length(self) -> Self:
@@ -66,11 +79,11 @@ class CaptureOrder(Document):
 class CapturePatch(Document):
     """What changes of what is said of a capture; what is left out stays."""
 
+    model_config = shown({"pinned": True, "labels": {"cow": "113", "teat": None}})
+
     note: Annotated[str, StringConstraints(max_length=2000)] | None = None
     pinned: bool | None = Field(None, description="A pinned capture is not deleted, by nobody.")
-    labels: dict[Label, Label | None] | None = Field(
-        None, max_length=MOST_LABELS, description="Added to those it has; null takes one away."
-    )
+    labels: LabelChanges | None = Field(None, description="Added to those it has; null takes one away.")
 
 
 class LedgerEntryDocument(Document):
@@ -104,14 +117,16 @@ class RunDocument(Document):
 class CaptureDocument(Document):
     """A capture."""
 
+    model_config = shown(EXAMPLE)
+
     id: str
     device: str
-    state: Literal["armed", "recording", "sealing", "sealed", "unsealed", "damaged", "disarmed"] = Field(
+    state: CaptureState = Field(
         description="'armed': it waits for its trigger; 'unsealed': the disk was too full to close it; it is "
         "sealed at the next start; 'disarmed': only as the answer to the stop of an armed one, of which "
         "nothing is left."
     )
-    verdict: Literal["complete", "incomplete"] | None = Field(description="None while it is recording.")
+    verdict: Verdict | None = Field(description="None while it is recording.")
     ended_because: str | None
     created_utc: str = Field(description="When it began; of an armed one, since when it waits.")
     trigger_utc: str | None = Field(description="When it was asked for, or triggered; None of older ones.")
@@ -154,6 +169,8 @@ class FieldPoints(Document):
 
 class PointsDocument(Document):
     """Points of a run, thinned out."""
+
+    model_config = shown(POINTS_EXAMPLE)
 
     capture: str
     run: int

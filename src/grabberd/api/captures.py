@@ -18,7 +18,7 @@ from grabberd.service.recorder import CaptureRequest
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
-CaptureId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$")]
+CaptureId = Annotated[str, Path(pattern=r"^[0-9A-Za-z_-]{1,80}$", description="Id of the capture.")]
 
 
 @router.post(

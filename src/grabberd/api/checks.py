@@ -1,11 +1,12 @@
 """Checks of a device's calibration with the calibration frame."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response, status
 from pydantic import Field
 
-from grabberd.api.models import Document, JobDocument
+from grabberd.api.models import Document, JobDocument, shown
+from grabberd.api.named_types import JsonObject
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
 from grabberd.service.check_job import SECONDS, order_check
 
@@ -17,7 +18,9 @@ DeviceName = Annotated[str, Path(max_length=32, description="Name of the device.
 class CheckOrder(Document):
     """A check as it is asked for; all of it may be left out."""
 
-    calibration_frame: str | dict[str, Any] | None = Field(
+    model_config = shown({"duration_s": 10, "in_place": True})
+
+    calibration_frame: str | JsonObject | None = Field(
         None,
         description="Name of a calibration frame that comes with the program, or its document; "
         "not needed where there is one.",
@@ -34,7 +37,7 @@ class CheckOrder(Document):
     "/devices/{name}/check",
     status_code=status.HTTP_202_ACCEPTED,
     response_model=JobDocument,
-    name="check_device",
+    summary="Check a calibration with the calibration frame",
 )
 def check_device(
     name: DeviceName,

@@ -43,13 +43,15 @@ class NotReadyProblem(Problem):
     lacks: list[LackDocument]
 
 
-@router.get("/api/v1/devices", response_model=DeviceList)
+@router.get("/api/v1/devices", response_model=DeviceList, summary="List devices")
 def list_devices(service: ServiceOf) -> object:
     """All devices at this moment."""
     return {"devices": [service.device_document(one) for one in service.instruments.values()]}
 
 
-@router.get("/api/v1/devices/{name}", response_model=DeviceDocument, responses=PROBLEMS)
+@router.get(
+    "/api/v1/devices/{name}", response_model=DeviceDocument, responses=PROBLEMS, summary="Look at a device"
+)
 def get_device(name: DeviceName, service: ServiceOf) -> object:
     """One device."""
     return service.device_document(service.instrument(name))
@@ -58,6 +60,7 @@ def get_device(name: DeviceName, service: ServiceOf) -> object:
 @router.get(
     "/readyz",
     response_model=ReadyDocument,
+    summary="Whether it can measure",
     responses={503: {"model": NotReadyProblem, "content": {"application/problem+json": {}}}},
 )
 def get_readiness(service: ServiceOf) -> object:

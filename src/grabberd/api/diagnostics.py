@@ -13,7 +13,10 @@ ZIP = "application/zip"
 
 
 @router.get(
-    "/diagnostics", response_class=Response, responses={200: {"content": {ZIP: {}}}}, name="get_diagnostics"
+    "/diagnostics",
+    response_class=Response,
+    responses={200: {"content": {ZIP: {}}}},
+    summary="What a helper has to know",
 )
 def get_diagnostics(
     service: ServiceOf,

@@ -8,7 +8,7 @@ from grabberd.api.docs_page import POLICY, page
 router = APIRouter(tags=["system"])
 
 
-@router.get("/docs", response_class=HTMLResponse)
+@router.get("/docs", response_class=HTMLResponse, summary="The API as a page")
 def get_docs(request: Request) -> HTMLResponse:
     """This description as a page to read; it needs nothing from any other host."""
     return HTMLResponse(page(request.app.openapi()), headers={"Content-Security-Policy": POLICY})

@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import html
+import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -14,9 +15,9 @@ body { font: 16px/1.5 system-ui, sans-serif; color: #1c2024; }
 main { max-width: 60rem; margin: 0 auto; padding: 1rem; }
 h2 { border-bottom: 2px solid #1c2024; margin-top: 3rem; }
 h3 { margin-bottom: .2rem; }
-h3 b { display: inline-block; min-width: 4.5rem; }
 code { font-family: ui-monospace, monospace; overflow-wrap: anywhere; }
 table { border-collapse: collapse; width: 100%; margin: .5rem 0; }
+pre { overflow-x: auto; font-size: .85rem; }
 th, td { text-align: left; vertical-align: top; padding: .25rem .6rem .25rem 0; }
 th, td { border-bottom: 1px solid #d0d5da; }
 .role { color: #4c555d; }
@@ -44,7 +45,10 @@ def page(description: Description) -> str:
         f"<h1>{title}</h1><p>{html.escape(info['description'])}</p>",
         '<p>For programs: <a href="/api/v1/openapi.json">openapi.json</a>. Errors are problem documents '
         f"(RFC 9457) with a <code>hint</code>. Times are UTC.</p><p>{STREAMS}</p>",
+        _contents(description["paths"]),
         *_operations(description["paths"]),
+        "<h2>Problems</h2>",
+        _problems(description["components"]["responses"]),
         "<h2>Documents</h2>",
         *(_schema(name, schema) for name, schema in sorted(schemas.items())),
     ]
@@ -54,6 +58,21 @@ def page(description: Description) -> str:
         f'<!doctype html><html lang="en"><head>{head}<style>{STYLE}</style></head>'
         f"<body><main>{main}</main></body></html>"
     )
+
+
+def _contents(paths: Mapping[str, Mapping[str, Any]]) -> str:
+    """Every operation's summary, group by group."""
+    groups: dict[str, list[str]] = {}
+    for operation in (one for methods in paths.values() for one in methods.values()):
+        link = f'<a href="#{operation["operationId"]}">{html.escape(operation["summary"])}</a>'
+        groups.setdefault(operation["tags"][0], []).append(link)
+    rows = ((f"<b>{html.escape(tag)}</b>", " · ".join(links)) for tag, links in groups.items())
+    return f"<nav>{_table(('group', 'what it does'), rows)}</nav>"
+
+
+def _problems(responses: Mapping[str, Mapping[str, Any]]) -> str:
+    rows = ((name.removeprefix("Problem"), _text(one["description"])) for name, one in responses.items())
+    return _table(("status", "meaning"), rows)
 
 
 def _operations(paths: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
@@ -69,10 +88,11 @@ def _operations(paths: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
 
 def _operation(method: str, path: str, operation: Mapping[str, Any]) -> str:
     role = operation.get("x-least-role")
+    who = html.escape(role) if role else "no token needed"
     parts = [
         f'<section id="{html.escape(operation["operationId"])}">',
-        f"<h3><b>{method.upper()}</b> <code>{html.escape(path)}</code></h3>",
-        f'<p class="role">{html.escape(role) if role else "no token needed"}</p>',
+        f"<h3>{html.escape(operation['summary'])}</h3>",
+        f'<p><b>{method.upper()}</b> <code>{html.escape(path)}</code> <span class="role">{who}</span></p>',
         f"<p>{_text(operation.get('description', ''))}</p>",
         _parameters(operation.get("parameters", [])),
         _body(operation.get("requestBody")),
@@ -84,10 +104,16 @@ def _operation(method: str, path: str, operation: Mapping[str, Any]) -> str:
 
 def _parameters(parameters: Iterable[Mapping[str, Any]]) -> str:
     rows = [
-        (f"<code>{html.escape(one['name'])}</code>", one["in"], words_of(one["schema"]), _described(one))
+        (f"<code>{html.escape(one['name'])}</code>", one["in"], _if_given(one["schema"]), _described(one))
         for one in parameters
     ]
     return _table(("parameter", "in", "type", "meaning"), rows) if rows else ""
+
+
+def _if_given(schema: Mapping[str, Any]) -> str:
+    """A parameter's type; that it may be left out stands in its meaning."""
+    choices = [choice for choice in schema.get("anyOf", ()) if choice.get("type") != "null"]
+    return words_of(choices[0] if len(choices) == 1 else schema)
 
 
 def _body(body: Mapping[str, Any] | None) -> str:
@@ -126,7 +152,13 @@ def _schema(name: str, schema: Mapping[str, Any]) -> str:
     ]
     table = _table(("key", "type", "needed", "meaning"), rows) if rows else f"<p>{words_of(schema)}</p>"
     head = f'<section id="{html.escape(name)}"><h3>{html.escape(name)}</h3>'
-    return f"{head}<p>{_text(schema.get('description', ''))}</p>{table}</section>"
+    examples = "".join(_example(one) for one in schema.get("examples", ()))
+    return f"{head}<p>{_text(schema.get('description', ''))}</p>{table}{examples}</section>"
+
+
+def _example(example: object) -> str:
+    text = html.escape(json.dumps(example, indent=1, ensure_ascii=False), quote=False)
+    return f"<details><summary>Example</summary><pre>{text}</pre></details>"
 
 
 def _described(one: Mapping[str, Any]) -> str:

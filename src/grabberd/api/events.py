@@ -89,10 +89,15 @@ class EventStream(StreamingResponse):
 @router.get(
     "/events",
     response_class=EventStream,
+    summary="The state, then its changes",
     responses={200: {"description": "`state` first, then `change`.", "content": {"text/event-stream": {}}}},
 )
 async def get_events(
-    request: Request, _: OneStream, last_event_id: Annotated[str | None, Header(max_length=80)] = None
+    request: Request,
+    _: OneStream,
+    last_event_id: Annotated[
+        str | None, Header(max_length=80, description="`id` of the last event that you have seen.")
+    ] = None,
 ) -> EventStream:
     """Server-sent events: the state, then what changes in it, five times a second at most."""
     feed: EventFeed = request.app.state.live.events

@@ -11,23 +11,23 @@ from grabberd.service.jobs import Job
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS)
 
-JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$")]
+JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$", description="Id of the job.")]
 
 
-@router.get("", response_model=JobList)
+@router.get("", response_model=JobList, summary="List jobs")
 def list_jobs(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> object:
     """The jobs since the daemon started, the newest first, page by page."""
     page, following = page_of(service.jobs.list(), _place, limit, cursor)
     return {"jobs": [job_document(job) for job in page], "next": following}
 
 
-@router.get("/{job_id}", response_model=JobDocument)
+@router.get("/{job_id}", response_model=JobDocument, summary="Look at a job")
 def get_job(job_id: JobId, service: ServiceOf) -> object:
     """How far a job is."""
     return job_document(service.jobs.get(job_id))
 
 
-@router.delete("/{job_id}", response_model=JobDocument)
+@router.delete("/{job_id}", response_model=JobDocument, summary="Cancel a job")
 def cancel_job(job_id: JobId, service: ServiceOf) -> object:
     """Cancel a job that waits or runs; one that has ended stays as it is."""
     return job_document(service.jobs.cancel(job_id))

@@ -28,7 +28,12 @@ Samples = Iterable[tuple[tuple[str, ...], float]]
 """Values of labels, and a number."""
 
 
-@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {}}}},
+    summary="Numbers for Prometheus",
+)
 def get_metrics(request: Request) -> Response:
     """Counters and gauges in Prometheus' text format."""
     registry: CollectorRegistry = request.app.state.metrics

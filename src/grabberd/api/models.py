@@ -5,12 +5,22 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints, model_validator
 
 from grabberd.acquisition import Outcome
+from grabberd.api.examples import JOB
+from grabberd.api.named_types import (
+    CalibrationOrigin,
+    FrameTreatment,
+    Glass,
+    Handedness,
+    ImageSize,
+    JobProblem,
+    JsonObject,
+    Latency,
+    Weights,
+)
 from grabberd.reconstruction.moved import RigVerdict
 from grabberd.service.jobs import JobState
 from grabberd.service.recovery import Rung
 from grabberd.service.states import DeviceState
-
-Label = Annotated[str, StringConstraints(max_length=200)]
 
 
 class Document(BaseModel):
@@ -19,11 +29,18 @@ class Document(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
 
+def shown(*examples: Any) -> ConfigDict:
+    """A document's configuration with examples that its description shows."""
+    return ConfigDict(json_schema_extra={"examples": list(examples)})
+
+
 Next = Field(None, description="`cursor` of the next page; None after the last.")
 
 
 class JobDocument(Document):
     """Something that takes long."""
+
+    model_config = shown(JOB)
 
     id: str
     kind: str
@@ -32,7 +49,7 @@ class JobDocument(Document):
     created_utc: str
     progress: float
     result: Any = None
-    problem: dict[str, str] | None = None
+    problem: JobProblem | None = Field(None, description="Its message and hint, where it failed.")
 
 
 class JobList(Document):
@@ -48,10 +65,10 @@ Parameter = Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z_.]{1,40}$")]
 class CalibrationOptions(Document):
     """How a calibration is computed; what is left out is as `grabberd calibrate` has it."""
 
-    weights: Literal["honest", "equal"] | None = Field(
+    weights: Weights | None = Field(
         None, description="By every mean's own σ (default), or equal ones, the paper's option."
     )
-    frame: Literal["weighted", "held"] | None = Field(
+    frame: FrameTreatment | None = Field(
         None, description="Calibration-frame points by their σ (default), or held."
     )
     shared: bool | list[Parameter] | None = Field(
@@ -65,22 +82,28 @@ class CalibrationOptions(Document):
     local_field: bool | None = Field(
         None, description="Whether a smooth field of residuals may be added to the model."
     )
-    handedness: Literal[-1, 1] | None = Field(None, description="Of both views; default: it is found.")
+    handedness: Handedness | None = Field(None, description="Of both views; default: it is found.")
 
 
 class CalibrationOrder(Document):
     """A calibration to be made from a capture of the calibration frame, or a complete one to be stored."""
 
+    model_config = shown(
+        {
+            "capture": "20260301T093000125Z-barn",
+            "calibration_frame": "paper-108",
+            "note": "after the lens was cleaned",
+        }
+    )
+
     capture: str | None = Field(None, max_length=80, description="Id of a capture of the calibration frame.")
-    calibration_frame: str | dict[str, Any] | None = Field(
+    calibration_frame: str | JsonObject | None = Field(
         None,
         description="Name of a calibration frame that comes with the program, or its document; "
         "not needed where there is one.",
     )
     options: CalibrationOptions | None = Field(None, description="How it is computed.")
-    document: dict[str, Any] | None = Field(
-        None, description="A complete calibration, in place of a capture."
-    )
+    document: JsonObject | None = Field(None, description="A complete calibration, in place of a capture.")
     device: str | None = Field(
         None, description="Whose calibration it is; default: the capture's. Not needed where there is one."
     )
@@ -98,6 +121,8 @@ class CalibrationOrder(Document):
 class CalibrationChoice(Document):
     """The calibration that a device is to measure with."""
 
+    model_config = shown({"id": "20260301T094211003Z"})
+
     id: str = Field(max_length=200)
     device: str | None = Field(None, description="Name of the device; not needed where there is one.")
 
@@ -107,12 +132,12 @@ class CalibrationRow(Document):
 
     id: str
     device: str
-    origin: Literal["capture", "import", "configuration"] | None
+    origin: CalibrationOrigin | None
     created_utc: str | None
     source: str | None
     sigma0_px: float | None
-    glass: dict[str, float] | None
-    image: dict[str, int] | None
+    glass: Glass | None
+    image: ImageSize | None
     active: bool = Field(description="A device measures with it.")
     note: str
     capture: str | None = Field(description="The capture it was made from.")
@@ -152,7 +177,7 @@ class LiveDocument(Document):
     blobs: int
     points: int
     residual_px: float | None
-    latency_ms: dict[str, float] | None
+    latency_ms: Latency | None
 
 
 class RigDocument(Document):
@@ -181,7 +206,7 @@ class DeviceDocument(Document):
     cause: str | None
     hint: str | None = Field(description="What can be done about the cause.")
     driver: str
-    stream: dict[str, Any] | None
+    stream: JsonObject | None
     signal: str
     fields: dict[Outcome, int]
     openings: int

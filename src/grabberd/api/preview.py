@@ -20,7 +20,10 @@ DeviceOf = Annotated[str | None, Query(max_length=32, description="Name of the d
 
 
 @router.get(
-    "/preview.png", response_class=Response, responses={**PROBLEMS, 200: {"content": {"image/png": {}}}}
+    "/preview.png",
+    response_class=Response,
+    responses={**PROBLEMS, 200: {"content": {"image/png": {}}}},
+    summary="The newest field as a picture",
 )
 def get_preview_png(service: ServiceOf, request: Request, device: DeviceOf = None) -> Response:
     """The newest field in 8 bits, its lines as they came; a new one five times a second at most."""

@@ -10,10 +10,11 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 
 from grabberd import errors
+from grabberd.api.examples import PROBLEM
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +34,9 @@ STATUS: dict[type[errors.GrabberdError], HTTPStatus] = {
 class Problem(BaseModel):
     """A problem document; `hint` says what to do."""
 
-    type: str = Field(examples=["urn:grabberd:problem:capture-running"])
+    model_config = ConfigDict(json_schema_extra={"examples": [PROBLEM]})
+
+    type: str = Field(description="Its kind, for programs.")
     title: str
     status: int
     detail: str

@@ -1,7 +1,7 @@
 """The command line: one file a command; what they do stands in the rooms below.
 
-Exit codes: 0 done; 1 it failed, the message says why; 2 the command line is wrong; 78 the configuration is
-wrong.
+Exit codes: 0 done; 1 it failed, the message says why; 2 the command line is wrong; 74 the daemon cannot
+write its disk; 78 the configuration is wrong.
 """
 
 import os
@@ -9,6 +9,7 @@ import sys
 
 from grabberd.errors import ConfigError, GrabberdError
 
+EX_IOERR = 74
 EX_CONFIG = 78
 
 
@@ -21,5 +22,10 @@ def main() -> None:
     try:
         app()
     except GrabberdError as error:
-        print(f"grabberd: {error.message}\nhint: {error.hint}", file=sys.stderr)
+        complain(error)
         sys.exit(EX_CONFIG if isinstance(error, ConfigError) else 1)
+
+
+def complain(error: GrabberdError) -> None:
+    """Says on the terminal, or in the journal, what failed and what to do."""
+    print(f"grabberd: {error.message}\nhint: {error.hint}", file=sys.stderr)

@@ -7,6 +7,7 @@ import typer
 from grabberd import __version__
 from grabberd.cli import (
     accuracy,
+    analyse,
     backup,
     calibrate,
     capture,
@@ -17,10 +18,12 @@ from grabberd.cli import (
     export,
     measure,
     plan,
+    render,
     serve,
     status,
     storage,
     token,
+    trigger,
 )
 
 app = typer.Typer(
@@ -52,12 +55,15 @@ for command in (
     serve,
     status,
     capture,
+    trigger,
     calibrate,
     measure,
     accuracy,
+    analyse,
     check,
     plan,
     export,
+    render,
     devices,
     diagnostics,
     token,

@@ -10,6 +10,7 @@ import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from grabberd.cli.options import (
+    DEFAULT_URL,
     ConfigOption,
     JsonOption,
     TokenFileOption,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from grabberd.service.session import CaptureSession
 
 POLL_S = 0.05
+FIELD_S = 0.02
 OPEN_TIMEOUT_S = 10.0
 
 
@@ -53,6 +55,16 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     ] = None,
     note: Annotated[str, typer.Option(help="A note that stays with the capture.")] = "",
     label: Annotated[list[str] | None, typer.Option(help="KEY=VALUE, e.g. cow=112; may be repeated.")] = None,
+    armed: Annotated[
+        bool,
+        typer.Option(
+            "--armed", help="Wait in the daemon for 'grabberd trigger'; the length counts from there."
+        ),
+    ] = False,
+    pre_trigger: Annotated[
+        int,
+        typer.Option(min=0, help="Fields before the start, or trigger, that belong to it: from the ring."),
+    ] = 0,
     url: Annotated[
         str | None, typer.Option("--url", help="Let the daemon at this address do it.", envvar="GRABBERD_URL")
     ] = None,
@@ -62,16 +74,30 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     """Record fields and measure them into one file; Ctrl-C ends a capture without a length.
 
     Example: grabberd capture --config configs/fake.yaml --fields 64 --out liner.grab
+
+    Example: grabberd capture --url http://127.0.0.1:8050 --duration-s 60 --label cow=112 --out 112.grab
+
+    Example: grabberd capture --armed --pre-trigger 25 --fields 500 --out slip.grab
     """
-    order = _order(fields, duration, bits, lines, on_interruption, note, label or [])
+    order = _order(
+        {
+            **_lengths(fields, duration, armed=armed),
+            "pre_trigger_fields": pre_trigger,
+            "bits": bits,
+            "lines": lines,
+            "on_interruption": on_interruption,
+            "note": note,
+        },
+        label or [],
+    )
     if not out.parent.is_dir():
         raise StorageError(f"there is no folder {out.parent}", "make it, or name another file")
     if out.exists():
         raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
-    if url:
-        from grabberd.cli.remote import capture_through  # noqa: PLC0415
+    if url or armed:
+        from grabberd.cli.remote_capture import capture_through  # noqa: PLC0415
 
-        document = capture_through(url, device, order, out, token_file)
+        document = capture_through(url or DEFAULT_URL, device, order, out, token_file)
     else:
         document = _capture_here(load(config), config, device, order, out)
     if json:
@@ -83,15 +109,18 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         typer.echo(f"{out}: {document['fields']} fields, {words}")
 
 
-def _order(
-    fields: int | None,
-    duration_s: float | None,
-    bits: int | None,
-    lines: str | None,
-    on_interruption: str | None,
-    note: str,
-    labels: list[str],
-) -> dict[str, Any]:
+def _lengths(fields: int | None, duration_s: float | None, *, armed: bool) -> dict[str, Any]:
+    """An armed capture's length counts from its trigger on."""
+    if not armed:
+        return {"fields": fields, "duration_s": duration_s}
+    if fields is not None and duration_s is not None:
+        raise typer.BadParameter("give --fields or --duration-s, not both")
+    if duration_s is not None:
+        fields = max(1, round(duration_s / FIELD_S))
+    return {"armed": True, "post_trigger_fields": fields}
+
+
+def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
     """The capture as the API takes it, with what is wrong said in the command line's words."""
     from pydantic import ValidationError  # noqa: PLC0415
 
@@ -100,17 +129,9 @@ def _order(
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
         raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
-    values: dict[str, Any] = {
-        "fields": fields,
-        "duration_s": duration_s,
-        "bits": bits,
-        "lines": lines,
-        "on_interruption": on_interruption,
-        "note": note,
-    }
-    values["labels"] = {key: value for key, _, value in pairs}
     try:
-        return CaptureOrder.model_validate(values).model_dump(exclude_none=True)
+        order = {**values, "labels": {key: value for key, _, value in pairs}}
+        return CaptureOrder.model_validate(order).model_dump(exclude_none=True)
     except ValidationError as error:
         faults = "; ".join(
             f"{'.'.join(str(part) for part in fault['loc']) or 'capture'}: {fault['msg']}"

@@ -11,6 +11,8 @@ class Format(StrEnum):
     """What can be written."""
 
     CSV = "csv"
+    PLY = "ply"
+    PARQUET = "parquet"
     PNG = "png"
 
 
@@ -23,17 +25,28 @@ def export(
     capture: Annotated[Path, typer.Argument(help="A capture file, NAME.grab.")],
     out: Annotated[Path, typer.Option("--out", "-o", help="A new or empty folder.")],
     format: Annotated[
-        Format, typer.Option(help="csv: the points; png: the fields as pictures.")
+        Format,
+        typer.Option(help="csv, parquet: the points; ply: as a cloud; png: the fields as pictures."),
     ] = Format.CSV,
     run: Annotated[int | None, typer.Option(min=1, help="Which run's points; default: the latest.")] = None,
+    field: Annotated[int | None, typer.Option(min=0, help="Of ply: only this field's; default: all.")] = None,
 ) -> None:
     """Write a capture's points or pictures into a folder.
 
     Example: grabberd export liner.grab --format csv --out liner-points
-    """
-    from grabberd.storage.export import export_csv, export_png  # noqa: PLC0415
 
-    if format is Format.CSV:
-        typer.echo(f"{out}/points.csv: {export_csv(capture, out, run)} points")
-    else:
-        typer.echo(f"{out}: {export_png(capture, out)} pictures and fields.csv")
+    Example: grabberd export liner.grab --format ply --field 25 --out open-liner
+    """
+    from grabberd.storage import export as exports  # noqa: PLC0415
+
+    if field is not None and format is not Format.PLY:
+        raise typer.BadParameter("one field is for ply alone", param_hint="--field")
+    match format:
+        case Format.CSV:
+            typer.echo(f"{out}/points.csv: {exports.export_csv(capture, out, run)} points")
+        case Format.PARQUET:
+            typer.echo(f"{out}/points.parquet: {exports.export_parquet(capture, out, run)} points")
+        case Format.PLY:
+            typer.echo(f"{out}/points.ply: {exports.export_ply(capture, out, run, field)} points")
+        case Format.PNG:
+            typer.echo(f"{out}: {exports.export_png(capture, out)} pictures and fields.csv")

@@ -8,7 +8,6 @@ import http.client
 import json
 import os
 import shutil
-import time
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -16,11 +15,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from grabberd.cli.options import warn
 from grabberd.errors import GrabberdError, InputError, NotReady
 
 TIMEOUT_S = 15.0
-POLL_S = 0.2
 TOKEN_VARIABLE = "GRABBERD_TOKEN"  # noqa: S105 - its name
 HINT = "it holds one line, as 'grabberd token add' prints it"
 
@@ -94,23 +91,3 @@ def _refusal(error: urllib.error.HTTPError) -> GrabberdError:
         return GrabberdError(problem["detail"], problem["hint"])
     except (ValueError, KeyError, TypeError):
         return GrabberdError(f"the daemon answered {error.code} {error.reason}", "is it a grabberd?")
-
-
-def capture_through(
-    url: str, device: str | None, order: dict[str, Any], out: Path, token_file: Path | None = None
-) -> dict[str, Any]:
-    """Has the daemon make a capture of given length, and copies its file.
-
-    Raises:
-        GrabberdError: what the daemon says is wrong.
-    """
-    if "fields" not in order and "duration_s" not in order:
-        raise NotReady("a capture through the daemon needs a length here", "give --fields or --duration-s")
-    started = ask(url, "/api/v1/captures", "POST", {**order, "device": device}, token_file)
-    warn(ask(url, f"/api/v1/devices/{started['device']}", token_file=token_file)["warnings"])
-    document = started
-    while document["state"] in ("recording", "sealing"):
-        time.sleep(POLL_S)
-        document = ask(url, f"/api/v1/captures/{started['id']}", token_file=token_file)
-    download(url, f"/api/v1/captures/{started['id']}/file", out, token_file)
-    return dict(document)

@@ -7,8 +7,10 @@ from typing import Annotated
 
 import typer
 
+from grabberd.cli import EX_IOERR, complain
 from grabberd.cli.options import ConfigOption, load
 from grabberd.config import default_config_file
+from grabberd.errors import StorageError
 
 SWITCH_INTERVAL_S = 0.001
 """The capture thread must not wait five milliseconds for the interpreter."""
@@ -37,12 +39,14 @@ def serve(
     from grabberd.api.front import Front  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
+    from grabberd.service.memory import keep_freed_memory  # noqa: PLC0415
     from grabberd.service.notify import Notifier  # noqa: PLC0415
     from grabberd.service.service import Service  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
     notifier = Notifier.from_environment(os.environ)
     sys.setswitchinterval(SWITCH_INTERVAL_S)
+    keep_freed_memory()
     set_up_logging()
     settings = load(config)
     file: Path = config or default_config_file()
@@ -52,9 +56,15 @@ def serve(
     listening = sockets.inherited(os.environ) or sockets.bind(
         host or http.host, http.port if port is None else port
     )
-    service.access.open()
-    sockets.check_private(listening, service.access.has_tokens, file)
-    service.start()  # before the server, so that what keeps it from starting is said plainly
+    try:
+        service.access.open()
+        sockets.check_private(listening, service.access.has_tokens, file)
+        service.start()  # before the server, so that what keeps it from starting is said plainly
+    except StorageError as error:
+        if error.__cause__ is None:  # not the disk's fault: another program has the folder, and will let go
+            raise
+        complain(error)
+        raise typer.Exit(EX_IOERR) from error
     front = Front.from_config(http, all(map(sockets.is_private, listening)))
     heartbeat = Heartbeat(notifier, [one.board for one in service.instruments.values()])
     server = serving.server_of(create_app(service, front), front, context, heartbeat)

@@ -1,5 +1,6 @@
 """`grabberd token`: who may use the daemon."""
 
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -7,6 +8,7 @@ import typer
 from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.roles import Role
 
 if TYPE_CHECKING:
@@ -32,16 +34,23 @@ def add(
     role: Annotated[
         Role, typer.Option(help="viewer looks; operator captures and calibrates; admin may do everything.")
     ],
+    days: Annotated[
+        int | None, typer.Option(min=1, max=3650, help="It expires after so many days; default: never.")
+    ] = None,
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
     """Make a token and print it: this once, as only its hash is kept.
 
     Example: grabberd token add tablet-north --role operator
+
+    Example: grabberd token add visitor --role viewer --days 7
     """
-    secret = _access(config).add(name, role)
+    access = _access(config)
+    secret = access.add(name, role, None if days is None else timedelta(days=days))
     if json:
-        print_json({"name": name, "role": role, "token": secret})
+        expires_utc = next(row.expires_utc for row in access.list() if row.name == name)
+        print_json({"name": name, "role": role, "token": secret, "expires_utc": expires_utc})
         return
     typer.echo("This token is shown only now; keep it as you keep a password:", err=True)
     typer.echo(secret)
@@ -57,9 +66,12 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     if json:
         print_json([row._asdict() for row in rows])
         return
-    table = Table("name", "role", "made", "sessions")
+    now_utc = iso_utc(SystemClock().utc_now())
+    table = Table("name", "role", "made", "good until", "sessions")
     for row in rows:
-        table.add_row(row.name, row.role, row.created_utc, str(row.sessions))
+        table.add_row(
+            row.name, row.role, row.created_utc, _until(row.expires_utc, now_utc), str(row.sessions)
+        )
     console.print(table)
 
 
@@ -71,6 +83,12 @@ def remove(name: NameArgument, config: ConfigOption = None) -> None:
     """
     _access(config).remove(name)
     typer.echo(f"token {name} and its sessions have ended")
+
+
+def _until(expires_utc: str | None, now_utc: str) -> str:
+    if expires_utc is None:
+        return "removed"
+    return f"{expires_utc} (expired)" if expires_utc <= now_utc else expires_utc
 
 
 def _access(config: Path | None) -> "Access":

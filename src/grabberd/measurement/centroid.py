@@ -7,7 +7,7 @@ import numpy as np
 from grabberd.field import PackedField, unpack
 from grabberd.measurement.background import Background, background_of
 from grabberd.measurement.locator import Located, Seen
-from grabberd.measurement.shapes import binary_centres, grey_centres
+from grabberd.measurement.shapes import grey_centres
 from grabberd.measurement.sigma import binary_sigma_px, grey_sigma_px
 
 SAMPLED_EVERY_PX = 32
@@ -20,8 +20,7 @@ def locate_by_centroid(seen: Seen) -> Located:
 
 
 def _binary(seen: Seen) -> Located:
-    centres = binary_centres(seen.runs, seen.label, len(seen.shapes))
-    return Located(centres, binary_sigma_px(seen.area_px, seen.packed.y_step))
+    return Located(seen.centroids, binary_sigma_px(seen.area_px, seen.packed.y_step))
 
 
 def _grey(seen: Seen) -> Located:

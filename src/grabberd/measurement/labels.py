@@ -7,6 +7,9 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.runs import Runs
 
+SHORT = 1 << 16
+"""Values below this are sorted by their digits."""
+
 
 class _Above(NamedTuple):
     """Of every run, what touches it in the row above.
@@ -41,15 +44,27 @@ def label_runs(runs: Runs) -> tuple[NDArray[np.int64], int]:
     return (np.cumsum(is_root) - 1)[parent], int(np.count_nonzero(is_root))
 
 
+def by_component(runs: Runs) -> tuple[Runs, NDArray[np.int64], int]:
+    """The runs ordered by component, row and column, with the component of each, and how many there are."""
+    label, count = label_runs(runs)
+    order = short(label, count).argsort(kind="stable")
+    return runs.taken(order), label[order], count
+
+
+def short(values: NDArray[np.int64], end: int) -> NDArray[np.integer]:
+    """The same values, all from 0 to below `end`, in a type that is sorted in a sixth of the time."""
+    return values.astype(np.uint16) if end <= SHORT else values
+
+
 def _neighbours_above(runs: Runs) -> _Above:
     stride = int(runs.last.max(initial=0)) + 3
-    before = (runs.row - 1) * stride
-    start, end = runs.row * stride + runs.first, runs.row * stride + runs.last
-    reach = before + runs.last + 1
-    first = np.searchsorted(end, before + runs.first - 1)
+    place = runs.row * stride
+    start, end = place + runs.first, place + runs.last
+    reach = end - (stride - 1)
+    first = end.searchsorted(start - (stride + 1))
     start_or_none = np.append(start, np.iinfo(np.int64).max)
-    several = np.flatnonzero(start_or_none[first + 1] <= reach)
-    touching = np.searchsorted(start, reach[several], side="right") - first[several]
+    several = (start_or_none[first + 1] <= reach).nonzero()[0]
+    touching = start.searchsorted(reach[several], side="right") - first[several]
     return _Above(first, start_or_none[first] <= reach, several, touching)
 
 
@@ -57,7 +72,7 @@ def _roots(parent: NDArray[np.int64]) -> NDArray[np.int64]:
     """Every run's root, where each points to an earlier run or to itself; chains halve with every step."""
     while True:
         further = parent[parent]
-        if np.array_equal(further, parent):
+        if (further == parent).all():
             return parent
         parent = further
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.banded import band_of, factor, half_solve, solve
 from grabberd.measurement.locator import Chords
+from grabberd.measurement.medians import median
 
 LEAN = 0.1
 """Standard deviation of a_i, columns a frame line, at least: where too small, leans leak into the shifts."""
@@ -28,6 +29,7 @@ MEDIAN_OF_SQUARES = 0.455
 """Of normally distributed numbers of variance 1; wild blobs do not move it."""
 OUTLYING = 4.0
 """Chords more standard deviations away count as if they were less sure, so that they do no harm."""
+TINY = float(np.finfo(np.float64).tiny)
 ASKED_BESIDE = 8
 """How far the common error reaches is asked of one blob in so many."""
 
@@ -80,16 +82,16 @@ def _from_the_surest(chords: Chords) -> Array:
     return chords.centre - np.take_along_axis(chords.centre, surest, axis=1)
 
 
-def unsolved(chords: Chords, jitter_px: float) -> LineShifts:
-    """What line jitter does to x while the shifts are not solved for."""
-    common = jitter_px**2 * (chords.share**2).sum(axis=1)
-    beside = jitter_px**2 * (chords.share[:, 1:] * chords.share[:, :-1]).sum(axis=1)
+def unsolved(share: Array, jitter_px: float) -> LineShifts:
+    """What line jitter does to x while the shifts are not solved for; `share` as of `Chords`."""
+    common = jitter_px**2 * (share * share).sum(axis=1)
+    beside = jitter_px**2 * (share[:, 1:] * share[:, :-1]).sum(axis=1)
     return LineShifts(np.zeros(len(common)), np.sqrt(common), _reach_px(common, beside), jitter_px)
 
 
 def _reach_px(common: Array, beside: Array) -> float:
     """Of the error's variance, and its covariance with what a blob one line further down would have."""
-    correlation = float(np.median(beside / np.maximum(common, np.finfo(np.float64).tiny)))
+    correlation = median(beside / np.maximum(common, TINY))
     return LINES_APART / math.sqrt(-2.0 * math.log(min(max(correlation, 0.05), 0.99)))
 
 
@@ -185,7 +187,7 @@ def _solver(weight: Array, beside: Array, lean: float) -> Array:
     """(N, 2, h) least squares for a straight line whose slope is near 0; nothing where nothing weighs."""
     tilted = weight * beside
     a, b, c = weight.sum(axis=1), tilted.sum(axis=1), (tilted * beside).sum(axis=1) + lean**-2
-    scale = 1.0 / np.maximum(a * c - b * b, np.finfo(np.float64).tiny)
+    scale = 1.0 / np.maximum(a * c - b * b, TINY)
     x = c[:, np.newaxis] * weight - b[:, np.newaxis] * tilted
     lean = a[:, np.newaxis] * tilted - b[:, np.newaxis] * weight
     solver: Array = np.stack([x, lean], axis=1) * scale[:, np.newaxis, np.newaxis]

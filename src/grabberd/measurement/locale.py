@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from grabberd.measurement.locale_model import Appearance
 from grabberd.measurement.locale_patterns import Patterns, patterns_of
-from grabberd.measurement.locale_posterior import Posterior, evidence_of, likelihoods
-from grabberd.measurement.locale_table import Extent, table
+from grabberd.measurement.locale_posterior import Entries, Posterior, evidence_of, likelihoods
+from grabberd.measurement.locale_table import Grid, table
 from grabberd.measurement.locator import Located, Seen, meant_for
-from grabberd.measurement.shapes import binary_centres
+from grabberd.measurement.medians import median
 from grabberd.measurement.sigma import binary_sigma_px
 
 Array = NDArray[np.float64]
@@ -47,15 +47,15 @@ def locate_by_locale(seen: Seen) -> Located:
         InputError: a field of more than 1 bit.
     """
     meant_for(seen, "locale", (1,))
-    centres = binary_centres(seen.runs, seen.label, len(seen.shapes))
+    centres = seen.centroids.copy()
     sigma_px = binary_sigma_px(seen.area_px, seen.packed.y_step)
     patterns = patterns_of(seen, centres)
     if not patterns.kinds:
         return Located(centres, sigma_px)
     spread_px, jitter_px = seen.settings.spread_px, seen.settings.line_jitter_px
     look = Appearance(1.0, 1.0, patterns.fraction, NOISES[0], spread_px, jitter_px, seen.packed.y_step)
-    found = _posterior(patterns, look._replace(noise=_likeliest_noise(patterns, look)))
-    explained = found.evidence > np.median(found.evidence) - UNEXPLAINED
+    found = _posterior(patterns, look)
+    explained = found.evidence > median(found.evidence) - UNEXPLAINED
     blob = patterns.blob[explained]
     stretched = patterns.stretched[explained]
     from_middle_px = found.from_middle_px[explained] / stretched
@@ -74,18 +74,21 @@ def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:
     return JITTER_OF_ENDS[seen.packed.y_step] * common
 
 
-def _likeliest_noise(patterns: Patterns, look: Appearance) -> float:
-    """The one of `NOISES` that explains blobs of the most frequent kind best."""
-    kind, blobs = patterns.kinds[0], min(patterns.blobs[0], NOISE_BLOBS)
-    tables = [table(look.of_size(*kind)._replace(noise=noise), Extent.around(*kind)) for noise in NOISES]
-    cuts = patterns.cuts.repeated(blobs, len(NOISES))
-    evidence = evidence_of(likelihoods(tables, [blobs] * len(NOISES), cuts)).reshape(len(NOISES), blobs)
-    # What is no target counts for little.
-    least = np.median(evidence, axis=1, keepdims=True) - UNEXPLAINED
-    return NOISES[int(np.maximum(evidence, least).sum(axis=1).argmax())]
-
-
 def _posterior(patterns: Patterns, look: Appearance) -> Posterior:
-    extent = Extent.around(*np.max(patterns.kinds, axis=0))
-    tables = [table(look.of_size(*kind), extent) for kind in patterns.kinds]
-    return Posterior.of(likelihoods(tables, patterns.blobs, patterns.cuts), look.y_step)
+    """With the noise that explains the field's blobs best."""
+    grids = [Grid.of(*kind, look.y_step) for kind in patterns.kinds]
+    entries = Entries.of(patterns.cuts, grids, patterns.blobs)
+    blobs = min(patterns.blobs[0], NOISE_BLOBS)
+    noise = _likeliest_noise(look.of_size(*patterns.kinds[0]), blobs, entries.first(blobs))
+    look = look._replace(noise=noise)
+    tables = [table(look.of_size(*kind)) for kind in patterns.kinds]
+    return Posterior.of(likelihoods(tables, patterns.blobs, entries), look.y_step)
+
+
+def _likeliest_noise(look: Appearance, blobs: int, entries: Entries) -> float:
+    """The one of `NOISES` that explains blobs of the most frequent kind best."""
+    tables = (table(look._replace(noise=noise)) for noise in NOISES)
+    evidence = np.array([evidence_of(likelihoods([one], [blobs], entries)) for one in tables])
+    # What is no target counts for little.
+    least = np.array([[median(one)] for one in evidence]) - UNEXPLAINED
+    return NOISES[int(np.maximum(evidence, least).sum(axis=1).argmax())]

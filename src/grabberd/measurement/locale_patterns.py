@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.measurement.labels import short
 from grabberd.measurement.locale_sizes import (
     NOMINAL_FRACTION,
     Sizes,
@@ -54,14 +55,6 @@ class Cuts(NamedTuple):
     end: Whole
     phase: Whole
 
-    def repeated(self, blobs: int, times: int) -> "Cuts":
-        """Those of so many blobs from the first, several times over."""
-        rows = int(self.first[blobs]) if blobs < len(self.first) else len(self.row)
-        begin = np.repeat(np.arange(times) * rows, blobs)
-        interpolated, row, start, end = (np.tile(values[:rows], times) for values in self[1:5])
-        first, phase = (np.tile(values[:blobs], times) for values in (self.first, self.phase))
-        return Cuts(begin + first, interpolated, row, start, end, phase)
-
 
 class Patterns(NamedTuple):
     """All blobs of a field that may be targets, those of a kind together.
@@ -92,33 +85,39 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
         centres: (N, 2) float64, the centroids of its N components, columns and rows.
     """
     packed = seen.packed
-    whole = seen.of_size & ~seen.shapes.touch_border(packed.rows, packed.columns)
+    whole = seen.low & ~seen.shapes.touch_border(packed.rows, packed.columns)
     moments = moments_of(packed, seen.runs, seen.label, centres)
     sizes = sizes_of(moments, whole, centres, packed)
     fraction = NOMINAL_FRACTION
     if packed.y_step == 1:
         fraction = threshold_fraction(seen.shapes.pixels, moments, sizes, whole, seen.settings.spread_px)
-    blob, kinds, count = _by_kind(np.flatnonzero(whole), sizes)
+    blob, kinds, count = _by_kind(whole.nonzero()[0], sizes)
     steps = np.array([STEPS_X, STEPS_Y * packed.y_step])
     before = np.array([0, first_row(packed)])
     middle = np.rint((centres[blob] - before) * steps).astype(np.int64)
     wanted = np.repeat(kinds, count, axis=0).reshape(-1, 2)
-    stretched = wanted / np.stack(sizes[:2], axis=1)[blob]
+    stretched = wanted / np.array(sizes[:2]).T[blob]
     cuts = _cuts(seen, blob, middle, stretched, sizes.lean[blob])
     return Patterns(blob, middle / steps + before, stretched, kinds, count, cuts, fraction)
 
 
 def _by_kind(blob: Whole, sizes: Sizes) -> tuple[Whole, list[Kind], list[int]]:
     """The blobs with those of a kind together, the kinds, and how many blobs each has."""
-    steps = np.rint(np.stack(sizes[:2], axis=1)[blob] / ROUNDED_PX)
-    _, some, kind, count = np.unique(
-        steps @ (1e3, 1.0), return_index=True, return_inverse=True, return_counts=True
+    width, height = (
+        np.rint(axis[blob] / rounded_px).astype(np.int64)
+        for axis, rounded_px in zip(sizes[:2], ROUNDED_PX, strict=True)
     )
-    by_count = np.argsort(-count, kind="stable")
-    rank = np.empty_like(by_count)
+    heights = int(height.max(initial=0)) + 1
+    code = width * heights + height
+    count = np.bincount(code)
+    by_count = np.argsort(-count, kind="stable")[: np.count_nonzero(count)]
+    rank = np.empty(len(count), np.int64)
     rank[by_count] = np.arange(len(by_count))
-    kinds = [Kind(*values) for values in (steps[some[by_count]] * ROUNDED_PX).tolist()]
-    return blob[np.argsort(rank[kind], kind="stable")], kinds, count[by_count].tolist()
+    wide, high = np.divmod(by_count, heights)
+    half_axes = zip((ROUNDED_PX[0] * wide).tolist(), (ROUNDED_PX[1] * high).tolist(), strict=True)
+    kinds = [Kind(*one) for one in half_axes]
+    order = short(rank[code], len(by_count)).argsort(kind="stable")
+    return blob[order], kinds, count[by_count].tolist()
 
 
 def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array) -> Cuts:
@@ -126,22 +125,24 @@ def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array)
     number = np.full(len(seen.shapes), len(blob))
     number[blob] = np.arange(len(blob))
     of_run = number[seen.label]
-    run = np.argsort(of_run, kind="stable")[: np.count_nonzero(of_run < len(blob))]
-    of, row, last = of_run[run], seen.runs.row[run], seen.runs.last[run]
+    run = short(of_run, len(blob) + 1).argsort(kind="stable")[: np.count_nonzero(of_run < len(blob))]
+    of, row, first, last = of_run[run], seen.runs.row[run], seen.runs.first[run], seen.runs.last[run]
     # What is empty between two runs of a row is taken for set: no target has such rows.
-    new = np.flatnonzero((np.diff(of, prepend=-1) != 0) | (np.diff(row, prepend=-1) != 0))
-    before, after = seen.runs.first[run][new], last[np.append(new[1:] - 1, -1)[: len(new)]] + 1
-    of, row = of[new], row[new]
-    (x, y), (wider, higher) = middle[of].T, stretched[of].T
+    same = (of[1:] == of[:-1]) & (row[1:] == row[:-1])
+    if same.any():
+        new = np.flatnonzero(np.append(True, ~same))
+        of, row, first, last = of[new], row[new], first[new], last[np.append(new[1:] - 1, -1)]
+    begin = np.cumsum(np.bincount(of, minlength=len(blob)))
+    x, y, wider, higher, leaning = np.array([*middle.T, *stretched.T, lean])[:, of]
     down = (row - first_row(seen.packed)) * (seen.packed.y_step * STEPS_Y) - y
-    origin = x + HALF + lean[of] * down * (STEPS_X / STEPS_Y)
+    origin = x + HALF + leaning * down * (STEPS_X / STEPS_Y)
     # A pixel's own place is a whole number; what is stretched is its edge, half a pixel before.
     start, end = (
-        np.rint((edge * STEPS_X - origin) * wider + HALF).astype(np.int64) for edge in (before, after)
+        np.rint((edge * STEPS_X - origin) * wider + HALF).astype(np.int64) for edge in (first, last + 1)
     )
     return Cuts(
-        first=np.searchsorted(of, np.arange(len(blob))),
-        interpolated=(~is_delivered(seen.packed, row)).astype(np.int64),
+        first=np.append(0, begin[:-1])[: len(blob)],
+        interpolated=1 - is_delivered(seen.packed, row).astype(np.int64),
         row=np.rint(down * higher).astype(np.int64),
         start=start,
         end=end,

@@ -1,17 +1,18 @@
 """What the bits of blobs say of their places."""
 
 from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from grabberd.measurement.locale_patterns import Cuts
-from grabberd.measurement.locale_table import Table, offsets
+from grabberd.measurement.locale_table import Grid, Table, moments
 
 Array = NDArray[np.float64]
 Single = NDArray[np.float32]
+Whole = NDArray[np.int64]
 
 
 class Posterior(NamedTuple):
@@ -29,12 +30,13 @@ class Posterior(NamedTuple):
     @classmethod
     def of(cls, likelihood: Single, y_step: int) -> "Posterior":
         """From the log likelihoods (M, G) of all places, each as likely before."""
-        places = np.stack(offsets(y_step))
-        moments = np.concatenate([np.ones_like(places[:1]), places, places * places])
         greatest, weight = _weights(likelihood)
-        total, *sums = (weight @ moments.T).T.astype(np.float64)
-        mean, squares = np.split(np.stack(sums, axis=1) / total[:, np.newaxis], 2, axis=1)
-        return cls(mean, squares - mean * mean, greatest + np.log(total))
+        sums = (weight @ moments(y_step)).astype(np.float64)
+        total = sums[:, 0]
+        means = sums[:, 1:] / total[:, np.newaxis]
+        mean = means[:, :2]
+        evidence = greatest.astype(np.float64) + np.log(total)
+        return cls(mean, means[:, 2:] - mean * mean, evidence)
 
 
 def evidence_of(likelihood: Single) -> Array:
@@ -50,37 +52,59 @@ def _weights(likelihood: Single) -> tuple[Single, Single]:
     return greatest, np.exp(weight, out=weight)
 
 
-def likelihoods(tables: Sequence[Table], blobs: Sequence[int], cuts: Cuts) -> Single:
+class Entries(NamedTuple):
+    """Where in the tables of their kinds M blobs are to be looked up.
+
+    Attributes:
+        entry: (M, E) int64, of what is above and below each, and of its rows' starts and ends; what follows
+            of a blob with fewer rows is an entry without a say.
+        rows: of all blobs of a kind that has the most of them.
+    """
+
+    entry: Whole
+    rows: list[int]
+
+    @classmethod
+    def of(cls, cuts: Cuts, grids: Sequence[Grid], blobs: Sequence[int]) -> "Entries":
+        """Of blobs of kinds with these grids: so many are of each, and stand together."""
+        bounds = np.append(cuts.first, len(cuts.row))
+        rows = np.diff(bounds)
+        of_blobs = np.repeat(np.array(grids), blobs, axis=0)
+        of_blob, grid = Grid(*of_blobs.T), Grid(*of_blobs.repeat(rows, axis=0).T)
+        row = grid.row_of(cuts.row)
+        width = 2 * int(rows.max(initial=0)) + 2
+        flat = np.repeat(of_blob.empty, width)
+        place = np.repeat(np.arange(len(rows)) * width - 2 * cuts.first, rows) + 2 * np.arange(
+            1, len(row) + 1
+        )
+        for part, x in enumerate((cuts.start, cuts.end)):
+            flat[place + part] = grid.entry_of_cut(part, cuts.interpolated, x, row)
+        entry = flat.reshape(-1, width)
+        for part, at in enumerate((cuts.first, bounds[1:] - 1)):
+            entry[:, part] = of_blob.entry_of_cap(part, cuts.interpolated[at], cuts.phase, row[at])
+        begin = np.array([0, *accumulate(blobs[:-1])])
+        return cls(entry, np.maximum.reduceat(rows, begin).tolist())
+
+    def first(self, blobs: int) -> "Entries":
+        """Those of the first blobs alone, all of one kind."""
+        return Entries(self.entry[:blobs], self.rows[:1])
+
+
+def likelihoods(tables: Sequence[Table], blobs: Sequence[int], entries: Entries) -> Single:
     """(M, G) log likelihood of M blobs at the places about the middle of each.
 
     Args:
-        tables: of the same extent, one for each kind.
+        tables: one for each kind.
         blobs: how many blobs are of each kind; they stand together.
-        cuts: their rows.
+        entries: theirs in the tables.
     """
-    (right, down), (_, columns, rows, *size) = tables[0].origin, tables[0].ends.shape
-    odd, row = cuts.interpolated, (cuts.row - down).clip(0, rows - 1)
-    start, end = ((one - right).clip(0, columns - 1) for one in (cuts.start, cuts.end))
-    phase = (cuts.phase - right) % tables[0].above.shape[1]
-    bounds = np.append(cuts.first, len(row))
-    first, last = cuts.first, bounds[1:] - 1
-    of_rows = np.empty((len(row), *size), np.float32)
-    caps = np.empty((len(first), *size), np.float32)
-    begin = 0
-    for one, count in zip(tables, blobs, strict=True):
-        own, mine = slice(begin, begin + count), slice(bounds[begin], bounds[begin + count])
-        of_rows[mine] = one.starts[odd[mine], start[mine], row[mine]]
-        of_rows[mine] += one.ends[odd[mine], end[mine], row[mine]]
-        caps[own] = one.above[odd[first[own]], phase[own], row[first[own]]]
-        caps[own] += one.below[odd[last[own]], phase[own], row[last[own]]]
-        begin += count
-    found: Single = caps.reshape(len(caps), -1) + _summed(of_rows.reshape(len(row), -1), bounds)
-    return found
-
-
-def _summed(values: Single, bounds: NDArray[np.int64]) -> Single:
-    """(M, G) sums of the rows (R, G) between bounds (M + 1,): ten times as fast as `np.add.reduceat`."""
-    rows = len(values)
-    ones, shape = np.ones(rows, np.float32), (len(bounds) - 1, rows)
-    summed: Single = csr_array((ones, np.arange(rows), bounds), shape=shape) @ values
-    return summed
+    _, *size = tables[0].windows.shape
+    places = size[0] * size[1]
+    found = np.empty((sum(blobs), 1, places), np.float32)
+    ones, begin = np.ones((1, entries.entry.shape[1]), np.float32), 0
+    for (windows, _), count, rows in zip(tables, blobs, entries.rows, strict=True):
+        end, width = begin + count, 2 * rows + 2
+        looked_up = windows[entries.entry[begin:end, :width]].reshape(count, width, places)
+        np.matmul(ones[:, :width], looked_up, out=found[begin:end])
+        begin = end
+    return found[:, 0]

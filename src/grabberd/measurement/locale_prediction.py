@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from grabberd.measurement.locale import NOISES
 from grabberd.measurement.locale_model import Appearance, light, log_odds
 from grabberd.measurement.locale_patterns import Cuts
-from grabberd.measurement.locale_posterior import Posterior, likelihoods
-from grabberd.measurement.locale_table import STEPS_X, STEPS_Y, Extent, table
+from grabberd.measurement.locale_posterior import Entries, Posterior, likelihoods
+from grabberd.measurement.locale_table import STEPS_X, STEPS_Y, new_table
 
 Array = NDArray[np.float64]
 
@@ -79,8 +79,9 @@ def predicted_sigma_px(scene: Scene, fraction: float) -> tuple[float, float]:
 
 def _variance(scene: Scene, fraction: float, diameter_px: float) -> Array:
     seen = _appearance(scene, fraction, diameter_px)
-    one, cuts = table(seen, Extent.around(*seen[:2])), _cuts(seen)
-    found = Posterior.of(likelihoods([one], [len(cuts.first)], cuts), scene.y_step)
+    one, cuts = new_table(seen), _cuts(seen)
+    blobs = [len(cuts.first)]
+    found = Posterior.of(likelihoods([one], blobs, Entries.of(cuts, [one.grid], blobs)), scene.y_step)
     mean: Array = found.variance_px2.mean(axis=0)
     return mean
 

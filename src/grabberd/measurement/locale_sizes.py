@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 STIFFNESS = 6.0
 """So many blobs' worth of a half's mean hold its surface even where few blobs say otherwise."""
+HELD = np.diag([0.0, 1, 1, 1, 1, 1])
 ROUNDED_PX = 0.15
 """Half axes are rounded to this for how full rows are, so that few are asked about."""
 POINTING_PX2 = (0.009, 0.013)
@@ -55,12 +56,12 @@ def moments_of(packed: PackedField, runs: Runs, label: NDArray[np.int64], centre
     y = (runs.row - centres[label, 1]) * y_step
     within = (length * length - 1) / 12
     sums = (length, length * (x * x + within), length * y * y, length * x * y)
-    return Moments(*(np.bincount(label, values, count).astype(np.float64) for values in sums))
+    return Moments(*(np.asarray(np.bincount(label, values, count), np.float64) for values in sums))
 
 
 def is_delivered(packed: PackedField, row: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Which rows the camera delivered; the others of a doubled field are interpolated."""
-    delivered: NDArray[np.bool_] = (row - packed.parity) % 2 == 0 if packed.y_step == 1 else row >= 0
+    delivered: NDArray[np.bool_] = (row & 1) == packed.parity if packed.y_step == 1 else row >= 0
     return delivered
 
 
@@ -73,7 +74,7 @@ def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packe
         centres: (N, 2) columns and rows.
         packed: the field they are in.
     """
-    xx, yy, xy = _smoothed(np.stack(moments) * counted, centres, packed.columns)
+    xx, yy, xy = _smoothed(np.array(moments) * counted, centres, packed.columns)
     yy = np.maximum(yy + POINTING_PX2[1] * packed.y_step**2, LEAST_PX2)
     across = np.maximum(xx + POINTING_PX2[0] * packed.y_step - xy * xy / yy, LEAST_PX2)
     return Sizes(2 * np.sqrt(across), 2 * np.sqrt(yy), xy / yy)
@@ -82,14 +83,15 @@ def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packe
 def _smoothed(moments: Array, centres: Array, columns: int) -> Array:
     """(3, N) second moments a pixel, from the surfaces over each half through `moments` (4, N)."""
     right = centres[:, 0] >= (columns - 1) / 2
-    weight = moments[0] * np.stack([~right, right])
+    weight = moments[0] * np.array([~right, right])
+    counted = weight > 0
     total = np.maximum(weight.sum(axis=1), 1e-9)
-    blobs = np.maximum(np.count_nonzero(weight, axis=1), 1)
+    blobs = np.maximum(counted.sum(axis=1), 1)
     terms = _terms(centres, weight / total[:, np.newaxis], right.astype(np.int64))
-    held = (STIFFNESS * total / blobs)[:, np.newaxis, np.newaxis] * np.diag([0.0, 1, 1, 1, 1, 1])
+    held = (STIFFNESS * total / blobs)[:, np.newaxis, np.newaxis] * HELD
     held[:, 0, 0] = 1e-9
     normal = (terms * weight[:, np.newaxis]) @ terms.T + held
-    own = moments[1:] * (weight > 0)[:, np.newaxis]
+    own = moments[1:] * counted[:, np.newaxis]
     mean = own.sum(axis=2, keepdims=True) / total[:, np.newaxis, np.newaxis]
     factors = np.linalg.solve(normal, terms @ (own - mean * weight[:, np.newaxis]).swapaxes(1, 2))
     left, other = factors.swapaxes(1, 2) @ terms + mean
@@ -102,7 +104,7 @@ def _terms(centres: Array, share: Array, half: NDArray[np.int64]) -> Array:
     middle = share @ centres
     extent = np.sqrt(np.maximum(share @ (centres * centres) - middle * middle, 1.0))
     x, y = ((centres - middle[half]) / extent[half]).T
-    return np.stack([np.ones_like(x), x, y, x * y, x * x - 1, y * y - 1])
+    return np.array([np.ones_like(x), x, y, x * y, x * x - 1, y * y - 1])
 
 
 def threshold_fraction(
@@ -122,13 +124,15 @@ def threshold_fraction(
     """
     if not counted.any():
         return NOMINAL_FRACTION
-    width, height = (ROUNDED_PX * round(float(np.mean(axis[counted])) / ROUNDED_PX) for axis in sizes[:2])
-    ratios = np.array(fullness((width, height), spread_px))
-    rows = delivered.pixels[counted]
-    prior = PRIOR_BLOBS * rows.mean()
-    interpolated = pixels[counted].sum() - rows.sum()
-    ratio = (interpolated + prior * ratios[FRACTIONS.index(NOMINAL_FRACTION)]) / (rows.sum() + prior)
-    return FRACTIONS[int(np.abs(ratios - ratio).argmin())]
+    sums = np.array([*sizes[:2], delivered.pixels, pixels])[:, counted].sum(axis=1)
+    blobs = int(np.count_nonzero(counted))
+    across, down, of_delivered, of_all = sums.tolist()
+    width, height = (ROUNDED_PX * round(one / blobs / ROUNDED_PX) for one in (across, down))
+    ratios = fullness((width, height), spread_px)
+    prior = PRIOR_BLOBS * of_delivered / blobs
+    prior_interpolated = prior * ratios[FRACTIONS.index(NOMINAL_FRACTION)]
+    ratio = (of_all - of_delivered + prior_interpolated) / (of_delivered + prior)
+    return min(zip(ratios, FRACTIONS, strict=True), key=lambda pair: abs(pair[0] - ratio))[1]
 
 
 @lru_cache(maxsize=64)

@@ -13,7 +13,7 @@ from grabberd.measurement.centroid import locate_by_centroid
 from grabberd.measurement.correlation import locate_by_correlation
 from grabberd.measurement.edge import locate_by_edge
 from grabberd.measurement.interpolation import locate_by_tian_huhns, locate_by_vernier
-from grabberd.measurement.labels import label_runs
+from grabberd.measurement.labels import by_component
 from grabberd.measurement.line_jitter import Steadied, steadied
 from grabberd.measurement.locale import locate_by_locale
 from grabberd.measurement.locator import Located, Locator, Seen
@@ -104,8 +104,7 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
     Returns:
         Blobs in frame pixels, whatever the field's parity and bits; none where nothing exceeds the threshold.
     """
-    runs = find_runs(target_bits(packed))
-    label, count = label_runs(runs)
+    runs, label, count = by_component(find_runs(target_bits(packed)))
     seen = Seen(packed, runs, label, shapes_of(runs, label, count), settings)
     located = LOCATORS[settings.method](seen)
     blobs = _in_frame(seen, located.sigma_px, steadied(seen, located))

@@ -1,6 +1,8 @@
 """What a locator is given, and what it gives back."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -9,20 +11,23 @@ from numpy.typing import NDArray
 from grabberd.errors import InputError
 from grabberd.field import PackedField
 from grabberd.measurement.runs import Runs
-from grabberd.measurement.shapes import Shapes
+from grabberd.measurement.shapes import Shapes, binary_centres
 
 if TYPE_CHECKING:
     from grabberd.measurement.location import LocationSettings
 
 ALL_BUT_THE_TALLEST = 0.95
+TALLEST = 2.0
+"""Blobs taller than this many of the largest diameters are no targets."""
 
 
-class Seen(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Seen:
     """The connected components of one field, N of them, before anyone has located them.
 
     Attributes:
         packed: the field.
-        runs: R runs of pixels above the threshold.
+        runs: R runs of pixels above the threshold, ordered by component, row and column.
         label: (R,) int64, the component of every run.
         shapes: size and extent of every component, in the field's own columns and rows.
         settings: how targets are located.
@@ -34,16 +39,28 @@ class Seen(NamedTuple):
     shapes: Shapes
     settings: "LocationSettings"
 
-    @property
+    @cached_property
     def area_px(self) -> NDArray[np.float64]:
         """(N,) float64, size above the threshold in square frame pixels."""
         return self.shapes.pixels.astype(np.float64) * self.packed.y_step
 
-    @property
+    @cached_property
+    def centroids(self) -> NDArray[np.float64]:
+        """(N, 2) float64 column and row of each centre, every pixel above the threshold weighing the same."""
+        return binary_centres(self.runs, self.label, len(self.shapes))
+
+    @cached_property
     def of_size(self) -> NDArray[np.bool_]:
         """(N,) bool, which are neither too small nor too large for a target."""
         diameter = np.sqrt(4 / np.pi * self.area_px)
         return (diameter >= self.settings.min_diameter_px) & (diameter <= self.settings.max_diameter_px)
+
+    @cached_property
+    def low(self) -> NDArray[np.bool_]:
+        """(N,) bool, which of these are not too tall either: such would cost much, and are no targets."""
+        height_px = (self.shapes.last_row - self.shapes.first_row + 1) * self.packed.y_step
+        low: NDArray[np.bool_] = self.of_size & (height_px <= TALLEST * self.settings.max_diameter_px)
+        return low
 
 
 class Chords(NamedTuple):

@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-ONE, SEVEN = np.uint8(1), np.uint8(7)
+ONE, LAST_BIT = np.uint64(1), np.uint64(63)
+WORD_BYTES, BIG_ENDIAN = 8, np.dtype(">u8")
 
 
 class Runs(NamedTuple):
@@ -20,43 +21,44 @@ class Runs(NamedTuple):
     first: NDArray[np.int64]
     last: NDArray[np.int64]
 
+    def taken(self, order: NDArray[np.intp]) -> "Runs":
+        """These of them, in this order."""
+        return Runs(self.row[order], self.first[order], self.last[order])
+
 
 def find_runs(bits: NDArray[np.uint8]) -> Runs:
     """The runs of a packed bit picture.
 
-    Only bytes that are not zero are looked at: in a field of targets, one in twenty-five.
+    A run begins and ends where neighbouring pixels differ, by turns; only bytes in which some do are looked
+    at: in a field of targets, one in twenty.
 
     Args:
         bits: (rows, bytes) uint8, C-contiguous, eight pixels a byte with the leftmost in its highest bit;
             bits beyond the last column are zero.
     """
-    stride = bits.shape[1]
-    flat = bits.ravel()
-    place = np.flatnonzero(flat != 0)
-    row = place // stride
-    byte = place - row * stride
-    value = flat[place]
-    before = _neighbours(flat, place - 1, byte > 0)
-    after = _neighbours(flat, place + 1, byte < stride - 1)
-    starts = value & ~(value >> ONE | before << SEVEN)
-    ends = value & ~(value << ONE | after >> SEVEN)
-    at_start, first = _set_bits(starts, byte)
-    _, last = _set_bits(ends, byte)
-    return Runs(row[at_start], first, last)
+    words = _words(bits)
+    edges = _edges(words).astype(BIG_ENDIAN).view(np.uint8)
+    place = (edges != 0).nonzero()[0]
+    position = np.unpackbits(edges[place]).view(np.bool_).nonzero()[0]
+    pixel = (place[position >> 3] << 3) + (position & 7)
+    first, end = pixel[::2], pixel[1::2]
+    width = words.shape[1] * WORD_BYTES * 8
+    row = first // width
+    begin = row * width
+    return Runs(row, first - begin, end - begin - 1)
 
 
-def _neighbours(
-    flat: NDArray[np.uint8], place: NDArray[np.int64], inside: NDArray[np.bool_]
-) -> NDArray[np.uint8]:
-    """The neighbouring bytes, zero where the row has none."""
-    neighbours: NDArray[np.uint8] = flat.take(place, mode="clip") * inside
-    return neighbours
+def _words(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
+    """(rows, words): 64 pixels each, the leftmost in the highest bit; at least one pixel a row is empty."""
+    rows, stride = bits.shape
+    padded = np.zeros((rows, (stride // WORD_BYTES + 1) * WORD_BYTES), np.uint8)
+    padded[:, :stride] = bits
+    return padded.view(BIG_ENDIAN).astype(np.uint64)
 
 
-def _set_bits(
-    values: NDArray[np.uint8], byte: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Of every set bit: the index of its value, and its column."""
-    position = np.flatnonzero(np.unpackbits(values).view(np.bool_))
-    index = position >> 3
-    return index, (byte[index] << 3) + (position & 7)
+def _edges(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """(words,) the pixels that differ from the one before, of all rows one after the other."""
+    flat = words.ravel()
+    edges = flat ^ (flat >> ONE)
+    edges[1:] ^= flat[:-1] << LAST_BIT
+    return edges

@@ -36,23 +36,26 @@ class Shapes:
 
 
 def shapes_of(runs: Runs, label: NDArray[np.int64], count: int) -> Shapes:
-    """Size and extent of every component."""
-    pixels = np.bincount(label, runs.last - runs.first + 1, count).astype(np.int64)
-    first_row, last_row = np.empty(count, np.int64), np.empty(count, np.int64)
-    last_row[label] = runs.row
-    first_row[label[::-1]] = runs.row[::-1]
-    first_column, last_column = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
-    np.minimum.at(first_column, label, runs.first)
-    np.maximum.at(last_column, label, runs.last)
-    return Shapes(pixels, first_row, last_row, first_column, last_column)
+    """Size and extent of every component, of runs that are ordered by component, row and column."""
+    end = np.cumsum(np.bincount(label, minlength=count))
+    begin = np.append(0, end[:-1])[:count]
+    return Shapes(
+        pixels=np.add.reduceat(runs.last - runs.first + 1, begin),
+        first_row=runs.row[begin],
+        last_row=runs.row[end - 1],
+        first_column=np.minimum.reduceat(runs.first, begin),
+        last_column=np.maximum.reduceat(runs.last, begin),
+    )
 
 
 def binary_centres(runs: Runs, label: NDArray[np.int64], count: int) -> NDArray[np.float64]:
     """(N, 2) float64 column and row of each component's centre, every pixel weighing the same."""
     length = runs.last - runs.first + 1
     total = np.bincount(label, length, count)
-    column = np.bincount(label, length * (runs.first + runs.last), count) / (2 * total)
-    return np.stack([column, np.bincount(label, length * runs.row, count) / total], axis=1)
+    centres = np.empty((count, 2))
+    centres[:, 0] = np.bincount(label, length * (runs.first + runs.last), count) / (2 * total)
+    centres[:, 1] = np.bincount(label, length * runs.row, count) / total
+    return centres
 
 
 def grey_centres(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from grabberd.errors import MeasurementError
 from grabberd.field import Field, quantise
 from grabberd.measurement.background import background_of
-from grabberd.measurement.labels import label_runs
+from grabberd.measurement.labels import by_component
 from grabberd.measurement.runs import find_runs
 from grabberd.measurement.shapes import shapes_of
 from grabberd.measurement.threshold import ThresholdRule, contrast_levels, height_levels, trinder_levels
@@ -125,7 +125,7 @@ def with_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:
     background = background_of(histogram)
     half = round(background.level + contrast_levels(histogram, background) / 2)
     runs = find_runs(quantise(field, 1, min(half, 254)).data[0])
-    shapes = shapes_of(runs, *label_runs(runs))
+    shapes = shapes_of(*by_component(runs))
     diameter = np.sqrt(4 / np.pi * shapes.pixels * field.y_step)
     large = diameter[diameter >= LEAST_DIAMETER_PX]
     if not large.size:

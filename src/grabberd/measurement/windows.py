@@ -13,7 +13,6 @@ from grabberd.field import PackedField
 from grabberd.measurement.centroid import background_in
 from grabberd.measurement.locator import Seen
 from grabberd.measurement.mask import greys_at
-from grabberd.measurement.shapes import binary_centres
 
 LINES_APART = 2
 """Frame lines from one field line to the next, whatever a packed field's rows are."""
@@ -67,7 +66,7 @@ class Windows(NamedTuple):
         A component without a window, which is too small or too large for a target, keeps its centroid,
         and how well is not known (NaN).
         """
-        centres, sigma = _centroids(seen), np.full((len(seen.shapes), 2), np.nan)
+        centres, sigma = seen.centroids.copy(), np.full((len(seen.shapes), 2), np.nan)
         line = self.line + y_px.astype(np.float64) / LINES_APART
         centres[self.blob, 0] = self.column + x_px.astype(np.float64)
         centres[self.blob, 1] = row_of_line(seen.packed, line)
@@ -79,7 +78,8 @@ def windows_of(seen: Seen) -> Windows:
     """The windows around those components that have the size of a target; off their middle at an edge."""
     blob = np.flatnonzero(seen.of_size)
     shapes, packed = seen.shapes, seen.packed
-    x, row = _centroids(seen)[blob].T
+    # Noise moves centroids less than it does the middle of an extent.
+    x, row = seen.centroids[blob].T
     beyond = _beyond_px(packed, x, row)
     columns = _size(shapes.last_column[blob] - shapes.first_column[blob] + 1, beyond, 1, packed.columns)
     extent = (shapes.last_row[blob] - shapes.first_row[blob] + 1) * packed.y_step
@@ -96,11 +96,6 @@ def windows_of(seen: Seen) -> Windows:
 def lines_of(packed: PackedField) -> int:
     """How many lines the camera delivered."""
     return packed.rows * packed.y_step // LINES_APART
-
-
-def _centroids(seen: Seen) -> NDArray[np.float64]:
-    """(components, 2) columns and rows; noise moves them less than it does the middle of an extent."""
-    return binary_centres(seen.runs, seen.label, len(seen.shapes))
 
 
 def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.float64]) -> float:

@@ -6,7 +6,7 @@ targets show then says where the others are, and how surely (kriging). This is t
 decides correspondence where the epipolar geometry cannot.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,10 @@ from numpy.typing import NDArray
 from grabberd.reconstruction.object_model import ObjectModel
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_KEPT = 32
+"""For so many sets of seen targets it is kept what they say, some 100 kB each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +49,13 @@ class Expected(NamedTuple):
     sigma_mm: Array
 
 
+class _Say(NamedTuple):
+    """What K seen targets of M say of all: `weights` (M, K) of their displacements, `sigma_mm` (M,)."""
+
+    weights: Array
+    sigma_mm: Array
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class DisplacementField:
     """The field of an object of M targets.
@@ -58,6 +69,7 @@ class DisplacementField:
     nominal_mm: Array
     precision: Array
     noise_mm: float
+    _kept: "dict[bytes, _Say]" = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, model: ObjectModel, smoothness: Smoothness) -> "DisplacementField":
@@ -75,19 +87,31 @@ class DisplacementField:
             seen: (M,) which targets have been measured.
             displacement_mm: (M, 3) their displacements; what stands at unseen ones is not looked at.
         """
-        inside, outside = np.flatnonzero(seen), np.flatnonzero(~seen)
+        say = self._say(seen)
+        return Expected(say.weights @ displacement_mm[seen], say.sigma_mm)
+
+    def _say(self, seen: NDArray[np.bool_]) -> "_Say":
+        """From field to field mostly the same targets are seen: what was worked out for them is kept."""
+        key = seen.tobytes()
+        if key not in self._kept:
+            if len(self._kept) == _KEPT:
+                self._kept.clear()
+            self._kept[key] = self._say_of(np.flatnonzero(seen), np.flatnonzero(~seen))
+        return self._kept[key]
+
+    def _say_of(self, inside: Indices, outside: Indices) -> "_Say":
+        own = self.precision[inside[:, np.newaxis], inside]
         cross = self.precision[outside[:, np.newaxis], inside]
         hidden = np.linalg.inv(self.precision[outside[:, np.newaxis], outside])
-        measured = displacement_mm[inside]
-        guessed = hidden @ (cross @ -measured)
-        weight = np.diag(self.precision)[inside] - (cross * (hidden @ cross)).sum(axis=0)
-        pull = self.precision[inside[:, np.newaxis], inside] @ measured + cross.T @ guessed
-        expected = np.empty_like(displacement_mm)
-        variance = np.empty(len(seen))
-        expected[inside] = measured - pull / weight[:, np.newaxis]
-        expected[outside] = guessed
-        variance[inside], variance[outside] = 1.0 / weight, np.diag(hidden)
-        return Expected(expected, np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0)))
+        guess = -(hidden @ cross)
+        pull = own + cross.T @ guess
+        weights, variance = np.empty((len(self.precision), len(inside))), np.empty(len(self.precision))
+        variance[inside], variance[outside] = 1.0 / np.diag(pull), np.diag(hidden)
+        weights[inside] = np.eye(len(inside)) - pull * variance[inside, np.newaxis]
+        weights[outside] = guess
+        sigma_mm = np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0))
+        sigma_mm.setflags(write=False)
+        return _Say(weights, sigma_mm)
 
     def smooth(self, displacement_mm: Array) -> Array:
         """(M, 3) the field without the noise of the measured displacements (M, 3).

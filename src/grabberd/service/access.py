@@ -8,13 +8,12 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Literal
 
-from grabberd.errors import Conflict, InputError
+from grabberd.errors import AccessExpired, Conflict, InputError
 from grabberd.service.clock import Clock, SystemClock, iso_utc
+from grabberd.service.machine_key import PREFIX, MachineKey
 from grabberd.service.roles import Role
-from grabberd.storage.tokens import TokenRow, TokenStore
+from grabberd.storage.tokens import Holder, TokenRow, TokenStore
 
-PREFIX = "grabberd_"
-"""So that a token which strays into a file is recognised."""
 SECRET_BYTES = 32
 SESSION_LIFE = timedelta(days=30)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
@@ -26,17 +25,21 @@ class Identity:
 
     Attributes:
         role: what they may.
-        by: a token, the session it was traded for, or the private socket itself.
-        token: the token's name; None for the socket.
+        by: a token, the session it was traded for, the private socket itself, or the machine's key.
+        token: the token's name; None for the socket and the key.
+        expires_utc: until when the token is good; None: until it is removed.
     """
 
     role: Role
-    by: Literal["token", "session", "socket"]
+    by: Literal["token", "session", "socket", "machine"]
     token: str | None = None
+    expires_utc: str | None = None
 
 
 AT_THE_MACHINE = Identity(Role.OPERATOR, "socket")
 """Whoever reaches a private socket, as long as there are no tokens."""
+AS_THE_DAEMON = Identity(Role.ADMIN, "machine")
+"""Whoever can read the daemon's own files."""
 
 
 def hash_of(secret: str) -> bytes:
@@ -51,9 +54,13 @@ def hash_of(secret: str) -> bytes:
 class Access:
     """The tokens of a state directory. Any thread may call; nothing is kept between calls, so that a token
     made or removed by another program counts from the next request on.
+
+    Attributes:
+        key: of the machine, while a daemon runs.
     """
 
     def __init__(self, directory: Path, clock: Clock | None = None) -> None:
+        self.key = MachineKey(directory)
         self._store = TokenStore(directory / "state.sqlite")
         self._clock = clock or SystemClock()
 
@@ -67,11 +74,16 @@ class Access:
 
     @property
     def has_tokens(self) -> bool:
-        """Whether anybody has been given a token."""
+        """Whether anybody has been given a token, also one that has expired since."""
         return self._store.any()
 
-    def add(self, name: str, role: Role) -> str:
+    def add(self, name: str, role: Role, life: timedelta | None = None) -> str:
         """Makes a token and returns its secret, which nobody can ask for again.
+
+        Args:
+            name: whose it is, or what it is for.
+            role: what it may.
+            life: it expires after that; None: it is good until it is removed.
 
         Raises:
             InputError: it cannot be a name.
@@ -83,7 +95,9 @@ class Access:
                 "letters, digits, '.', '_' and '-', at most 64, beginning with a letter or digit",
             )
         secret = PREFIX + secrets.token_urlsafe(SECRET_BYTES)
-        self._store.add(name, role.value, hash_of(secret), self._now())
+        now = self._clock.utc_now()
+        expires_utc = None if life is None else iso_utc(now + life)
+        self._store.add(name, role.value, hash_of(secret), iso_utc(now), expires_utc)
         return secret
 
     def remove(self, name: str) -> None:
@@ -99,8 +113,20 @@ class Access:
         return self._store.list(self._now())
 
     def of_token(self, secret: str) -> Identity | None:
-        """Whose token it is; None where it is nobody's."""
-        return _identity(self._store.of_token(hash_of(secret)), "token")
+        """Whose token it is; None where it is nobody's.
+
+        Raises:
+            AccessExpired: it was good until a day that has passed.
+        """
+        if self.key.fits(secret):
+            return AS_THE_DAEMON
+        found = self._store.of_token(hash_of(secret))
+        if found is not None and found.expires_utc is not None and found.expires_utc <= self._now():
+            raise AccessExpired(
+                f"the token {found.name} has expired: it was good until {found.expires_utc}",
+                f"ask for a new one: grabberd token remove {found.name}, then grabberd token add",
+            )
+        return _identity(found, "token")
 
     def of_session(self, secret: str) -> Identity | None:
         """Whose session it is; None where it is nobody's, or has ended."""
@@ -118,7 +144,8 @@ class Access:
                 "only a token can be traded for a session", "send it as 'Authorization: Bearer TOKEN'"
             )
         secret, now = secrets.token_urlsafe(SECRET_BYTES), self._clock.utc_now()
-        self._store.add_session(hash_of(secret), identity.token, iso_utc(now), iso_utc(now + SESSION_LIFE))
+        ends = min(iso_utc(now + SESSION_LIFE), identity.expires_utc or "~")  # comes after every time
+        self._store.add_session(hash_of(secret), identity.token, iso_utc(now), ends)
         return secret
 
     def close_session(self, secret: str) -> None:
@@ -129,5 +156,5 @@ class Access:
         return iso_utc(self._clock.utc_now())
 
 
-def _identity(found: tuple[str, str] | None, by: Literal["token", "session"]) -> Identity | None:
-    return None if found is None else Identity(Role(found[1]), by, found[0])
+def _identity(found: Holder | None, by: Literal["token", "session"]) -> Identity | None:
+    return None if found is None else Identity(Role(found.role), by, found.name, found.expires_utc)

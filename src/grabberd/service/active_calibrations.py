@@ -118,6 +118,7 @@ class ActiveCalibrations:
             chosen.problem if chosen else None,
             None if documents.get("calibration") else NO_CALIBRATION,
             None if documents.get("object") else NO_OBJECT,
+            instrument.misfit,
         ]
         return [words for words in said if words]
 

@@ -1,7 +1,7 @@
 """The captures on disk, and how each is described."""
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,7 @@ class Archive:
         directory: where the files are; made if it is not there.
         sessions: gives the captures that are being recorded or sealed.
         waiting: gives those that are armed.
-        annotation: what is said of a capture, by its id.
+        annotation: what is said of a capture, by its id; `annotations`: of all of which something is.
     """
 
     def __init__(
@@ -40,6 +40,7 @@ class Archive:
         sessions: Callable[[], Sequence[CaptureSession]],
         waiting: Callable[[], Sequence[WaitingCapture]] = list,
         annotation: Callable[[str], Annotation] = lambda _: Annotation(),
+        annotations: Callable[[], Mapping[str, Annotation]] = dict,
     ) -> None:
         self.directory = directory
         self.index = CaptureIndex(directory)
@@ -47,6 +48,7 @@ class Archive:
         self._sessions = sessions
         self._waiting = waiting
         self._annotation = annotation
+        self.annotations = annotations
         # Remembered as long as a file does not change: the ledger of a long capture takes its time to read.
         self._describe = lru_cache(DESCRIBED)(lambda path, mtime_ns: describe(path))
 
@@ -222,7 +224,8 @@ def _waiting_document(waiting: WaitingCapture) -> dict[str, Any]:
 def _running_document(part: Path, session: CaptureSession) -> dict[str, Any]:
     with CaptureReader(part) as reader:
         document = _document(reader, session.recorder.ledger)
-    state = "recording" if session.recorder.recording else "sealing"
+    ended = "unsealed" if session.sealed.is_set() else "sealing"
+    state = "recording" if session.recorder.recording else ended
     return document | {"state": state, "ended_because": session.recorder.ended_because}
 
 

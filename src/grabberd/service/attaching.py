@@ -92,6 +92,7 @@ class Attaching:
             self.clock,
             round(1e9 / stream.rate_hz),
             lossless=stream.waits_for_reader,
+            live=stream.live,
             interruption=lambda: self.intake.interruption,
         )
 

@@ -1,16 +1,19 @@
 """Captures as they are listed, page by page: a new one, or one that goes, shifts no page."""
 
 import heapq
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, NamedTuple
 
 from grabberd.errors import NotFound
 from grabberd.service.archive import Archive
+from grabberd.storage.annotations import Annotation
 from grabberd.storage.index import IndexEntry
 
 AT_ONCE = 200
+NOTHING = Annotation()
 
 
 class Place(NamedTuple):
@@ -42,14 +45,28 @@ class CaptureQuery:
 
     def wants(self, document: dict[str, Any]) -> bool:
         """Whether a capture is one of them."""
-        text = " ".join([document["id"], document["note"], *document["labels"], *document["labels"].values()])
         return (
             (self.after is None or place_of(document) < self.after)
             and self.device in (None, document["device"])
             and (self.since_utc is None or document["created_utc"] >= self.since_utc)
-            and (self.search is None or self.search.casefold() in text.casefold())
+            and self._says(document["id"], document["note"], document["labels"])
             and self.pinned in (None, document["pinned"])
         )
+
+    def may_want(self, entry: IndexEntry, said: Annotation) -> bool:
+        """Whether an ended capture is one of them, from what is known without opening its file."""
+        note = entry.note if said.note is None else said.note
+        labels = json.loads(entry.labels) if said.labels is None else said.labels
+        return (
+            self.device in (None, entry.device)
+            and self.pinned in (None, said.pinned)
+            and self._says(entry.id, note, labels)
+        )
+
+    def _says(self, capture_id: str, note: str, labels: Mapping[str, str]) -> bool:
+        """Whether the text that is searched for stands there."""
+        text = " ".join([capture_id, note, *labels, *labels.values()])
+        return self.search is None or self.search.casefold() in text.casefold()
 
 
 def list_captures(archive: Archive, query: CaptureQuery) -> tuple[list[dict[str, Any]], Place | None]:
@@ -74,12 +91,12 @@ def _newest(archive: Archive, query: CaptureQuery) -> Iterator[dict[str, Any]]:
 
 
 def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[IndexEntry]:
-    after = query.after
+    after, said = query.after, archive.annotations()
     while entries := archive.index.page(after, AT_ONCE):
         for entry in entries:
             if query.since_utc is not None and entry.created_utc < query.since_utc:
                 return
-            if query.device in (None, entry.device):
+            if query.may_want(entry, said.get(entry.id, NOTHING)):
                 yield entry
         after = Place(entries[-1].created_utc, entries[-1].id)
 

@@ -1,6 +1,7 @@
 """Room on the disk: how long captures may go on, and when they have to end."""
 
-import shutil
+import errno
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,15 @@ LEAST_S = 60.0
 
 
 def free_bytes(folder: Path) -> int:
-    """Room on the disk that holds a folder."""
-    return shutil.disk_usage(folder).free
+    """Room on the disk that holds a folder.
+
+    Raises:
+        OSError: the folder is not there, or the disk is read-only, as one becomes with a fault.
+    """
+    disk = os.statvfs(folder)
+    if disk.f_flag & os.ST_RDONLY:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(folder))
+    return disk.f_bavail * disk.f_frsize
 
 
 def bytes_per_field(bits: int, rows: int, columns: int) -> float:

@@ -10,7 +10,7 @@ from typing import Any
 
 from grabberd.acquisition import Signal, StreamInfo
 from grabberd.config import DeviceConfig
-from grabberd.errors import CaptureRunning, Conflict, GrabberdError, InputError, NotReady
+from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, GrabberdError, InputError, NotReady
 from grabberd.geometry import Calibration
 from grabberd.service.armed import Armed
 from grabberd.service.attaching import Attaching, ring_bytes_per_field
@@ -20,7 +20,7 @@ from grabberd.service.disk import DiskGuard
 from grabberd.service.intake import Intake
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.session import CaptureSession
-from grabberd.service.setup import DeviceSetup, check_rig
+from grabberd.service.setup import DeviceSetup, check_rig, check_stream
 from grabberd.service.states import DeviceState
 from grabberd.service.status import StatusBoard
 from grabberd.service.waiting import WaitingCapture
@@ -219,7 +219,16 @@ class Instrument:
         check_rig(calibration, self.setup.config.rig)
         stream = self.board.now.stream
         if stream is not None:
-            _check_stream(calibration, stream)
+            check_stream(calibration, stream)
+
+    @property
+    def misfit(self) -> str | None:
+        """Why the calibration is not one of the pictures that come, or None."""
+        try:
+            self._check_measurable(self.board.now.stream)
+        except CalibrationMismatch as error:
+            return f"{error.message}: no points are measured"
+        return None
 
     def _interrupted(self, error: GrabberdError) -> None:
         session = self.running
@@ -267,7 +276,7 @@ class Instrument:
 
     def _check_measurable(self, stream: StreamInfo | None) -> None:
         if self.setup.measuring is not None and stream is not None:
-            _check_stream(self.setup.measuring.calibration, stream)
+            check_stream(self.setup.measuring.calibration, stream)
 
     def _attach(
         self, capture_id: str, request: CaptureRequest, part: Path, waiting: WaitingCapture | None = None
@@ -286,10 +295,3 @@ class Instrument:
         self.intake.thresholds.release()
         self.ended[session.verdict] += 1
         self._on_sealed(session)
-
-
-def _check_stream(calibration: Calibration, stream: StreamInfo) -> None:
-    """Refuses pictures that are not the calibration's; a stream of doubled fields has all lines."""
-    doubled = stream.field_rows == calibration.lines
-    lines = stream.field_rows if doubled else 2 * stream.field_rows
-    calibration.check_fits(stream.columns, lines, glass=calibration.glass)

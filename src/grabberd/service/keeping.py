@@ -7,6 +7,7 @@ from typing import Any
 from grabberd.errors import Conflict, InputError
 from grabberd.service.archive import Archive
 from grabberd.service.jobs import ENDED, JobRunner
+from grabberd.storage.analyses import AnalysisStore
 from grabberd.storage.annotations import AnnotationStore
 
 MOST_LABELS = 32
@@ -15,10 +16,17 @@ MOST_LABELS = 32
 class Keeping:
     """Pins, notes and labels stand in the state; the files stay as they were recorded."""
 
-    def __init__(self, archive: Archive, annotations: AnnotationStore, jobs: JobRunner) -> None:
+    def __init__(
+        self,
+        archive: Archive,
+        annotations: AnnotationStore,
+        jobs: JobRunner,
+        analyses: AnalysisStore,
+    ) -> None:
         self._archive = archive
         self._annotations = annotations
         self._jobs = jobs
+        self._analyses = analyses
 
     def annotate(
         self,
@@ -61,7 +69,7 @@ class Keeping:
         return pinned | {job.subject for job in self._jobs.list() if job.state not in ENDED}
 
     def delete(self, capture_id: str) -> None:
-        """Deletes a capture for good: its file, and what was said of it.
+        """Deletes a capture for good: its file, its analyses, and what was said of it.
 
         Raises:
             NotFound: there is none of that id.
@@ -78,6 +86,7 @@ class Keeping:
                     f"wait for its end, or cancel it: DELETE /api/v1/jobs/{job.id}",
                 )
         self._archive.remove(capture_id)
+        self._analyses.remove(capture_id)
         self._annotations.remove(capture_id)
 
 

@@ -45,4 +45,6 @@ def _calibration(instrument: Instrument) -> tuple[str, str, str] | None:
         return "calibration", "it has no calibration", "calibrate, or activate a calibration"
     if not documents.get("object"):
         return "calibration", "it has no object model", "name one in the configuration"
+    if instrument.misfit:
+        return "calibration", instrument.misfit, "check camera and standard, or calibrate with these pictures"
     return None

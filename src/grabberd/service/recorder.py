@@ -10,6 +10,10 @@ from grabberd.service.clock import Clock
 
 GRACE_NS = 1_000_000_000
 """How long after its due end a capture of given length waits for fields that do not come."""
+SILENT_FIELDS = 5
+"""So many fields late, and the stream may stand still."""
+HEARINGS, HEARING_S = 12, 0.1
+"""How often and how long a silence at the end is listened to: until a stall would have been noticed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +52,7 @@ class Recorder:
     Args:
         fields: its length, or None.
         lossless: the source waits for its reader.
+        live: the source has to deliver at its pace.
         interruption: why no fields come at this moment, or None while they do.
 
     Attributes:
@@ -64,6 +69,7 @@ class Recorder:
         period_ns: int,
         *,
         lossless: bool = False,
+        live: bool = True,
         interruption: Callable[[], str | None] = lambda: None,
     ) -> None:
         self.ledger = Ledger()
@@ -74,6 +80,7 @@ class Recorder:
         self._clock = clock
         self._period_ns = period_ns
         self._lossless = lossless
+        self._keeps_pace = live and not lossless
         self._interruption = interruption
         self._start_ns = self._newest_ns = clock.now_ns()
         self._refused: tuple[LedgerEntry, ...] = ()
@@ -92,9 +99,11 @@ class Recorder:
         try:
             while self.recording:
                 self._take_one(reader)
+            ended_ns = self._clock.now_ns()
+            self._hear_out(reader)
             while self._wants_more and (slot := reader.take(0)) is not None:
                 self.take(slot)
-            self._account_for_absence()
+            self._account_for_absence(ended_ns)
         except RingOverrun as error:
             self._overrun(error)
         finally:
@@ -142,11 +151,24 @@ class Recorder:
             begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
         return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
 
-    def _account_for_absence(self) -> None:
-        """Enters what a device that is away at the end should have delivered until then."""
-        reason = self._interruption()
+    def _hear_out(self, reader: RingReader) -> None:
+        """A silence at the end may be a stall that nobody has noticed yet: until it is, or is over."""
+        for _ in range(HEARINGS):
+            if not (self._wants_more and self._is_silent) or self._interruption() is not None:
+                return
+            if (slot := reader.take(HEARING_S)) is not None:
+                self.take(slot)
+
+    @property
+    def _is_silent(self) -> bool:
+        silent_ns = self._clock.now_ns() - self._newest_ns
+        return self._keeps_pace and silent_ns > SILENT_FIELDS * self._period_ns
+
+    def _account_for_absence(self, ended_ns: int) -> None:
+        """Enters what a device that is away, or stands still, at the end should have delivered until then."""
+        reason = self._interruption() or ("nothing came" if self._is_silent else None)
         if reason is not None and not self._lossless:
-            missing = (self._clock.now_ns() - self._newest_ns) // self._period_ns
+            missing = (ended_ns - self._newest_ns) // self._period_ns
             end_n = (self.ledger.end_n or 0) + missing
             self.ledger.close(end_n if self._fields is None else min(end_n, self._fields), reason)
 

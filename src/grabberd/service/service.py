@@ -7,7 +7,7 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.config import Config
-from grabberd.errors import Conflict, NotFound
+from grabberd.errors import Conflict, NotFound, StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.access import Access
 from grabberd.service.active_calibrations import ActiveCalibrations
@@ -29,6 +29,7 @@ from grabberd.service.session import CaptureSession
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
 from grabberd.service.waiting import WaitingCapture
+from grabberd.storage.analyses import AnalysisStore
 from grabberd.storage.annotations import AnnotationStore
 from grabberd.storage.calibrations import CalibrationRecord
 from grabberd.storage.state import StateStore
@@ -41,7 +42,7 @@ class Service:
 
     Attributes:
         instruments: by the name of their device.
-        archive: the captures.
+        archive: the captures; `analyses`: of their points.
         calibrations: those that there are; `active`: which of them every device measures with.
         access: who may.
         settings: what was set in place of the configuration.
@@ -73,7 +74,8 @@ class Service:
             for name, setup in setups.items()
         }
         self.annotations = AnnotationStore(directory / "state.sqlite")
-        self.archive = Archive(directory / "captures", self._sessions, self._waiting, self.annotations.get)
+        said = self.annotations
+        self.archive = Archive(directory / "captures", self._sessions, self._waiting, said.get, said.all)
         self.calibrations = Calibrations(directory / "calibrations", _configured(setups))
         self._state_store = StateStore(directory / "state.sqlite")
         self.access = Access(directory, self._clock)
@@ -82,7 +84,8 @@ class Service:
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
         self.calibrator = calibrator
         self.jobs = JobRunner(self._clock)
-        self.keeping = Keeping(self.archive, self.annotations, self.jobs)
+        self.analyses = AnalysisStore(directory / "analyses")
+        self.keeping = Keeping(self.archive, self.annotations, self.jobs, self.analyses)
         self.idempotency = Idempotency(directory, self._clock)
         self.retention = Retention(
             self.archive,
@@ -123,6 +126,7 @@ class Service:
             return
         self.archive.open()
         self.open_stores()
+        self.access.key.make()
         self._started = True
         self.jobs.start()
         self.retention.start()
@@ -136,6 +140,7 @@ class Service:
             StorageError: the state directory cannot be used.
         """
         self.calibrations.open()
+        self.analyses.open()
         self._state_store.open()
         self.access.open()
         self.settings.open()
@@ -147,6 +152,7 @@ class Service:
         for instrument in self.instruments.values():
             instrument.stop()
         self.jobs.stop()
+        self.access.key.remove()
         self.archive.close()
 
     def instrument(self, name: str | None) -> Instrument:
@@ -265,16 +271,23 @@ class Service:
         return [one.waiting for one in self.instruments.values() if one.waiting is not None]
 
     def _sessions(self) -> list[CaptureSession]:
-        """The captures that are being recorded or sealed."""
+        """The captures that are being recorded or sealed, or could not be sealed."""
         sessions = (instrument.session for instrument in self.instruments.values())
-        return [session for session in sessions if session is not None and not session.sealed.is_set()]
+        return [session for session in sessions if session is not None and not session.is_sealed]
 
     def _sealed(self, session: CaptureSession) -> None:
-        self.archive.index.add(session.path)
+        self._enter_in_index(session)
         if session.failure is not None:
             log.error("capture %s: %s; %s", session.id, session.failure.message, session.failure.hint)
         words = session.recorder.ledger.in_words(NOMINAL_RATE_HZ)
         log.info("capture %s has ended, %s; received: %s", session.id, session.verdict, words)
+
+    def _enter_in_index(self, session: CaptureSession) -> None:
+        """A disk that lets nobody write has no say in whether the capture has ended."""
+        try:
+            self.archive.index.add(session.path)
+        except StorageError as error:
+            log.error("capture %s is not in the index: %s; %s", session.id, error.message, error.hint)
 
 
 def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from grabberd.service.clock import Clock
 from grabberd.service.recorder import Recorder
 from grabberd.service.writing import Writing
 from grabberd.storage import CaptureReader, CaptureWriter
-from grabberd.storage.schema import RESERVE_BYTES
+from grabberd.storage.schema import PART, RESERVE_BYTES
 
 ROOM_SLOTS = 8
 """A source that waits for its reader is held back while fewer slots than this are free."""
@@ -62,7 +62,7 @@ class CaptureSession:
         self._on_sealed = on_sealed
         self._cut_by: GrabberdError | None = None
         if not measured:
-            self.writing.all_measured.set()
+            self.writing.measuring_ended()
 
     def start(self) -> None:
         """Starts recording and writing, each in a thread of its own."""
@@ -90,6 +90,11 @@ class CaptureSession:
         if not isinstance(error, StreamEnded):
             self._cut_by = error
         self.stop(error.message)
+
+    @property
+    def is_sealed(self) -> bool:
+        """Whether the file is closed under its final name; one that was given up is not."""
+        return self.sealed.is_set() and self.path.suffix != PART
 
     @property
     def bytes_per_field(self) -> float | None:
@@ -154,7 +159,7 @@ class CaptureSession:
         """The worker has measured the last field, or cannot go on; `findings` go into the meta data."""
         self.measuring_failure = failure
         self._findings = findings
-        self.writing.all_measured.set()
+        self.writing.measuring_ended()
 
     def _past_end(self, index: int) -> bool:
         return self.writing.failure is not None or (self._backlog.closed and index >= self._backlog.end)
@@ -184,12 +189,18 @@ class CaptureSession:
             self._on_sealed(self)
             self.sealed.set()
 
+    @property
+    def _cut_off(self) -> str | None:
+        """Why points are missing of fields that were written."""
+        failure = self.writing.failure
+        return f"writing ended early: {failure.message}" if failure and self.measured else None
+
     def _seal(self) -> None:
         because = self.failure.message if self.failure else self.recorder.ended_because
         self._writer.seal(
             self.recorder.ledger,
             complete=self.complete,
             ended_because=because or "",
-            measuring_failure=self.measuring_failure,
+            measuring_failure=self.measuring_failure or self._cut_off,
             findings=self._findings,
         )

@@ -121,8 +121,12 @@ class Worker(threading.Thread):
                 if self._setup is not setup:
                     return
                 slot = reader.take(0.1)
-                if slot is not None and slot.numbered is not None and slot.outcome is Outcome.RECEIVED:
+                if slot is None or slot.numbered is None or slot.outcome is not Outcome.RECEIVED:
+                    continue
+                if _fits(setup, slot.numbered):
                     yield slot.numbered
+                else:
+                    self.live = None
 
     def _publish(self, measured: MeasuredField, first_n: int) -> None:
         now_ns = self._clock.now_ns()
@@ -132,3 +136,9 @@ class Worker(threading.Thread):
         arrived_ns = int(self._intake.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)
         self.rig.see(measured)
+
+
+def _fits(setup: MeasureSetup, numbered: NumberedField) -> bool:
+    """Whether a field is of the size that the calibration is of; a device may grant another one meanwhile."""
+    packed, calibration = numbered.packed, setup.calibration
+    return (packed.columns, packed.rows * packed.y_step) == (calibration.columns, calibration.lines)

@@ -1,7 +1,7 @@
 """From the recorder's queue to the capture file: one thread, two commits a second."""
 
+import contextlib
 import queue
-import threading
 from collections.abc import Callable
 
 from grabberd.acquisition import Slot
@@ -13,6 +13,7 @@ from grabberd.storage import CaptureWriter
 
 COMMIT_EVERY_NS = 500_000_000
 LIVE_RUN = 1
+WAIT_S = 0.05
 
 
 class Writing:
@@ -21,8 +22,6 @@ class Writing:
     Attributes:
         committed: how many slots are in the file for good.
         points: how many points have been written.
-        all_measured: set by the worker when it has measured the last recorded field, or will not measure at
-            all.
         failure: why writing ended early, or None.
     """
 
@@ -36,20 +35,24 @@ class Writing:
     ) -> None:
         self.committed = 0
         self.points = 0
-        self.all_measured = threading.Event()
         self.failure: StorageError | None = None
         self._writer = writer
         self._backlog = backlog
         self._clock = clock
         self._on_failure = on_failure
         self._on_commit = on_commit
-        self._results: queue.SimpleQueue[MeasuredField] = queue.SimpleQueue()
+        self._results: queue.SimpleQueue[MeasuredField | None] = queue.SimpleQueue()
+        self._all_measured = False
         self._appended = 0
         self._commit_due_ns = clock.now_ns() + COMMIT_EVERY_NS
 
     def add(self, measured: MeasuredField) -> None:
         """Queues one field's points; called by the worker."""
         self._results.put(measured)
+
+    def measuring_ended(self) -> None:
+        """The last recorded field has been measured, or none will be; nothing is added any more."""
+        self._results.put(None)
 
     def run(self) -> None:
         """Writes until everything recorded has been written and measured."""
@@ -62,22 +65,41 @@ class Writing:
             self._on_failure(error)
 
     def _finished(self) -> bool:
-        everything = self._backlog.closed and self.committed + self._appended == self._backlog.end
-        return everything and self.all_measured.is_set() and self._results.empty()
+        return self._all_recorded() and self._all_measured
+
+    def _all_recorded(self) -> bool:
+        return self._backlog.closed and self._taken == self._backlog.end
+
+    @property
+    def _taken(self) -> int:
+        return self.committed + self._appended
 
     def _step(self) -> None:
-        slots = self._backlog.from_index(self.committed + self._appended, timeout_s=0.05)
-        self._writer.append(slots)
-        self._appended += len(slots)
-        self._append_points()
-        if self._clock.now_ns() >= self._commit_due_ns or self._backlog.closed:
+        if self._all_recorded():
+            self._wait_for_points()
+        else:
+            self._append_slots()
+        while not self._results.empty():
+            self._append_points(self._results.get())
+        if self._clock.now_ns() >= self._commit_due_ns:
             self._commit()
 
-    def _append_points(self) -> None:
-        while not self._results.empty():
-            measured = self._results.get()
-            self._writer.append_points(LIVE_RUN, measured.n, measured.points)
-            self.points += len(measured.points)
+    def _append_slots(self) -> None:
+        slots = self._backlog.from_index(self._taken, timeout_s=WAIT_S)
+        self._writer.append(slots)
+        self._appended += len(slots)
+
+    def _wait_for_points(self) -> None:
+        """It sleeps while the worker has the last fields: the worker needs the processor more."""
+        with contextlib.suppress(queue.Empty):
+            self._append_points(self._results.get(timeout=WAIT_S))
+
+    def _append_points(self, measured: MeasuredField | None) -> None:
+        if measured is None:
+            self._all_measured = True
+            return
+        self._writer.append_points(LIVE_RUN, measured.n, measured.points)
+        self.points += len(measured.points)
 
     def _commit(self) -> None:
         self._writer.commit()

@@ -5,7 +5,15 @@ describes it. It is `NAME.grab.part` while it is written and `NAME.grab` once it
 """
 
 from grabberd.storage.codec import decode_points, encode_points
-from grabberd.storage.export import export_csv, export_png, field_png, points_csv
+from grabberd.storage.export import (
+    export_csv,
+    export_parquet,
+    export_ply,
+    export_png,
+    field_png,
+    points_csv,
+    points_ply,
+)
 from grabberd.storage.index import CaptureIndex
 from grabberd.storage.meta import CaptureMeta
 from grabberd.storage.reader import CaptureReader, RecordedField, RunInfo
@@ -24,8 +32,11 @@ __all__ = [
     "decode_points",
     "encode_points",
     "export_csv",
+    "export_parquet",
+    "export_ply",
     "export_png",
     "field_png",
     "points_csv",
+    "points_ply",
     "recover",
 ]

@@ -1,10 +1,10 @@
-"""What is taken home from a capture file: points as CSV, fields as pictures."""
+"""What is taken home from a capture file: points as CSV, PLY and Parquet, fields as pictures."""
 
 import csv
-import io
 from collections.abc import Iterable, Iterator, Sequence
-from datetime import UTC, datetime, timedelta
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import cv2
 import numpy as np
@@ -12,78 +12,26 @@ from numpy.typing import NDArray
 
 from grabberd.errors import InputError, StorageError
 from grabberd.field import BOTTOM, TOP, PackedField, unpack
-from grabberd.reconstruction.points import Points
-from grabberd.storage.meta import CaptureMeta
+from grabberd.storage.export_columns import POINT_COLUMNS
+from grabberd.storage.export_parquet import check_parquet, write_parquet
+from grabberd.storage.export_points import PLY_BYTES, points_csv, points_ply
 from grabberd.storage.reader import CaptureReader, RecordedField
 from grabberd.storage.schema import storage_errors
 
-POINT_COLUMNS = (
-    "n",
-    "time_utc",
-    "time_s",
-    "target",
-    "x_mm",
-    "y_mm",
-    "z_mm",
-    "sigma_x_mm",
-    "sigma_y_mm",
-    "sigma_z_mm",
-    "calibration_sigma_x_mm",
-    "calibration_sigma_y_mm",
-    "calibration_sigma_z_mm",
-    "residual_px",
-    "left_x_px",
-    "left_y_px",
-    "right_x_px",
-    "right_y_px",
-)
 MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outcome", "file")
 MANIFEST = "fields.csv"
 
-
-def points_csv(path: Path, run: int | None = None) -> Iterator[str]:
-    """Text of a CSV file, some fields at a time; the errors are raised at once, before the first text.
-
-    Raises:
-        CaptureFileError, NotFound: no such file or run.
-    """
-    reader = CaptureReader(path)
-    try:
-        number = reader.run(run).run
-    except Exception:
-        reader.close()
-        raise
-    return _points_text(reader, number)
-
-
-def _points_text(reader: CaptureReader, run: int) -> Iterator[str]:
-    with reader:
-        yield ",".join(POINT_COLUMNS) + "\r\n"
-        first_ns, meta = reader.first_time_ns or 0, reader.meta
-        for n, time_ns, points in reader.timed_points(run):
-            text = io.StringIO()
-            when = (n, _utc(time_ns, meta), f"{(time_ns - first_ns) / 1e9:.6f}")
-            csv.writer(text).writerows((*when, *row) for row in _point_rows(points))
-            yield text.getvalue()
-
-
-def _utc(time_ns: int, meta: CaptureMeta) -> str:
-    """ISO 8601 with milliseconds; empty for a recording played again, whose clock has passed."""
-    if not meta.device.get("stream", {}).get("live", True):
-        return ""
-    moment = datetime.fromisoformat(meta.created_utc) + timedelta(
-        microseconds=(time_ns - meta.start_ns) / 1000
-    )
-    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
-
-
-def _point_rows(points: Points) -> Iterator[tuple[object, ...]]:
-    sigma = np.sqrt(np.diagonal(points.covariance_mm2, axis1=1, axis2=2))
-    calibration = np.sqrt(np.diagonal(points.calibration_covariance_mm2, axis1=1, axis2=2))
-    for i in range(len(points)):
-        place = (repr(float(value)) for value in points.xyz_mm[i])
-        rest = (*sigma[i], *calibration[i], points.residual_px[i], *points.image_px[i].ravel())
-        yield (int(points.target[i]), *place, *(f"{value:.6g}" for value in rest))
+__all__ = [
+    "MANIFEST_COLUMNS",
+    "POINT_COLUMNS",
+    "export_csv",
+    "export_parquet",
+    "export_ply",
+    "export_png",
+    "field_png",
+    "points_csv",
+    "points_ply",
+]
 
 
 def field_png(path: Path, n: int) -> bytes:
@@ -115,7 +63,7 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
     with CaptureReader(path) as reader:
         if woven and reader.meta.lines == "doubled":
             raise InputError(f"the lines of {path} are doubled, so they cannot be woven", "export its fields")
-        _make_empty(directory)
+        make_empty(directory)
         with (
             storage_errors(directory),
             (directory / MANIFEST).open("w", newline="", encoding="utf-8") as file,
@@ -171,19 +119,52 @@ def export_csv(path: Path, directory: Path, run: int | None = None) -> int:
         StorageError: the folder cannot be written, or has something in it.
     """
     text = points_csv(path, run)
-    _make_empty(directory)
     rows = -1
-    with (
-        storage_errors(directory),
-        (directory / "points.csv").open("w", newline="", encoding="utf-8") as file,
-    ):
+    with _new_file(directory, "points.csv") as file:
         for part in text:
-            file.write(part)
+            file.write(part.encode())
             rows += part.count("\n")
     return rows
 
 
-def _make_empty(directory: Path) -> None:
+def export_ply(path: Path, directory: Path, run: int | None = None, field: int | None = None) -> int:
+    """`points.ply` in a folder, of all fields or of one; returns how many points.
+
+    Raises:
+        CaptureFileError, NotFound, StorageError: see `points_ply` and `export_csv`.
+    """
+    parts = points_ply(path, run, field)
+    with _new_file(directory, "points.ply") as file:
+        file.write(next(parts))
+        return sum(file.write(part) for part in parts) // PLY_BYTES
+
+
+def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
+    """`points.parquet` in a folder; returns how many points.
+
+    Raises:
+        CaptureFileError, NotFound, ExtraMissing, StorageError: see `write_parquet` and `export_csv`.
+    """
+    check_parquet()
+    with CaptureReader(path) as reader:
+        number = reader.run(run).run
+    with _new_file(directory, "points.parquet") as file:
+        return write_parquet(path, number, file)
+
+
+@contextmanager
+def _new_file(directory: Path, name: str) -> Iterator[IO[bytes]]:
+    make_empty(directory)
+    with storage_errors(directory), (directory / name).open("wb") as file:
+        yield file
+
+
+def make_empty(directory: Path) -> None:
+    """Makes the folder; it may be there, with nothing in it.
+
+    Raises:
+        StorageError: it cannot be made, or has something in it.
+    """
     with storage_errors(directory):
         directory.mkdir(parents=True, exist_ok=True)
         if any(directory.iterdir()):

@@ -1,6 +1,7 @@
 """An index over many captures; it can always be made again from the files."""
 
 import builtins
+import json
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
@@ -20,27 +21,36 @@ _LAST = "~"
 _TABLE = """
 CREATE TABLE IF NOT EXISTS captures (
     id TEXT PRIMARY KEY, file TEXT NOT NULL, device TEXT NOT NULL, created_utc TEXT NOT NULL,
-    state TEXT NOT NULL) WITHOUT ROWID;
+    state TEXT NOT NULL, note TEXT NOT NULL DEFAULT '', labels TEXT NOT NULL DEFAULT '{}') WITHOUT ROWID;
 CREATE INDEX IF NOT EXISTS newest ON captures (created_utc DESC);
 """
 
 
 class IndexEntry(NamedTuple):
-    """One capture; `file` is its path below the folder, `state` is sealed or damaged."""
+    """One capture; `file` is its path below the folder, `state` is sealed or damaged.
+
+    `note` and `labels`, a JSON object, are those in its file, for whoever searches.
+    """
 
     id: str
     file: str
     device: str
     created_utc: str
     state: str
+    note: str = ""
+    labels: str = "{}"
 
 
 class CaptureIndex:
-    """`index.sqlite` beside the captures; a connection for each call, so any thread may call."""
+    """`index.sqlite` beside the captures; a connection for each call, so any thread may call.
+
+    What a full disk kept out of it is entered as soon as there is room.
+    """
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
         self.path = directory / "index.sqlite"
+        self._kept_out: set[Path] = set()
 
     def rebuild(self, unsealed: Iterable[Path] = ()) -> None:
         """Reads every capture file in the folder anew; what cannot be read is set aside and listed so.
@@ -58,8 +68,13 @@ class CaptureIndex:
         self._write(_distinct([*filter(None, taken_up), *map(entry_of, unsealed), *map(_damaged, aside)]))
 
     def add(self, path: Path) -> None:
-        """Enters a sealed capture, or what has become of it."""
-        self._write([entry_of(path)])
+        """Enters a sealed capture, or what has become of it.
+
+        Raises:
+            StorageError: the index cannot be written now; it is entered later.
+        """
+        self._kept_out.add(path)
+        self._enter_kept_out()
 
     def remove(self, capture_id: str) -> None:
         """Forgets a capture; one that is not there stays so."""
@@ -68,12 +83,14 @@ class CaptureIndex:
 
     def list(self) -> list[IndexEntry]:
         """All captures, the newest first."""
+        self._make_up_for()
         with self._connected() as connection:
             rows = connection.execute("SELECT * FROM captures ORDER BY created_utc DESC, id DESC").fetchall()
         return [IndexEntry(*row) for row in rows]
 
     def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
         """So many captures, the newest first: after the one that began then and has that id, if given."""
+        self._make_up_for()
         beyond = after or (_LAST, "")
         query = (
             "SELECT * FROM captures WHERE (created_utc, id) < (?, ?) "
@@ -88,6 +105,7 @@ class CaptureIndex:
         Raises:
             NotFound: there is none of that id.
         """
+        self._make_up_for()
         with self._connected() as connection:
             row = connection.execute("SELECT * FROM captures WHERE id = ?", (capture_id,)).fetchone()
         if row is None:
@@ -102,9 +120,20 @@ class CaptureIndex:
         """
         return self.directory / self.get(capture_id).file
 
+    def _enter_kept_out(self) -> None:
+        paths = sorted(self._kept_out)
+        self._write([entry_of(path) for path in paths if path.exists()])
+        self._kept_out.difference_update(paths)
+
+    def _make_up_for(self) -> None:
+        """Enters what could not be entered before, if that can be done now."""
+        if self._kept_out:
+            with suppress(StorageError):
+                self._enter_kept_out()
+
     def _write(self, entries: Iterable[IndexEntry]) -> None:
         with self._connected() as connection:
-            connection.executemany("INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?)", entries)
+            connection.executemany("INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?)", entries)
 
     @contextmanager
     def _connected(self) -> Iterator[sqlite3.Connection]:
@@ -130,7 +159,9 @@ def entry_of(path: Path) -> IndexEntry:
 def _read(path: Path) -> IndexEntry:
     with CaptureReader(path) as reader:
         meta = reader.meta
-        return IndexEntry(meta.id, path.name, str(meta.device["name"]), meta.created_utc, "sealed")
+        labels = json.dumps(meta.labels, ensure_ascii=False)
+        device = str(meta.device["name"])
+        return IndexEntry(meta.id, path.name, device, meta.created_utc, "sealed", meta.note, labels)
 
 
 def _taken_up(path: Path) -> IndexEntry | None:

@@ -193,6 +193,19 @@ class CaptureReader:
         with reading_errors(self.path):
             return int(self._connection.execute(query, (run, first_n, end_n, every)).fetchone()[0])
 
+    def point_span(self, run: int, first_n: int = 0, end_n: int = END) -> tuple[int, int]:
+        """How many points `timed_points` gives now, and the number after the last field that has some.
+
+        Up to that number, a capture that is being written gets no more of them.
+        """
+        query = (
+            "SELECT coalesce(sum(p.count), 0), coalesce(max(p.n) + 1, 0) FROM points AS p "
+            "JOIN fields AS f ON f.n = p.n WHERE p.run = ? AND p.n >= ? AND p.n < ?"
+        )
+        with reading_errors(self.path):
+            count, end = self._connection.execute(query, (run, first_n, end_n)).fetchone()
+            return int(count), int(end)
+
     @property
     def first_time_ns(self) -> int | None:
         """Time of the first field, or None where there is none."""

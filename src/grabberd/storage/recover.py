@@ -8,10 +8,9 @@ from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError, LaterVersion
 from grabberd.storage.meta import SEALED, write_meta
 from grabberd.storage.reader import CaptureReader
-from grabberd.storage.schema import DAMAGED, connect, reading_errors, storage_errors
+from grabberd.storage.schema import DAMAGED, JOURNAL, connect, reading_errors, storage_errors
 from grabberd.storage.writer import FAILED, RUNNING, publish, write_ledger
 
-JOURNAL = "-journal"
 REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
 

@@ -1,5 +1,6 @@
 """The tables of a capture file, and how it is opened."""
 
+import os
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -46,6 +47,9 @@ _NOT_THE_FILES_FAULT = (
 )
 RESERVE_BYTES = 256 * 1024
 """Set aside at the start and given back at the end, so that a full disk still lets a capture be sealed."""
+JOURNAL = "-journal"
+JOURNAL_BYTES = 256 * 1024
+"""Of the journal, for the same reason."""
 
 
 def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
@@ -59,7 +63,7 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
             if taken.exists():
                 raise StorageError(f"{taken} exists already", "give the capture another name")
         connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-        connection.execute("PRAGMA journal_mode = TRUNCATE")
+        connection.execute("PRAGMA journal_mode = PERSIST")  # a full disk has no room for another journal
         connection.execute("PRAGMA synchronous = FULL")
         connection.execute("PRAGMA busy_timeout = 10000")
         # Overwriting what is freed would need room in the journal for all of the reserve.
@@ -71,7 +75,14 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
         connection.executescript("BEGIN;" + TABLES)
         connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (RESERVE_BYTES,))
         connection.execute("COMMIT")
+        _reserve_journal(path.with_name(path.name + JOURNAL))
         return connection
+
+
+def _reserve_journal(journal: Path) -> None:
+    """Room for the journal of the transaction that seals; SQLite does not mind what lies behind its end."""
+    with journal.open("r+b") as file:
+        os.posix_fallocate(file.fileno(), 0, JOURNAL_BYTES)
 
 
 def sealed_path(part: Path) -> Path:
@@ -89,7 +100,10 @@ def connect(path: Path, *, writable: bool = False) -> sqlite3.Connection:
     # Without the mode SQLite would make an empty file of one that is being renamed at this moment.
     uri = f"{path.absolute().as_uri()}?mode=rw"
     with reading_errors(path):
-        connection = sqlite3.connect(uri, uri=True, isolation_level=None, timeout=10.0)
+        # The pieces of a download are read one after the other, each by whichever thread is free.
+        connection = sqlite3.connect(
+            uri, uri=True, isolation_level=None, timeout=10.0, check_same_thread=False
+        )
         try:
             connection.execute("PRAGMA synchronous = FULL")
             if not writable:

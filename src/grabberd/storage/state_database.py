@@ -24,6 +24,7 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
             key TEXT PRIMARY KEY, digest BLOB NOT NULL, created_utc TEXT NOT NULL, status INTEGER,
             location TEXT, body BLOB NOT NULL DEFAULT x'') WITHOUT ROWID""",
     ),
+    ("ALTER TABLE tokens ADD COLUMN expires_utc TEXT",),
 )
 """Entry n leads from version n to version n + 1; what is there stays as it is, new ones follow."""
 OWNER_ONLY = 0o600

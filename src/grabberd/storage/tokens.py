@@ -1,6 +1,5 @@
 """Tokens and the browser sessions they were traded for: hashes only, never a secret."""
 
-import sqlite3
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,12 +11,26 @@ SESSIONS_A_TOKEN = 32
 
 
 class TokenRow(NamedTuple):
-    """A token without its secret; `sessions` counts those that were made of it and have not ended."""
+    """A token without its secret.
+
+    Attributes:
+        sessions: how many were made of it and have not ended.
+        expires_utc: it is good until then; None: until it is removed.
+    """
 
     name: str
     role: str
     created_utc: str
     sessions: int
+    expires_utc: str | None = None
+
+
+class Holder(NamedTuple):
+    """Whose a token is, and until when it is good."""
+
+    name: str
+    role: str
+    expires_utc: str | None = None
 
 
 class TokenStore:
@@ -34,8 +47,10 @@ class TokenStore:
         """
         self._database.open()
 
-    def add(self, name: str, role: str, token_hash: bytes, created_utc: str) -> None:
-        """Keeps a token.
+    def add(
+        self, name: str, role: str, token_hash: bytes, created_utc: str, expires_utc: str | None = None
+    ) -> None:
+        """Keeps a token, for good or until it expires.
 
         Raises:
             Conflict: there is one of that name.
@@ -48,7 +63,8 @@ class TokenStore:
                     f"take another name, or end the old one first: grabberd token remove {name}",
                 )
             connection.execute(
-                "INSERT INTO tokens VALUES (?, ?, ?, ?)", (name, role, token_hash, created_utc)
+                "INSERT INTO tokens (name, role, hash, created_utc, expires_utc) VALUES (?, ?, ?, ?, ?)",
+                (name, role, token_hash, created_utc, expires_utc),
             )
 
     def remove(self, name: str) -> None:
@@ -67,31 +83,33 @@ class TokenStore:
         with self._database.transaction() as connection:
             rows = connection.execute(
                 "SELECT name, role, created_utc, (SELECT count(*) FROM sessions "
-                "WHERE token = name AND expires_utc > ?) FROM tokens ORDER BY name",
+                "WHERE token = name AND sessions.expires_utc > ?), expires_utc FROM tokens ORDER BY name",
                 (now_utc,),
             )
             return [TokenRow(*row) for row in rows]
 
     def any(self) -> bool:
-        """Whether there are tokens at all."""
+        """Whether there are tokens at all, expired ones too."""
         with self._database.transaction() as connection:
             return connection.execute("SELECT 1 FROM tokens").fetchone() is not None
 
-    def of_token(self, token_hash: bytes) -> tuple[str, str] | None:
-        """Name and role of a token."""
+    def of_token(self, token_hash: bytes) -> Holder | None:
+        """Whose a token is, expired or not."""
+        query = "SELECT name, role, expires_utc FROM tokens WHERE hash = ?"
         with self._database.transaction() as connection:
-            return _pair(connection.execute("SELECT name, role FROM tokens WHERE hash = ?", (token_hash,)))
+            row = connection.execute(query, (token_hash,)).fetchone()
+            return None if row is None else Holder(*row)
 
-    def of_session(self, session_hash: bytes, now_utc: str) -> tuple[str, str] | None:
-        """Name and role of the token behind a session that has not ended."""
+    def of_session(self, session_hash: bytes, now_utc: str) -> Holder | None:
+        """Whose the token is behind a session, where neither has ended."""
+        query = (
+            "SELECT name, role, tokens.expires_utc FROM sessions JOIN tokens ON token = name "
+            "WHERE sessions.hash = ?1 AND sessions.expires_utc > ?2 "
+            "AND (tokens.expires_utc IS NULL OR tokens.expires_utc > ?2)"
+        )
         with self._database.transaction() as connection:
-            return _pair(
-                connection.execute(
-                    "SELECT name, role FROM sessions JOIN tokens ON token = name "
-                    "WHERE sessions.hash = ? AND expires_utc > ?",
-                    (session_hash, now_utc),
-                )
-            )
+            row = connection.execute(query, (session_hash, now_utc)).fetchone()
+            return None if row is None else Holder(*row)
 
     def add_session(self, session_hash: bytes, token: str, now_utc: str, expires_utc: str) -> None:
         """Keeps a session, and sweeps out those that have ended.
@@ -117,8 +135,3 @@ class TokenStore:
         """Ends a session; one that has ended stays so."""
         with self._database.transaction() as connection:
             connection.execute("DELETE FROM sessions WHERE hash = ?", (session_hash,))
-
-
-def _pair(cursor: sqlite3.Cursor) -> tuple[str, str] | None:
-    row = cursor.fetchone()
-    return None if row is None else (str(row[0]), str(row[1]))

@@ -1,0 +1,39 @@
+"""A daemon that serves on a loopback port, for clients that are programs of their own."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+from running import PATIENCE_S, wait_until_it_accepts
+
+from api.conftest import service_in
+from grabberd.api import create_app
+from grabberd.api.front import Front
+from grabberd.api.serving import server_of
+from grabberd.api.sockets import bind
+from grabberd.service.service import Service
+
+
+class Daemon(NamedTuple):
+    """Its address, and what runs in it."""
+
+    url: str
+    service: Service
+
+
+@contextmanager
+def serving(folder: Path, **options: object) -> Iterator[Daemon]:
+    """On the simulated grabber."""
+    service = service_in(folder, **options)
+    server = server_of(create_app(service), Front())
+    sockets = bind("127.0.0.1", 0)
+    thread = threading.Thread(target=server.run, args=(sockets,))
+    thread.start()
+    try:
+        wait_until_it_accepts(service)
+        yield Daemon(f"http://127.0.0.1:{sockets[0].getsockname()[1]}", service)
+    finally:
+        server.should_exit = True
+        thread.join(PATIENCE_S)

@@ -1,0 +1,31 @@
+"""Every command says what it does and shows how; the README names them all."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+from grabberd.cli.app import app
+
+README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+COMMANDS: dict[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_a_command_is_named_in_the_readme(name: str) -> None:
+    listing = README.split("## Commands")[1].split("make test")[0]
+    assert re.search(rf"\b{name}\b", listing)
+
+
+@pytest.mark.parametrize("name", sorted(COMMANDS))
+def test_its_help_shows_an_example(name: str) -> None:
+    command = COMMANDS[name]
+    inner = getattr(command, "commands", {"": command}).values()
+    for one in inner:
+        assert re.search(rf"Example: grabberd {name}\b", one.help or ""), one.name
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 90
