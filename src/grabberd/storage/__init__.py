@@ -16,8 +16,9 @@ from grabberd.storage.export import (
 )
 from grabberd.storage.index import CaptureIndex
 from grabberd.storage.meta import CaptureMeta
-from grabberd.storage.reader import CaptureReader, RecordedField, RunInfo
+from grabberd.storage.reader import CaptureReader
 from grabberd.storage.recover import recover
+from grabberd.storage.rows import RecordedField, RunInfo
 from grabberd.storage.runs import append_run
 from grabberd.storage.writer import CaptureWriter
 

@@ -15,7 +15,8 @@ from grabberd.field import BOTTOM, TOP, PackedField, unpack
 from grabberd.storage.export_columns import POINT_COLUMNS
 from grabberd.storage.export_parquet import check_parquet, write_parquet
 from grabberd.storage.export_points import PLY_BYTES, points_csv, points_ply
-from grabberd.storage.reader import CaptureReader, RecordedField
+from grabberd.storage.reader import CaptureReader
+from grabberd.storage.rows import RecordedField
 from grabberd.storage.schema import storage_errors
 
 MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outcome", "file")

@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+import typing
 from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import Any
@@ -46,6 +47,11 @@ class CaptureMeta:
     extra: Mapping[str, Any] = field(default_factory=dict)
 
 
+_KINDS = {
+    name: typing.get_origin(kind) or kind for name, kind in typing.get_type_hints(CaptureMeta).items()
+} | {"rate_hz": int | float, "complete": bool | None, "ended_because": str | None}
+
+
 def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> None:
     """Writes some keys, within the caller's transaction."""
     rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
@@ -62,8 +68,12 @@ def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
 
     Raises:
         KeyError: a key is missing that has none.
+        ValueError: a value is not of its kind.
     """
     stored = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM meta")}
     optional = {f.name for f in fields(CaptureMeta) if not (f.default is f.default_factory is MISSING)}
     names = [f.name for f in fields(CaptureMeta) if f.name in stored or f.name not in optional]
+    for name in names:
+        if not isinstance(stored[name], _KINDS[name]):
+            raise ValueError(f"{name} is {stored[name]!r}")
     return CaptureMeta(**{name: stored[name] for name in names})

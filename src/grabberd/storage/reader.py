@@ -1,45 +1,21 @@
 """Reading a capture file, also while it is being written: never more than fifty fields under one lock."""
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
-from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, NotFound
-from grabberd.field import NumberedField, PackedField
+from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
-from grabberd.storage.codec import decode_field, decode_points
+from grabberd.storage.codec import decode_points
 from grabberd.storage.meta import CaptureMeta, read_meta
-from grabberd.storage.schema import connect, reading_errors
+from grabberd.storage.rows import FIELD_COLUMNS, RecordedField, RunInfo, ledger, recorded_field, run_info
+from grabberd.storage.schema import DAMAGE, connect, reading_errors
 
 FIELDS_AT_ONCE = 50
 END = 2**62
 """Beyond every field."""
-
-_COLUMNS = (
-    "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, codec, data, outcome, reason"
-)
-
-
-class RunInfo(NamedTuple):
-    """A run without its points; `made_with` has the documents calibration, object and settings."""
-
-    run: int
-    kind: str
-    created_utc: str
-    version: str
-    state: str
-    reason: str | None
-    made_with: dict[str, Any]
-
-
-class RecordedField(NamedTuple):
-    """A field of the file and what became of it."""
-
-    numbered: NumberedField
-    outcome: Outcome
-    reason: str | None
 
 
 class CaptureReader:
@@ -72,17 +48,9 @@ class CaptureReader:
         with reading_errors(self.path):
             fields = self._connection.execute(kept).fetchall()
             entries = self._connection.execute("SELECT * FROM ledger ORDER BY first_n").fetchall()
-        listed = [LedgerEntry(n, count, Outcome(outcome), reason) for n, count, outcome, reason in entries]
-        covered = {n for entry in listed for n in range(entry.first_n, entry.end_n)}
-        received = [n for n, outcome, _ in fields if outcome == Outcome.RECEIVED]
-        damaged = [
-            LedgerEntry(n, 1, Outcome(outcome), reason or outcome)
-            for n, outcome, reason in fields
-            if outcome != Outcome.RECEIVED and n not in covered
-        ]
         try:
-            return Ledger.restore(received, [*listed, *damaged])
-        except ValueError as error:
+            return ledger(fields, entries)
+        except DAMAGE as error:
             raise CaptureFileError(
                 f"{self.path}: its ledger contradicts itself: {error}", "keep it aside"
             ) from error
@@ -99,7 +67,7 @@ class CaptureReader:
         """All runs in order."""
         with reading_errors(self.path):
             rows = self._connection.execute("SELECT * FROM runs ORDER BY run").fetchall()
-            return [_run(row) for row in rows]
+            return [run_info(row) for row in rows]
 
     def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n in order, fifty at a time."""
@@ -182,7 +150,7 @@ class CaptureReader:
                 asked = (number, first_n, end_n, every, FIELDS_AT_ONCE)
                 rows = self._connection.execute(query, asked).fetchall()
             for n, time_ns, data in rows:
-                yield n, time_ns, self._points(n, data)
+                yield n, self._time_ns(n, time_ns), self._points(n, data)
             if len(rows) < FIELDS_AT_ONCE:
                 return
             first_n = rows[-1][0]
@@ -216,54 +184,37 @@ class CaptureReader:
     def _read_meta(self) -> CaptureMeta:
         try:
             return read_meta(self._connection)
-        except (KeyError, ValueError) as error:
+        except (KeyError, *DAMAGE) as error:
             self._connection.close()
             hint = "it was cut off before its first second; nothing is in it"
             raise CaptureFileError(f"{self.path} does not say what it is: {error}", hint) from error
 
     def _rows(self, first_n: int, end_n: int | None) -> list[tuple[Any, ...]]:
-        query = f"SELECT {_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
+        query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
         with reading_errors(self.path):
             return self._connection.execute(
                 query, (first_n, END if end_n is None else end_n, FIELDS_AT_ONCE)
             ).fetchall()
 
     def _field(self, row: tuple[Any, ...]) -> RecordedField:
-        (
-            n,
-            time_ns,
-            sequence,
-            parity,
-            y0,
-            y_step,
-            rows,
-            columns,
-            bits,
-            threshold,
-            codec,
-            data,
-            outcome,
-            reason,
-        ) = row
         try:
-            planes = decode_field(codec, data, rows, columns, bits)
-        except ValueError as error:
+            return recorded_field(row)
+        except DAMAGE as error:
             raise CaptureFileError(
-                f"{self.path}: field {n}: {error}", "the other fields can be read"
+                f"{self.path}: field {row[0]}: {error}", "the other fields can be read"
             ) from error
-        packed = PackedField(planes, bits, columns, parity, y0, y_step, threshold)
-        return RecordedField(NumberedField(n, time_ns, sequence, packed), Outcome(outcome), reason)
+
+    def _time_ns(self, n: int, value: Any) -> int:
+        if isinstance(value, int):
+            return value
+        raise CaptureFileError(
+            f"{self.path}: field {n}: time_ns is {value!r}", "the other fields can be read"
+        )
 
     def _points(self, n: int, data: bytes) -> Points:
         try:
             return decode_points(data)
-        except ValueError as error:
+        except DAMAGE as error:
             raise CaptureFileError(
                 f"{self.path}: points of field {n}: {error}", "measure the capture again"
             ) from error
-
-
-def _run(row: tuple[Any, ...]) -> RunInfo:
-    documents = dict(zip(("calibration", "object", "settings"), map(json.loads, row[6:9]), strict=True))
-    run, kind, created_utc, version, state, reason = row[:6]
-    return RunInfo(run, kind, created_utc, version, state, reason, documents)

@@ -45,6 +45,8 @@ _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_READONLY,
     sqlite3.SQLITE_FULL,
 )
+DAMAGE = (ValueError, TypeError, OverflowError)
+"""What damaged content leads to, where it is taken for what it should be."""
 RESERVE_BYTES = 256 * 1024
 """Set aside at the start and given back at the end, so that a full disk still lets a capture be sealed."""
 JOURNAL = "-journal"
@@ -157,6 +159,8 @@ def reading_errors(path: Path) -> Iterator[None]:
         if _primary_code(error) in _NOT_THE_FILES_FAULT:
             hint = "see whether another program holds it, and mend the disk"
             raise StorageError(f"{path} cannot be read now: {error}", hint) from error
+        raise _damaged(path, error) from error
+    except DAMAGE as error:
         raise _damaged(path, error) from error
 
 
