@@ -19,6 +19,7 @@ from grabberd.service.keeping import Keeping
 from grabberd.service.retention import Kept, Policy, Retention, removals
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
+from grabberd.storage.analyses import AnalysisStore
 from grabberd.storage.annotations import Annotation, AnnotationStore
 from grabberd.storage.state_database import StateDatabase
 from storage.captures import slots, write
@@ -105,7 +106,9 @@ class Barn:
         StateDatabase(folder / "state.sqlite").open()
         self.annotations = AnnotationStore(folder / "state.sqlite")
         self.jobs = JobRunner(ManualClock())
-        self.keeping = Keeping(self.archive, self.annotations, self.jobs)
+        self.analyses = AnalysisStore(folder / "analyses")
+        self.analyses.open()
+        self.keeping = Keeping(self.archive, self.annotations, self.jobs, self.analyses)
         disk = DiskGuard(0, lambda _: self.free)
         self.retention = Retention(
             self.archive, policy, disk, ManualClock(0), self.keeping.spared, self.keeping.delete

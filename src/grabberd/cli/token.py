@@ -70,7 +70,7 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     table = Table("name", "role", "made", "good until", "sessions")
     for row in rows:
         table.add_row(
-            row.name, row.role, row.created_utc, _until(row.expires_utc, now_utc), str(row.sessions)
+            row.name, row.role, _minute(row.created_utc), _until(row.expires_utc, now_utc), str(row.sessions)
         )
     console.print(table)
 
@@ -88,7 +88,12 @@ def remove(name: NameArgument, config: ConfigOption = None) -> None:
 def _until(expires_utc: str | None, now_utc: str) -> str:
     if expires_utc is None:
         return "removed"
-    return f"{expires_utc} (expired)" if expires_utc <= now_utc else expires_utc
+    return f"{_minute(expires_utc)} (expired)" if expires_utc <= now_utc else _minute(expires_utc)
+
+
+def _minute(moment_utc: str) -> str:
+    """For people, in whose terminal a table has to find room."""
+    return f"{moment_utc[:16]}Z"
 
 
 def _access(config: Path | None) -> "Access":
