@@ -1,6 +1,8 @@
 """The folder of captures: what a crash or a bad disk left keeps nobody from starting, and nothing is lost."""
 
 import sqlite3
+from contextlib import closing
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,20 @@ def test_a_damaged_file_is_set_aside_and_shown_beside_the_others(tmp_path: Path)
     document = archive.document("bad")
     assert document["verdict"] == "incomplete"
     assert "cannot be read as a capture" in document["ended_because"]
+
+
+@pytest.mark.parametrize("value", ["{}", "[1]", "7", "garbage", "null", '""'])
+@pytest.mark.parametrize("key", sorted(asdict(meta())))
+def test_a_file_that_says_nonsense_of_itself_is_listed_and_hides_no_other(
+    tmp_path: Path, key: str, value: str
+) -> None:
+    write(tmp_path, slots(3), name="good", id="good")
+    path = write(tmp_path, slots(3), name="odd", id="odd", created_utc="2026-03-01T09:31:00.000Z")
+    with closing(sqlite3.connect(path, isolation_level=None)) as connection:
+        connection.execute("UPDATE meta SET value = ? WHERE key = ?", (value, key))
+    shown = states(archive_in(tmp_path))
+    assert shown.pop("good") == "sealed"
+    assert len(shown) == 1
 
 
 def test_one_file_that_cannot_be_sealed_keeps_no_other_from_it(tmp_path: Path) -> None:

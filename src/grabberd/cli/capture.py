@@ -143,7 +143,7 @@ def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
 def _capture_here(
     config: Config, file: Path | None, device: str | None, order: dict[str, Any], out: Path
 ) -> dict[str, Any]:
-    from grabberd.service.archive import describe  # noqa: PLC0415
+    from grabberd.service.capture_document import describe  # noqa: PLC0415
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
     from grabberd.service.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415

@@ -91,7 +91,7 @@ def seal(
 
     Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
     """
-    from grabberd.service.archive import describe  # noqa: PLC0415
+    from grabberd.service.capture_document import describe  # noqa: PLC0415
     from grabberd.storage.leftovers import seal as seal_part  # noqa: PLC0415
 
     path = seal_part(part)

@@ -6,11 +6,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import CaptureFileError, Conflict, LaterVersion, NotFound, StorageError
+from grabberd.service.capture_document import damaged_document, describe, running_document, waiting_document
 from grabberd.service.session import CaptureSession
 from grabberd.service.waiting import WaitingCapture
-from grabberd.storage import CaptureIndex, CaptureReader, RunInfo, recover
+from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.annotations import Annotation
 from grabberd.storage.index import IndexEntry
 from grabberd.storage.lock import DirectoryLock
@@ -21,7 +21,6 @@ log = logging.getLogger(__name__)
 PART = ".grab.part"
 DESCRIBED = 4096
 """So many captures' descriptions are remembered."""
-IN_THE_FILE = (Outcome.RECEIVED, Outcome.DAMAGED)
 
 
 class Archive:
@@ -133,10 +132,10 @@ class Archive:
     def _document(self, capture_id: str) -> dict[str, Any]:
         session, waiting = self._running(capture_id), self._armed(capture_id)
         if session is None and waiting is not None:
-            return _waiting_document(waiting)
+            return waiting_document(waiting)
         if session is not None:
             try:
-                return _running_document(self.part_of(capture_id), session)
+                return running_document(self.part_of(capture_id), session)
             except (CaptureFileError, FileNotFoundError):  # it is being renamed at this moment
                 session.sealed.wait(10)
         return self._sealed_document(self.index.get(capture_id))
@@ -166,7 +165,7 @@ class Archive:
         try:
             described = self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
         except (CaptureFileError, StorageError) as error:
-            return _damaged_document(entry, path, error.message)
+            return damaged_document(entry, path, error.message)
         return described | {"id": entry.id}
 
 
@@ -180,121 +179,10 @@ def _recovered(part: Path) -> bool:
     return True
 
 
-def ledger_document(ledger: Ledger, rate_hz: float) -> dict[str, Any]:
-    """A ledger as it is shown."""
-    return {
-        "complete": ledger.complete,
-        "in_words": ledger.in_words(rate_hz),
-        "counts": ledger.counts(),
-        "entries": [entry._asdict() for entry in ledger.entries],
-    }
-
-
 def _annotated(document: dict[str, Any], said: Annotation) -> dict[str, Any]:
     return {
         **document,
         "pinned": said.pinned,
         "note": document["note"] if said.note is None else said.note,
         "labels": document["labels"] if said.labels is None else dict(said.labels),
-    }
-
-
-def _waiting_document(waiting: WaitingCapture) -> dict[str, Any]:
-    """Nothing is in it yet."""
-    return {
-        "id": waiting.id,
-        "device": waiting.device,
-        "state": "armed",
-        "verdict": None,
-        "ended_because": None,
-        "created_utc": waiting.armed_utc,
-        "trigger_utc": None,
-        "pre_trigger_fields": 0,
-        "bits": waiting.bits,
-        "lines": waiting.lines,
-        "fields": 0,
-        "ledger": ledger_document(Ledger(), 50.0),
-        "runs": [],
-        "labels": dict(waiting.request.labels),
-        "note": waiting.request.note,
-        "size_bytes": 0,
-    }
-
-
-def _running_document(part: Path, session: CaptureSession) -> dict[str, Any]:
-    with CaptureReader(part) as reader:
-        document = _document(reader, session.recorder.ledger)
-    ended = "unsealed" if session.sealed.is_set() else "sealing"
-    state = "recording" if session.recorder.recording else ended
-    return document | {"state": state, "ended_because": session.recorder.ended_because}
-
-
-def describe(path: Path) -> dict[str, Any]:
-    """A capture file as it is shown.
-
-    Raises:
-        CaptureFileError: it cannot be read.
-    """
-    with CaptureReader(path) as reader:
-        document = _document(reader, reader.ledger)
-    unsealed = {"state": "unsealed", "verdict": "incomplete"} if document["verdict"] is None else {}
-    return document | unsealed
-
-
-def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
-    meta = reader.meta
-    counts, trigger = ledger.counts(), meta.extra.get("trigger", {})
-    verdict = {True: "complete", False: "incomplete", None: None}[meta.complete]
-    return {
-        "id": meta.id,
-        "device": meta.device["name"],
-        "state": meta.state,
-        "verdict": verdict,
-        "ended_because": meta.ended_because,
-        "created_utc": meta.created_utc,
-        "trigger_utc": trigger.get("utc"),
-        "pre_trigger_fields": trigger.get("n", 0),
-        "bits": meta.bits,
-        "lines": meta.lines,
-        "fields": sum(counts[outcome] for outcome in IN_THE_FILE),
-        "ledger": ledger_document(ledger, meta.rate_hz),
-        "runs": [_run_document(run) for run in reader.runs],
-        "labels": meta.labels,
-        "note": meta.note,
-        "size_bytes": reader.path.stat().st_size,
-    }
-
-
-def _run_document(run: RunInfo) -> dict[str, Any]:
-    return {
-        "run": run.run,
-        "kind": run.kind,
-        "created_utc": run.created_utc,
-        "version": run.version,
-        "state": run.state,
-    }
-
-
-def _damaged_document(entry: IndexEntry, path: Path, reason: str) -> dict[str, Any]:
-    if not path.exists():
-        raise NotFound(
-            f"the file of capture {entry.id} is gone", "it was removed by hand; restart to forget it"
-        )
-    return {
-        "id": entry.id,
-        "device": entry.device,
-        "state": "damaged",
-        "verdict": "incomplete",
-        "ended_because": reason,
-        "created_utc": entry.created_utc,
-        "trigger_utc": None,
-        "pre_trigger_fields": 0,
-        "bits": 0,
-        "lines": "",
-        "fields": 0,
-        "ledger": ledger_document(Ledger(), 50.0),
-        "runs": [],
-        "labels": {},
-        "note": "",
-        "size_bytes": path.stat().st_size,
     }

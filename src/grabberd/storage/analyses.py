@@ -2,7 +2,7 @@
 
     CAPTURE/N/record.json   what it was made from, and what it found, in short
     CAPTURE/N/report.json   the report as a document; report.html: as a page, where it could be drawn
-    CAPTURE/N/maps.jsonl    a line for each field and phase: the columns of its targets; maps.json: where it begins
+    CAPTURE/N/maps.jsonl    a line for each field and phase: its targets' columns; maps.json: where it begins
     CAPTURE/N/NAME.csv      every table
 
 A folder is written under another name and renamed, so it is there whole or not at all.
@@ -24,7 +24,7 @@ RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
 
 
 class AnalysisStore:
-    """The analyses in a folder; any thread and process may read and add."""
+    """The analyses in a folder; any thread and process may read, one at a time adds."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -35,20 +35,19 @@ class AnalysisStore:
         Raises:
             StorageError: it cannot be written.
         """
-        with storage_errors(self.directory):
-            self.directory.mkdir(parents=True, exist_ok=True)
-            for left in self.directory.glob(f"{SCRATCH}*"):
-                shutil.rmtree(left)
+        self._clear()
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
         """A folder to write an analysis into; gone afterwards, unless it was published.
 
+        What was killed while it wrote another is cleared away.
+
         Raises:
             StorageError: it cannot be made.
         """
+        self._clear()
         with storage_errors(self.directory):
-            self.directory.mkdir(parents=True, exist_ok=True)
             scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=self.directory))
         try:
             yield scratch
@@ -74,7 +73,7 @@ class AnalysisStore:
         return sorted(int(path.name) for path in home.glob("*") if path.name.isdigit())
 
     def records(self, capture_id: str) -> list[dict[str, Any]]:
-        """Of a capture's analyses, the newest first; of a damaged one its number and what is wrong with it."""
+        """Of a capture's analyses, the newest first; of a damaged one its number and what is wrong."""
         return [self._record(capture_id, number) for number in reversed(self.numbers(capture_id))]
 
     def file(self, capture_id: str, number: int, name: str) -> Path:
@@ -102,6 +101,12 @@ class AnalysisStore:
         home = self.directory / capture_id
         with storage_errors(home), suppress(FileNotFoundError):
             shutil.rmtree(home)
+
+    def _clear(self) -> None:
+        with storage_errors(self.directory):
+            self.directory.mkdir(parents=True, exist_ok=True)
+            for left in self.directory.glob(f"{SCRATCH}*"):
+                shutil.rmtree(left)
 
     def _record(self, capture_id: str, number: int) -> dict[str, Any]:
         try:

@@ -76,4 +76,6 @@ def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
     for name in names:
         if not isinstance(stored[name], _KINDS[name]):
             raise ValueError(f"{name} is {stored[name]!r}")
+    if not isinstance(stored["device"].get("name"), str):
+        raise ValueError(f"device is {stored['device']!r}, without a name")
     return CaptureMeta(**{name: stored[name] for name in names})

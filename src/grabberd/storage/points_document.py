@@ -46,7 +46,11 @@ def points_document(path: Path, query: PointsQuery) -> dict[str, Any]:
         first_ns = reader.first_time_ns or 0
         selected = reader.timed_points(run, query.first_n, query.end_n, every)
         fields = [
-            {"n": n, "time_s": (time_ns - first_ns) / 1e9, **_columns(_of_targets(points, query.targets))}
+            {
+                "n": n,
+                "time_s": (time_ns - first_ns) / 1e9,
+                **point_columns(_of_targets(points, query.targets)),
+            }
             for n, time_ns, points in selected
         ]
         return {"capture": reader.meta.id, "run": run, "every": every, "fields": fields}
@@ -70,7 +74,8 @@ def _of_targets(points: Points, targets: Collection[int]) -> Points:
     return points.select(np.isin(points.target, list(targets))) if targets else points
 
 
-def _columns(points: Points) -> dict[str, Any]:
+def point_columns(points: Points) -> dict[str, Any]:
+    """The points of one field, column by column."""
     return {
         "target": points.target.tolist(),
         **_axes("{}_mm", points.xyz_mm),

@@ -184,7 +184,7 @@ class CaptureReader:
     def _read_meta(self) -> CaptureMeta:
         try:
             return read_meta(self._connection)
-        except (KeyError, *DAMAGE) as error:
+        except DAMAGE as error:
             self._connection.close()
             hint = "it was cut off before its first second; nothing is in it"
             raise CaptureFileError(f"{self.path} does not say what it is: {error}", hint) from error

@@ -45,7 +45,7 @@ _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_READONLY,
     sqlite3.SQLITE_FULL,
 )
-DAMAGE = (ValueError, TypeError, OverflowError)
+DAMAGE = (ValueError, TypeError, KeyError, OverflowError)
 """What damaged content leads to, where it is taken for what it should be."""
 RESERVE_BYTES = 256 * 1024
 """Set aside at the start and given back at the end, so that a full disk still lets a capture be sealed."""
