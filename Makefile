@@ -10,7 +10,7 @@ READY := $(VENV)/ready
 SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
 
-.PHONY: help run test check pytest test-vm test-wheel test-install check-units install uninstall bundle bench soak faults docs format lock clean
+.PHONY: help run test check pytest test-browser browser screenshots test-vm test-wheel test-install check-units install uninstall bundle bench soak faults docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -27,8 +27,19 @@ check: $(READY)  ## ruff, mypy and the arrows between the rooms
 	$(BIN)/lint-imports --no-cache
 	@systemd/check-units.sh
 
-pytest: $(READY)  ## the tests alone, on all processors
+pytest: $(READY) browser  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist loadfile
+
+test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
+	$(BIN)/python -m pytest tests/browser -rs
+
+screenshots: $(READY) browser  ## pictures of every panel of the page, into docs/images/page
+	PYTHONPATH=tests:tests/service $(BIN)/python -m browser.screenshots docs/images/page $(NAMES)
+
+browser:
+	@command -v chromium >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+	  && { apt-get install --yes --no-install-recommends chromium || { apt-get update && apt-get install --yes --no-install-recommends chromium; }; } ; } \
+	  || echo "*** Chromium is missing, so the page is NOT tested: sudo apt-get install chromium ***"
 
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
@@ -74,7 +85,7 @@ lock: $(READY)  ## write down the versions that the tests passed with
 clean:  ## remove what make made, but no captures
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache
 
-$(READY): pyproject.toml constraints.txt
+$(READY): pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is missing: sudo apt-get install python3 python3-venv"; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "$(PYTHON) is older than 3.11: sudo apt-get install python3.11"; exit 1; }
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "the venv module is missing: sudo apt-get install python3-venv"; exit 1; }

@@ -1,7 +1,8 @@
 """Draws the pictures in docs/images from simulated fields. `make docs` runs it.
 
 field.jpg: one field of 1 bit, its targets ringed. model.png: the surface of another, coloured by height.
-overlay.jpg: the synthetic views of the same, over the camera's pictures.
+overlay.jpg: the synthetic views of the same, over the camera's pictures. analysis-model.svg,
+analysis-curves.svg: figures of the report of an analysis with the inputs that are shipped.
 """
 
 from pathlib import Path
@@ -11,20 +12,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition import create
-from grabberd.analysis import Surface
-from grabberd.config import default_config_file, load_config
+from grabberd.analysis import Grid, Surface, TimedPoints
+from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
 from grabberd.processes import render
+from grabberd.processes.analyse import FieldPoints, analyse
+from grabberd.processes.analysis_document import analysis_document
+from grabberd.processes.analysis_inputs import read_inputs
+from grabberd.processes.analysis_tables import tables
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.processes.model_pictures import Gallery, Modelling
 from grabberd.processes.stand import SIDES
 from grabberd.processes.wire_model import Look
-from grabberd.service.setup import set_up
+from grabberd.reports.chapters.shape import curves, shape
+from grabberd.service.setup import read_yaml, set_up
 
 THRESHOLD = 60
 SCALE = 2
 CLOSED = 8
 """A field in which the liner is closed."""
+ANALYSED = 100
+"""Fields: two cycles."""
+PERIOD_NS = 20_000_000
 LINES, LEFT, RIGHT = slice(190, 400), slice(118, 238), slice(480, 600)
 RING, INK, SEAM = (80, 220, 255), (120, 200, 120), (90, 90, 90)
 
@@ -40,6 +49,8 @@ def main() -> None:
     cv2.imwrite(str(folder / "model.png"), model(modelling, measured))
     overlay = laid_over(modelling.surface(measured[-1].points), setup, fields[-1])
     cv2.imwrite(str(folder / "overlay.jpg"), overlay, [cv2.IMWRITE_JPEG_QUALITY, 90])
+    for name, figure in analysis(setup).items():
+        (folder / f"analysis-{name}.svg").write_text(figure, encoding="utf-8")
 
 
 def model(modelling: Modelling, measured: list[MeasuredField]) -> NDArray[np.uint8]:
@@ -55,6 +66,24 @@ def laid_over(surface: Surface, setup: MeasureSetup, field: Field) -> NDArray[np
     over = render.laid_over(render.frame_of(pair, setup.calibration), field)
     parts = np.concatenate([over[LINES, LEFT], over[LINES, RIGHT]], axis=1)
     return np.asarray(cv2.resize(parts, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC), np.uint8)
+
+
+def analysis(setup: MeasureSetup) -> dict[str, str]:
+    """Figures of an analysis' report: the wall with its pressure, and curves over time."""
+    measured = _measured([quantise(field, 8, THRESHOLD) for field in _grabbed(ANALYSED)], setup)
+    fields = [FieldPoints(one.n, TimedPoints(one.n * PERIOD_NS / 1e9, one.points)) for one in measured]
+    grid = Grid.of(setup.object_model)
+    inputs = read_inputs(read_yaml(shipped_configs() / "analysis" / "liner.yaml"), grid)
+    found = analyse([fields], grid, inputs)
+    document = analysis_document(found, tables(found), {})
+    chapters = {"model": shape(document), "curves": curves(document)}
+    return {name: _first_figure(chapter) for name, chapter in chapters.items()}
+
+
+def _first_figure(chapter: str) -> str:
+    end = "</svg>"
+    figure = chapter[chapter.index("<svg") : chapter.index(end) + len(end)]
+    return figure.replace("<svg ", '<svg style="background: white" ', 1) + "\n"
 
 
 def drawn(field: Field, measured: MeasuredField) -> NDArray[np.uint8]:
@@ -94,8 +123,7 @@ def _setup() -> MeasureSetup:
 
 
 def _measured(packed: list[PackedField], setup: MeasureSetup) -> list[MeasuredField]:
-    period_ns = 20_000_000
-    numbered = (NumberedField(n, n * period_ns, n, one) for n, one in enumerate(packed))
+    numbered = (NumberedField(n, n * PERIOD_NS, n, one) for n, one in enumerate(packed))
     return list(measure_fields(numbered, setup))
 
 

@@ -11,6 +11,7 @@ from pydantic_core import PydanticUndefined
 
 from grabberd.api import create_app
 from grabberd.config import Config, default_config_file, load_config
+from grabberd.processes.analysis_columns import TABLES, TableDefinition
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.export_columns import COLUMNS
@@ -35,6 +36,27 @@ pixels.
 recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the API
 answers 501. The daemon has it done by a niced process of its own. In Python:
 `pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`."""
+ANALYSIS_BEFORE = """\
+Of `grabberd analyse`, and over HTTP `/api/v1/captures/{capture_id}/analyses/{number}/TABLE.csv`. How to
+make them, and what the inputs mean: [analyse](../howto/analyse.md).
+
+Every measured column (with ± below) has one beside it, `sigma_NAME`, with its σ in the same unit. σ has in
+it what comes from the points, the vacuum, the clocks and the material, as far as their σ were given; not
+what the calibration has wrong, which is alike in all fields. What is not known is empty in CSV, NaN in
+Parquet, HDF5, VTU and PLY; nothing is filled in. Coordinates are in the object's frame.
+
+**CSV**: a file for each table, seven digits. **Parquet** (`pip install 'grabberd[parquet]'`): the same with
+all digits; a column's metadata are `unit` and `description`, the file's `grabberd` say what it was made
+from. **HDF5** (`pip install 'grabberd[hdf5]'`): `analysis.h5` with a group for each table and a plain array
+for each column, its attributes `unit` and `meaning`; and the group `grid` with the targets' ids, rows,
+columns, nominal places and triangles. It opens in MATLAB, Python, Julia, R.
+
+**VTU** and **PLY**: a mesh for each field and phase, with every numeric column of `targets` or
+`phase_targets` at its vertices, which are the targets on the smooth outer face, in mm; a target without a
+place is no vertex. `vtu/fields.pvd` and `vtu/phases.pvd` are the same as series in time, for ParaView.
+
+The **report** is `report.html` to read and `report.json` for programs: inputs, problems, grid, and all
+tables but those of targets, triangles and edges, column by column; of the targets four states."""
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 
 
@@ -46,6 +68,7 @@ def documents() -> dict[str, str]:
         "http.md": "\n".join(_http(description)) + "\n",
         "configuration.md": "\n".join(_configuration()) + "\n",
         "points.md": "\n".join(_points()) + "\n",
+        "analysis.md": "\n".join(_analysis()) + "\n",
     }
 
 
@@ -143,6 +166,21 @@ def _points() -> Iterator[str]:
         as_ply = f"`{PLY_NAMES.get(name, name)}` {PLY_TYPES[kind]}" if name in ply else "–"
         yield f"| `{name}` | {unit or '–'} | {PARQUET_TYPES[kind]} | {as_ply} | {meaning} |"
     yield POINTS_AFTER
+
+
+def _analysis() -> Iterator[str]:
+    yield f"{MADE}# An analysis, column by column\n"
+    yield ANALYSIS_BEFORE
+    for name, table in TABLES.items():
+        yield from _analysis_table(name, table)
+
+
+def _analysis_table(name: str, table: TableDefinition) -> Iterator[str]:
+    yield f"\n## {name}\n\n{table.meaning}.\n"
+    yield "| column | unit | |\n|---|---|---|"
+    for one in (*table.key, *table.values):
+        unit = f"{one.unit or '–'}{' ±' if one.measured else ''}"
+        yield f"| `{one.name}` | {unit} | {one.meaning} |"
 
 
 if __name__ == "__main__":

@@ -7,7 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from analysis.shapes import cylinder, moved, renamed, sheet, sphere, torus
-from grabberd.analysis.forms import curvature_per_m, determinant, middle_forms, outer_forms
+from grabberd.analysis.forms import (
+    curvature_per_m,
+    determinant,
+    middle_forms,
+    mixed,
+    outer_forms,
+    principal_values,
+)
 
 U, V = np.linspace(-30.0, 30.0, 7), np.linspace(-12.0, 12.0, 7)
 H = 1.35
@@ -90,3 +97,10 @@ def _swap(name):
     result = np.zeros((5, 5))
     result[(1, 0) if name == "u" else (0, 1)] = 1.0
     return result
+
+
+@pytest.mark.parametrize("shape", [cylinder(13.75, U, V), sphere(20.0, U / 4, V), torus(30.0, 8.0, U, V)])
+def test_principal_values_alone_are_those_with_directions(shape):
+    forms = middle_forms(shape, H)
+    alone = 1e3 * principal_values(mixed(forms.first, forms.second_per_mm))
+    np.testing.assert_allclose(alone, curvature_per_m(forms).values, rtol=1e-9, atol=1e-6)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.collapsing import AXIS_Z_MM, SIGMA_8_BIT_MM, by_differences, middle
-from grabberd.analysis import Height, Plane, Tube, fit_free_surface, section, surface_area
+from analysis.collapsing import AXIS_Z_MM, SIGMA_8_BIT_MM, by_differences, grid, middle
+from analysis.test_grid import of
+from grabberd.analysis import Height, Plane, Tube, fit_free_surface, free_shape, section, surface_area
 from grabberd.analysis.forms import curvature_per_m, outer_forms
 from grabberd.errors import AnalysisError
 
@@ -88,3 +89,10 @@ def test_too_few_points_are_refused():
     xyz, covariance = speckle(0.0, 10)
     with pytest.raises(AnalysisError, match="too few"):
         fit_free_surface(xyz, covariance, TUBE)
+
+
+def test_the_grid_says_what_the_surface_is_a_function_over():
+    tube = free_shape(grid())
+    assert isinstance(tube, Tube)
+    assert tube == pytest.approx((0.0, AXIS_Z_MM, 13.75), abs=0.01)
+    assert isinstance(free_shape(of(5, 5)), Height)

@@ -152,6 +152,8 @@ def test_the_list_says_what_an_operator_chooses_by(fast: TestClient) -> None:
         "capture": None,
         "stored_utc": None,
         "problem": None,
+        "misfit": None,
+        "rejected": None,
     }
 
 
@@ -290,3 +292,35 @@ def test_the_daemon_does_not_draw(fast: TestClient, monkeypatch: pytest.MonkeyPa
     store = service_of(fast).calibrations.store
     store.add(calibration("rig-7"), report={"id": "rig-7"}, page="<p></p>")
     assert fast.get(f"{CALIBRATIONS}/rig-7/report").status_code == 200
+
+
+def test_one_that_was_rejected_stays_in_the_list_with_its_note(fast: TestClient) -> None:
+    stored(fast)
+    answer = fast.put(f"{CALIBRATIONS}/rig-7/rejection", json={"note": "the frame was touched"})
+    assert answer.status_code == 200
+    rows = fast.get(CALIBRATIONS).json()["calibrations"]
+    [row] = [row for row in rows if row["id"] == "rig-7"]
+    assert row["rejected"]["note"] == "the frame was touched"
+    assert not row["active"]
+    assert fast.get(f"{CALIBRATIONS}/rig-7").json() == calibration("rig-7")
+
+
+def test_activating_one_takes_its_rejection_back(fast: TestClient) -> None:
+    stored(fast)
+    fast.put(f"{CALIBRATIONS}/rig-7/rejection")
+    row = fast.put(f"{CALIBRATIONS}/active", json={"id": "rig-7"}).json()
+    assert (row["active"], row["rejected"]) == (True, None)
+
+
+def test_the_active_one_cannot_be_rejected(fast: TestClient) -> None:
+    assert is_problem(fast.put(f"{CALIBRATIONS}/{CONFIGURED}/rejection", json={}), 409)
+    assert is_problem(fast.put(f"{CALIBRATIONS}/another/rejection", json={}), 404)
+
+
+def test_a_calibration_that_no_longer_fits_its_device_says_why(fast: TestClient) -> None:
+    other = calibration("rig-8", glass={"thickness_mm": 2.0, "refractive_index": 1.52})
+    service_of(fast).calibrations.add(other, CalibrationRecord("simulated"))
+    stored(fast)
+    rows = {row["id"]: row for row in fast.get(CALIBRATIONS).json()["calibrations"]}
+    assert "glass" in rows["rig-8"]["misfit"]
+    assert rows["rig-7"]["misfit"] is None

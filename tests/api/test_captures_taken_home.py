@@ -84,3 +84,14 @@ def test_a_further_run_changes_the_files_tag(captured: tuple[TestClient, str]) -
     service = client.app.state.service  # type: ignore[attr-defined]
     service.jobs.wait(job, 60)
     assert client.get(f"{CAPTURES}/{capture_id}/file").headers["ETag"] != before
+
+
+def test_a_run_says_what_its_points_were_made_with(captured: tuple[TestClient, str]) -> None:
+    client, capture_id = captured
+    document = client.get(f"{CAPTURES}/{capture_id}/runs/1").json()
+    made_with = document.pop("made_with")
+    assert document == client.get(f"{CAPTURES}/{capture_id}").json()["runs"][0]
+    assert set(made_with["calibration"]["views"]) == {"left", "right"}
+    assert len(made_with["object"]["targets"]) == 108
+    assert made_with["settings"]["method"] == "centroid"
+    assert client.get(f"{CAPTURES}/{capture_id}/runs/2").status_code == 404

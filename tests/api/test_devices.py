@@ -1,6 +1,7 @@
 """The devices, and whether they can measure."""
 
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,38 @@ def test_all_devices_are_listed(idle: TestClient) -> None:
 
 def test_a_device_that_there_is_not_is_a_problem(idle: TestClient) -> None:
     assert is_problem(idle.get("/api/v1/devices/other"), 404, "not-found")
+
+
+def test_a_device_says_how_its_picture_is_lit_view_by_view(paced: TestClient) -> None:
+    light = paced.get("/api/v1/devices/simulated/light").json()
+    assert list(light["views"]) == ["left", "right"]
+    for view in light["views"].values():
+        assert sum(view["histogram"]) == 288 * 360
+        assert view["targets"] > 20
+        assert 3 < view["diameter_px"] < 12
+
+
+def test_another_threshold_may_be_tried_without_setting_it(paced: TestClient) -> None:
+    light = paced.get("/api/v1/devices/simulated/light", params={"threshold": 254}).json()
+    assert (light["threshold"], light["views"]["left"]["targets"]) == (254, 0)
+    assert paced.get("/api/v1/settings").json()["devices"]["simulated"]["as_configured"]
+
+
+def test_a_device_without_fields_says_so_instead(still: TestClient) -> None:
+    assert is_problem(still.get("/api/v1/devices/simulated/light"), 409, "not-ready")
+
+
+def test_a_device_says_which_capture_is_armed_and_what_it_lacks(paced: TestClient) -> None:
+    before = paced.get("/api/v1/devices/simulated").json()
+    assert (before["armed_capture_id"], before["lacks"]) == (None, [])
+    capture_id = paced.post("/api/v1/captures", json={"armed": True}).json()["id"]
+    assert paced.get("/api/v1/devices/simulated").json()["armed_capture_id"] == capture_id
+
+
+def test_a_device_shows_its_views_and_how_full_its_ring_is(idle: TestClient) -> None:
+    device = idle.get("/api/v1/devices/simulated").json()
+    assert device["views"]["right"] == {"first_column": 360, "end_column": 720}
+    assert 0 <= device["ring"]["waiting"] <= device["ring"]["slots"]
 
 
 def test_a_device_that_streams_with_signal_and_calibration_is_ready(idle: TestClient) -> None:
@@ -84,3 +117,44 @@ def test_head_answers_as_get_does_without_a_body(idle: TestClient) -> None:
 
 def test_head_changes_nothing_where_there_is_no_get(idle: TestClient) -> None:
     assert idle.head("/api/v1/captures/none/stop").status_code == 405
+
+
+def test_the_newest_points_can_be_asked_for(paced: TestClient) -> None:
+    instrument = instrument_of(paced)
+    with instrument.worker.published:
+        assert instrument.worker.published.wait_for(lambda: instrument.worker.live is not None, 20)
+    document = paced.get("/api/v1/devices/simulated/points").json()
+    columns = {len(values) for values in document.values() if isinstance(values, list)}
+    assert len(columns) == 1
+    assert columns.pop() > 50
+    age = datetime.now(UTC) - datetime.fromisoformat(document["utc"])
+    assert timedelta(0) < age < timedelta(seconds=2)
+
+
+def test_before_the_first_there_are_none(still: TestClient) -> None:
+    assert is_problem(still.get("/api/v1/devices/simulated/points"), 409, "not-ready")
+
+
+def test_what_is_measured_is_known_target_by_target(idle: TestClient) -> None:
+    document = idle.get("/api/v1/devices/simulated/object").json()
+    assert (document["name"], len(document["target"])) == ("liner", 108)
+    assert (max(document["row"]), max(document["column"])) == (17, 5)
+
+
+def test_a_device_without_an_object_model_says_so(still: TestClient) -> None:
+    instrument = instrument_of(still)
+    instrument.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
+    assert is_problem(still.get("/api/v1/devices/simulated/object"), 404, "not-found")
+
+
+def test_the_newest_field_says_what_each_view_shows_and_how_wide_the_liner_is(paced: TestClient) -> None:
+    worker = instrument_of(paced).worker
+    with worker.published:
+        assert worker.published.wait_for(lambda: worker.live is not None and len(worker.live[0].points), 20)
+    live = paced.get("/api/v1/devices/simulated").json()["live"]
+    assert set(live["views"]) == {"left", "right"}
+    assert live["points"] <= min(live["views"].values()) <= live["blobs"]
+    assert [width["targets"] for width in live["widths"]] == [[49, 54], [50, 53], [51, 52]]
+    inner = live["widths"][-1]
+    assert 5 < inner["width_mm"] < 9
+    assert 0 < inner["sigma_mm"] < 0.5

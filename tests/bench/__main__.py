@@ -17,6 +17,7 @@ from tests.bench import (
     live,
     location,
     location_bits,
+    reprocess,
     soak,
 )
 
@@ -37,14 +38,18 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "A look at every field: what it costs": content.table,
         "A look at every field: what it finds": content_found.table,
     },
+    "targets": {
+        "Pointing over the targets' diameter, RMS in x / y, px": location.table_of_diameters,
+        "Pointing over the targets' size, 8 bit, .5 % noise, RMS in px": location.table_of_sizes,
+    },
     "core": {"From a field to its points": core.table},
     "location": {
         "Pointing of all locators on the same fields, px": location.table,
         "Pointing over bits, one capture quantised anew, RMS in px": location.table_of_bits,
-        "Pointing over the targets' size, 8 bit, .5 % noise, RMS in px": location.table_of_sizes,
         "Pointing at 1 bit: noise and line jitter, RMS in px": location_bits.table,
         "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
     },
+    "reprocess": {"An archive measured again": reprocess.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""
 

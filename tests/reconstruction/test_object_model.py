@@ -76,3 +76,10 @@ def test_all_problems_are_named_at_once():
     with pytest.raises(InputError, match=r"name.*targets\[0\]\.row.*targets\[1\]\.y_mm") as caught:
         ObjectModel.from_document(wrong)
     assert caught.value.hint
+
+
+def test_targets_are_the_same_points_in_every_field_unless_the_file_says_otherwise():
+    assert ObjectModel.from_document(document()).homologous
+    assert not ObjectModel.from_document(document() | {"homologous": False}).homologous
+    with pytest.raises(InputError, match="homologous: is 'no', expected true or false"):
+        ObjectModel.from_document(document() | {"homologous": "no"})

@@ -8,6 +8,8 @@ import pytest
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.reports import analysis_html
 from grabberd.reports.analysis import ANALYSIS_CHAPTERS
+from grabberd.reports.chapters.analysis_head import analysis_head
+from grabberd.reports.chapters.pressure import pressure
 from reports.analysis_documents import full, least
 from reports.pages import Page
 
@@ -101,6 +103,47 @@ def test_of_the_shape_alone_there_is_a_page_that_says_what_there_is_not(bare):
     assert "The pressure was determined in no field" in bare.text
     assert "greater principal strain is not known" in bare.text
     assert len(bare.all("svg")) == 3
+
+
+def changed(table, name, values):
+    """The full document's text with other values in one column."""
+    document = full()
+    column = next(one for one in document["tables"][table]["columns"] if one["name"] == name)
+    column["values"] = values
+    return document
+
+
+def test_a_pressure_that_is_there_from_the_first_field_on_is_not_said_to_begin(page):
+    assert "Pressure begins in field 7" in page.text
+    document = changed("summary", "touch_n", [0])
+    assert (
+        dict(Page(analysis_head(document)).tables["Result at a glance (± is one σ)"])[
+            "Pressure is there already in"
+        ]
+        == "field 0, target 5"
+    )
+    assert "so where it begins was not seen" in pressure(document)
+
+
+def test_points_that_are_worse_than_their_sigma_are_told_with_what_it_means():
+    assert "too small" not in pressure(full())
+    assert "are too small by about 1.4" in pressure(changed("fields", "misfit", [2.0] * 3))
+
+
+def test_lines_are_drawn_to_a_hundredth_of_a_point(text):
+    assert re.findall(r' d="[^"]*\.\d\d[^"]*"', text)
+    assert not re.findall(r' d="[^"]*\.\d{3}[^"]*"', text)
+
+
+def test_a_wall_of_many_columns_keeps_its_numbers_apart():
+    document = full()
+    for state in document["states"]:
+        for column in state["targets"]["columns"]:
+            if column["name"] == "column":
+                column["values"] = [10 * value for value in column["values"]]
+    labels = re.findall(r">(\d+)</text>", analysis_html(document).partition("Figure")[0])
+    assert {"0", "3", "18"} <= set(labels)
+    assert "1" not in labels[:14]
 
 
 @pytest.mark.slow

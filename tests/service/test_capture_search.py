@@ -66,3 +66,12 @@ def test_only_the_files_of_those_that_are_meant_are_opened(archive: Archive) -> 
     archive.document = counted  # type: ignore[method-assign]
     assert found(archive, search="slipped") == ["c2"]
     assert opened == ["c2"]
+
+
+def test_those_of_a_day_are_found_whatever_came_later(archive: Archive) -> None:
+    day = {"since_utc": "2026-03-02T00:00:00.000Z", "until_utc": "2026-03-04T00:00:00.000Z"}
+    assert found(archive, **day) == ["c3", "c2"]
+    query = CaptureQuery(limit=1, **day)
+    first, last = list_captures(archive, query)
+    assert found(archive, after=last, **day) == ["c2"]
+    assert [one["id"] for one in first] == ["c3"]

@@ -13,13 +13,13 @@ from slots import ManualClock, damaged, slot, without_signal
 from grabberd.acquisition import Slot
 from grabberd.field import BIT_DEPTHS, Field, NumberedField, quantise
 from grabberd.service.instrument import Instrument
-from grabberd.service.preview import NO_CENTROIDS, Centroids, Preview, message
+from grabberd.service.preview import NO_CENTROIDS, POINT, Centroids, Preview, message
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "live.md"
 HEADER_FIELDS = (
     (0, 4, "magic"), (8, 8, "n"), (16, 8, "time_us"), (24, 8, "centroids_us"), (32, 2, "columns"),
     (34, 2, "rows"), (36, 2, "y0"), (38, 2, "y_step"), (40, 2, "threshold"), (42, 1, "outcome"),
-    (43, 1, "bits"), (44, 4, "centroids"), (48, 4, "deflated"),
+    (43, 1, "bits"), (44, 4, "centroids"), (48, 4, "deflated"), (52, 4, "points"),
 )  # fmt: skip
 
 
@@ -76,7 +76,21 @@ def test_the_header_says_what_is_documented() -> None:
     assert (found["n"], found["time_us"], found["centroids_us"]) == (7, 5_000_000, 4_000_000)
     assert (found["columns"], found["rows"], found["y0"], found["y_step"]) == (21, 6, 1, 2)
     assert (found["threshold"], found["outcome"], found["centroids"]) == (127, 0, 3)
-    assert len(sent) == 52 + 3 * 8 + found["deflated"]
+    assert len(sent) == 56 + 3 * 8 + found["deflated"]
+
+
+def test_points_come_last_with_target_places_and_residual(decode: Callable[[bytes], Any]) -> None:
+    points = np.zeros(2, POINT)
+    points["target"], points["residual_px"] = [7, 108], [0.25, 0.5]
+    points["image_px"] = [[[10, 20], [400, 21]], [[11, 22], [401, 23]]]
+    sent = message(slot_of(picture(), 1), 5, Centroids(4, np.zeros((1, 2), np.float32), points))
+    found = header(sent)
+    assert found["points"] == 2
+    assert len(sent) == 56 + 8 + found["deflated"] + 2 * 24
+    last = sent[-24:]
+    assert int.from_bytes(last[:4], "little") == 108
+    assert np.frombuffer(last[4:], "<f4").tolist() == [11, 22, 401, 23, 0.5]
+    assert decode(sent)[2].shape == (6, 21)
 
 
 def test_a_damaged_field_is_shown_as_one() -> None:

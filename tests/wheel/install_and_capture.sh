@@ -16,4 +16,10 @@ unset PYTHONPATH
 "$work/venv/bin/grabberd" export liner.grab --format csv --out exported
 points=$(($(wc -l <exported/points.csv) - 1))
 test "$points" -gt 3000 || { echo "wheel: only $points points in 64 fields"; exit 1; }
+"$work/venv/bin/python" -c '
+from grabberd.web import Files, render
+edition = Files().edition
+assert "js/main.js" in edition.files and "symbols.svg" in edition.files, "the page has been forgotten"
+assert edition.version in render(edition, "en", {})
+'
 echo "wheel: installed into an empty environment, 64 fields gave $points points"

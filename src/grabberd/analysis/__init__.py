@@ -5,7 +5,7 @@ from grabberd.analysis.camera import Camera, viewing_axes
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.fitting import choose_smoothing, fit_surface
 from grabberd.analysis.forms import Forms, Principal, curvature_per_m, middle_forms, outer_forms
-from grabberd.analysis.free_surface import Height, Tube, fit_free_surface
+from grabberd.analysis.free_surface import Height, Tube, fit_free_surface, free_shape
 from grabberd.analysis.gaps import Gap, gaps
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.jets import ORDERS, Jets, index
@@ -13,6 +13,7 @@ from grabberd.analysis.material import Material, Zone, lacking, wall_at
 from grabberd.analysis.material_document import read_zones
 from grabberd.analysis.mesh import PER_PITCH, Mesh, middles
 from grabberd.analysis.movement import Movement, TimedPoints, first_movement
+from grabberd.analysis.outlines import Plane
 from grabberd.analysis.phase_average import PhaseAverage, phase_average
 from grabberd.analysis.phases import Phases, iso_phases, wall_phases
 from grabberd.analysis.pressure import ChamberVacuum, PressureMap, Shares
@@ -20,10 +21,10 @@ from grabberd.analysis.pressure_model import PressureModel
 from grabberd.analysis.pulsation import Pulsation, fit_pulsation
 from grabberd.analysis.ray_casting import Hits, Raster, cast
 from grabberd.analysis.registration import Agreement, agreement
-from grabberd.analysis.sections import Plane, Section, section, symmetry_plane, volume_mm3
+from grabberd.analysis.sections import Section, section, sections, symmetry_plane, volume_mm3
 from grabberd.analysis.smoothing import Smoothing
 from grabberd.analysis.strain import Strain, middle_strain, outer_strain
-from grabberd.analysis.surface import Surface
+from grabberd.analysis.surface import Surface, propagate
 from grabberd.analysis.synthetic import SyntheticView, grey_at, synthetic_view
 from grabberd.analysis.target_strain import (
     EdgeStrain,
@@ -105,6 +106,7 @@ __all__ = [
     "fit_free_surface",
     "fit_pulsation",
     "fit_surface",
+    "free_shape",
     "free_wall",
     "gaps",
     "grey_at",
@@ -121,9 +123,11 @@ __all__ = [
     "outer_places",
     "outer_strain",
     "phase_average",
+    "propagate",
     "read_vacuum_log",
     "read_zones",
     "section",
+    "sections",
     "since_touch",
     "surface_area",
     "symmetry_plane",

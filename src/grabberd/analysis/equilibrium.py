@@ -65,6 +65,8 @@ class Slope(NamedTuple):
 class Equilibrium:
     """The equilibrium at N places of the material, against a reference state, for any number of fields.
 
+    Several fields may be looked at together: jets (F, N, 15, 3), results (F, N).
+
     Attributes:
         wall: the material at the places.
         reference: the middle surface there in the reference state, in which the wall is not bent.
@@ -127,7 +129,7 @@ class Equilibrium:
         result: Array = (difference_kpa + self.wall_kpa(shape)) / self.inner_area(shape)
         return result
 
-    def slope(self, shape: WallShape, difference_kpa: float) -> Slope:
+    def slope(self, shape: WallShape, difference_kpa: float | Array) -> Slope:
         """The contact pressure with its derivatives by everything measured."""
         contact, area = self.contact_kpa(shape, difference_kpa), self.inner_area(shape)
         by_first, by_reference = self._by_metrics(shape, area)
@@ -161,7 +163,8 @@ class Equilibrium:
     def _by_metrics(self, shape: WallShape, area: Array) -> tuple[list[Array], list[Array]]:
         """By g11, g12, g22 of the present state and of the reference."""
         first, reference, curvature = self._tensors(shape)
-        steps = _STEP * np.array([[[1, 0], [0, 0]], [[0, 1], [1, 0]], [[0, 0], [0, 1]]])[:, None]
+        steps = _STEP * np.array([[[1, 0], [0, 0]], [[0, 1], [1, 0]], [[0, 0], [0, 1]]])
+        steps = steps.reshape(3, *[1] * (first.ndim - 2), 2, 2)
 
         def carried(present: Array, before: Array) -> Array:
             result: Array = trace(mixed_tension(present, before, self.wall) @ curvature)
@@ -190,7 +193,7 @@ def _all(matrix: Matrix) -> list[Taylor]:
 def _seeds(series: Sequence[Taylor], by_value: Sequence[Array]) -> list[tuple[Taylor, Array]]:
     seeds = []
     for one, slope in zip(series, by_value, strict=True):
-        bar = np.zeros_like(one.values)
+        bar = np.zeros((len(one.values), *slope.shape))
         bar[0] = slope
         seeds.append((one, bar))
     return seeds

@@ -119,6 +119,15 @@ def principal(forms: Forms, mixed_components: Array) -> Principal:
     return Principal(values, rotation @ frame)
 
 
+def principal_values(mixed_components: Array) -> Array:
+    """(..., 2) the principal values alone, the greater first: many times quicker than with directions."""
+    middle = trace(mixed_components) / 2
+    half = (mixed_components[..., 0, 0] - mixed_components[..., 1, 1]) / 2
+    square = half**2 + mixed_components[..., 0, 1] * mixed_components[..., 1, 0]
+    radius = np.sqrt(np.maximum(square, 0.0))
+    return np.stack([middle + radius, middle - radius], axis=-1)
+
+
 def symmetric_eigen(tensor: Array) -> tuple[Array, Array]:
     """Eigenvalues (..., 2) of symmetric 2 × 2 matrices, the greater first, and the angle of its axis."""
     middle = trace(tensor) / 2

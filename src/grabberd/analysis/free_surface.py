@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.analysis.grid import Grid
 from grabberd.analysis.jets import ORDERS, Jets, index
 from grabberd.analysis.modes import FREE, Domain, Modes, modes
+from grabberd.analysis.nominal_shape import NominalShape
 from grabberd.analysis.posterior import Posterior, fit_modes
 from grabberd.analysis.smoothing import Departures, Smoothing, choose
 from grabberd.analysis.surface import Spread, Surface
@@ -24,6 +26,7 @@ _OUTLYING = 40.0
 _LEAST_POINTS = 4 * FREE
 _PASSES = 3
 _LARGEST_SHARE_OUT = 0.2
+_ASKEW = 0.05
 
 
 class Tube(NamedTuple):
@@ -80,6 +83,16 @@ class Height(NamedTuple):
         jets = np.zeros((len(u_mm), len(ORDERS), 3))
         jets[:, 0, 2] = 1.0
         return jets
+
+
+def free_shape(grid: Grid) -> Tube | Height:
+    """What an object's surface is a function over: the tube along x of its nominal places, or a plane."""
+    shape = NominalShape.of(grid)
+    askew = np.linalg.norm(shape.along[1:]) > _ASKEW * np.linalg.norm(shape.along)
+    if not shape.radius_mm or askew:
+        return Height(float(grid.nominal_mm[:, 2].mean()))
+    _, y_mm, z_mm = shape.origin_mm
+    return Tube(float(y_mm), float(z_mm), shape.radius_mm)
 
 
 def fit_free_surface(

@@ -26,6 +26,8 @@ class Grid:
         outward: 1.0 where X_u × X_v points outward (towards the cameras, +z, on the nominal object), or −1.0.
         triangles: (K, 3) indices of targets: two triangles for each cell of four, counter-clockwise as seen
             from outside.
+        homologous: whether a target is the same point of the material in every field; where not, the grid
+            says only where there are targets, and u, v are no coordinates of the material.
     """
 
     target: NDArray[np.int32]
@@ -38,6 +40,7 @@ class Grid:
     v_pitch_mm: float
     outward: float
     triangles: NDArray[np.intp]
+    homologous: bool = True
 
     def __len__(self) -> int:
         return len(self.target)
@@ -71,6 +74,7 @@ class Grid:
             v_pitch_mm=v_pitch,
             outward=outward,
             triangles=_triangles(cells, outward),
+            homologous=model.homologous,
         )
 
     def indices(self, target: NDArray[np.int32]) -> NDArray[np.intp]:

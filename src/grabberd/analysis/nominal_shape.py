@@ -39,10 +39,13 @@ class NominalShape:
         jets[:, 0] = self.origin_mm + np.multiply.outer(u_mm, self.along)
         jets[:, index(1, 0)] = self.along
         angle = self.turn_per_mm * v_mm + self.start
-        for j in range(5):
-            turned = angle + j * np.pi / 2
-            ring = np.multiply.outer(np.cos(turned), self.up) + np.multiply.outer(np.sin(turned), self.side)
-            jets[:, index(0, j)] += self.radius_mm * self.turn_per_mm**j * ring
+        cosine, sine = (
+            self.radius_mm * np.cos(angle)[:, np.newaxis],
+            self.radius_mm * np.sin(angle)[:, np.newaxis],
+        )
+        ring, turned = cosine * self.up + sine * self.side, cosine * self.side - sine * self.up
+        for j, part in enumerate((ring, turned, -ring, -turned, ring)):
+            jets[:, index(0, j)] += self.turn_per_mm**j * part
         return jets
 
     @classmethod

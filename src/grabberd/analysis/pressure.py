@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
+from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
 
@@ -86,6 +87,23 @@ class PressureMap(NamedTuple):
     def usable(self) -> NDArray[np.bool_]:
         """(N,) where the map says something."""
         return np.array([not reason for reason in self.reason], np.bool_)
+
+    def determined(self) -> "PressureMap":
+        """The map itself.
+
+        Raises:
+            AnalysisError: there is no place where it says anything.
+        """
+        if not all(self.reason):
+            return self
+        most = max(self.reason, key=self.reason.count, default="none was asked for")
+        sigma = self.contact_kpa.sigma
+        known = sigma[np.isfinite(sigma)]
+        median = f"median σ {np.median(known):.2g} kPa" if len(known) else "no σ is a number"
+        raise AnalysisError(
+            f"none of {len(self.reason)} places has its pressure determined: {most} ({median})",
+            "capture with more bits or a finer target grid, or average over phases",
+        )
 
     def mean_kpa(self, chosen: NDArray[np.bool_]) -> Estimate:
         """p_contact averaged over the usable ones of some places (N,); NaN where there are none.

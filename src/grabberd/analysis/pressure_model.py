@@ -12,7 +12,6 @@ from grabberd.analysis.jets import Jets
 from grabberd.analysis.material import VARIED, Zone, varied
 from grabberd.analysis.pressure import ChamberVacuum, PressureMap, Shares
 from grabberd.analysis.surface import Surface
-from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
 
@@ -78,25 +77,49 @@ class PressureModel:
         Raises:
             AnalysisError: there is no place where the map says anything.
         """
-        jets = surface.jets(self.u_mm, self.v_mm)
+        return self.maps([surface], [vacuum])[0].determined()
+
+    def maps(self, surfaces: Sequence[Surface], vacuum: Sequence[ChamberVacuum]) -> list[PressureMap]:
+        """The pressure at F fields, some of which may say nothing anywhere (`PressureMap.determined`)."""
+        jets = np.stack([surface.jets(self.u_mm, self.v_mm) for surface in surfaces])
+        difference = np.array([[one.difference_kpa] for one in vacuum])
         with np.errstate(all="ignore"):
             shape = self.equilibrium.shape(jets)
-            slope = self.equilibrium.slope(shape, vacuum.difference_kpa)
+            slope = self.equilibrium.slope(shape, difference)
             area = self.equilibrium.inner_area(shape)
-            material = self._material_shares(jets, shape, slope, vacuum.difference_kpa)
+            material = self._material_shares(jets, shape, slope, difference)
             wall = self.equilibrium.wall_kpa(shape)
+            turned = ~((shape.middle.root.values[0] > 0) & (area > 0))
+        made = zip(
+            surfaces, vacuum, _of_fields(slope), area, np.moveaxis(material, 1, 0), wall, turned, strict=True
+        )
+        return [self._map(*one) for one in made]
+
+    def _map(
+        self,
+        surface: Surface,
+        vacuum: ChamberVacuum,
+        slope: Slope,
+        area: Array,
+        material: Array,
+        wall: Array,
+        turned: NDArray[np.bool_],
+    ) -> PressureMap:
         points = self._points_share(surface, slope.by_jets, slope.by_reference)
         shares = _shares(vacuum, area, points, material)
         above = _shares(vacuum, area, points, material, above_atmosphere=True)
         contact = _estimate(slope.contact_kpa, shares)
-        reasons = self._reasons(surface, shape, contact)
+        reasons = self._reasons(surface, turned, contact)
         over = _estimate(slope.contact_kpa - vacuum.liner_kpa, above)
-        return PressureMap(self.u_mm, self.v_mm, contact, over, wall, shares, _checked(reasons, contact))
+        return PressureMap(self.u_mm, self.v_mm, contact, over, wall, shares, reasons)
 
-    def _reasons(self, surface: Surface, shape: WallShape, contact: Estimate) -> tuple[str, ...]:
-        """Why each place says nothing; the first of all that is true of it."""
+    def _reasons(self, surface: Surface, turned: NDArray[np.bool_], contact: Estimate) -> tuple[str, ...]:
+        """Why each place says nothing; the first of all that is true of it.
+
+        `turned`: a parallel surface inside has turned over there, its area would not be positive.
+        """
         within = surface.within(self.u_mm, self.v_mm)
-        folded = ~np.isfinite(contact.sigma) | self._too_sharp(shape)
+        folded = ~np.isfinite(contact.sigma) | turned
         least = np.maximum(np.abs(contact.value), self.sought_kpa)
         vague = np.array(
             [
@@ -107,29 +130,28 @@ class PressureModel:
         reasons = np.select([~within, folded, contact.sigma > least], [_FAR, _FOLDED, vague], "")
         return tuple(map(str, reasons))
 
-    def _too_sharp(self, shape: WallShape) -> NDArray[np.bool_]:
-        """Where a parallel surface inside has turned over: its area would not be positive."""
-        with np.errstate(all="ignore"):
-            area = self.equilibrium.inner_area(shape)
-            turned: NDArray[np.bool_] = ~((shape.middle.root.values[0] > 0) & (area > 0))
-        return turned
-
     def _points_share(self, surface: Surface, by_jets: Array, by_reference: Array) -> Array:
         share = surface.sigma(_known(by_jets), self.u_mm, self.v_mm)
         if self.reference is None:
             return share
         return np.hypot(share, self.reference.sigma(_known(by_reference), self.u_mm, self.v_mm))
 
-    def _material_shares(self, jets: Jets, shape: WallShape, slope: Slope, difference_kpa: float) -> Array:
-        """(3, N) how much the pressure rises with one σ of each."""
+    def _material_shares(self, jets: Jets, shape: WallShape, slope: Slope, difference_kpa: Array) -> Array:
+        """(3, F, N) how much the pressure rises with one σ of each."""
         depth_mm = self.equilibrium.wall.depth_mm
-        shares = np.zeros((len(VARIED), len(self.u_mm)))
+        shares = np.zeros((len(VARIED), *slope.contact_kpa.shape))
         for share, other in zip(shares, self.varied, strict=True):
             if other is not None:
                 same = np.array_equal(other.wall.depth_mm, depth_mm)
                 contact = other.contact_kpa(shape if same else other.shape(jets), difference_kpa)
                 share[:] = contact - slope.contact_kpa
         return shares
+
+
+def _of_fields(slope: Slope) -> list[Slope]:
+    """Field by field; of an exact reference state there is one, without derivatives."""
+    by_reference = np.broadcast_to(slope.by_reference, slope.by_jets.shape)
+    return [Slope(*one) for one in zip(slope.contact_kpa, slope.by_jets, by_reference, strict=True)]
 
 
 def _known(slopes: Array) -> Array:
@@ -154,15 +176,3 @@ def _shares(
 
 def _estimate(value: Array, shares: Shares) -> Estimate:
     return Estimate(value, np.where(np.isfinite(value), shares.sigma_kpa, np.nan))
-
-
-def _checked(reasons: tuple[str, ...], contact: Estimate) -> tuple[str, ...]:
-    if all(reasons):
-        most = max(reasons, key=reasons.count, default="none was asked for")
-        known = contact.sigma[np.isfinite(contact.sigma)]
-        median = f"median σ {np.median(known):.2g} kPa" if len(known) else "no σ is a number"
-        raise AnalysisError(
-            f"none of {len(reasons)} places has its pressure determined: {most} ({median})",
-            "capture with more bits or a finer target grid, or average over phases",
-        )
-    return reasons

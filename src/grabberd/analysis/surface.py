@@ -6,11 +6,12 @@ points as well as what the smoothing may have taken away; the calibration's part
 in it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dtrmm
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.jets import HIGHEST, Jets, count_to, times
@@ -60,8 +61,8 @@ class Surface:
     Attributes:
         base: the nominal shape's jets.
         modes: R modes of the departure in each of D directions: x, y, z, or those of `spread`.
-        coefficients: (D, R) theirs, at unit amplitude; `factor`: (D, R, K) their covariance's square root:
-            cov[a, r, b, s] = Σ_k factor[a, r, k] factor[b, s, k].
+        coefficients: (D, R) theirs, at unit amplitude; `factor`: (D, R, D·R) their covariance's square root:
+            cov[a, r, b, s] = Σ_k factor[a, r, k] factor[b, s, k]; upper triangular as a matrix.
         smoothing: the prior's parameters.
         supported: (rows, columns) of the domain's grid: a target was there, or is the only one missing.
         outward: 1.0 where X_u × X_v points outward, or −1.0.
@@ -131,15 +132,8 @@ class Surface:
         Returns:
             Value and σ, (N,) or (N, k).
         """
-        jets, pitch_mm = self.jets(u_mm, v_mm), min(self.modes.domain[2:4])
-        if reference is None:
-            slopes = _slopes(function, jets, highest, pitch_mm)
-            return Estimate(function(jets), self.sigma(slopes, u_mm, v_mm))
-        other = reference.jets(u_mm, v_mm)
-        slopes = _slopes(lambda moved: function(moved, other), jets, highest, pitch_mm)
-        opposite = _slopes(lambda moved: function(jets, moved), other, highest, pitch_mm)
-        sigma = np.hypot(self.sigma(slopes, u_mm, v_mm), reference.sigma(opposite, u_mm, v_mm))
-        return Estimate(function(jets, other), sigma)
+        found = propagate([self], function, (u_mm, v_mm), reference, highest)
+        return Estimate(found.value[0], found.sigma[0])
 
     def sigma(
         self, slopes: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
@@ -155,9 +149,9 @@ class Surface:
             slopes = self.spread.slopes(slopes, u_mm, v_mm)
         places = self.modes.jets(u_mm, v_mm)[:, : slopes.shape[1]]
         several = slopes.reshape(*slopes.shape[:3], -1)
-        gradient = np.einsum("npak,npr->nkar", several, places, optimize=True)
-        rows = gradient.reshape(-1, gradient.shape[2] * gradient.shape[3])
-        root = rows @ self.factor.reshape(-1, self.factor.shape[2])
+        weights = several.transpose(0, 3, 2, 1).reshape(len(u_mm), -1, slopes.shape[1])
+        rows = (weights @ places).reshape(-1, slopes.shape[2] * places.shape[2])
+        root = _triangular_product(rows, self.factor.reshape(-1, self.factor.shape[2]))
         sigma: NDArray[np.float64] = np.sqrt((root * root).sum(axis=1))
         return sigma.reshape(len(u_mm), *slopes.shape[3:])
 
@@ -181,14 +175,61 @@ class Surface:
         return product
 
 
+def _triangular_product(rows: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product of rows with an upper triangular matrix, in half the time of any other."""
+    product: NDArray[np.float64] = dtrmm(1.0, upper.T, rows.T, lower=1, overwrite_b=1).T
+    return product
+
+
+def propagate(
+    surfaces: Sequence[Surface],
+    function: Function,
+    places: tuple[NDArray[np.float64], NDArray[np.float64]],
+    reference: Surface | None = None,
+    highest: int = HIGHEST,
+) -> Estimate:
+    """The same function of F surfaces' jets, as in `Surface.propagate`: quicker than one after the other.
+
+    Args:
+        surfaces: of one domain.
+        function: of the jets (..., F, N, 15, 3), to (..., F, N) or (..., F, N, k).
+        places: u_mm and v_mm, (N,) each.
+        reference: common to all, with errors independent of theirs.
+        highest: as there.
+
+    Returns:
+        Value and σ, (F, N) or (F, N, k).
+    """
+    jets = np.stack([surface.jets(*places) for surface in surfaces])
+    pitch_mm = min(surfaces[0].modes.domain[2:4])
+    if reference is None:
+        slopes = _slopes(function, jets, highest, pitch_mm)
+        return Estimate(function(jets), _sigmas(surfaces, slopes, places))
+    other = reference.jets(*places)[np.newaxis]
+    slopes = _slopes(lambda moved: function(moved, other), jets, highest, pitch_mm)
+    opposite = _slopes(lambda moved: function(jets, moved), other, highest, pitch_mm)
+    own, others = (_sigmas(each, by, places) for each, by in ((surfaces, slopes), ([reference], opposite)))
+    return Estimate(function(jets, other), np.hypot(own, others))
+
+
+def _sigmas(
+    surfaces: Sequence[Surface],
+    slopes: NDArray[np.float64],
+    places: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """(F, N, ...) σ by slopes (F, N, p, 3, ...); of one surface or of F."""
+    each = surfaces if len(surfaces) > 1 else [surfaces[0]] * len(slopes)
+    return np.stack([one.sigma(by, *places) for one, by in zip(each, slopes, strict=True)])
+
+
 def _slopes(function: Function, jets: Jets, highest: int, pitch_mm: float) -> NDArray[np.float64]:
-    """(N, p, 3, ...) derivatives of the function by the jets' first p entries."""
+    """(F, N, p, 3, ...) derivatives of the function by the first p entries of the jets (F, N, 15, 3)."""
     count = count_to(highest)
     order = np.repeat(np.arange(highest + 1), np.arange(1, highest + 2))
     step = np.repeat(_STEP * pitch_mm ** (1.0 - order), 3)
     moved = np.zeros((3 * count, jets.shape[-2] * 3))
     moved[np.arange(3 * count), np.arange(3 * count)] = step
-    moved = moved.reshape(3 * count, 1, *jets.shape[-2:])
+    moved = moved.reshape(3 * count, 1, 1, *jets.shape[-2:])
     ahead, behind = function(jets + moved), function(jets - moved)
     slope = (ahead - behind) / (2 * step).reshape(-1, *[1] * (ahead.ndim - 1))
-    return np.moveaxis(slope.reshape(count, 3, *slope.shape[1:]), (0, 1), (1, 2))
+    return np.moveaxis(slope.reshape(count, 3, *slope.shape[1:]), (0, 1), (2, 3))

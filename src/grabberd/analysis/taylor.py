@@ -138,6 +138,7 @@ def _spread(bar: Array, size: int, places: tuple[int, ...], weights: tuple[int, 
 
 
 def _product(a: Array, b: Array) -> Array:
+    a, b = _aligned(a, b)
     result: Array = np.empty((len(a), *np.broadcast_shapes(a.shape[1:], b.shape[1:])))
     np.multiply(a[0], b, out=result)
     result[1:] += a[1:] * b[0]
@@ -149,12 +150,23 @@ def _product(a: Array, b: Array) -> Array:
 
 def _adjoint(factor: Array, bar: Array) -> Array:
     """The transpose of the product with a factor."""
+    factor, bar = _aligned(factor, bar)
     result: Array = factor[0] * bar
     result[0] += np.einsum("k...,k...->...", factor[1:], bar[1:])
     if len(factor) > LINEAR:
         result[1:3] += factor[1] * bar[3:5]
         result[1:3] += factor[2] * bar[4:6]
     return result
+
+
+def _aligned(a: Array, b: Array) -> tuple[Array, Array]:
+    """With as many axes each, so that the last ones belong together and the first is the coefficients'."""
+    more = b.ndim - a.ndim
+    if more > 0:
+        a = a.reshape(len(a), *[1] * more, *a.shape[1:])
+    elif more < 0:
+        b = b.reshape(len(b), *[1] * -more, *b.shape[1:])
+    return a, b
 
 
 def _power(values: Array, exponent: float) -> Array:

@@ -106,6 +106,12 @@ def read_vacuum_log(text: str) -> VacuumLog:
 
 def _numbers(rows: list[list[str]], names: list[str], name: str, separator: str) -> Array:
     place = names.index(name)
+    try:
+        values = np.array([row[place] for row in rows], np.float64)
+    except (ValueError, IndexError):  # a decimal comma, or a line to be named
+        values = np.array([math.nan])
+    if np.isfinite(values).all():
+        return values
     return np.array([_number(row, place, name, index + 2, separator) for index, row in enumerate(rows)])
 
 

@@ -11,6 +11,7 @@ from starlette.concurrency import run_in_threadpool
 from grabberd import __version__
 from grabberd.api import (
     analyses,
+    calibration_frames,
     calibrations,
     capture_contents,
     captures,
@@ -21,6 +22,7 @@ from grabberd.api import (
     events,
     jobs,
     metrics,
+    page,
     preview,
     problems,
     sessions,
@@ -38,6 +40,7 @@ from grabberd.api.live import Live
 from grabberd.api.refusals import Refusal, answer_refusal
 from grabberd.api.roles import check_declared
 from grabberd.service.service import Service
+from grabberd.web import Files
 
 
 def create_app(service: Service, front: Front | None = None) -> FastAPI:
@@ -67,13 +70,15 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.state.live = Live(service)
     problems.install(app)
     app.add_exception_handler(Refusal, answer_refusal)
-    authenticator = Authenticator(service.access, front.private, Attempts())
+    app.state.files = Files()
+    app.state.authenticator = authenticator = Authenticator(service.access, front.private, Attempts())
     app.add_middleware(HeadAsGet)
     app.add_middleware(Gate, front=front, authenticator=authenticator)
     for part in (
         captures,
         capture_contents,
         analyses,
+        calibration_frames,
         calibrations,
         checks,
         diagnostics,
@@ -84,7 +89,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
         settings,
     ):
         app.include_router(part.router, prefix="/api/v1")
-    for part in (devices, system, metrics, docs):
+    for part in (devices, system, metrics, docs, page):
         app.include_router(part.router)
     describe(app)
     return app

@@ -12,6 +12,7 @@ from grabberd.api.models import (
     CalibrationOrder,
     CalibrationRow,
     JobDocument,
+    RejectionOrder,
 )
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
 from grabberd.api.paging import Cursor, Limit, page_of
@@ -65,6 +66,19 @@ def activate_calibration(choice: CalibrationChoice, service: ServiceOf) -> objec
     """
     service.activate_calibration(choice.id, choice.device)
     return service.active.row(choice.id)
+
+
+@router.put(
+    "/{calibration_id}/rejection", response_model=CalibrationRow, summary="Say that a calibration is no good"
+)
+def reject_calibration(
+    calibration_id: CalibrationId, service: ServiceOf, order: RejectionOrder | None = None
+) -> object:
+    """Reject a calibration that was read: it stays in the list, with a note; activating it takes that back.
+    409 while a device measures with it.
+    """
+    service.active.reject(calibration_id, order.note if order else "")
+    return service.active.row(calibration_id)
 
 
 @router.get(

@@ -5,13 +5,14 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Response, status
 from fastapi.responses import FileResponse, StreamingResponse
 
-from grabberd.api.capture_models import PointsDocument
+from grabberd.api.capture_models import PointsDocument, WholeRunDocument
 from grabberd.api.captures import CaptureId
 from grabberd.api.downloads import Download, download
 from grabberd.api.etags import ASK_AGAIN, IMMUTABLE, NOT_MODIFIED, IfNoneMatch, is_known, tagged
 from grabberd.api.of_service import PROBLEMS, ServiceOf
 from grabberd.api.problems import Problem
 from grabberd.api.whole_file import WholeFile
+from grabberd.service.run_document import whole_run
 from grabberd.storage import field_png, points_csv, points_ply
 from grabberd.storage.at_rest import stat_at_rest
 from grabberd.storage.export_parquet import parquet_stream
@@ -55,6 +56,16 @@ def get_capture_file(
         known = {**headers, "ETag": answer.headers["etag"]}
         return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=known)
     return answer
+
+
+@router.get("/{capture_id}/runs/{run}", response_model=WholeRunDocument, summary="What a run was made with")
+def get_run(
+    capture_id: CaptureId,
+    run: Annotated[int, Path(ge=1, le=2**53, description="Number of the run.")],
+    service: ServiceOf,
+) -> object:
+    """A run with the calibration, the object model and the settings that its points were made with."""
+    return whole_run(service.archive.path(capture_id), run)
 
 
 @router.get("/{capture_id}/points", response_model=PointsDocument, summary="Points as JSON, thinned out")

@@ -12,6 +12,7 @@ from grabberd.api.named_types import (
     Bits,
     CaptureState,
     InterruptionPolicy,
+    JsonObject,
     LabelChanges,
     Labels,
     LinesKind,
@@ -140,6 +141,11 @@ class CaptureDocument(Document):
     note: str
     pinned: bool
     size_bytes: int
+    rig: JsonObject | None = Field(
+        None,
+        description="What its points say of camera and mirrors: the worst verdict (fits, doubtful, moved, "
+        "unmatched), and the means of shift_px and ratio; null where they say nothing.",
+    )
 
 
 class CaptureList(Document):
@@ -149,11 +155,23 @@ class CaptureList(Document):
     next: str | None = Next
 
 
-class FieldPoints(Document):
-    """The points of one field: the same target in the same place of every list."""
+class MadeWith(Document):
+    """What points were made with; null where it is not known."""
 
-    n: int
-    time_s: float = Field(description="Since the capture's first field.")
+    calibration: JsonObject | None
+    object: JsonObject | None
+    settings: JsonObject | None
+
+
+class WholeRunDocument(RunDocument):
+    """A run with the documents that its points were made with."""
+
+    made_with: MadeWith
+
+
+class PointColumns(Document):
+    """Points of one field: the same target in the same place of every list."""
+
     target: list[int]
     x_mm: list[float]
     y_mm: list[float]
@@ -165,6 +183,13 @@ class FieldPoints(Document):
     calibration_sigma_y_mm: list[float]
     calibration_sigma_z_mm: list[float]
     residual_px: list[float]
+
+
+class FieldPoints(PointColumns):
+    """The points of one field of a capture."""
+
+    n: int
+    time_s: float = Field(description="Since the capture's first field.")
 
 
 class PointsDocument(Document):

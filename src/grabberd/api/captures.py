@@ -46,6 +46,7 @@ def list_captures(
     cursor: Cursor = None,
     device: Annotated[str | None, Query(max_length=200, description="Only this device's.")] = None,
     since: Annotated[datetime | None, Query(description="Only those that began then or later.")] = None,
+    until: Annotated[datetime | None, Query(description="Only those that began before.")] = None,
     search: Annotated[
         str | None, Query(max_length=200, description="Only those with this text in id, note or labels.")
     ] = None,
@@ -53,7 +54,7 @@ def list_captures(
 ) -> object:
     """Captures, the newest first, page by page: one that comes or goes meanwhile shifts no page."""
     after = None if cursor is None else Place(*place_of(cursor))
-    query = CaptureQuery(limit, after, device, _utc(since), search, pinned)
+    query = CaptureQuery(limit, after, device, _utc(since), _utc(until), search, pinned)
     documents, last = page_of_captures(service.archive, query)
     return {"captures": documents, "next": None if last is None else cursor_of(*last)}
 

@@ -2,12 +2,17 @@
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
+from pydantic import Field
 
+from grabberd.api.capture_models import PointColumns
 from grabberd.api.models import DeviceDocument, Document
+from grabberd.api.named_types import LackKind
 from grabberd.api.of_service import PROBLEMS, ServiceOf
 from grabberd.api.problems import Problem, problem
+from grabberd.service.light import light_document
+from grabberd.service.live_document import newest_points, object_document
 from grabberd.service.readiness import Lack, lacks_of
 from grabberd.service.service import Service
 
@@ -22,11 +27,51 @@ class DeviceList(Document):
     devices: list[DeviceDocument]
 
 
+class NewestPoints(PointColumns):
+    """The points of the newest measured field: the same target in the same place of every list."""
+
+    device: str
+    n: int
+    utc: str = Field(description="Middle of its exposure.")
+
+
+class ObjectDocument(Document):
+    """An object model: the same target in the same place of every list."""
+
+    name: str
+    target_diameter_mm: float
+    sigma_mm: float = Field(description="Standard deviation of the nominal places.")
+    target: list[int]
+    x_mm: list[float]
+    y_mm: list[float]
+    z_mm: list[float]
+    row: list[int]
+    column: list[int]
+
+
+class ViewLightDocument(Document):
+    """How one view is lit."""
+
+    histogram: list[int] = Field(description="How many pixels have each grey value, 0 to 255.")
+    targets: int = Field(description="How many targets it shows whole, at the threshold.")
+    diameter_px: float | None = Field(description="Their mean diameter, frame pixels.")
+    background: int = Field(description="Median grey value of what is no target.")
+    brightest: int = Field(description="One pixel in a thousand is brighter.")
+    clipped: float = Field(description="Share of the targets' pixels that are as white as the camera gets.")
+
+
+class LightDocument(Document):
+    """How the newest field is lit, view by view."""
+
+    threshold: int
+    views: dict[str, ViewLightDocument]
+
+
 class LackDocument(Document):
     """What keeps a device from measuring."""
 
     device: str
-    lacks: Literal["device", "signal", "calibration"]
+    lacks: LackKind
     message: str
     hint: str
 
@@ -55,6 +100,47 @@ def list_devices(service: ServiceOf) -> object:
 def get_device(name: DeviceName, service: ServiceOf) -> object:
     """One device."""
     return service.device_document(service.instrument(name))
+
+
+@router.get(
+    "/api/v1/devices/{name}/points",
+    response_model=NewestPoints,
+    responses=PROBLEMS,
+    summary="The newest points",
+)
+def get_newest_points(name: DeviceName, service: ServiceOf) -> object:
+    """The points of the newest measured field, with their standard deviations; 409 before the first."""
+    return newest_points(service.instrument(name), service.clock)
+
+
+@router.get(
+    "/api/v1/devices/{name}/object",
+    response_model=ObjectDocument,
+    responses=PROBLEMS,
+    summary="The object that is measured",
+)
+def get_object(name: DeviceName, service: ServiceOf) -> object:
+    """The object model that the device measures with: every target's nominal place, row and column."""
+    return object_document(service.instrument(name))
+
+
+@router.get(
+    "/api/v1/devices/{name}/light",
+    response_model=LightDocument,
+    responses=PROBLEMS,
+    summary="How the picture is lit",
+)
+def get_light(
+    name: DeviceName,
+    service: ServiceOf,
+    threshold: Annotated[
+        int | None, Query(ge=0, le=254, description="Targets at this one; default: the one in force.")
+    ] = None,
+) -> object:
+    """How the newest field is lit: for each view its histogram, its targets' number and mean size; what lamp
+    and lens are set by. A new field five times a second at most.
+    """
+    return light_document(service.instrument(name), threshold)
 
 
 @router.get(

@@ -14,7 +14,9 @@ from grabberd.api.named_types import (
     ImageSize,
     JobProblem,
     JsonObject,
+    LackKind,
     Latency,
+    ViewCounts,
     Weights,
 )
 from grabberd.reconstruction.moved import RigVerdict
@@ -127,6 +129,21 @@ class CalibrationChoice(Document):
     device: str | None = Field(None, description="Name of the device; not needed where there is one.")
 
 
+class CalibrationRejection(Document):
+    """That a calibration was read and not accepted."""
+
+    rejected_utc: str
+    note: str
+
+
+class RejectionOrder(Document):
+    """Why a calibration is not accepted."""
+
+    model_config = shown({"note": "the frame was touched while it was captured"})
+
+    note: Annotated[str, StringConstraints(max_length=2000)] = ""
+
+
 class CalibrationRow(Document):
     """A calibration as it is listed; of a damaged one only `id` and `problem` are known."""
 
@@ -143,6 +160,8 @@ class CalibrationRow(Document):
     capture: str | None = Field(description="The capture it was made from.")
     stored_utc: str | None
     problem: str | None
+    misfit: str | None = Field(description="Why it is not one of its device's pictures as they are now.")
+    rejected: CalibrationRejection | None = Field(description="Until it is activated after all.")
 
 
 class CalibrationList(Document):
@@ -168,6 +187,31 @@ class RingDocument(Document):
     bits: int
     lines: str
     threshold: int
+    waiting: int = Field(description="Slots that its slowest reader has not read yet.")
+    deepest: int = Field(description="The most that ever were, in this ring.")
+
+
+class ViewColumnsDocument(Document):
+    """The columns of the picture that a view has."""
+
+    first_column: int
+    end_column: int
+
+
+class DeviceLackDocument(Document):
+    """What keeps a device from measuring."""
+
+    lacks: LackKind
+    message: str
+    hint: str
+
+
+class WidthDocument(Document):
+    """How far apart two targets are."""
+
+    targets: tuple[int, int]
+    width_mm: float | None = Field(description="None where one of both has no point.")
+    sigma_mm: float | None = Field(description="From pointing and line jitter.")
 
 
 class LiveDocument(Document):
@@ -175,8 +219,12 @@ class LiveDocument(Document):
 
     n: int
     blobs: int
+    views: ViewCounts | None = Field(description="How many targets each view shows whole.")
     points: int
     residual_px: float | None
+    widths: list[WidthDocument] = Field(
+        description="Of targets that face each other in the middle row, the outermost first."
+    )
     latency_ms: Latency | None
 
 
@@ -208,6 +256,7 @@ class DeviceDocument(Document):
     driver: str
     stream: JsonObject | None
     signal: str
+    rate_hz: float | None = Field(description="Fields that come a second; None while none do.")
     fields: dict[Outcome, int]
     openings: int
     recoveries: dict[Rung, int] = Field(
@@ -216,9 +265,12 @@ class DeviceDocument(Document):
     last_failure: str | None = Field(description="Why the last of them was taken.")
     last_failure_utc: str | None = Field(description="Since when for that reason.")
     ring: RingDocument
+    views: dict[str, ViewColumnsDocument]
     calibration: ActiveCalibration | None
+    lacks: list[DeviceLackDocument] = Field(description="What keeps it from measuring; the same as /readyz.")
     warnings: list[str] = Field(description="What a person has to know of it, in sentences.")
-    capture_id: str | None
+    capture_id: str | None = Field(description="The capture that is being recorded.")
+    armed_capture_id: str | None = Field(description="The capture that waits for its trigger.")
     rig: RigDocument | None = Field(description="None before the first second of measuring.")
     live: LiveDocument | None
 

@@ -9,7 +9,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from grabberd.cli.options import JsonOption, console, print_json, progress_console, warn
-from grabberd.errors import InputError
+from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
     from grabberd.service.analysing import Analysed
@@ -54,6 +54,7 @@ def analyse(
     """Surface, sections, curvature, strain, tension and pressure of a capture, field by field and by phase.
 
     What an analysis takes beside the points is in the inputs; none of it is assumed; what lacks is said.
+    Beside the tables there is the report: report.html to read, report.json for programs.
 
     Example: grabberd analyse liner.grab --inputs configs/analysis/liner.yaml --out liner-analysis
 
@@ -83,12 +84,24 @@ def analyse(
             vacuum_log=log,
             sources=sources,
         )
-    written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted)
+    written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted) + _report(out, made)
     if json:
         print_json(_document(made, written))
     else:
         _show(made)
         typer.echo(f"{out}: {', '.join(path.name for path in written)}")
+
+
+def _report(out: Path, made: "Analysed") -> list[Path]:
+    from grabberd.service.analysis_report import write_document, write_page  # noqa: PLC0415
+    from grabberd.storage.analyses import DOCUMENT  # noqa: PLC0415
+
+    document = write_document(out, made)
+    try:
+        return [out / DOCUMENT, write_page(out, document)]
+    except ExtraMissing as error:
+        warn([f"{error.message}; {error.hint}"])
+        return [out / DOCUMENT]
 
 
 def _text(path: Path) -> str:

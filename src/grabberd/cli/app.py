@@ -19,12 +19,14 @@ from grabberd.cli import (
     measure,
     plan,
     render,
+    reprocess,
     serve,
     status,
     storage,
     token,
     trigger,
 )
+from grabberd.kernel import in_use
 
 app = typer.Typer(
     name="grabberd",
@@ -38,7 +40,7 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"grabberd {__version__}")
+        typer.echo(f"grabberd {__version__} ({in_use()})")
         raise typer.Exit
 
 
@@ -64,6 +66,7 @@ for command in (
     plan,
     export,
     render,
+    reprocess,
     devices,
     diagnostics,
     token,

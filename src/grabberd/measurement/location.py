@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.field import PackedField
+from grabberd.kernel import KERNEL
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.centroid import locate_by_centroid
+from grabberd.measurement.compiled import measure_compiled, takes
 from grabberd.measurement.correlation import locate_by_correlation
 from grabberd.measurement.edge import locate_by_edge
 from grabberd.measurement.interpolation import locate_by_tian_huhns, locate_by_vernier
@@ -104,11 +106,19 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
     Returns:
         Blobs in frame pixels, whatever the field's parity and bits; none where nothing exceeds the threshold.
     """
+    if KERNEL and takes(packed, settings):
+        blobs = measure_compiled(KERNEL, packed, settings)
+    else:
+        blobs = measure_by_numpy(packed, settings)
+    return blobs if windows is None else blobs.select(_inside(blobs, windows))
+
+
+def measure_by_numpy(packed: PackedField, settings: LocationSettings) -> Blobs:
+    """All targets seen in a field, for any method and any number of bits: what the kernel has to equal."""
     runs, label, count = by_component(find_runs(target_bits(packed)))
     seen = Seen(packed, runs, label, shapes_of(runs, label, count), settings)
     located = LOCATORS[settings.method](seen)
-    blobs = _in_frame(seen, located.sigma_px, steadied(seen, located))
-    return blobs.select(seen.of_size & _inside(blobs, windows))
+    return _in_frame(seen, located.sigma_px, steadied(seen, located)).select(seen.of_size)
 
 
 def _in_frame(seen: Seen, sigma_px: NDArray[np.float64], steady: Steadied) -> Blobs:
@@ -126,9 +136,7 @@ def _in_frame(seen: Seen, sigma_px: NDArray[np.float64], steady: Steadied) -> Bl
     )
 
 
-def _inside(blobs: Blobs, windows: NDArray[np.float64] | None) -> NDArray[np.bool_]:
-    if windows is None:
-        return np.ones(len(blobs), np.bool_)
+def _inside(blobs: Blobs, windows: NDArray[np.float64]) -> NDArray[np.bool_]:
     x, y = blobs.xy_px.T[:, :, np.newaxis]
     x0, y0, x1, y1 = np.asarray(windows, np.float64).reshape(-1, 4).T
     found: NDArray[np.bool_] = ((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)).any(axis=1)

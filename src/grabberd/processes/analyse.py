@@ -26,6 +26,7 @@ from grabberd.analysis import (
     first_touch,
     fit_pulsation,
     fit_surface,
+    free_shape,
     free_wall,
     gaps,
     phase_average,
@@ -38,7 +39,8 @@ from grabberd.processes.analysis_inputs import AnalysisInputs, Reference
 from grabberd.processes.problems import Problems
 from grabberd.processes.smoothings import Smoothings
 from grabberd.processes.vacuum_inputs import Vacuum, read_vacuum
-from grabberd.processes.wall_state import Question, WallState, wall_state
+from grabberd.processes.wall_series import WallSeries
+from grabberd.processes.wall_state import Question, WallState
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
@@ -147,19 +149,19 @@ class _Work:
 
     def whole(self) -> Analysis:
         """All of it, in the order in which one thing follows from another."""
-        movements = self._problems.survived(lambda: first_movement(self._timed))
+        homologous = self._grid.homologous
+        movements = self._problems.survived(lambda: first_movement(self._timed)) if homologous else None
         pulsation = self._problems.survived(lambda: fit_pulsation(movements)) if movements else None
         average = self._average(pulsation)
-        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s)
-        smoothings = Smoothings.of(self._grid, [timed.points for timed in self._timed[0]])
+        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s) if homologous else None
+        fields_points = [timed.points for timed in self._timed[0]]
+        smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
         question = self._question(smoothings, average)
         of_fields = vacuum.at(self._time_s) if vacuum else []
         of_phases = self._of_phases(vacuum, average, pulsation)
         self._of = len(self._fields) + (len(average.points) if average else 0)
         named = [f"field {field.n}" for field in self._fields]
-        fields = self._states(
-            [timed.points for timed in self._timed[0]], named, question, smoothings, of_fields
-        )
+        fields = self._states(fields_points, named, question, smoothings, of_fields)
         named = [f"phase {phase:g}" for phase in average.phase] if average else []
         phases = self._states(list(average.points) if average else [], named, question, smoothings, of_phases)
         if not fields:
@@ -209,8 +211,10 @@ class _Work:
             lambda: phase_average(self._timed, pulsation, np.array(sorted(phases)))
         )
 
-    def _question(self, smoothings: "Smoothings", average: PhaseAverage | None) -> Question:
+    def _question(self, smoothings: Smoothings | None, average: PhaseAverage | None) -> Question:
         inputs, grid = self._inputs, self._grid
+        if smoothings is None:
+            return Question(grid, inputs.heights_mm, inputs.plane, over=free_shape(grid))
         reference = self._reference(smoothings, average) if inputs.reference else None
         pressure = None
         if reference is not None and inputs.zones and inputs.sought_kpa is not None:
@@ -218,7 +222,7 @@ class _Work:
             pressure = PressureModel.of(inputs.zones, places, reference, grid.outward, inputs.sought_kpa)
         return Question(grid, inputs.heights_mm, inputs.plane, reference, inputs.zones, pressure)
 
-    def _reference(self, smoothings: "Smoothings", average: PhaseAverage | None) -> Surface | Jets:
+    def _reference(self, smoothings: Smoothings, average: PhaseAverage | None) -> Surface | Jets:
         reference = self._inputs.reference
         assert reference is not None
         if reference.kind == "nominal":
@@ -247,22 +251,15 @@ class _Work:
         points: Sequence[Points],
         names: Sequence[str],
         question: Question,
-        smoothings: "Smoothings",
+        smoothings: Smoothings | None,
         vacuum: Sequence[ChamberVacuum],
     ) -> list[tuple[int, WallState]]:
-        """Of those that make a surface, with their places in the series."""
-        found = []
-        for k, (one, name) in enumerate(zip(points, names, strict=True)):
-            try:
-                smoothing = smoothings.for_points(one)
-                state = wall_state(one, question, smoothing, vacuum[k] if vacuum else None)
-                found.append((k, state))
-                self._problems.note(name, state.problems)
-            except AnalysisError as error:
-                self._problems.note(name, [error.message])
-            self._done += 1
-            self._progress(self._done, self._of)
-        return found
+        series = WallSeries(question, smoothings, self._problems.note, self._told)
+        return series.states(points, names, vacuum)
+
+    def _told(self) -> None:
+        self._done += 1
+        self._progress(self._done, self._of)
 
     def _cycle(
         self,

@@ -133,7 +133,7 @@ TABLES: Mapping[str, TableDefinition] = {
             *_phases("wall", "wall"),
             *_phases("iso", "ISO"),
             _measured("offset_s", "s", "camera's time less the vacuum's, as the wall's movement shows it"),
-            Definition("touch_n", "", "field in which pressure begins"),
+            Definition("touch_n", "", "field in which pressure begins; the first where it has some already"),
             Definition("touch_target", "", "target at which it begins"),
         ),
     ),

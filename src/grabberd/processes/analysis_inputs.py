@@ -30,6 +30,10 @@ _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
 _HINT = "mend these inputs; docs/howto/analyse.md has all of them"
 _MOST_PHASES = 200
 DEFAULT_PHASES = 24
+_OTHERS = (
+    "homologous: the object's targets are other points of the wall in every field, so there are no strain, "
+    "tension, pressure, movement and mean cycle; surface, sections and curvature are those of the outer face"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,7 @@ class AnalysisInputs:
         plane: None: no widths where the targets do not go round.
         heights_mm: of sections. `phases`: how many of the mean cycle. `sought_kpa`: None: no pressure.
         free_rows: first and last row where nothing touches the wall.
+        homologous: as the grid says; where not, there is nothing that reference and material could be for.
     """
 
     given: Mapping[str, Any]
@@ -68,10 +73,17 @@ class AnalysisInputs:
     phases: int
     sought_kpa: float | None
     free_rows: tuple[int, int] | None
+    homologous: bool = True
 
     @property
     def lacks(self) -> tuple[str, ...]:
         """What was not given, and what there is not without it."""
+        plane = (
+            self.plane is None,
+            "plane: without it no widths and volume of a liner that is seen from one side",
+        )
+        if not self.homologous:
+            return tuple(text for lacks, text in ((True, _OTHERS), plane) if lacks)
         missing = (
             (self.reference is None, "reference: without it no strain, tension and pressure"),
             (
@@ -81,10 +93,7 @@ class AnalysisInputs:
             ("pulsation" not in self.vacuum, "vacuum.pulsation: without it no pressure"),
             ("liner" not in self.vacuum, "vacuum.liner: without it no pressure"),
             (self.sought_kpa is None, "sought_kpa: without it no pressure"),
-            (
-                self.plane is None,
-                "plane: without it no widths and volume of a liner that is seen from one side",
-            ),
+            plane,
         )
         return tuple(text for lacks, text in missing if lacks)
 
@@ -119,6 +128,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         phases=phases,
         sought_kpa=sought,
         free_rows=free,
+        homologous=grid.homologous,
     )
 
 

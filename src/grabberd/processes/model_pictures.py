@@ -98,6 +98,11 @@ class Modelling:
             AnalysisError: no grid, or no field with points enough for a surface.
         """
         grid = Grid.of(model)
+        if not grid.homologous:
+            raise AnalysisError(
+                f"the targets of {model.name!r} are others in every field: there is no model to draw",
+                "`grabberd analyse` gives its surface and sections field by field",
+            )
         return cls(grid, choose_smoothing(grid, fields))
 
     def surface(self, points: Points) -> Surface:

@@ -1,6 +1,7 @@
 """What an analysis survived, in words: each problem once, with the fields and phases that have it."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import TypeVar
 
@@ -9,6 +10,8 @@ from grabberd.errors import AnalysisError
 T = TypeVar("T")
 
 _LISTED = 10
+_ALIKE = 3
+_TARGETS = ": targets "
 
 
 class Problems:
@@ -18,6 +21,7 @@ class Problems:
         """With what there is to say of a capture whose fields `numbers` have points."""
         self._of_whole: list[str] = _missing(numbers)
         self._of_states: dict[str, list[str]] = {}
+        self._states: dict[str, int] = {}
 
     def survived(self, function: Callable[[], T]) -> T | None:
         """What the function makes, or None where the data do not determine it."""
@@ -33,6 +37,7 @@ class Problems:
 
     def note(self, state: str, problems: Iterable[str]) -> None:
         """Of one field or phase."""
+        self._states[state] = len(self._states)
         for problem in problems:
             self._of_states.setdefault(problem, []).append(state)
 
@@ -47,9 +52,38 @@ class Problems:
         return max(self._of_states, key=lambda words: len(self._of_states[words]), default="there are none")
 
     def all(self) -> tuple[str, ...]:
-        """Those of the whole, then those of the fields and phases."""
-        of_states = (f"{_some(names)}: {words}" for words, names in self._of_states.items())
+        """Those of the whole, then those of the fields and phases.
+
+        Where more than a few differ in nothing but the targets, these are counted: no line for each.
+        """
+        of_states = (
+            f"{_some(sorted(names, key=self._states.__getitem__))}: {words}"
+            for words, names in _together(self._of_states).items()
+        )
         return (*dict.fromkeys(self._of_whole), *of_states)
+
+
+def _together(problems: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    alike: dict[str, list[str]] = {}
+    for words in problems:
+        alike.setdefault(words.partition(_TARGETS)[0], []).append(words)
+    together = {}
+    for head, members in alike.items():
+        if len(members) > _ALIKE and all(_TARGETS in words for words in members):
+            names = [name for words in members for name in problems[words]]
+            together[f"{head}{_TARGETS}{_counted(problems, members)}"] = names
+        else:
+            together |= {words: problems[words] for words in members}
+    return together
+
+
+def _counted(problems: Mapping[str, list[str]], members: Sequence[str]) -> str:
+    """How often each target is named, the commonest first."""
+    times = Counter[str]()
+    for words in members:
+        for target in words.partition(_TARGETS)[2].split(", "):
+            times[target] += len(problems[words])
+    return _some([f"{target} ({many} times)" if many > 1 else target for target, many in times.most_common()])
 
 
 def _missing(numbers: Sequence[int]) -> list[str]:

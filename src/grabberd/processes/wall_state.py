@@ -1,6 +1,6 @@
 """The wall at one field or phase: all that follows from its points (paper 3.8)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -14,6 +14,7 @@ from grabberd.analysis import (
     Estimate,
     Forms,
     Grid,
+    Height,
     Jets,
     Plane,
     PressureMap,
@@ -21,19 +22,20 @@ from grabberd.analysis import (
     Section,
     Smoothing,
     Surface,
+    Tube,
     Zone,
-    curvature_per_m,
     fit_surface,
     middle_forms,
     outer_forms,
-    section,
+    propagate,
+    sections,
     surface_area,
     volume_mm3,
     wall_at,
-    wall_tension,
 )
+from grabberd.analysis.forms import mixed, principal_values
 from grabberd.analysis.material import VARIED, Wall, varied
-from grabberd.analysis.strain import strain
+from grabberd.analysis.tension import mixed_tension
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
@@ -55,6 +57,8 @@ class Question:
         reference: the state that strain is counted from: measured, or jets (N, 15, 3) taken as exact.
         zones: the wall's material; none where it was not given.
         pressure: the model of the maps, where all that it takes was given.
+        over: what surfaces are functions over whose targets are others in every field: the places are fixed
+            in space then, at the nominal ones; without reference, zones and pressure.
     """
 
     grid: Grid
@@ -63,11 +67,17 @@ class Question:
     reference: Surface | Jets | None = None
     zones: tuple[Zone, ...] = ()
     pressure: PressureModel | None = None
+    over: Tube | Height | None = None
 
     @property
     def places(self) -> tuple[Array, Array]:
         """u_mm and v_mm of the targets, (N,) each."""
-        return self.grid.u_mm, self.grid.v_mm
+        return self.over.material(self.grid.nominal_mm) if self.over else (self.grid.u_mm, self.grid.v_mm)
+
+    @property
+    def outward(self) -> float:
+        """The sign of X_u × X_v's way out; over a tube or a plane it is outward."""
+        return 1.0 if self.over else self.grid.outward
 
 
 class WallState(NamedTuple):
@@ -110,24 +120,63 @@ def wall_state(
         AnalysisError: the points make no surface.
     """
     surface = fit_surface(question.grid, points, smoothing)
+    return wall_states([surface], question, [vacuum] if vacuum else [])[0]
+
+
+def wall_states(
+    surfaces: Sequence[Surface], question: Question, vacuum: Sequence[ChamberVacuum] = ()
+) -> list[WallState]:
+    """The wall at several fields: quicker than one after the other.
+
+    Args:
+        surfaces: of the fields.
+        question: what is asked of them.
+        vacuum: of each field; empty where it is not known.
+    """
+    if not surfaces:
+        return []
+    walls = _of_the_wall(surfaces, question)
+    asked = question.pressure if vacuum else None
+    maps = asked.maps(surfaces, vacuum) if asked else [None] * len(surfaces)
+    each = zip(surfaces, walls, maps, strict=True)
+    return [_state(surface, question, wall, pressure) for surface, wall, pressure in each]
+
+
+class _OfTheWall(NamedTuple):
+    """At the targets of one field: two values each."""
+
+    curvature_per_m: Estimate
+    strain: Estimate | None
+    tension_n_per_m: Estimate | None
+
+
+def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: PressureMap | None) -> WallState:
     within = surface.within(*question.places)
-    problems = list(surface.problems)
-    pressure = _pressure(surface, question, vacuum, problems)
-    sections = _sections(surface, question, problems)
-    curvature, strained, tension = _of_the_wall(surface, question)
+    found, missed = sections(surface, question.heights_mm, question.plane)
+    shown, vague = _shown(pressure)
     return WallState(
         surface=surface,
         within=within,
         xyz_mm=_masked(_xyz(surface, question), within),
-        curvature_per_m=_masked(curvature, within),
-        strain=strained and _masked(strained, within),
-        tension_n_per_m=tension and _masked(tension, within),
-        pressure=pressure,
+        curvature_per_m=_masked(wall.curvature_per_m, within),
+        strain=wall.strain and _masked(wall.strain, within),
+        tension_n_per_m=wall.tension_n_per_m and _masked(wall.tension_n_per_m, within),
+        pressure=shown,
         area=surface_area(surface),
-        sections=sections,
-        volume_mm3=_volume(surface, question, sections),
-        problems=tuple(problems),
+        sections=found,
+        volume_mm3=_volume(surface, question, found),
+        problems=(*surface.problems, *vague, *missed),
     )
+
+
+def _shown(pressure: PressureMap | None) -> tuple[PressureMap | None, tuple[str, ...]]:
+    """The map, or why there is none to show."""
+    if pressure is None:
+        return None, ()
+    try:
+        return pressure.determined(), ()
+    except AnalysisError as error:
+        return None, (error.message,)
 
 
 def _xyz(surface: Surface, question: Question) -> Estimate:
@@ -140,21 +189,31 @@ def _masked(estimate: Estimate, within: NDArray[np.bool_]) -> Estimate:
     return Estimate(*(np.where(within[:, np.newaxis], part, np.nan) for part in estimate))
 
 
-def _of_the_wall(surface: Surface, question: Question) -> tuple[Estimate, Estimate | None, Estimate | None]:
+def _of_the_wall(surfaces: Sequence[Surface], question: Question) -> list[_OfTheWall]:
     """Curvature, strain and tension at once: they share the forms, which are most of the work."""
     wall, others = _walls(question)
-    together = _against(surface, question, lambda now, then: _values(question, wall, now, then))
-    curvature, strained, tension = (
-        Estimate(together.value[:, k : k + 2], together.sigma[:, k : k + 2]) for k in (0, 2, 4)
-    )
-    if question.reference is None:
-        return curvature, None, None
-    if wall is None:
-        return curvature, strained, None
-    now, then = surface.jets(*question.places), _reference_jets(question)
-    shares = [_values(question, other, now, then)[:, 4:] - tension.value for other in others]
-    sigma = np.sqrt(tension.sigma**2 + sum((share**2 for share in shares), np.zeros_like(tension.sigma)))
-    return curvature, strained, Estimate(tension.value, sigma)
+    together = _against(surfaces, question, lambda now, then: _values(question, wall, now, then))
+    parts = [_parts(Estimate(*one)) for one in zip(*together, strict=True)]
+    if question.reference is None or wall is None:
+        return parts
+    now = np.stack([surface.jets(*question.places) for surface in surfaces])
+    then = _reference_jets(question)[np.newaxis]
+    shares = [_values(question, other, now, then)[..., 4:] - together.value[..., 4:] for other in others]
+    material = sum((share**2 for share in shares), np.zeros_like(together.value[..., 4:]))
+    return [_with_material(part, more) for part, more in zip(parts, material, strict=True)]
+
+
+def _parts(together: Estimate) -> _OfTheWall:
+    """(N, 2 to 6) parted by twos; what is not there is None."""
+    pairs = [Estimate(*(part[:, k : k + 2] for part in together)) for k in (0, 2, 4)]
+    return _OfTheWall(pairs[0], *(pair if pair.value.size else None for pair in pairs[1:]))
+
+
+def _with_material(part: _OfTheWall, more: Array) -> _OfTheWall:
+    """With the material's share (N, 2) of the tension's variance."""
+    assert part.tension_n_per_m is not None
+    value, sigma = part.tension_n_per_m
+    return part._replace(tension_n_per_m=Estimate(value, np.sqrt(sigma**2 + more)))
 
 
 @lru_cache(maxsize=4)
@@ -170,26 +229,26 @@ def _walls(question: Question) -> tuple[Wall | None, tuple[Wall, ...]]:
 def _values(question: Question, wall: Wall | None, now: Jets, then: Jets | None) -> Array:
     """(..., N, 2 to 6) curvature; with a reference strain; with material too tension: two values of each."""
     present = _forms(question, wall, now)
-    values = [curvature_per_m(present).values]
+    values = [1e3 * principal_values(mixed(present.first, present.second_per_mm))]
     if then is not None:
-        before = _forms(question, wall, then)
-        values.append(strain(present.tangents, before.tangents).stretch.values - 1)
+        before = _forms(question, wall, then).first
+        values.append(np.sqrt(principal_values(mixed(before, present.first))) - 1)
         if wall is not None:
-            values.append(wall_tension(present, before.first, wall).principal_n_per_m.values)
+            values.append(1e3 * principal_values(mixed_tension(present.first, before, wall)))
     return np.concatenate(np.broadcast_arrays(*values), axis=-1)
 
 
 def _forms(question: Question, wall: Wall | None, jets: Jets) -> Forms:
-    outward = question.grid.outward
+    outward = question.outward
     return outer_forms(jets, outward) if wall is None else middle_forms(jets, wall.depth_mm, outward)
 
 
-def _against(surface: Surface, question: Question, function: OfJets) -> Estimate:
+def _against(surfaces: Sequence[Surface], question: Question, function: OfJets) -> Estimate:
     """With σ of the reference too, where it was measured."""
     if isinstance(question.reference, Surface):
-        return surface.propagate(function, *question.places, question.reference, highest=_BENT)
+        return propagate(surfaces, function, question.places, question.reference, highest=_BENT)
     then = question.reference
-    return surface.propagate(lambda now: function(now, then), *question.places, highest=_BENT)
+    return propagate(surfaces, lambda now: function(now, then), question.places, highest=_BENT)
 
 
 def _reference_jets(question: Question) -> Jets:
@@ -198,28 +257,6 @@ def _reference_jets(question: Question) -> Jets:
         return reference.jets(*question.places)
     assert reference is not None
     return reference
-
-
-def _pressure(
-    surface: Surface, question: Question, vacuum: ChamberVacuum | None, problems: list[str]
-) -> PressureMap | None:
-    if question.pressure is None or vacuum is None:
-        return None
-    try:
-        return question.pressure.map(surface, vacuum)
-    except AnalysisError as error:
-        problems.append(error.message)
-        return None
-
-
-def _sections(surface: Surface, question: Question, problems: list[str]) -> tuple[Section, ...]:
-    found = []
-    for height_mm in question.heights_mm:
-        try:
-            found.append(section(surface, height_mm, question.plane))
-        except AnalysisError as error:
-            problems.append(error.message)
-    return tuple(found)
 
 
 def _volume(surface: Surface, question: Question, sections: tuple[Section, ...]) -> Estimate | None:

@@ -63,6 +63,11 @@ class Agreement:
         self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
         self.pitch_mm = _median(self._apart_mm)
 
+    @property
+    def pairs(self) -> tuple[Indices, Array]:
+        """(K, 2) indices of neighbours, and (K,) how far apart they nominally are in mm."""
+        return self._neighbours, self._apart_mm
+
     def largest(self, known: Hypotheses) -> Indices:
         """The most hypotheses that agree, found from the surest of them.
 

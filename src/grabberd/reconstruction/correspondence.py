@@ -12,7 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig
+from grabberd.kernel import KERNEL, Kernel
 from grabberd.reconstruction.agreement import Agreement, CorrespondenceSettings
+from grabberd.reconstruction.compiled import Nearby
+from grabberd.reconstruction.compiled_structs import takes
 from grabberd.reconstruction.displacement import Expected
 from grabberd.reconstruction.hypotheses import Hypotheses, hypotheses
 from grabberd.reconstruction.image_noise import ImageNoise
@@ -35,6 +38,8 @@ class Sighting:
         target: (K,) their indices in the object model.
         left: (K,) indices of their blobs in the left view; `right` in the right one.
         expected: what they make of all targets of the model.
+        settled: (M, 3) where all targets are, and (M,) standard deviations, where that is known already.
+        surprise: root mean square distance from the predicted places, in standard deviations; likewise.
     """
 
     points: Points
@@ -42,6 +47,8 @@ class Sighting:
     left: Indices
     right: Indices
     expected: Expected
+    settled: tuple[Array, Array] | None = None
+    surprise: float | None = None
 
     def __len__(self) -> int:
         return len(self.target)
@@ -59,13 +66,19 @@ class Correspondence:
     """
 
     def __init__(
-        self, rig: Rig, model: ObjectModel, noise: ImageNoise, settings: CorrespondenceSettings | None = None
+        self,
+        rig: Rig,
+        model: ObjectModel,
+        noise: ImageNoise,
+        settings: CorrespondenceSettings | None = None,
+        kernel: Kernel | None = KERNEL,
     ) -> None:
         self.rig = rig
         self.model = model
         self.noise = noise
         self.settings = settings or CorrespondenceSettings()
         self.agreement = Agreement(model, self.settings)
+        self._nearby = Nearby(kernel, rig, self.agreement, noise) if kernel and takes(rig) else None
 
     def identify(self, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """The targets that are seen in both views, whatever was seen before.
@@ -100,6 +113,8 @@ class Correspondence:
             left: the blobs of the left view, targets and others, in any order.
             right: those of the right view.
         """
+        if self._nearby is not None:
+            return Sighting(*self._nearby.near(places_mm, sigma_mm, left, right))
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         target = np.flatnonzero((of_left >= 0) & (of_right >= 0))

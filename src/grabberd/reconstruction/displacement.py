@@ -49,8 +49,11 @@ class Expected(NamedTuple):
     sigma_mm: Array
 
 
-class _Say(NamedTuple):
-    """What K seen targets of M say of all: `weights` (M, K) of their displacements, `sigma_mm` (M,)."""
+class Say(NamedTuple):
+    """What K seen targets of M say of all: `sigma_mm` (M,), and `weights` (M, K) of their displacements.
+
+    These lie column by column in memory.
+    """
 
     weights: Array
     sigma_mm: Array
@@ -69,7 +72,7 @@ class DisplacementField:
     nominal_mm: Array
     precision: Array
     noise_mm: float
-    _kept: "dict[bytes, _Say]" = field(default_factory=dict, init=False, repr=False)
+    _kept: "dict[bytes, Say]" = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, model: ObjectModel, smoothness: Smoothness) -> "DisplacementField":
@@ -90,7 +93,13 @@ class DisplacementField:
         say = self._say(seen)
         return Expected(say.weights @ displacement_mm[seen], say.sigma_mm)
 
-    def _say(self, seen: NDArray[np.bool_]) -> "_Say":
+    def say_of_targets(self, target: Indices) -> "Say":
+        """What targets (K,), ascending, say of all."""
+        seen = np.zeros(len(self.precision), np.bool_)
+        seen[target] = True
+        return self._say(seen)
+
+    def _say(self, seen: NDArray[np.bool_]) -> "Say":
         """From field to field mostly the same targets are seen: what was worked out for them is kept."""
         key = seen.tobytes()
         if key not in self._kept:
@@ -99,19 +108,19 @@ class DisplacementField:
             self._kept[key] = self._say_of(np.flatnonzero(seen), np.flatnonzero(~seen))
         return self._kept[key]
 
-    def _say_of(self, inside: Indices, outside: Indices) -> "_Say":
+    def _say_of(self, inside: Indices, outside: Indices) -> "Say":
         own = self.precision[inside[:, np.newaxis], inside]
         cross = self.precision[outside[:, np.newaxis], inside]
         hidden = np.linalg.inv(self.precision[outside[:, np.newaxis], outside])
         guess = -(hidden @ cross)
         pull = own + cross.T @ guess
-        weights, variance = np.empty((len(self.precision), len(inside))), np.empty(len(self.precision))
+        weights, variance = np.empty((len(inside), len(self.precision))).T, np.empty(len(self.precision))
         variance[inside], variance[outside] = 1.0 / np.diag(pull), np.diag(hidden)
         weights[inside] = np.eye(len(inside)) - pull * variance[inside, np.newaxis]
         weights[outside] = guess
         sigma_mm = np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0))
         sigma_mm.setflags(write=False)
-        return _Say(weights, sigma_mm)
+        return Say(weights, sigma_mm)
 
     def smooth(self, displacement_mm: Array) -> Array:
         """(M, 3) the field without the noise of the measured displacements (M, 3).

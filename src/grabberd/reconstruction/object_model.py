@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from grabberd.geometry import Reading
 
-_KEYS = ("name", "target_diameter_mm", "sigma_mm", "targets")
+_KEYS = ("name", "target_diameter_mm", "sigma_mm", "homologous", "targets")
 _TARGET_KEYS = ("id", "x_mm", "y_mm", "z_mm", "row", "column")
 _HINT = "mend the file; every target needs an id and a grid place of its own"
 
@@ -37,6 +37,8 @@ class ObjectModel:
             them.
         target_diameter_mm: diameter of the discs.
         sigma_mm: standard deviation of the nominal places.
+        homologous: whether a target is the same point of the object in every field; not so where a pattern is
+            projected, or where ids are given anew.
     """
 
     name: str
@@ -46,6 +48,7 @@ class ObjectModel:
     column: NDArray[np.int32]
     target_diameter_mm: float
     sigma_mm: float
+    homologous: bool = True
 
     def __len__(self) -> int:
         return len(self.target)
@@ -65,6 +68,9 @@ class ObjectModel:
         sigma = reading.number(document, "sigma_mm")
         if sigma < 0:
             reading.refuse("sigma_mm", sigma, "a number from 0")
+        homologous = document.get("homologous", True)
+        if not isinstance(homologous, bool):
+            reading.refuse("homologous", homologous, "true or false")
         targets = _targets(reading, document.get("targets"))
         _check_unique(reading, "id", [(target.id,) for target in targets])
         _check_unique(reading, "row, column", [(target.row, target.column) for target in targets])
@@ -78,6 +84,7 @@ class ObjectModel:
             column=np.array(columns[5], np.int32),
             target_diameter_mm=diameter,
             sigma_mm=sigma,
+            homologous=bool(homologous),
         )
 
     def neighbours(self) -> NDArray[np.intp]:

@@ -137,10 +137,11 @@ class Tracker:
 
     def _begun(self, sighting: Sighting, unseen_s: Array) -> Track:
         """The track after targets were identified, at rest until the next field shows more."""
+        places, sigma = sighting.settled or (self._smoothed(sighting), self._sigma(sighting))
         return Track(
             target=self.model.target,
-            xyz_mm=self.model.xyz_mm + self._smoothed(sighting),
-            sigma_mm=self._sigma(sighting),
+            xyz_mm=places,
+            sigma_mm=sigma,
             velocity_mm_s=np.zeros_like(self.model.xyz_mm),
             speed_sigma_mm_s=self.settings.speed_mm_s,
             unseen_s=_seen_again(unseen_s, sighting),
@@ -159,7 +160,7 @@ class Tracker:
     def _smoothed(self, sighting: Sighting) -> Array:
         displacement = sighting.expected.displacement_mm.copy()
         displacement[sighting.target] = sighting.points.xyz_mm - self.model.xyz_mm[sighting.target]
-        return self.correspondence.agreement.field.smooth(displacement)
+        return self.model.xyz_mm + self.correspondence.agreement.field.smooth(displacement)
 
     def _sigma(self, sighting: Sighting) -> Array:
         """Of unseen targets as expected, of seen ones not worse than their own depth."""
@@ -173,6 +174,8 @@ def _surprise(sighting: Sighting, places_mm: Array, sigma_mm: Array) -> float:
     """Root mean square distance from the predicted places, in standard deviations of each coordinate."""
     if not len(sighting):
         return 0.0
+    if sighting.surprise is not None:
+        return sighting.surprise
     off = sighting.points.xyz_mm - places_mm[sighting.target]
     own = np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2)
     return float(np.sqrt((off * off / (own + sigma_mm[sighting.target, np.newaxis] ** 2)).mean()))

@@ -2,15 +2,16 @@
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from grabberd.errors import CalibrationMismatch, InputError, NotFound, StorageError
+from grabberd.errors import CalibrationMismatch, Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.calibration_documents import age_days
 from grabberd.service.calibrations import Calibrations
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.instrument import Instrument
+from grabberd.service.rejections import Rejections
 from grabberd.storage.state import StateStore
 
 log = logging.getLogger(__name__)
@@ -46,6 +47,7 @@ class ActiveCalibrations:
         self._state = state
         self._instruments = instruments
         self._clock = clock
+        self._rejections = Rejections(state, clock)
         self._chosen: dict[str, _Choice] = {}
 
     def open(self) -> None:
@@ -74,7 +76,23 @@ class ActiveCalibrations:
             setup = instrument.setup.with_calibration(document)
             self._remember(calibration_id, instrument.name)
             instrument.use(setup)
+        self._rejections.lift(calibration_id)
         log.info("device %s measures with calibration %s", instrument.name, calibration_id)
+
+    def reject(self, calibration_id: str, note: str) -> None:
+        """Remembers that one is not to be used; activating it takes that back.
+
+        Raises:
+            NotFound: there is none of that id; StorageError: it is damaged.
+            Conflict: a device measures with it.
+        """
+        self._calibrations.find(calibration_id)
+        if calibration_id in self.in_force():
+            raise Conflict(
+                f"calibration {calibration_id} is active, so it cannot be rejected",
+                "activate another one first",
+            )
+        self._rejections.add(calibration_id, note)
 
     def in_force(self) -> set[str]:
         """Ids of the calibrations that devices measure with."""
@@ -82,9 +100,19 @@ class ActiveCalibrations:
         return {str(document["id"]) for document in documents if document}
 
     def rows(self) -> list[dict[str, Any]]:
-        """All calibrations as they are listed, the newest first; `active` where a device measures with it."""
-        in_force = self.in_force()
-        return [{**row, "active": row["id"] in in_force} for row in self._calibrations.rows()]
+        """All calibrations as they are listed, the newest first; `active` where a device measures with it,
+        `misfit` where its own device cannot.
+        """
+        in_force, rejections = self.in_force(), self._rejections.all()
+        return [
+            {
+                **row,
+                "active": row["id"] in in_force,
+                "misfit": self._misfit(row),
+                "rejected": asdict(rejections[row["id"]]) if row["id"] in rejections else None,
+            }
+            for row in self._calibrations.rows()
+        ]
 
     def row(self, calibration_id: str) -> dict[str, Any]:
         """One calibration as it is listed.
@@ -121,6 +149,17 @@ class ActiveCalibrations:
             instrument.misfit,
         ]
         return [words for words in said if words]
+
+    def _misfit(self, row: Mapping[str, Any]) -> str | None:
+        """Why a calibration is not one of its device as it now is; None too where there is no such device."""
+        instrument = self._instruments.get(row["device"])
+        if instrument is None or row["problem"]:
+            return None
+        try:
+            instrument.check_fits(Calibration.from_document(self._calibrations.find(row["id"])))
+        except (CalibrationMismatch, NotFound, StorageError) as error:
+            return error.message
+        return None
 
     def _check_owner(self, calibration_id: str, instrument: Instrument) -> None:
         """Refuses the calibration of another device; not that of one that has got another name."""

@@ -63,12 +63,12 @@ def calibrate_file(
         CaptureFileError: the capture cannot be read.
         MeasurementError: it determines no calibration; the message says why.
     """
-    frame_model = ObjectModel.from_document({key: frame[key] for key in frame if key not in FRAME_KEYS})
+    model = frame_model(frame)
     with CaptureReader(path) as reader:
         rig = rig or rig_of(reader)
         settings = settings_of(options, reader.meta.config)
         fields = _counted(reader.received(), reader.field_count, progress)
-        result = calibrate(fields, nominal_rig(rig), frame_model, settings, by_hand)
+        result = calibrate(fields, nominal_rig(rig), model, settings, by_hand)
         about = _about(reader, frame, options, rig)
     report = report_document(result, about)
     return Calibrated(_document(result, about, report), report)
@@ -92,6 +92,15 @@ def calibrate_capture(
     made = calibrate_file(progress, path=capture, frame=frame_document, options=options)
     calibration = CalibrationStore(store).add(made.calibration, CalibrationRecord(), report=made.report)
     return {"calibration": calibration.id}
+
+
+def frame_model(frame: Mapping[str, Any]) -> ObjectModel:
+    """The targets of a calibration frame's document.
+
+    Raises:
+        InputError: it is none.
+    """
+    return ObjectModel.from_document({key: frame[key] for key in frame if key not in FRAME_KEYS})
 
 
 def nominal_rig(rig: RigConfig) -> NominalRig:

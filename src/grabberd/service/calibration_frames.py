@@ -1,6 +1,7 @@
 """The calibration frames that come with the program, by name."""
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,24 @@ from grabberd.service.setup import read_yaml
 def known_frames() -> dict[str, Path]:
     """The files in `calibration-frames`, by their name without ending."""
     return {path.stem: path for path in sorted((shipped_configs() / "calibration-frames").glob("*.yaml"))}
+
+
+def frame_rows() -> list[dict[str, Any]]:
+    """Those known as they are listed, by name."""
+    return [{"name": name, **_row(path)} for name, path in known_frames().items()]
+
+
+@cache
+def _row(path: Path) -> dict[str, Any]:
+    """What tells one from another at a glance; the files do not change while the program runs."""
+    document = read_yaml(path)
+    targets = document["targets"]
+    spans = {axis: [target[axis] for target in targets] for axis in ("x_mm", "y_mm")}
+    return {
+        "targets": len(targets),
+        "target_diameter_mm": document["target_diameter_mm"],
+        "size_mm": sorted(round(max(span) - min(span), 1) for span in spans.values())[::-1],
+    }
 
 
 def frame_document(frame: str | Mapping[str, Any] | None) -> dict[str, Any]:

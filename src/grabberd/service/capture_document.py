@@ -93,6 +93,7 @@ def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
         "labels": meta.labels,
         "note": meta.note,
         "size_bytes": reader.path.stat().st_size,
+        "rig": meta.extra.get("rig"),
     }
 
 

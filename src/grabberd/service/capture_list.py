@@ -32,6 +32,7 @@ class CaptureQuery:
         after: the last one of the page before; None: from the newest.
         device: only those of this device.
         since_utc: only those that began then or later; ISO 8601 with milliseconds and Z.
+        until_utc: only those that began before.
         search: only those with this text in id, note or labels, in capitals or not.
         pinned: only pinned ones, or only others.
     """
@@ -40,8 +41,15 @@ class CaptureQuery:
     after: Place | None = None
     device: str | None = None
     since_utc: str | None = None
+    until_utc: str | None = None
     search: str | None = None
     pinned: bool | None = None
+
+    @property
+    def begin(self) -> Place | None:
+        """After which place the page begins; None: from the newest."""
+        given = (self.after, Place(self.until_utc, "") if self.until_utc else None)
+        return min((place for place in given if place), default=None)
 
     def wants(self, document: dict[str, Any]) -> bool:
         """Whether a capture is one of them."""
@@ -49,6 +57,7 @@ class CaptureQuery:
             (self.after is None or place_of(document) < self.after)
             and self.device in (None, document["device"])
             and (self.since_utc is None or document["created_utc"] >= self.since_utc)
+            and (self.until_utc is None or document["created_utc"] < self.until_utc)
             and self._says(document["id"], document["note"], document["labels"])
             and self.pinned in (None, document["pinned"])
         )
@@ -91,7 +100,7 @@ def _newest(archive: Archive, query: CaptureQuery) -> Iterator[dict[str, Any]]:
 
 
 def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[IndexEntry]:
-    after, said = query.after, archive.annotations()
+    after, said = query.begin, archive.annotations()
     while entries := archive.index.page(after, AT_ONCE):
         for entry in entries:
             if query.since_utc is not None and entry.created_utc < query.since_utc:

@@ -9,8 +9,7 @@ from grabberd.errors import NotReady
 from grabberd.field import NumberedField
 from grabberd.geometry import Calibration
 from grabberd.processes.check import Check, CheckVerdict, check
-from grabberd.reconstruction import ObjectModel
-from grabberd.service.calibrating import FRAME_KEYS, nominal_rig, rig_of
+from grabberd.service.calibrating import frame_model, nominal_rig, rig_of
 from grabberd.service.calibration_frames import frame_document
 from grabberd.service.jobs import Job, Progress
 from grabberd.service.recorder import CaptureRequest
@@ -130,7 +129,7 @@ def check_file(
         InputError: frame or calibration are not what they should be; CaptureFileError: the capture is not.
         MeasurementError: the calibration frame is not to be found in it.
     """
-    model = ObjectModel.from_document({key: frame[key] for key in frame if key not in FRAME_KEYS})
+    model = frame_model(frame)
     with CaptureReader(path) as reader:
         made_with = reader.runs[-1].made_with if reader.runs else {}
         document = calibration or made_with.get("calibration")

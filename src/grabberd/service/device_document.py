@@ -6,15 +6,14 @@ from typing import Any
 from grabberd.acquisition import Outcome
 from grabberd.service.active_calibrations import ActiveCalibrations
 from grabberd.service.instrument import Instrument
+from grabberd.service.live_document import live_document
+from grabberd.service.readiness import lacks_of
 from grabberd.service.recovery import Rung
-from grabberd.service.worker import Worker
-
-LATENCY_OF_LATEST = 500
 
 
 def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[str, Any]:
     """A device at this moment."""
-    status = instrument.board.now
+    status, rate_hz = instrument.board.now, instrument.board.rate_hz
     armed = instrument.intake.armed
     session = instrument.running
     return {
@@ -26,6 +25,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
         "driver": instrument.setup.config.driver,
         "stream": asdict(status.stream) if status.stream else None,
         "signal": status.signal,
+        "rate_hz": None if rate_hz is None else round(rate_hz, 1),
         "fields": {outcome: status.outcomes[outcome] for outcome in Outcome},
         "openings": status.openings,
         "recoveries": {rung: status.recoveries[rung] for rung in Rung},
@@ -36,24 +36,17 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
             "bits": armed.bits,
             "lines": armed.lines,
             "threshold": instrument.intake.thresholds.in_force.level,
+            "waiting": armed.ring.waiting,
+            "deepest": armed.ring.deepest,
         },
+        "views": instrument.setup.config.rig.views.model_dump(),
         "calibration": active.document(instrument),
+        "lacks": [
+            {"lacks": one.lacks, "message": one.message, "hint": one.hint} for one in lacks_of(instrument)
+        ],
         "warnings": [*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
         "capture_id": session.id if session else None,
+        "armed_capture_id": instrument.waiting.id if instrument.waiting else None,
         "rig": instrument.worker.rig.document,
-        "live": _live_document(instrument.worker),
-    }
-
-
-def _live_document(worker: Worker) -> dict[str, Any] | None:
-    live = worker.live
-    if live is None:
-        return None
-    residual = live.measured.points.residual_px
-    return {
-        "n": live.measured.n,
-        "blobs": len(live.measured.blobs),
-        "points": len(live.measured.points),
-        "residual_px": float((residual**2).mean() ** 0.5) if len(residual) else None,
-        "latency_ms": worker.latency.percentiles_ms(LATENCY_OF_LATEST),
+        "live": live_document(instrument),
     }

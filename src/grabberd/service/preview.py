@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.field import PackedField, quantise, unpack
+from grabberd.reconstruction import Points
 from grabberd.service.clock import Clock
 from grabberd.service.instrument import Instrument
 from grabberd.service.worker import Live
 
-HEADER = struct.Struct("<4sHHQqqHHHHHBBII")
+HEADER = struct.Struct("<4sHHQqqHHHHHBBIII")
 """Little endian; docs/reference/live.md has it byte for byte."""
 MAGIC = b"GRBP"
 VERSION = 1
@@ -23,11 +24,22 @@ FAST = 1
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
+POINT = np.dtype([("target", "<u4"), ("image_px", "<f4", (2, 2)), ("residual_px", "<f4")])
+"""What is sent of a point: which target it is, where each view sees it, how well both agree."""
+
+
 class Centroids(NamedTuple):
-    """Where the blobs of one field are: (N, 2) float32, frame pixels; `time_us` since 1970, 0 for none."""
+    """What was measured of one field.
+
+    Attributes:
+        time_us: of the field, since 1970; 0 for none.
+        xy_px: (N, 2) float32, where the blobs are, frame pixels.
+        points: (P,) of `POINT`.
+    """
 
     time_us: int
     xy_px: NDArray[np.float32]
+    points: NDArray[np.void] = np.zeros(0, POINT)
 
 
 NO_CENTROIDS = Centroids(0, np.zeros((0, 2), np.float32))
@@ -54,7 +66,7 @@ class Preview:
         if live is None:
             return NO_CENTROIDS
         xy_px = live.measured.blobs.xy_px.astype(np.float32)
-        return Centroids(self._utc_us(live.measured.time_ns), xy_px)
+        return Centroids(self._utc_us(live.measured.time_ns), xy_px, _points(live.measured.points))
 
     def _utc_us(self, time_ns: int) -> int:
         """Microseconds since 1970 of a time by CLOCK_MONOTONIC."""
@@ -63,7 +75,7 @@ class Preview:
 
 
 def message(slot: Slot, time_us: int, centroids: Centroids) -> bytes:
-    """The header, the centroids, and the deflated bits; no bits where there is no signal."""
+    """The header, the centroids, the deflated bits, the points; no bits where there is no signal."""
     packed = slot.numbered.packed if slot.numbered else None
     deflated = b"" if packed is None else zlib.compress(one_bit(packed).tobytes(), FAST)
     shape = (0, 0, 0, 0, 0) if packed is None else _shape(packed)
@@ -80,8 +92,15 @@ def message(slot: Slot, time_us: int, centroids: Centroids) -> bytes:
         bits,
         len(centroids.xy_px),
         len(deflated),
+        len(centroids.points),
     )
-    return header + centroids.xy_px.astype("<f4").tobytes() + deflated
+    return header + centroids.xy_px.astype("<f4").tobytes() + deflated + centroids.points.tobytes()
+
+
+def _points(points: Points) -> NDArray[np.void]:
+    sent = np.zeros(len(points), POINT)
+    sent["target"], sent["image_px"], sent["residual_px"] = points.target, points.image_px, points.residual_px
+    return sent
 
 
 def one_bit(packed: PackedField) -> NDArray[np.uint8]:

@@ -2,7 +2,7 @@
 
 import logging
 import threading
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import Outcome, Slot
@@ -13,6 +13,9 @@ from grabberd.service.recovery import Rung, Step
 from grabberd.service.states import DeviceState, may_follow
 
 log = logging.getLogger(__name__)
+
+RATE_FIELDS = 100
+SILENT_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +68,7 @@ class StatusBoard:
         self._status = DeviceStatus(DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet")
         self._told: tuple[DeviceState, str | None] | None = None
         self._beat_ns = clock.now_ns()
+        self._arrivals_ns: deque[int] = deque(maxlen=RATE_FIELDS)
 
     def beat(self) -> None:
         """The capture thread lives; said by itself, whatever its device does."""
@@ -87,6 +91,14 @@ class StatusBoard:
         """The state alone."""
         return self._status.state
 
+    @property
+    def rate_hz(self) -> float | None:
+        """Fields that came a second, over the last two seconds or so; None while none come."""
+        arrivals_ns = list(self._arrivals_ns)
+        if len(arrivals_ns) < 2 or self._clock.now_ns() - arrivals_ns[-1] > SILENT_NS:
+            return None
+        return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
+
     def enter(self, state: DeviceState, cause: str | None = None, hint: str | None = None) -> None:
         """Goes into a state that may follow the present one."""
         with self.changed:
@@ -103,6 +115,7 @@ class StatusBoard:
         """The device has been opened and granted this stream."""
         with self.changed:
             known = self._status.warnings
+            self._arrivals_ns.clear()
             self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
         self._warn(known)
 
@@ -130,6 +143,8 @@ class StatusBoard:
 
     def count(self, slot: Slot) -> None:
         """Counts a field and those that were lost before it."""
+        if slot.numbered is not None:
+            self._arrivals_ns.append(self._clock.now_ns())
         with self.changed:
             self._status.outcomes[slot.outcome] += 1
             for entry in slot.lost_before:

@@ -125,12 +125,19 @@ class _Sink:
 def _schema(reader: CaptureReader, run: int) -> "pa.Schema":
     import pyarrow as pa  # noqa: PLC0415
 
+    metadata = {"grabberd": json.dumps(_about(reader, run), ensure_ascii=False)}
+    return pa.schema(point_fields(), metadata=metadata)
+
+
+def point_fields() -> "list[pa.Field]":
+    """The columns with their types, units and meanings."""
+    import pyarrow as pa  # noqa: PLC0415
+
     kinds = {"i4": pa.int32(), "f4": pa.float32(), "f8": pa.float64(), "M8[ms]": pa.timestamp("ms", "UTC")}
-    fields = [
+    return [
         pa.field(one.name, kinds[one.kind], metadata={"unit": one.unit, "description": one.meaning})
         for one in COLUMNS
     ]
-    return pa.schema(fields, metadata={"grabberd": json.dumps(_about(reader, run), ensure_ascii=False)})
 
 
 def _about(reader: CaptureReader, run: int) -> dict[str, Any]:

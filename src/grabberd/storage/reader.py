@@ -63,6 +63,14 @@ class CaptureReader:
             return count
 
     @property
+    def field_span(self) -> int:
+        """How many fields lie from the first to the last of the file; known at once, however long it is."""
+        query = "SELECT (SELECT max(n) FROM fields) - (SELECT min(n) FROM fields) + 1"
+        with reading_errors(self.path):
+            span: int | None = self._connection.execute(query).fetchone()[0]
+            return int(span or 0)
+
+    @property
     def runs(self) -> list[RunInfo]:
         """All runs in order."""
         with reading_errors(self.path):

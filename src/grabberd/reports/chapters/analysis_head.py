@@ -17,7 +17,7 @@ def analysis_head(document: Document) -> Html:
     """Title, verdict, the result in numbers, what lacks, problems."""
     origin = joined(
         "Capture ", element("strong", document["id"]), ", analysed ", instant(document["created_utc"]),
-        " by ", document.get("version") or "an unknown version of grabberd", ".",
+        " by grabberd ", document.get("version") or "of an unknown version", ".",
     )  # fmt: skip
     note = (document.get("about") or {}).get("note")
     return element(
@@ -81,8 +81,16 @@ def _glance(document: Document) -> list[tuple[object, object]]:
         rows.append(("Camera's time less the vacuum's", summary.said("offset_s")))
     if summary.is_known("touch_n"):
         where = f"field {_whole(summary, 'touch_n')}, target {_whole(summary, 'touch_target')}"
-        rows.append(("Pressure begins in", where))
+        rows.append(
+            ("Pressure is there already in" if touches_at_once(document) else "Pressure begins in", where)
+        )
     return rows
+
+
+def touches_at_once(document: Document) -> bool:
+    """Whether there is pressure in the first field already, so that its beginning is not seen."""
+    first = Columns(document["tables"]["fields"]).one("n")
+    return first is not None and Columns(document["tables"]["summary"]).one("touch_n") == first
 
 
 def _counts(summary: Columns) -> str:

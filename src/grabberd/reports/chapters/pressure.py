@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from grabberd.reports.chapters.analysis_head import touches_at_once
 from grabberd.reports.columns import Columns
 from grabberd.reports.markup import Html, absent, joined, paragraph, table
 from grabberd.reports.numbers import fixed, significant
@@ -12,6 +13,7 @@ from grabberd.reports.numbers import fixed, significant
 Document = Mapping[str, Any]
 
 _LIMIT = 3.0
+_MISFIT = 1.5
 
 
 def pressure(document: Document) -> Html:
@@ -25,10 +27,17 @@ def pressure(document: Document) -> Html:
 
 
 def _misfit(fields: Columns) -> Html:
-    misfit = fields.numbers("misfit")
+    misfit = float(np.nanmedian(fields.numbers("misfit")))
+    said = (
+        f"The points' departures from the surface are {significant(misfit, 2)} times as large, squared, as "
+        "their σ lets expect (median of all fields; about 1 where the σ are right)."
+    )
+    if misfit <= _MISFIT:
+        return paragraph(said)
     return paragraph(
-        f"The points' departures from the surface are {significant(float(np.nanmedian(misfit)), 2)} times as "
-        "large, squared, as their σ lets expect (median of all fields; about 1 where the σ are right)."
+        f"{said} So the σ of the points, and all that follow from them, are too small by about "
+        f"{significant(misfit**0.5, 2)}: calibrate the rig anew, and look at its mirrors; what a calibration "
+        "has wrong is alike in all fields, and no averaging takes it away."
     )
 
 
@@ -68,7 +77,10 @@ def _touch(document: Document) -> Html:
     touch = summary.one("touch_n")
     if touch is None:
         return absent("No first touch was found: in no two fields on end does a pressure exceed three σ.")
+    began = f"Pressure begins in field {touch:.0f}"
+    if touches_at_once(document):
+        began = f"There is pressure already in the first field, {touch:.0f}, so where it begins was not seen"
     return paragraph(
-        f"Pressure begins in field {touch:.0f}; the column since_touch_kpa counts from there, and is free of "
+        f"{began}; the column since_touch_kpa counts from there, and is free of "
         "what vacuum, clock and material put into all fields alike."
     )

@@ -76,7 +76,7 @@ def _by_cycle(cycles: Columns) -> Html:
     ]
     heads = ["Cycle", "Begins [s]", "Stroke by the mean one"]
     listed = table("Cycle by cycle (σ in brackets)", heads, rows)
-    return element("details", element("summary", f"{len(rows)} cycles"), listed)
+    return element("details", element("summary", f"{len(rows)} whole cycle{'s' * (len(rows) > 1)}"), listed)
 
 
 def _gaps(document: Document) -> Html:

@@ -32,8 +32,8 @@ def shape(document: Document) -> Html:
     named = ", ".join(state.name for state in states)
     above = figure(
         model_svg(states, column, title, f"Model of the wall and map of its {title} in {len(states)} states"),
-        f"The wall as the cameras see it, from beside (above), and its {title} on the target grid (below): "
-        f"{named}. Dots: targets; crosses: nothing is determined there.",
+        f"The wall from beside, coloured with its {title} (above; grey: not determined), and its {title} on "
+        f"the target grid (below): {named}. Dots: targets; crosses: nothing is determined there.",
     )
     if column != "contact_kpa":
         said = absent("There is no map of the pressure: see what was not given, and the problems, above.")

@@ -85,7 +85,7 @@ def _panel(axes: "Axes", panel: Panel, phases: Sequence[Mapping[str, Any]]) -> N
         low, high = curve.value - curve.sigma, curve.value + curve.sigma
         axes.fill_between(curve.x, low, high, color=colour, alpha=0.22, linewidth=0)
         axes.plot(curve.x, curve.value, color=colour, label=curve.name)
-    axes.margins(x=0.0)
+    axes.margins(x=0.0, y=0.16 if phases else 0.05)
     axes.set_ylabel(panel.label)
     axes.locator_params(axis="y", nbins=5)
     axes.axhline(0.0, color=FAINT, linewidth=0.4) if _spans_zero(axes) else None

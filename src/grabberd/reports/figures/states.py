@@ -1,6 +1,6 @@
 """The wall in chosen states side by side: as a body, and as maps on the target grid (paper figure 11)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,15 +12,21 @@ from grabberd.reports.markup import Html
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
-Draw = Callable[["Axes", "State", bool], object]
+Draw = Callable[["Axes", Sequence["State"]], "ScalarMappable | None"]
 
-_TOP_MM, _BOTTOM_MM, _GAP_MM = 7.0, 9.0, 6.0
+_TOP_MM, _BOTTOM_MM, _GAP_MM = 7.0, 9.0, 5.0
 _LEFT_MM, _RIGHT_MM = 12.0, 19.0
-_BODY_MM, _MAP_MM = 58.0, 62.0
-_TURNED, _TILTED = np.deg2rad(38.0), np.deg2rad(18.0)
+_BODY_MM, _MAP_MM = 76.0, 62.0
+_TURNED, _TILTED = np.deg2rad(48.0), np.deg2rad(16.0)
 _LIGHT = np.array([-0.35, -0.35, 0.87])
+_BARE = np.array([0.80, 0.87, 0.96])
+"""The wall's colour where nothing is determined."""
+_TICKS = 8
+_APART = 2.2
+"""From the last column of one state's map to the first one of the next."""
 
 
 class State(NamedTuple):
@@ -54,6 +60,15 @@ class Scale(NamedTuple):
             return cls(np.asarray(MaxNLocator(11).tick_values(-reach, reach)), "RdBu_r")
         return cls(np.asarray(MaxNLocator(9).tick_values(low, max(high, low + 1e-12))), "YlOrRd")
 
+    def painted(self, values: Array) -> Array:
+        """(K, 3) colours of known values, step by step as in the maps."""
+        from matplotlib import colormaps  # noqa: PLC0415
+
+        middles = (self.levels[1:] + self.levels[:-1]) / 2
+        chosen = middles[np.clip(np.searchsorted(self.levels, values) - 1, 0, len(middles) - 1)]
+        span = self.levels[-1] - self.levels[0]
+        return np.asarray(colormaps[self.colours]((chosen - self.levels[0]) / span))[:, :3]
+
 
 def states_of(document: Mapping[str, Any]) -> list[State]:
     """The document's states, ready to be drawn."""
@@ -63,10 +78,9 @@ def states_of(document: Mapping[str, Any]) -> list[State]:
 
 def model_svg(states: Sequence[State], column: str, title: str, label: str) -> Html:
     """The model above, a map below; every state beside the next (paper figure 11)."""
-    scale = Scale.of(np.concatenate([state.columns.numbers(column) for state in states]))
-    limits = _limits(states)
+    scale = Scale.of(_all(states, column))
     rows = [
-        _Row(_BODY_MM, lambda axes, state, _: _body(axes, state, limits), None),
+        _Row(_BODY_MM, lambda axes, shown: _bodies(axes, shown, column, scale), None),
         _map_row(column, states[0].columns.titled(column, title), scale),
     ]
     return _svg(states, rows, label)
@@ -82,7 +96,7 @@ def maps_svg(states: Sequence[State], column: str, title: str, label: str) -> Ht
 
 
 class _Row(NamedTuple):
-    """A row of panels, and the colour bar at its end."""
+    """A row of panels, all in one pair of axes, and the colour bar at its end."""
 
     height_mm: float
     draw: Draw
@@ -90,7 +104,7 @@ class _Row(NamedTuple):
 
 
 def _map_row(column: str, bar: str, scale: Scale) -> _Row:
-    return _Row(_MAP_MM, lambda axes, state, first: _map(axes, state, column, scale, first), bar)
+    return _Row(_MAP_MM, lambda axes, states: _maps(axes, states, column, scale), bar)
 
 
 def _svg(states: Sequence[State], rows: Sequence[_Row], label: str) -> Html:
@@ -98,35 +112,36 @@ def _svg(states: Sequence[State], rows: Sequence[_Row], label: str) -> Html:
 
     def draw(canvas: "Figure") -> None:
         top = height_mm - _TOP_MM
-        for index, row in enumerate(rows):
-            _draw_row(canvas, states, row, top, height_mm, title=index == 0)
+        for row in rows:
+            axes = _draw_row(canvas, states, row, top, height_mm)
             top -= row.height_mm + _GAP_MM
+        _number_columns(axes, states)
+        for index, state in enumerate(states):
+            middle_mm = _LEFT_MM + (index + 0.5) * _step_mm(states)
+            place = middle_mm / WIDTH_MM, 1 - 0.5 * _TOP_MM / height_mm
+            canvas.text(*place, state.name, ha="center", va="center", size=8, weight="bold")
 
     return drawn(draw, height_mm, label)
 
 
+def _step_mm(states: Sequence[State]) -> float:
+    return (WIDTH_MM - _LEFT_MM - _RIGHT_MM) / len(states)
+
+
 def _draw_row(
-    canvas: "Figure", states: Sequence[State], row: _Row, top: float, height_mm: float, *, title: bool
-) -> None:
-    step = (WIDTH_MM - _LEFT_MM - _RIGHT_MM) / len(states)
-    filled = None
-    bottom = (top - row.height_mm) / height_mm
-    for index, state in enumerate(states):
-        left = (_LEFT_MM + index * step) / WIDTH_MM
-        axes = canvas.add_axes((left, bottom, 0.92 * step / WIDTH_MM, row.height_mm / height_mm))
-        filled = row.draw(axes, state, index == 0) or filled
-        if title:
-            axes.set_title(state.name, loc="center")
+    canvas: "Figure", states: Sequence[State], row: _Row, top_mm: float, height_mm: float
+) -> "Axes":
+    bottom = (top_mm - row.height_mm) / height_mm
+    width = (WIDTH_MM - _LEFT_MM - _RIGHT_MM) / WIDTH_MM
+    axes = canvas.add_axes((_LEFT_MM / WIDTH_MM, bottom, width, row.height_mm / height_mm))
+    filled = row.draw(axes, states)
     if row.bar is not None and filled is not None:
-        box = (
-            1 - (_RIGHT_MM - 2) / WIDTH_MM,
-            bottom + 6 / height_mm,
-            2.4 / WIDTH_MM,
-            0.8 * row.height_mm / height_mm,
-        )
-        bar: Any = canvas.colorbar(filled, cax=canvas.add_axes(box))  # type: ignore[arg-type]
+        left = 1 - (_RIGHT_MM - 2) / WIDTH_MM
+        box = (left, bottom + 6 / height_mm, 2.4 / WIDTH_MM, 0.8 * row.height_mm / height_mm)
+        bar: Any = canvas.colorbar(filled, cax=canvas.add_axes(box))
         bar.outline.set_visible(False)
         bar.set_label(row.bar)
+    return axes
 
 
 def _all(states: Sequence[State], column: str) -> Array:
@@ -143,56 +158,87 @@ def _seen(xyz_mm: Array) -> Array:
     )
 
 
-def _limits(states: Sequence[State]) -> tuple[Array, Array]:
-    seen = np.concatenate([_seen(state.xyz_mm) for state in states])
-    return np.nanmin(seen, axis=0) - 2, np.nanmax(seen, axis=0) + 2
-
-
-def _body(axes: "Axes", state: State, limits: tuple[Array, Array]) -> None:
-    """Triangles, the farthest first, as bright as the light falls on them."""
+def _bodies(axes: "Axes", states: Sequence[State], column: str, scale: Scale) -> None:
+    """Triangles, the farthest first, in the colours of the map, as bright as the light falls on them."""
     from matplotlib.collections import PolyCollection  # noqa: PLC0415
 
-    corners = _seen(state.xyz_mm)[state.triangles]
-    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
-    corners = corners[np.argsort(corners[:, :, 2].mean(axis=1))]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    bright = (0.45 + 0.5 * np.abs(normal @ _LIGHT))[:, np.newaxis] * np.array([0.80, 0.87, 0.96])
-    axes.add_collection(
-        PolyCollection(
-            list(corners[:, :, :2]), facecolors=np.clip(bright, 0, 1), edgecolors=INK, linewidths=0.25
+    seen = [_seen(state.xyz_mm) for state in states]
+    low, high = np.nanmin(seen, axis=(0, 1)) - 2, np.nanmax(seen, axis=(0, 1)) + 2
+    step = _step_mm(states) * (high[1] - low[1]) / _BODY_MM
+    for index, (state, places) in enumerate(zip(states, seen, strict=True)):
+        corners = places[state.triangles] - [(low[0] + high[0]) / 2 - (index + 0.5) * step, 0, 0]
+        values = state.columns.numbers(column)[state.triangles].mean(axis=1)
+        order = np.argsort(corners[:, :, 2].mean(axis=1))
+        order = order[np.isfinite(corners[order]).all(axis=(1, 2))]
+        faces = PolyCollection(
+            list(corners[order, :, :2]),
+            facecolors=_lit(corners[order], values[order], scale),
+            edgecolors=INK,
+            linewidths=0.25,
+            clip_on=False,
         )
-    )
-    axes.set_xlim(limits[0][0], limits[1][0])
-    axes.set_ylim(limits[1][1], limits[0][1])
-    axes.set_aspect("equal")
+        axes.add_collection(faces, autolim=False)
+    axes.set_xlim(0, len(states) * step)
+    axes.set_ylim(high[1], low[1])
     axes.set_axis_off()
 
 
-def _map(axes: "Axes", state: State, column: str, scale: Scale, first: bool) -> object:
+def _lit(corners: Array, values: Array, scale: Scale) -> Array:
+    """(K, 3) colours of triangles."""
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    light = 0.66 + 0.42 * np.abs(normal @ _LIGHT)
+    colours = np.tile(_BARE, (len(values), 1))
+    known = np.isfinite(values)
+    colours[known] = scale.painted(values[known])
+    lit: Array = np.clip(light[:, np.newaxis] * colours, 0, 1)
+    return lit
+
+
+def _maps(axes: "Axes", states: Sequence[State], column: str, scale: Scale) -> "ScalarMappable | None":
     """Rows down, columns to the right, as the picture has them; a cross where nothing is determined."""
+    down = _all(states, "row")
+    across = np.concatenate([state.columns.numbers("column") + k for state, k in _placed(states)])
+    values = _all(states, column)
+    known = np.isfinite(values)
+    axes.plot(across[~known], down[~known], "x", color=GREY, markersize=2.2, mew=0.4)
+    filled = _filled(axes, states, (across, down, values), scale)
+    axes.plot(across[known], down[known], ".", color=INK, markersize=1.2, mew=0)
+    axes.set_xlim(across.min() - _APART / 2, across.max() + _APART / 2)
+    axes.set_ylim(down.max() + 0.5, down.min() - 0.5)
+    axes.locator_params(axis="y", integer=True, nbins=6)
+    axes.set_xticks([])
+    axes.set_ylabel("row")
+    axes.spines[["left", "bottom"]].set_visible(False)
+    return filled
+
+
+def _placed(states: Sequence[State]) -> Iterator[tuple[State, float]]:
+    """The states, and what is added to their columns so that they stand side by side."""
+    step = np.ptp(states[0].columns.numbers("column")) + _APART
+    return ((state, k * step) for k, state in enumerate(states))
+
+
+def _number_columns(axes: "Axes", states: Sequence[State]) -> None:
+    """Under the lowest row: a column stands under the same one of the row above."""
+    own = states[0].columns.numbers("column")
+    shown = np.arange(own.min(), own.max() + 1, np.ceil((np.ptp(own) + 1) / _TICKS))
+    places = [(column + k, f"{column:.0f}") for _, k in _placed(states) for column in shown]
+    axes.set_xticks(*zip(*places, strict=True))
+    axes.tick_params(color=FAINT)
+    axes.set_xlabel("column")
+
+
+def _filled(
+    axes: "Axes", states: Sequence[State], places: tuple[Array, Array, Array], scale: Scale
+) -> "ScalarMappable | None":
     from matplotlib.tri import Triangulation  # noqa: PLC0415
 
-    across, down = state.columns.numbers("column"), state.columns.numbers("row")
-    values = state.columns.numbers(column)
-    known = np.isfinite(values)
-    use = state.triangles[known[state.triangles].all(axis=1)]
-    filled = None
-    if len(use):
-        filled = axes.tricontourf(
-            Triangulation(across, down, use),
-            np.where(known, values, 0.0),
-            levels=scale.levels,
-            cmap=scale.colours,
-        )
-    axes.plot(across[known], down[known], ".", color=INK, markersize=1.2, mew=0)
-    axes.plot(across[~known], down[~known], "x", color=GREY, markersize=2.2, mew=0.4)
-    axes.set_xlim(across.min() - 0.5, across.max() + 0.5)
-    axes.set_ylim(down.max() + 0.5, down.min() - 0.5)
-    axes.set_aspect("equal")
-    axes.locator_params(integer=True, nbins=6)
-    axes.set_xlabel("column")
-    axes.tick_params(labelleft=first, color=FAINT)
-    if first:
-        axes.set_ylabel("row")
-    return filled
+    across, down, values = places
+    count = len(values) // len(states)
+    triangles = np.concatenate([state.triangles + k * count for k, state in enumerate(states)])
+    use = triangles[np.isfinite(values)[triangles].all(axis=1)]
+    if not len(use):
+        return None
+    mesh = Triangulation(across, down, use)
+    return axes.tricontourf(mesh, np.nan_to_num(values), levels=scale.levels, cmap=scale.colours)

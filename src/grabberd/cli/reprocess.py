@@ -1,0 +1,124 @@
+"""`grabberd reprocess`: an archive of captures measured again, into a data set of points."""
+
+import signal
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from grabberd.cli.options import JsonOption, print_json, progress_console, warn
+
+if TYPE_CHECKING:
+    from grabberd.service.reprocess import Progress as Far
+    from grabberd.service.reprocess import Summary
+
+INTERRUPTED = 130
+RATE_OVER_S = 600
+
+
+def register(app: typer.Typer) -> None:
+    """Adds the command."""
+    app.command("reprocess")(reprocess)
+
+
+def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
+    captures: Annotated[
+        list[str],
+        typer.Argument(help="Folders, patterns ('*/2026-03-*.grab') or files; they stay as they are."),
+    ],
+    calibration: Annotated[Path, typer.Option(help="Calibration (JSON) to measure them with.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set; it is made or added to.")],
+    object_model: Annotated[
+        Path | None, typer.Option("--object", help="Object model (YAML); default: each capture's own.")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=512, help="Processes here; default: one for each processor.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="A Dask cluster to work on instead, tcp://HOST:PORT.")
+    ] = None,
+    barn: Annotated[
+        str | None, typer.Option(help="Barn of those captures whose site does not name one.")
+    ] = None,
+    method: Annotated[str | None, typer.Option(help="Location method; default: each capture's own.")] = None,
+    line_jitter: Annotated[
+        float | None, typer.Option("--line-jitter-px", min=0, max=2, help="Default: each capture's own.")
+    ] = None,
+    replace: Annotated[
+        bool, typer.Option("--replace", help="Let these take the place of another calibration's points.")
+    ] = False,
+    json: JsonOption = False,
+) -> None:
+    """Measure many captures again, into Parquet files by barn and day; what is done already is passed over.
+
+    Example: grabberd reprocess captures/ --calibration rig.json --out points
+
+    Example: grabberd reprocess 'archive/**/2026-03-*.grab' --calibration rig.json --out points --scheduler
+    tcp://10.0.0.5:8786
+    """
+    from grabberd.service.executors import cluster_workers, local_workers  # noqa: PLC0415
+    from grabberd.service.reprocess import Request  # noqa: PLC0415
+    from grabberd.service.reprocess import reprocess as measure_again  # noqa: PLC0415
+
+    if scheduler and workers:
+        raise typer.BadParameter("the cluster has workers of its own", param_hint="--workers")
+    chosen = {"method": method, "line_jitter_px": line_jitter}
+    settings = {key: value for key, value in chosen.items() if value is not None}
+    request = Request(captures, out, calibration, object_model, settings, barn, replace)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends it as Ctrl-C does
+    make = partial(cluster_workers, scheduler) if scheduler else lambda _: local_workers(workers)
+    with _bar() as bar:
+        task = bar.add_task("looking at captures", total=None, rate="", left="")
+        summary = measure_again(request, make, lambda far: _show(bar, task, far))
+    _report(summary, out, json)
+    if summary.interrupted:
+        raise typer.Exit(INTERRUPTED)
+    if summary.refused:
+        raise typer.Exit(1)
+
+
+def _bar() -> Progress:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[left]}"),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=progress_console, transient=True, speed_estimate_period=RATE_OVER_S)
+
+
+def _show(bar: Progress, task: Any, far: "Far") -> None:
+    bar.update(
+        task,
+        description="measuring",
+        total=far.all_fields,
+        completed=far.fields,
+        rate=f"{far.fields_per_s:.0f} fields/s",
+        left=f"{far.left} captures left",
+    )
+
+
+def _report(summary: "Summary", out: Path, as_json: bool) -> None:
+    if as_json:
+        print_json(_document(summary, out))
+        return
+    words = f"{summary.measured} measured, {summary.unchanged} were done, {len(summary.refused)} failed"
+    made = f"{summary.fields} fields, {summary.points} points, {summary.fields_per_s:.0f} fields/s"
+    typer.echo(f"{out}: {words}; {made}")
+    warn(f"left out: {one.capture} {one.reason}" for one in summary.left_out)
+    for capture, problem, hint in summary.refused:
+        typer.echo(f"failed: {capture}: {problem}\n  hint: {hint}", err=True)
+    if summary.interrupted:
+        typer.echo("interrupted; give the same command again to go on", err=True)
+
+
+def _document(summary: "Summary", out: Path) -> dict[str, Any]:
+    lists = {
+        "refused": [{**one._asdict(), "capture": str(one.capture)} for one in summary.refused],
+        "left_out": [{**one._asdict(), "capture": str(one.capture)} for one in summary.left_out],
+    }
+    return {"out": str(out), **asdict(summary), "fields_per_s": round(summary.fields_per_s, 1), **lists}

@@ -1,0 +1,197 @@
+/* The mean of all places that explain a blob's bits (as locale.py, locale_posterior.py). */
+#include "lanes.h"
+#include "patterns.h"
+
+enum { WIDTH = 2 * REACH_X + 1, LANES = 16, NOISES = 3, NOISE_BLOBS = 24 };
+static const double UNEXPLAINED = 20.0, MOST_JITTER = 0.7, JITTER_OF_CENTRE = 0.54;
+static const float NEVER = -80.0f;
+
+typedef struct {
+    double x, y, variance_x, variance_y, evidence;
+} Posterior;
+
+typedef struct {
+    double total, along[WIDTH], down[LANES];
+} Sums;
+
+/* A column of places after the other, LANES high; those beyond the height are neighbours' and count for nothing. */
+INLINE Lanes look_up(const float *values, int64_t rows, const int64_t *entry, int64_t entries, const Lanes inside[2],
+                     Lanes likelihood[WIDTH][2]) {
+    Lanes most = all(-INFINITY);
+    for (int column = 0; column < WIDTH; column++) {
+        Lanes upper = {0}, lower = {0}, more;
+        const float *from = values + column * rows;
+        for (int64_t k = 0; k < entries; k++) {
+            memcpy(&more, from + entry[k], sizeof more);
+            upper += more;
+            memcpy(&more, from + entry[k] + EIGHT, sizeof more);
+            lower += more;
+        }
+        likelihood[column][0] = upper, likelihood[column][1] = lower;
+        most = greater(most, upper);
+        most = greater(most, choose(inside[1] > 0.0f, lower, upper));
+    }
+    return most;
+}
+
+/* The likelihoods of all places, the greatest of which is 1; and how likely that one is. */
+WIDE static float weigh(const float *values, int64_t rows, const int64_t *entry, int64_t entries, int height, Sums *sums) {
+    Lanes likelihood[WIDTH][2], inside[2], down[2] = {{0}};
+    for (int lane = 0; lane < LANES; lane++) inside[lane / EIGHT][lane % EIGHT] = lane < height;
+    float greatest = greatest_of(look_up(values, rows, entry, entries, inside, likelihood));
+    for (int column = 0; column < WIDTH; column++) {
+        Lanes along = {0};
+        for (int part = 0; part < 2; part++) {
+            Lanes below = greater(likelihood[column][part] - greatest, all(NEVER));
+            Lanes weight = exponential(choose(below < 0.0f, below, all(0.0f))) * inside[part];
+            down[part] += weight;
+            along += weight;
+        }
+        sums->along[column] = sum_of(along);
+    }
+    sums->total = 0;
+    for (int column = 0; column < WIDTH; column++) sums->total += sums->along[column];
+    for (int lane = 0; lane < LANES; lane++) sums->down[lane] = down[lane / EIGHT][lane % EIGHT];
+    return greatest;
+}
+
+/* Of places from the right and from below, in steps of 1/10 column and 1/8 frame line. */
+static Posterior posterior_of(const Sums *sums, float greatest, int height) {
+    Posterior found = {0};
+    double xx = 0, yy = 0;
+    for (int column = 0; column < WIDTH; column++) {
+        double x = -(double)(column - REACH_X) / 10.0;
+        found.x += sums->along[column] * x, xx += sums->along[column] * x * x;
+    }
+    for (int lane = 0; lane < height; lane++) {
+        double y = -(double)(lane - (height - 1) / 2) / 8.0;
+        found.y += sums->down[lane] * y, yy += sums->down[lane] * y * y;
+    }
+    found.x /= sums->total, found.y /= sums->total;
+    found.variance_x = xx / sums->total - found.x * found.x;
+    found.variance_y = yy / sums->total - found.y * found.y;
+    found.evidence = (double)greatest + log(sums->total);
+    return found;
+}
+
+static bool fits(const Table *table, const int64_t *entry, int64_t entries) {
+    for (int64_t k = 0; k < entries; k++)
+        if (entry[k] < 0 || entry[k] + (WIDTH - 1) * table->rows + LANES > table->length) return false;
+    return true;
+}
+
+/* Everything that is carried from blob to blob. */
+typedef struct {
+    const Picture *picture;
+    const Seen *seen;
+    const Size *sizes;
+    const Kinds *kinds;
+    int64_t *entry;
+    int height;
+} Work;
+
+static int64_t looked_up(const Work *work, int64_t blob, const Kind *kind, Pattern *pattern) {
+    const Component *own = work->seen->components + blob;
+    pattern_of(work->picture, own, work->sizes + blob, kind, pattern);
+    int64_t entries = entries_of(work->picture, work->seen->runs, own, work->sizes + blob, pattern, kind->table, work->entry);
+    return fits(kind->table, work->entry, entries) ? entries : -1;
+}
+
+/* The one of the noises that explains blobs of the most frequent kind best. */
+static int likeliest_noise(const Work *work, int *noise) {
+    const Kind *kind = work->kinds->kinds + work->kinds->first;
+    double evidence[NOISES][NOISE_BLOBS], kept[NOISE_BLOBS], best = -INFINITY;
+    int64_t asked = 0, most = at_most(kind->blobs, NOISE_BLOBS);
+    for (int64_t blob = 0; blob < work->seen->component_count && asked < most; blob++) {
+        if (work->kinds->of[blob] != work->kinds->first) continue;
+        Pattern pattern;
+        int64_t entries = looked_up(work, blob, kind, &pattern);
+        if (entries < 0) return REFUSED;
+        for (int i = 0; i < NOISES; i++) {
+            Sums sums;
+            float greatest = weigh(kind->table->values[i], kind->table->rows, work->entry, entries, work->height, &sums);
+            evidence[i][asked] = (double)greatest + log(sums.total);
+        }
+        asked++;
+    }
+    *noise = 0;
+    for (int i = 0; i < NOISES && asked; i++) {
+        memcpy(kept, evidence[i], (size_t)asked * sizeof *kept);
+        double least = median_of(kept, asked) - UNEXPLAINED, sum = 0;
+        for (int64_t k = 0; k < asked; k++) sum += fmax(evidence[i][k], least);
+        if (sum > best) best = sum, *noise = i;
+    }
+    return DONE;
+}
+
+static void place(const Work *work, const Settings *settings, int64_t blob, const Posterior *found, Place *at) {
+    const Component *own = work->seen->components + blob;
+    const Picture *picture = work->picture;
+    double y_step = (double)picture->y_step;
+    Pattern pattern;
+    pattern_of(picture, own, work->sizes + blob, work->kinds->kinds + work->kinds->of[blob], &pattern);
+    at->x = pattern.middle_x / 10.0 + found->x / pattern.wider;
+    at->row = pattern.middle_y / (8.0 * y_step) + (double)first_row(picture) + found->y / pattern.higher / y_step;
+    double xx = found->variance_x / (pattern.wider * pattern.wider) * (picture->y_step == 1 ? 1.15 : 1.0);
+    double lines = sqrt(4 / PI) / 2 * sqrt(own->area_px) / 2;
+    double jitter = JITTER_OF_CENTRE * (settings->line_jitter_px * settings->line_jitter_px) / lines;
+    xx -= fmin((picture->y_step == 1 ? 0.25 : 0.5) * jitter, MOST_JITTER * xx);
+    at->sigma_x = sqrt(xx);
+    at->sigma_y = sqrt(found->variance_y / (pattern.higher * pattern.higher));
+}
+
+static int posteriors_of(const Work *work, Posterior *found, double *evidence, int64_t *asked) {
+    int noise, status = likeliest_noise(work, &noise);
+    *asked = 0;
+    for (int64_t blob = 0; blob < work->seen->component_count && status == DONE; blob++) {
+        if (work->kinds->of[blob] < 0) continue;
+        const Kind *kind = work->kinds->kinds + work->kinds->of[blob];
+        Pattern pattern;
+        Sums sums;
+        int64_t entries = looked_up(work, blob, kind, &pattern);
+        if (entries < 0) return REFUSED;
+        float greatest = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height, &sums);
+        found[blob] = posterior_of(&sums, greatest, work->height);
+        evidence[(*asked)++] = found[blob].evidence;
+    }
+    return status;
+}
+
+static int decode(const Work *work, const Settings *settings, Place *places) {
+    size_t count = (size_t)work->seen->component_count;
+    Posterior *found = malloc(count * sizeof *found);
+    double *evidence = malloc(count * sizeof *evidence);
+    int64_t asked;
+    int status = found && evidence ? posteriors_of(work, found, evidence, &asked) : NO_MEMORY;
+    if (status == DONE && asked) {
+        double least = median_of(evidence, asked) - UNEXPLAINED;
+        for (size_t blob = 0; blob < count; blob++)
+            if (work->kinds->of[blob] >= 0 && found[blob].evidence > least)
+                place(work, settings, (int64_t)blob, found + blob, places + blob);
+    }
+    free(found);
+    free(evidence);
+    return status;
+}
+
+int locate_by_locale(const Picture *picture, const Settings *settings, const Seen *seen, Place *places, Outcome *outcome) {
+    Kinds kinds = {0};
+    double fraction;
+    Size *sizes = malloc((size_t)seen->component_count * sizeof *sizes);
+    int64_t *entry = malloc((size_t)(2 * picture->rows + 2) * sizeof *entry);
+    int status = sizes && entry ? DONE : NO_MEMORY;
+    if (status == DONE) {
+        sizes_of(picture, seen, sizes);
+        status = threshold_fraction(picture, settings, seen, sizes, &fraction, outcome);
+    }
+    if (status == DONE) status = kinds_of(seen, sizes, &kinds);
+    if (status == DONE) status = find_tables(settings, fraction, &kinds, outcome);
+    if (status == DONE && kinds.blobs) {
+        Work work = {picture, seen, sizes, &kinds, entry, 2 * REACH_Y(picture->y_step) + 1};
+        status = decode(&work, settings, places);
+    }
+    free_kinds(&kinds);
+    free(sizes);
+    free(entry);
+    return status;
+}

@@ -1,0 +1,67 @@
+/* From a packed field of 1 bit to its blobs, in one call (as location.measure). */
+#include "kernel.h"
+
+enum { COLUMNS = 9 };
+
+/* As sigma.binary_sigma_px. */
+static void start(const Picture *picture, const Component *own, Place *place) {
+    double root = sqrt(sqrt(4 / PI * own->area_px)), y_step = (double)picture->y_step;
+    double x = picture->y_step == 1 ? 0.235 : 0.2122 * sqrt(y_step), y = picture->y_step == 1 ? 0.244 : 0.2122 * y_step;
+    *place = (Place){own->x, own->row, x / root, y / root};
+}
+
+/* x, y, σx, σy interleaved by pairs, then common, area, width, height, and whether it touches the border. */
+static void write_out(const Picture *picture, const Seen *seen, const Place *places, const double *common_px,
+                      double *out, int64_t capacity) {
+    double *xy = out, *sigma = out + 2 * capacity, *rest = out + 4 * capacity, y_step = (double)picture->y_step;
+    for (int64_t i = 0, k = 0; i < seen->component_count; i++) {
+        const Component *own = seen->components + i;
+        if (!own->of_size) continue;
+        xy[2 * k] = places[i].x, xy[2 * k + 1] = places[i].row * y_step + (double)picture->y0;
+        sigma[2 * k] = places[i].sigma_x, sigma[2 * k + 1] = places[i].sigma_y;
+        rest[k] = common_px[i];
+        rest[capacity + k] = own->area_px;
+        rest[2 * capacity + k] = own->last_column - own->first_column + 1;
+        rest[3 * capacity + k] = (double)(own->last_row - own->first_row + 1) * y_step;
+        rest[4 * capacity + k] = own->first_row == 0 || own->last_row == picture->rows - 1 ||
+                                 own->first_column == 0 || own->last_column == picture->columns - 1;
+        k++;
+    }
+}
+
+static bool is_sound(const Picture *picture, const Settings *settings) {
+    return picture->bits && settings && picture->rows > 0 && picture->stride > 0 && picture->rows < 1 << 24 &&
+           picture->stride < 1 << 24 && picture->rows * picture->stride <= picture->length &&
+           picture->rows * picture->stride < 1 << 28 && (picture->y_step == 1 || picture->y_step == 2) &&
+           (picture->parity == 0 || picture->parity == 1) && picture->columns > 0 &&
+           picture->columns <= 8 * picture->stride && settings->table_count >= 0 && settings->fullness_count >= 0;
+}
+
+static int locate_seen(const Picture *picture, const Settings *settings, const Seen *seen, double *out,
+                       int64_t capacity, Outcome *outcome) {
+    size_t count = (size_t)seen->component_count;
+    Place *places = malloc(count * sizeof *places);
+    double *common_px = malloc(count * sizeof *common_px);
+    int status = places && common_px ? DONE : NO_MEMORY;
+    for (size_t i = 0; status == DONE && i < count; i++) start(picture, seen->components + i, places + i);
+    if (status == DONE && settings->locale) status = locate_by_locale(picture, settings, seen, places, outcome);
+    if (status == DONE) status = line_shares(picture, settings, seen, common_px, &outcome->common_reach_px);
+    if (status == DONE) write_out(picture, seen, places, common_px, out, capacity);
+    free(places);
+    free(common_px);
+    return status;
+}
+
+/* Writes (COLUMNS · capacity) numbers at most; where there are more blobs, `outcome->count` says how many. */
+int grabberd_locate(const Picture *picture, const Settings *settings, double *out, int64_t capacity,
+                           Outcome *outcome) {
+    Seen seen = {0};
+    *outcome = (Outcome){.common_reach_px = 2.0};
+    if (!is_sound(picture, settings) || capacity < 0) return REFUSED;
+    int status = find_components(picture, settings, &seen);
+    for (int64_t i = 0; i < seen.component_count && status == DONE; i++) outcome->count += seen.components[i].of_size;
+    if (status == DONE && outcome->count > capacity) status = MORE_ROOM;
+    if (status == DONE && seen.component_count) status = locate_seen(picture, settings, &seen, out, capacity, outcome);
+    free_components(&seen);
+    return status;
+}

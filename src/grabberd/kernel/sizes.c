@@ -1,0 +1,148 @@
+/* How large targets appear over the picture (as locale_sizes.py). */
+#include "kernel.h"
+
+enum { TERMS = 6 };
+static const double STIFFNESS = 6.0, LEAST_PX2 = 0.25, POINTING_X_PX2 = 0.009, POINTING_Y_PX2 = 0.013;
+
+typedef struct {
+    double pixels, xx, yy, xy;
+} Moments;
+
+/* The quadratic of one half of the picture. */
+typedef struct {
+    double middle_x, middle_row, extent_x, extent_row;
+    double mean[3], factor[TERMS][3];
+} Surface;
+
+static Moments moments_of(const Picture *picture, const Run *runs, const Component *own) {
+    Moments sums = {0};
+    const Run *run = runs + own->begin;
+    for (int32_t i = 0; i < own->count; i++, run++) {
+        if (!is_delivered(picture, run->row)) continue;
+        double length = run->last - run->first + 1.0;
+        double x = (double)(run->first + run->last) / 2 - own->x;
+        double y = (run->row - own->row) * (double)picture->y_step;
+        sums.pixels += length;
+        sums.xx += length * (x * x + (length * length - 1) / 12);
+        sums.yy += length * y * y;
+        sums.xy += length * x * y;
+    }
+    return sums;
+}
+
+INLINE void terms_of(const Surface *surface, const Component *own, double terms[TERMS]) {
+    double x = (own->x - surface->middle_x) / surface->extent_x;
+    double y = (own->row - surface->middle_row) / surface->extent_row;
+    terms[0] = 1.0, terms[1] = x, terms[2] = y, terms[3] = x * y, terms[4] = x * x - 1, terms[5] = y * y - 1;
+}
+
+/* Gauss with pivots; the matrix is symmetric and held regular. */
+static void solve(double matrix[TERMS][TERMS], double right[TERMS][3], double solution[TERMS][3]) {
+    for (int step = 0; step < TERMS; step++) {
+        int pivot = step;
+        for (int i = step + 1; i < TERMS; i++)
+            if (fabs(matrix[i][step]) > fabs(matrix[pivot][step])) pivot = i;
+        for (int k = 0; k < TERMS && pivot != step; k++) {
+            double kept = matrix[step][k];
+            matrix[step][k] = matrix[pivot][k], matrix[pivot][k] = kept;
+        }
+        for (int k = 0; k < 3 && pivot != step; k++) {
+            double kept = right[step][k];
+            right[step][k] = right[pivot][k], right[pivot][k] = kept;
+        }
+        for (int i = step + 1; i < TERMS; i++) {
+            double share = matrix[i][step] / matrix[step][step];
+            for (int k = step; k < TERMS; k++) matrix[i][k] -= share * matrix[step][k];
+            for (int k = 0; k < 3; k++) right[i][k] -= share * right[step][k];
+        }
+    }
+    for (int i = TERMS - 1; i >= 0; i--)
+        for (int k = 0; k < 3; k++) {
+            double sum = right[i][k];
+            for (int j = i + 1; j < TERMS; j++) sum -= matrix[i][j] * solution[j][k];
+            solution[i][k] = sum / matrix[i][i];
+        }
+}
+
+static bool is_right(const Picture *picture, const Component *own) {
+    return own->x >= (double)(picture->columns - 1) / 2;
+}
+
+static void frame_surface(const Picture *picture, const Seen *seen, const Size *sizes, bool right,
+                          Surface *surface, double *total, double *blobs) {
+    *total = *blobs = 0;
+    for (int64_t i = 0; i < seen->component_count; i++) {
+        const Component *own = seen->components + i;
+        if (!own->whole || is_right(picture, own) != right || !(sizes[i].delivered > 0)) continue;
+        *total += sizes[i].delivered;
+        *blobs += 1;
+    }
+    *total = fmax(*total, 1e-9);
+    *blobs = fmax(*blobs, 1);
+    double x = 0, row = 0, xx = 0, rr = 0;
+    for (int64_t i = 0; i < seen->component_count; i++) {
+        const Component *own = seen->components + i;
+        if (!own->whole || is_right(picture, own) != right) continue;
+        double share = sizes[i].delivered / *total;
+        x += share * own->x, row += share * own->row;
+        xx += share * (own->x * own->x), rr += share * (own->row * own->row);
+    }
+    surface->middle_x = x, surface->middle_row = row;
+    surface->extent_x = sqrt(fmax(xx - x * x, 1.0));
+    surface->extent_row = sqrt(fmax(rr - row * row, 1.0));
+}
+
+/* `sizes` hold the moments yet: half width xx, half height yy, lean xy. */
+static void fit(const Picture *picture, const Seen *seen, const Size *sizes, bool right, Surface *surface) {
+    double total, blobs, normal[TERMS][TERMS] = {{0}}, sums[TERMS][3] = {{0}}, terms[TERMS];
+    frame_surface(picture, seen, sizes, right, surface, &total, &blobs);
+    for (int k = 0; k < 3; k++) surface->mean[k] = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int64_t i = 0; i < seen->component_count; i++) {
+            const Component *own = seen->components + i;
+            if (!own->whole || is_right(picture, own) != right || !(sizes[i].delivered > 0)) continue;
+            double weight = sizes[i].delivered;
+            double values[3] = {sizes[i].half_width_px, sizes[i].half_height_px, sizes[i].lean};
+            if (pass == 0) {
+                for (int k = 0; k < 3; k++) surface->mean[k] += values[k] / total;
+                continue;
+            }
+            terms_of(surface, own, terms);
+            for (int a = 0; a < TERMS; a++) {
+                for (int b = 0; b < TERMS; b++) normal[a][b] += terms[a] * weight * terms[b];
+                for (int k = 0; k < 3; k++) sums[a][k] += terms[a] * (values[k] - surface->mean[k] * weight);
+            }
+        }
+    normal[0][0] += 1e-9;
+    for (int a = 1; a < TERMS; a++) normal[a][a] += STIFFNESS * total / blobs;
+    solve(normal, sums, surface->factor);
+}
+
+static void smooth(const Picture *picture, const Component *own, const Surface *surface, Size *size) {
+    double terms[TERMS], value[3];
+    terms_of(surface, own, terms);
+    for (int k = 0; k < 3; k++) {
+        value[k] = 0;
+        for (int a = 0; a < TERMS; a++) value[k] += surface->factor[a][k] * terms[a];
+        value[k] += surface->mean[k];
+    }
+    double y_step = (double)picture->y_step;
+    double yy = fmax(value[1] + POINTING_Y_PX2 * (y_step * y_step), LEAST_PX2);
+    double across = fmax(value[0] + POINTING_X_PX2 * y_step - value[2] * value[2] / yy, LEAST_PX2);
+    size->half_width_px = 2 * sqrt(across);
+    size->half_height_px = 2 * sqrt(yy);
+    size->lean = value[2] / yy;
+}
+
+void sizes_of(const Picture *picture, const Seen *seen, Size *sizes) {
+    Surface halves[2];
+    for (int64_t i = 0; i < seen->component_count; i++) {
+        if (!seen->components[i].whole) continue;
+        Moments own = moments_of(picture, seen->runs, seen->components + i);
+        sizes[i] = (Size){own.xx, own.yy, own.xy, own.pixels};
+    }
+    for (int right = 0; right < 2; right++) fit(picture, seen, sizes, right, halves + right);
+    for (int64_t i = 0; i < seen->component_count; i++)
+        if (seen->components[i].whole)
+            smooth(picture, seen->components + i, halves + is_right(picture, seen->components + i), sizes + i);
+}

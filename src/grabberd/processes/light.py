@@ -1,0 +1,71 @@
+"""What lamp and lens are set by: how a grey field is lit, view by view, and what a threshold shows."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.field import Field, quantise
+from grabberd.measurement import LocationSettings, measure
+from grabberd.processes.measure import whole
+
+CLIPPED_LEVEL = 250
+"""A camera's white is a little below 255."""
+QUICK = LocationSettings(method="centroid", line_jitter_px=0.0, line_shifts=False)
+"""How many targets there are, and how large, is the same whatever locates them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewLight:
+    """One view of one field.
+
+    Attributes:
+        histogram: (256,) int64, how many pixels have each grey value.
+        targets: how many blobs of a target's size lie wholly in it, at the threshold.
+        diameter_px: their mean diameter in frame pixels, that of a disc of the same area; None without any.
+        background: median of the pixels that are no target; `brightest`: one pixel in a thousand exceeds it.
+        clipped: the share of a target's pixels that are as white as the camera gets; 0 without targets.
+    """
+
+    histogram: NDArray[np.int64]
+    targets: int
+    diameter_px: float | None
+    background: int
+    brightest: int
+    clipped: float
+
+
+def light_of(field: Field, threshold: int, views: Mapping[str, tuple[int, int]]) -> dict[str, ViewLight]:
+    """How a field is lit in every view.
+
+    Args:
+        field: 8 bits, its lines as they came.
+        threshold: pixels above it belong to targets.
+        views: each view's first and end column.
+    """
+    blobs = measure(quantise(field, 1, threshold), None, QUICK)
+    lights = {}
+    for name, (first, end) in views.items():
+        seen = blobs.select(whole(blobs, first, end))
+        counts = np.bincount(field.luma[:, first:end].ravel(), minlength=256)
+        lights[name] = _light(counts, threshold, seen.area_px)
+    return lights
+
+
+def _light(counts: NDArray[np.int64], threshold: int, area_px: NDArray[np.float64]) -> ViewLight:
+    above = counts[threshold + 1 :].sum()
+    return ViewLight(
+        histogram=counts,
+        targets=len(area_px),
+        diameter_px=float(2 * np.sqrt(area_px / np.pi).mean()) if len(area_px) else None,
+        background=_level(counts[: threshold + 1], 0.5),
+        brightest=_level(counts, 0.999),
+        clipped=float(counts[CLIPPED_LEVEL:].sum() / above) if above else 0.0,
+    )
+
+
+def _level(counts: NDArray[np.int64], share: float) -> int:
+    """The least grey value that no more than the rest of the pixels exceed."""
+    total = counts.cumsum()
+    return int(np.searchsorted(total, share * total[-1]))

@@ -1,0 +1,53 @@
+"""How wide the liner is at this moment: between targets that face each other in the middle row."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.points import Points
+
+
+class SectionWidth(NamedTuple):
+    """The distance of two targets.
+
+    Attributes:
+        targets: their ids.
+        width_mm: None where one of both has no point.
+        sigma_mm: from pointing and line jitter; the calibration's share is common to all fields.
+    """
+
+    targets: tuple[int, int]
+    width_mm: float | None
+    sigma_mm: float | None
+
+
+def section_widths(points: Points, model: ObjectModel) -> list[SectionWidth]:
+    """The widths across the object's middle row: the first target to the last, the second to the last but
+    one, and so on.
+
+    Each is always of the same two targets, so that it compares from field to field; which of them the cameras
+    see depends on how far the liner is open.
+    """
+    return [_width(points, pair) for pair in facing_targets(model)]
+
+
+def facing_targets(model: ObjectModel) -> list[tuple[int, int]]:
+    """Ids of the pairs of targets of the middle row that face each other, the outermost first."""
+    rows = np.unique(model.row)
+    own = np.flatnonzero(model.row == rows[(len(rows) - 1) // 2])
+    ids: list[int] = model.target[own[np.argsort(model.column[own])]].tolist()
+    half = len(ids) // 2
+    return list(zip(ids[:half], reversed(ids[-half:]), strict=True)) if half else []
+
+
+def _width(points: Points, pair: tuple[int, int]) -> SectionWidth:
+    ends: NDArray[np.intp] = np.flatnonzero(np.isin(points.target, pair))
+    apart = points.xyz_mm[ends[-1]] - points.xyz_mm[ends[0]] if len(ends) == 2 else np.zeros(3)
+    width_mm = float(np.linalg.norm(apart))
+    if width_mm == 0:
+        return SectionWidth(pair, None, None)
+    along = apart / width_mm
+    variance = along @ points.covariance_mm2[ends].sum(axis=0) @ along
+    return SectionWidth(pair, width_mm, float(np.sqrt(variance)))

@@ -1,0 +1,126 @@
+"""The page's files as they are served: each with its tag, compressed once, all under one version."""
+
+import gzip
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+STATIC = Path(__file__).parent / "static"
+LANGUAGES = ("en", "nb")
+STYLES = "page.css"
+MEDIA_TYPES = {
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".json": "application/json",
+    ".svg": "image/svg+xml",
+    ".txt": "text/plain; charset=utf-8",
+}
+OTHER = "application/octet-stream"
+
+
+@dataclass(frozen=True)
+class StaticFile:
+    """A file, or several made into one.
+
+    Attributes:
+        media_type: what it is.
+        content: its bytes; `compressed`: the same by gzip.
+        etag: a strong one, from the content.
+    """
+
+    media_type: str
+    content: bytes
+
+    @cached_property
+    def compressed(self) -> bytes:
+        """By gzip, as small as it gets; the same bytes every time."""
+        return gzip.compress(self.content, 9, mtime=0)
+
+    @cached_property
+    def etag(self) -> str:
+        """Changes with the content."""
+        return f'"{hashlib.sha256(self.content).hexdigest()[:32]}"'
+
+
+@dataclass(frozen=True)
+class Edition:
+    """All files as they were at one moment.
+
+    Attributes:
+        version: of them all; it stands in their addresses, so that they need never be asked for again.
+        files: by name, as below `static/`.
+    """
+
+    version: str
+    files: Mapping[str, StaticFile]
+
+
+class Files:
+    """The files of a folder; read again when one of them has changed, as after an upgrade."""
+
+    def __init__(self, folder: Path = STATIC) -> None:
+        self._folder = folder
+        self._stamp: tuple[tuple[str, int, int], ...] = ()
+        self._edition = Edition("", {})
+
+    @property
+    def edition(self) -> Edition:
+        """All files as they were when they were last looked at."""
+        return self._edition if self._stamp else self.newest()
+
+    def newest(self) -> Edition:
+        """All files as they are now."""
+        stamp = tuple(_stamp(self._folder))
+        if stamp != self._stamp:
+            self._edition, self._stamp = _edition(self._folder), stamp
+        return self._edition
+
+
+def _paths(folder: Path) -> list[Path]:
+    found = (path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
+    return sorted(found)
+
+
+def _stamp(folder: Path) -> Iterator[tuple[str, int, int]]:
+    for path in _paths(folder):
+        stat = path.stat()
+        yield str(path), stat.st_mtime_ns, stat.st_size
+
+
+def _edition(folder: Path) -> Edition:
+    read = {path.relative_to(folder).as_posix(): _file(path) for path in _paths(folder)}
+    files = read | {STYLES: _styles(read)} | {f"texts/{one}.json": _texts(read, one) for one in LANGUAGES}
+    return Edition(_version(files), files)
+
+
+def _file(path: Path) -> StaticFile:
+    return StaticFile(MEDIA_TYPES.get(path.suffix, OTHER), path.read_bytes())
+
+
+def _version(files: Mapping[str, StaticFile]) -> str:
+    digest = hashlib.sha256()
+    for name in sorted(files):
+        digest.update(f"{name} {files[name].etag}\n".encode())
+    return digest.hexdigest()[:16]
+
+
+def _styles(files: Mapping[str, StaticFile]) -> StaticFile:
+    """Every style sheet in one, in the order of their names; those of others first."""
+    names = [*_below(files, "vendor/", ".css"), *_below(files, "css/", ".css")]
+    return StaticFile(MEDIA_TYPES[".css"], b"\n".join(files[name].content for name in names))
+
+
+def _texts(files: Mapping[str, StaticFile], language: str) -> StaticFile:
+    """Every catalogue of a language in one: the catalogue's name, then its keys."""
+    folder = f"texts/{language}/"
+    names = _below(files, folder, ".json")
+    texts = {name[len(folder) : -len(".json")]: json.loads(files[name].content) for name in names}
+    document = json.dumps(texts, ensure_ascii=False, separators=(",", ":"))
+    return StaticFile(MEDIA_TYPES[".json"], document.encode())
+
+
+def _below(names: Iterable[str], folder: str, ending: str) -> list[str]:
+    return sorted(name for name in names if name.startswith(folder) and name.endswith(ending))

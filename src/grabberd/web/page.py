@@ -1,0 +1,54 @@
+"""The page: one document, with what it first shows inside."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from string import Template
+from typing import Any
+
+from grabberd.web.files import LANGUAGES, Edition
+
+PAGE = Path(__file__).parent / "page.html"
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self'; frame-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'self'"
+)
+"""The page's content security policy: nothing from another host, no script or style inside the page."""
+AT_ONCE = ("js/core/", "js/shell/", "js/operate/", "js/lights/", "js/live/", "js/panels/operate.js")
+"""Modules that the first sight takes: asked for before the first of them has been read."""
+
+
+def render(edition: Edition, language: str, first: Mapping[str, Any]) -> str:
+    """The page.
+
+    Args:
+        edition: its files.
+        language: its first one.
+        first: what it shows before it has asked for anything.
+    """
+    root = f"/static/{edition.version}"
+    modules = [name for name in edition.files if name.startswith(AT_ONCE) and name.endswith(".js")]
+    preloads = "\n".join(f'<link rel="modulepreload" href="{root}/{name}">' for name in modules)
+    document = {**first, "edition": edition.version, "language": language}
+    return Template(PAGE.read_text(encoding="utf-8")).substitute(
+        root=root, language=language, preloads=preloads, first=_in_script(document)
+    )
+
+
+def language_of(accepted: str) -> str:
+    """The first language of an Accept-Language header that there are texts in; else English."""
+    wanted = (part.partition(";")[0].strip().lower() for part in accepted.split(","))
+    known = (_known(tag) for tag in wanted)
+    return next((language for language in known if language), LANGUAGES[0])
+
+
+def _known(tag: str) -> str | None:
+    short = tag.partition("-")[0]
+    return {"no": "nb", "nn": "nb"}.get(short, short if short in LANGUAGES else None)
+
+
+def _in_script(document: Mapping[str, Any]) -> str:
+    """JSON that no text inside can end the script element with."""
+    text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -1,0 +1,107 @@
+// From what was filled in to the inputs of an analysis, and back. Nothing here touches the page.
+import { GROUPS, NAMES } from "./fields.js";
+
+/** @typedef {Record<string, string>} Values what was filled in, by part and name: "material" → "linear", "material.E_mpa" → "3" */
+/** @typedef {import("./fields.js").Part} Part */
+
+const HEIGHTS = [".height1", ".height2", ".height3"];
+
+/** @param {Part} part @param {string} name */
+export const keyOf = (part, name) => `${part.path}.${name}`;
+
+/** The numbers that are asked for with what was chosen. @param {Part} part @param {Values} values */
+export const askedOf = (part, values) => part.numbers[part.kinds ? values[part.path] || "-" : ""] ?? [];
+
+/** The inputs that were given. @param {Values} values */
+export function inputsOf(values) {
+  const vacuum = vacuumOf(values);
+  const heights = HEIGHTS.filter((key) => given(values, key)).map((key) => Number(values[key]));
+  return known({
+    reference: referenceOf(values),
+    material: values.material ? { law: values.material, ...numbers("material", values) } : undefined,
+    vacuum: Object.keys(vacuum).length ? vacuum : undefined,
+    sought_kpa: one(values, ".sought_kpa"),
+    plane: planeOf(values),
+    heights_mm: heights.length ? heights : undefined,
+    phases: one(values, ".phases"),
+    free_rows: given(values, ".first_row") && given(values, ".last_row") ? [one(values, ".first_row"), one(values, ".last_row")] : undefined,
+  });
+}
+
+/** @param {Values} values */
+function referenceOf(values) {
+  const kind = values.reference;
+  if (!kind) return undefined;
+  return kind === "nominal" ? kind : { [kind]: one(values, `reference.${kind}`) };
+}
+
+/** @param {Values} values */
+function vacuumOf(values) {
+  const source = (/** @type {string} */ path) => (!values[path] ? undefined : values[path] === "log" ? "log" : numbers(path, values));
+  const clock = values["vacuum.clock"];
+  return known({ pulsation: source("vacuum.pulsation"), liner: source("vacuum.liner"), ...(clock ? { [clock]: numbers("vacuum.clock", values) } : {}) });
+}
+
+/** @param {Values} values */
+function planeOf(values) {
+  if (values.plane !== "own") return values.plane || undefined;
+  const { x, y, z, nx, ny, nz } = /** @type {any} */ (numbers("plane", values));
+  return { point_mm: [x, y, z], normal: [nx, ny, nz] };
+}
+
+/** The numbers of the part with this path that were given. @param {string} path @param {Values} values */
+function numbers(path, values) {
+  const part = parts().find((each) => each.path === path);
+  const asked = part ? askedOf(part, values) : [];
+  return Object.fromEntries(asked.filter(({ name }) => given(values, `${path}.${name}`)).map(({ name }) => [name, Number(values[`${path}.${name}`])]));
+}
+
+/** What is missing beside what was given: a part is whole, or empty. @param {Values} values @param {string} log @returns {string[]} keys */
+export function missingOf(values, log) {
+  const holes = parts().flatMap((part) => askedOf(part, values).filter((asked) => part.kinds && !asked.free && !given(values, keyOf(part, asked.name))).map((asked) => keyOf(part, asked.name)));
+  const rows = given(values, ".first_row") !== given(values, ".last_row") ? [given(values, ".first_row") ? ".last_row" : ".first_row"] : [];
+  return [...holes, ...rows, ...(usesLog(values) && !log ? ["log"] : [])];
+}
+
+/** Whether the logger's file is needed. @param {Values} values */
+export const usesLog = (values) => [values["vacuum.pulsation"], values["vacuum.liner"]].includes("log");
+
+/** What there will not be for want of inputs. @param {Values} values @returns {string[]} names of texts */
+export function lacksOf(values) {
+  const lacks = { reference: !values.reference, material: !values.material, vacuum_pulsation: !values["vacuum.pulsation"], vacuum_liner: !values["vacuum.liner"], sought_kpa: !given(values, ".sought_kpa"), plane: !values.plane };
+  return Object.entries(lacks).filter(([, lack]) => lack).map(([name]) => name);
+}
+
+/** Inputs as they would be filled in; what this form has no place for is named. @param {any} inputs */
+export function valuesOf(inputs) {
+  /** @type {Values} */
+  const values = {};
+  const { reference, material, vacuum = {}, plane, heights_mm = [], free_rows = [] } = inputs;
+  if (reference) choose(values, "reference", typeof reference === "string" ? reference : Object.keys(reference)[0], typeof reference === "string" ? {} : reference);
+  if (material?.law) choose(values, "material", material.law, material);
+  for (const side of ["pulsation", "liner"]) if (vacuum[side]) choose(values, `vacuum.${side}`, kindOf(vacuum[side]), vacuum[side] === "log" ? {} : vacuum[side]);
+  for (const clock of ["offset", "lag"]) if (vacuum[clock]) choose(values, "vacuum.clock", clock, vacuum[clock]);
+  if (typeof plane === "string") values.plane = plane;
+  else if (plane) choose(values, "plane", "own", Object.fromEntries(["x", "y", "z", "nx", "ny", "nz"].map((name, i) => [name, [...plane.point_mm, ...plane.normal][i]])));
+  const single = { sought_kpa: inputs.sought_kpa, phases: inputs.phases, first_row: free_rows[0], last_row: free_rows[1] };
+  for (const [name, value] of Object.entries(single)) if (value !== undefined) values[`.${name}`] = String(value);
+  HEIGHTS.forEach((key, i) => heights_mm[i] !== undefined && (values[key] = String(heights_mm[i])));
+  return { values, dropped: [...(material?.zones ? ["zones"] : []), ...(heights_mm.length > HEIGHTS.length ? ["heights"] : []), ...(usesLog(values) ? ["log"] : [])] };
+}
+
+/** @param {any} source */
+const kindOf = (source) => (source === "log" ? "log" : "rate_per_min" in source ? "wave" : "constant");
+
+/** @param {Values} values @param {string} path @param {string} kind @param {any} numbers */
+function choose(values, path, kind, numbers) {
+  values[path] = kind;
+  for (const [name, value] of Object.entries(numbers)) if (typeof value === "number") values[`${path}.${name}`] = String(value);
+}
+
+const parts = () => NAMES.flatMap((name) => GROUPS[name]);
+/** @param {Values} values @param {string} key */
+const given = (values, key) => (values[key] ?? "").trim() !== "";
+/** @param {Values} values @param {string} key */
+const one = (values, key) => (given(values, key) ? Number(values[key]) : undefined);
+/** @param {Record<string, any>} all */
+const known = (all) => Object.fromEntries(Object.entries(all).filter(([, value]) => value !== undefined));

@@ -1,0 +1,153 @@
+// Maps of strain, tension and pressure over the target grid, of one state at a time.
+import { el, fill, setText } from "../core/dom.js";
+import { createLegend } from "../scene/legend.js";
+import { scaleOver } from "../scene/scale.js";
+import { FIELD_S } from "../captures/words.js";
+import { createMapPicture } from "./map_picture.js";
+import { QUANTITIES, reasonIn, shown } from "./quantities.js";
+import { column, hasAny } from "./tables.js";
+
+const PAUSE_MS = 120;
+
+/** @param {import("../core/context.js").Context} context @param {string} path of the analysis @param {any} document */
+export function createMaps(context, path, document) {
+  const { t, tn, api, format } = context;
+  const { grid, states } = document;
+  const kinds = { phase: column(document.tables.phases, "phase"), field: column(document.tables.fields, "n") };
+  const known = QUANTITIES.filter(({ name }) => states.some((/** @type {any} */ state) => hasAny(column(state.targets, name)) || (name === "contact_kpa" && column(state.targets, "reason").some(Boolean))));
+  const picture = createMapPicture(touch);
+  const legend = createLegend(format.number);
+  const touched = el("p", { class: "note is-idle map-touched", role: "status" });
+  const without = el("ul", { class: "small" });
+  const words = el("p", { class: "number", role: "status" });
+  const slider = el("input", { class: "slider", type: "range", min: 0, value: 0, "aria-label": t("analysis.map.state"), on: { input: soon } });
+  const body = el("tbody");
+  const numbers = el("details", { class: "card", on: { toggle: () => numbers.open && showTable() } }, el("summary", { class: "capture-summary" }, t("plots.asTable")), el("div", { class: "scroll" }, el("table", { class: "table" }, el("thead", {}, el("tr", {}, ["target", "row", "column", "value", "sigma", "why"].map((name) => el("th", { scope: "col" }, t(`analysis.map.${name}`))))), body)));
+  /** @type {"phase" | "field"} */
+  let kind = kinds.phase.length ? "phase" : "field";
+  let quantity = known[0];
+  /** @type {any} */
+  let map = null;
+  /** @type {number | null} */
+  let chosen = null;
+  let timer = 0;
+  let turn = 0;
+
+  const select = el("select", { class: "input", on: { change: () => quantify(select.value) } }, known.map(({ name }) => el("option", { value: name }, t(`analysis.quantity.${name}`))));
+  const choices = el("div", { class: "choices", role: "radiogroup", "aria-label": t("analysis.map.of"), hidden: !kinds.phase.length }, /** @type {const} */ (["phase", "field"]).map((one) => el("label", {}, el("input", { type: "radio", name: "map-kind", checked: one === kind, on: { change: () => begin(one) } }), t(`analysis.map.kind.${one}`))));
+  const side = el("div", { class: "stack grow" }, el("label", { class: "field" }, el("span", { class: "field-label" }, t("analysis.map.quantity")), select), choices, el("div", {}, words, slider), legend.element, touched, without);
+  const missing = QUANTITIES.filter((one) => !known.includes(one));
+  const lacking = missing.length ? el("p", { class: "muted" }, t("analysis.noCurve", { names: missing.map(({ name }) => t(`analysis.quantity.${name}`)).join(", ") })) : null;
+  const element = el("section", { class: "card stack" }, el("h2", {}, t("analysis.maps")), known.length ? el("div", { class: "map-parts" }, picture.element, side) : null, lacking, known.length ? numbers : null);
+
+  /** @param {"phase" | "field"} one */
+  function begin(one) {
+    kind = one;
+    slider.max = String(Math.max(0, kinds[kind].length - 1));
+    slider.value = "0";
+    look();
+  }
+
+  /** @param {string} name */
+  function quantify(name) {
+    quantity = known.find((one) => one.name === name) ?? known[0];
+    show();
+  }
+
+  function soon() {
+    clearTimeout(timer);
+    timer = setTimeout(look, PAUSE_MS);
+    tell();
+  }
+
+  async function look() {
+    const mine = ++turn;
+    tell();
+    const found = await api.get(`${path}/maps?${kind}=${kinds[kind][Number(slider.value)]}`).catch(context.refused);
+    if (mine !== turn || !found) return;
+    map = found;
+    show();
+  }
+
+  function tell() {
+    const value = kinds[kind][Number(slider.value)] ?? 0;
+    setText(words, kind === "phase" ? t("shape.whenPhase", { phase: format.number(value * 100, 0) }) : t("capture.field", { n: value, s: format.number(value * FIELD_S, 2) }));
+  }
+
+  /** One scale for all states of the capture, so that colours can be compared. */
+  function scale() {
+    const all = [...states.flatMap((/** @type {any} */ state) => column(state.targets, quantity.name)), ...map.columns[quantity.name]];
+    return scaleOver(shown(quantity, all).map((value) => value ?? NaN), quantity.signed);
+  }
+
+  function show() {
+    if (!map) return;
+    const values = shown(quantity, map.columns[quantity.name]);
+    const found = values.filter((value) => value !== null);
+    const range = scale();
+    const name = t("shape.legend", { quantity: t(`analysis.quantity.${quantity.name}`), unit: quantity.unit });
+    const least = found.length ? t("shape.range", { quantity: name, low: format.number(Math.min(...found), quantity.digits), high: format.number(Math.max(...found), quantity.digits) }) : name;
+    picture.show(map.columns, values, range, least);
+    legend.show(name, range);
+    picture.choose(map.columns, chosen);
+    showTouched(values);
+    showReasons(values);
+    showTable();
+  }
+
+  /** @param {number} place */
+  function touch(place) {
+    chosen = place;
+    picture.choose(map.columns, place);
+    showTouched(shown(quantity, map.columns[quantity.name]));
+  }
+
+  /** @param {number} i @param {(number | null)[]} values */
+  function valueIn(i, values) {
+    const sigma = (map.columns[`sigma_${quantity.name}`]?.[i] ?? NaN) * quantity.times;
+    return `${format.number(values[i], quantity.digits)} ± ${format.number(sigma, quantity.digits + 1)} ${quantity.unit}`;
+  }
+
+  /** @param {(number | null)[]} values */
+  function showTouched(values) {
+    if (chosen === null) return setText(touched, t("analysis.map.touch"));
+    const { target, row, column: across } = map.columns;
+    const place = t("analysis.map.place", { target: target[chosen], row: row[chosen] + 1, column: across[chosen] + 1 });
+    setText(touched, `${place}: ${values[chosen] === null ? whyNot(chosen) : valueIn(chosen, values)}`);
+  }
+
+  /** @param {number} i */
+  function whyNot(i) {
+    const reason = map.columns.reason?.[i];
+    return reason ? reasonIn(context, reason) : t("analysis.map.notSeen");
+  }
+
+  /** Why places have no value, the commonest first. @param {(number | null)[]} values */
+  function showReasons(values) {
+    /** @type {Map<string, number>} */
+    const counts = new Map();
+    values.forEach((value, i) => {
+      if (value !== null) return;
+      const reason = (map.columns.reason?.[i] ?? "").startsWith("σ of") ? t("analysis.reason.tooVague") : whyNot(i);
+      counts.set(reason, (counts.get(reason) ?? 0) + 1);
+    });
+    without.hidden = !counts.size;
+    fill(without, ...[...counts].sort((a, b) => b[1] - a[1]).map(([reason, count]) => el("li", {}, `${tn("analysis.map.without", count)}: ${reason}`)));
+  }
+
+  function showTable() {
+    if (!numbers.open || !map) return;
+    const values = shown(quantity, map.columns[quantity.name]);
+    const sigma = shown(quantity, map.columns[`sigma_${quantity.name}`] ?? []);
+    fill(body, ...values.map((value, i) => el("tr", {}, [map.columns.target[i], map.columns.row[i] + 1, map.columns.column[i] + 1, format.number(value, quantity.digits), format.number(sigma[i], quantity.digits + 1), value === null ? whyNot(i) : ""].map((text) => el("td", { class: "number" }, text)))));
+  }
+
+  if (known.length) begin(kind);
+  return {
+    element,
+    end() {
+      turn = -1;
+      clearTimeout(timer);
+    },
+  };
+}

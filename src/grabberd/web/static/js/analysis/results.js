@@ -1,0 +1,42 @@
+// One analysis: what was found, curves, maps, files.
+import { el, fill, symbol } from "../core/dom.js";
+import { createCurves } from "./curves.js";
+import { createFiles } from "./files.js";
+import { createMaps } from "./maps.js";
+import { createSummary } from "./summary.js";
+
+/** @param {import("../core/context.js").Context} context @param {any} capture @param {any} record of the analysis */
+export function createResults(context, capture, record) {
+  const { t, api } = context;
+  const path = `/captures/${encodeURIComponent(capture.id)}/analyses/${record.analysis}`;
+  const element = el("div", { class: "stack", data: { analysis: record.analysis } }, el("p", { class: "muted", role: "status" }, t("analysis.loading")));
+  /** @type {{end: () => void}[]} */
+  let parts = [];
+  let ended = false;
+
+  async function open() {
+    if (record.problem) return fill(element, el("div", { class: "note is-bad" }, symbol("bad"), el("p", {}, record.problem)));
+    const document = await api.get(path).catch(context.refused);
+    if (ended || !document) return;
+    const curves = createCurves(context, document);
+    const maps = createMaps(context, path, document);
+    parts = [curves, maps];
+    const found = el("section", { class: "card stack" }, el("h2", {}, t("analysis.found")), createSummary(context, document, record), inputs());
+    fill(element, found, maps.element, curves.element, createFiles(context, path, record));
+  }
+
+  /** What it was told, as it was told it. */
+  function inputs() {
+    const bursts = record.bursts.length ? el("p", {}, `${t("analysis.bursts.title")}: ${record.bursts.join(", ")}`) : null;
+    return el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.given")), el("pre", { class: "analysis-given scroll", tabindex: 0 }, JSON.stringify(record.inputs, null, 2)), bursts);
+  }
+
+  open();
+  return {
+    element,
+    end() {
+      ended = true;
+      parts.forEach((part) => part.end());
+    },
+  };
+}

@@ -1,0 +1,50 @@
+// What was found, in a few lines: pulsation, its phases, what lacks, what went wrong.
+import { el, symbol } from "../core/dom.js";
+import { column, single } from "./tables.js";
+
+const SHOWN = 6;
+const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 4], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
+const PHASES = ["a", "b", "c", "d"];
+
+/** @param {import("../core/context.js").Context} context @param {any} document @param {any} record */
+export function createSummary(context, document, record) {
+  const { t, tn, format } = context;
+  const table = document.tables.summary;
+
+  /** @param {[string, string, number]} fact */
+  function fact([name, unit, digits]) {
+    const { value, sigma } = single(table, name);
+    if (value === null) return null;
+    const times = unit === "%" ? 100 : 1;
+    const spread = sigma === null ? "" : ` ± ${format.number(sigma * times, digits)}`;
+    return [el("dt", {}, t(`analysis.fact.${name}`)), el("dd", {}, `${format.number(value * times, digits)}${spread} ${unit}`)];
+  }
+
+  /** @param {string} kind */
+  function phases(kind) {
+    const found = PHASES.map((phase) => ({ phase, ...single(table, `${kind}_${phase}_s`) }));
+    if (found.every(({ value }) => value === null)) return null;
+    const words = found.map(({ phase, value, sigma }) => t("analysis.phase", { phase, ms: format.number((value ?? NaN) * 1000, 0), sigma: format.number((sigma ?? NaN) * 1000, 1) }));
+    return [el("dt", {}, t(`analysis.phases.${kind}`)), el("dd", {}, words.join(", "))];
+  }
+
+  const analysed = column(table, "analysed")[0] ?? 0;
+  const facts = el("dl", { class: "facts" }, el("dt", {}, t("analysis.fact.analysed")), el("dd", {}, tn("captures.fields", analysed)), FACTS.map(fact), phases("wall"), phases("iso"));
+  return el("div", { class: "stack" }, facts, lacks(context, record.lacks), problems(context, record.problems));
+}
+
+/** What was not given, and its consequence. @param {import("../core/context.js").Context} context @param {string[]} given */
+function lacks({ t, texts }, given) {
+  if (!given.length) return null;
+  const slugs = given.map((text) => [text.split(":")[0].replace(/\W+/g, "_"), text]);
+  const words = slugs.map(([slug, text]) => (texts.has(`analysis.lack.${slug}`) ? t(`analysis.lack.${slug}`) : text));
+  return el("div", { class: "note is-idle" }, symbol("info"), el("div", {}, el("strong", {}, t("analysis.lacks")), el("ul", {}, [...new Set(words)].map((text) => el("li", {}, text)))));
+}
+
+/** What was survived, as the instrument says it. @param {import("../core/context.js").Context} context @param {string[]} found */
+function problems({ t }, found) {
+  if (!found.length) return null;
+  const line = (/** @type {string} */ text) => el("li", {}, text);
+  const rest = found.length > SHOWN && el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.allProblems", { n: found.length })), el("ul", {}, found.slice(SHOWN).map(line)));
+  return el("div", { class: "note is-warn" }, symbol("warn"), el("div", {}, el("strong", {}, t("analysis.problems")), el("ul", { lang: "en" }, found.slice(0, SHOWN).map(line)), rest));
+}

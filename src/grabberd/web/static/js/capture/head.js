@@ -1,0 +1,71 @@
+// Which capture it is, how it came out, and where it is looked at.
+import { badge, endIn, labelsIn, ledgerIn, lengthIn } from "../captures/words.js";
+import { el, fill, symbol } from "../core/dom.js";
+
+const WAYS = [["shape", "shape"], ["plots", "analysis"], ["analysis", "maps"], ["compare", "compare"]];
+
+/** @param {import("../core/context.js").Context} context */
+export function createHead(context) {
+  const { t, tn, format, api } = context;
+  const title = el("h1");
+  const said = el("div", { class: "capture-head-said" });
+  const facts = el("dl", { class: "facts" });
+  const ways = el("nav", { class: "row", "aria-label": t("capture.ways") });
+  const live = el("div", { class: "row" });
+  const back = el("a", { class: "button plain", href: "#captures" }, symbol("back"), t("captures.title"));
+  const element = el("div", { class: "stack" }, el("div", {}, back, title), el("section", { class: "card stack capture-head" }, said, live, ways, facts));
+  let busy = false;
+
+  /** @param {any} capture */
+  function show(capture) {
+    const labels = labelsIn(context, capture);
+    fill(title, format.moment(capture.created_utc), labels && ` · ${labels}`);
+    const words = capture.state === "armed" || capture.ledger.complete ? null : el("strong", { class: "capture-ledger" }, ledgerIn(context, capture));
+    fill(said, badge(context, capture), words, capture.pinned && el("span", { class: "badge is-idle" }, symbol("pin"), t("captures.pinned")));
+    fill(ways, capture.runs.length ? WAYS.map(([way, sign]) => wayTo(way, sign, capture)) : null);
+    ways.hidden = !capture.runs.length;
+    showLive(capture);
+    showFacts(capture);
+  }
+
+  /** @param {string} way @param {string} sign @param {any} capture */
+  function wayTo(way, sign, capture) {
+    return el("a", { class: "button", href: `#${way}/${encodeURIComponent(capture.id)}` }, symbol(sign), t(`capture.way.${way}`));
+  }
+
+  /** Stop, or start and cancel of an armed one: the buttons stay the same as long as the state does. @param {any} capture */
+  function showLive(capture) {
+    const actions = context.may("operator") ? { recording: ["stop"], armed: ["trigger", "stop"] }[/** @type {string} */ (capture.state)] ?? [] : [];
+    const names = actions.map((action) => (capture.state === "armed" && action === "stop" ? "disarm" : action));
+    live.hidden = !actions.length;
+    if (live.dataset.shown === names.join()) return;
+    live.dataset.shown = names.join();
+    fill(live, ...actions.map((action, i) => button(capture.id, action, names[i])));
+  }
+
+  /** @param {string} id @param {string} action @param {string} name */
+  function button(id, action, name) {
+    const kind = { stop: "danger", trigger: "good", disarm: "" }[name];
+    return el("button", { class: `button ${kind}`, type: "button", data: { do: name }, on: { click: () => act(id, action) } }, name !== "disarm" && symbol(name), t(`operate.${name}`));
+  }
+
+  /** @param {string} id @param {string} action */
+  async function act(id, action) {
+    if (busy) return;
+    busy = true;
+    await api.post(`/captures/${encodeURIComponent(id)}/${action}`).catch(context.refused);
+    busy = false;
+  }
+
+  /** @param {any} capture */
+  function showFacts(capture) {
+    const before = capture.pre_trigger_fields ? tn("captures.fields", capture.pre_trigger_fields) : null;
+    const grey = capture.bits ? t(capture.bits === 1 ? "capture.grey.one" : "capture.grey.some", { bits: capture.bits, levels: 2 ** capture.bits }) : null;
+    const all = {
+      length: lengthIn(context, capture), before, ended: capture.state === "armed" || capture.state === "recording" ? null : endIn(context, capture.ended_because),
+      grabber: capture.device, grey, id: capture.id,
+    };
+    fill(facts, ...Object.entries(all).filter(([, text]) => text).map(([name, text]) => [el("dt", {}, t(`capture.fact.${name}`)), el("dd", {}, text)]));
+  }
+  return { element, show };
+}

@@ -1,0 +1,46 @@
+// Whether a capture is kept: pinned, or deleted for good.
+import { atRest, labelsIn } from "../captures/words.js";
+import { el, fill, setText, symbol } from "../core/dom.js";
+
+/** @param {import("../core/context.js").Context} context @param {(capture: any) => void} changed */
+export function createKeep(context, changed) {
+  const { t, api, format } = context;
+  const pin = el("button", { class: "button", type: "button", data: { do: "pin" }, on: { click: turn } });
+  const remove = el("button", { class: "button danger", type: "button", data: { do: "delete" }, "aria-describedby": "delete-why", on: { click: ask } }, symbol("delete"), t("capture.delete.action"));
+  const why = el("p", { class: "muted", id: "delete-why" });
+  const element = el("section", { class: "card stack", hidden: !context.may("operator") }, el("h2", {}, t("capture.keep.title")), el("p", { class: "muted" }, t("capture.keep.about")), el("div", { class: "row" }, pin, remove), why);
+  /** @type {any} */
+  let capture = null;
+
+  /** @param {any} now */
+  function show(now) {
+    capture = now;
+    const reason = now.pinned ? "pinned" : atRest(now) ? null : now.state;
+    fill(pin, symbol("pin"), t(now.pinned ? "capture.keep.unpin" : "capture.keep.pin"));
+    pin.disabled = now.state === "armed";
+    remove.disabled = reason !== null;
+    setText(why, reason ? t(`capture.delete.why.${reason}`) : "");
+    why.hidden = reason === null;
+  }
+
+  async function turn() {
+    const now = await api.patch(path(), { body: { pinned: !capture.pinned } }).catch(context.refused);
+    if (now) changed(now);
+  }
+
+  async function ask() {
+    const name = [format.moment(capture.created_utc), labelsIn(context, capture)].filter(Boolean).join(" · ");
+    const sure = await context.confirm({ title: t("capture.delete.title"), text: t("capture.delete.text", { name }), action: t("capture.delete.action"), danger: true });
+    if (!sure) return;
+    try {
+      await api.delete(path());
+      context.announce(t("capture.delete.done"), { kind: "good" });
+      context.go("captures");
+    } catch (problem) {
+      context.refused(problem);
+    }
+  }
+
+  const path = () => `/captures/${encodeURIComponent(capture.id)}`;
+  return { element, show };
+}

@@ -1,0 +1,94 @@
+// The fields of a capture as they were recorded, one at a time, both views or one of them.
+import { FIELD_S, reasonIn, totalOf } from "../captures/words.js";
+import { el, setText, symbol } from "../core/dom.js";
+
+const PAUSE_MS = 90;
+const STEPS = [[-25, "back25"], [-1, "back"], [1, "next"], [25, "next25"]];
+const VIEWS = ["both", "left", "right"];
+const IN_THE_FILE = new Set(["received", "damaged"]);
+
+/** @param {import("../core/context.js").Context} context */
+export function createPictures(context) {
+  const { t, api, format } = context;
+  const image = el("img", { alt: "", on: { load: () => (frame.hidden = false), error: () => (frame.hidden = true) } });
+  const captions = el("div", { class: "picture-captions small" });
+  const frame = el("div", { class: "picture-frame" }, image);
+  const missing = el("p", { class: "note is-warn", hidden: true });
+  const words = el("p", { class: "number", role: "status" });
+  const slider = el("input", { class: "slider", type: "range", min: 0, max: 0, value: 0, "aria-label": t("capture.whichField"), on: { input: () => go(Number(slider.value)) } });
+  const buttons = STEPS.map(([by, name]) => el("button", { class: "button", type: "button", data: { step: by }, "aria-label": t(`capture.step.${name}`), on: { click: () => go(n + Number(by)) } }, Number(by) < 0 && symbol("back"), Math.abs(Number(by)) > 1 && Math.abs(Number(by)), Number(by) > 0 && symbol("next")));
+  const element = el("div", { class: "stack pictures" }, frame, captions, missing, slider, el("div", { class: "row between" }, words, el("div", { class: "row" }, buttons)), choices());
+  /** @type {any} */
+  let capture = null;
+  let n = 0;
+  let view = "both";
+  let timer = 0;
+
+  function choices() {
+    const one = (/** @type {string} */ name) => el("label", {}, el("input", { type: "radio", name: "picture-view", checked: name === "both", on: { change: () => look(name) } }), t(`capture.view.${name}`));
+    return el("div", { class: "choices", role: "radiogroup", "aria-label": t("capture.whichView") }, VIEWS.map(one));
+  }
+
+  /** @param {number} to */
+  function go(to) {
+    n = Math.min(Math.max(to, 0), totalOf(capture) - 1);
+    slider.value = String(n);
+    clearTimeout(timer);
+    timer = setTimeout(fetchPicture, PAUSE_MS);
+    tell();
+  }
+
+  function fetchPicture() {
+    const there = IN_THE_FILE.has(outcomeOf(capture, n).outcome);
+    frame.hidden = captions.hidden = !there;
+    if (!there) return;
+    image.src = api.url(`/captures/${encodeURIComponent(capture.id)}/fields/${n}.png`);
+    image.alt = t("capture.picture", { n, s: format.number(n * FIELD_S, 2) });
+  }
+
+  function tell() {
+    const { outcome, reason } = outcomeOf(capture, n);
+    setText(words, `${t("capture.field", { n, s: format.number(n * FIELD_S, 2) })} · ${t(`capture.outcome.${outcome}`)}`);
+    missing.hidden = outcome === "received";
+    setText(missing, outcome === "received" ? "" : `${t(`capture.isNot.${outcome}`)} ${reasonIn(context, reason)}.`);
+  }
+
+  /** @param {string} name */
+  function look(name) {
+    view = name;
+    const share = shareOf(context, capture);
+    const [first, end] = { both: [0, 1], left: [0, share], right: [share, 1] }[view] ?? [0, 1];
+    frame.style.aspectRatio = String((4 / 3) * (end - first));
+    image.style.inlineSize = `${100 / (end - first)}%`;
+    image.style.marginInlineStart = `${(-100 * first) / (end - first)}%`;
+    captions.replaceChildren(...(view === "both" ? ["left", "right"] : [view]).map((one) => el("span", { class: `picture-${one}` }, t(`capture.view.${one}`))));
+    captions.style.gridTemplateColumns = view === "both" ? `${share}fr ${1 - share}fr` : "1fr";
+  }
+
+  return {
+    element, go,
+    /** @param {any} now */
+    show(now) {
+      const before = capture;
+      capture = now;
+      const total = totalOf(now);
+      element.hidden = total === 0;
+      slider.max = String(Math.max(0, total - 1));
+      if (!before && total) look("both");
+      if ((!before || totalOf(before) === 0) && total) go(Math.min(now.pre_trigger_fields, total - 1));
+    },
+    unmount: () => clearTimeout(timer),
+  };
+}
+
+/** What became of a field, and why. @param {any} capture @param {number} n */
+function outcomeOf(capture, n) {
+  const found = capture.ledger.entries.find((/** @type {any} */ entry) => entry.first_n <= n && n < entry.first_n + entry.count);
+  return found ?? { outcome: "received", reason: "" };
+}
+
+/** Where the left view ends, as its grabber has it now; the middle where it is not there. @param {import("../core/context.js").Context} context @param {any} capture */
+function shareOf(context, capture) {
+  const device = context.store.get().state?.devices?.[capture.device];
+  return device?.views?.left && device.stream ? device.views.left.end_column / device.stream.columns : 0.5;
+}

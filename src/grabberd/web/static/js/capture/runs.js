@@ -1,0 +1,93 @@
+// What was measured of a capture, with which calibration, and measuring it again.
+import { newKey } from "../core/api.js";
+import { el, fill, symbol } from "../core/dom.js";
+import { createJob } from "../jobs/job.js";
+
+const SHOWN = 6;
+const RIG = { fits: ["good", "ok"], doubtful: ["warn", "warn"], moved: ["bad", "bad"], unmatched: ["bad", "bad"] };
+
+/** @param {import("../core/context.js").Context} context @param {() => void} again the capture is to be looked at anew */
+export function createRuns(context, again) {
+  const { t, api, format, may } = context;
+  const findings = el("div");
+  const body = el("tbody");
+  const heads = ["run", "how", "when", "calibration", "object"].map((name) => el("th", { scope: "col" }, t(`capture.runs.${name}`)));
+  const table = el("div", { class: "scroll" }, el("table", { class: "table" }, el("thead", {}, el("tr", {}, heads)), body));
+  const none = el("p", { class: "muted" }, t("capture.runs.none"));
+  const measure = el("button", { class: "button", type: "button", data: { do: "measure" }, on: { click: order } }, symbol("measure"), t("capture.runs.again"));
+  const job = createJob(context, { title: t("capture.runs.measuring"), busy: (busy) => (measure.disabled = busy), done: ended });
+  const hint = el("p", { class: "field-hint" }, t("capture.runs.hint"));
+  const element = el("section", { class: "card stack" }, el("h2", {}, t("capture.runs.title")), findings, none, table, may("operator") && el("div", { class: "stack capture-measure" }, measure, hint), job.element);
+  /** @type {Map<number, any>} */
+  const known = new Map();
+  let id = "";
+  let key = newKey();
+
+  /** @param {any} capture @param {any} sample of its points, or null */
+  function show(capture, sample) {
+    if (!id) job.resume("measure", capture.id);
+    id = capture.id;
+    none.hidden = capture.runs.length > 0;
+    table.hidden = !capture.runs.length;
+    measure.hidden = hint.hidden = capture.verdict === null || capture.state !== "sealed";
+    fill(body, ...[...capture.runs].reverse().slice(0, SHOWN).map(row));
+    fill(findings, quality(sample), rig(capture.rig));
+  }
+
+  /** @param {any} run */
+  function row(run) {
+    const made = el("td", {}, "…");
+    const object = el("td", {}, "…");
+    whole(run).then(({ made_with }) => {
+      fill(made, made_with.calibration?.id ?? "–");
+      fill(object, made_with.object?.name ?? "–");
+    });
+    return el("tr", {}, el("td", {}, run.run), el("td", {}, how(run)), el("td", {}, format.moment(run.created_utc)), made, object);
+  }
+
+  /** A run that is done does not change. @param {any} run */
+  async function whole(run) {
+    const found = known.get(run.run) ?? (await api.get(`/captures/${encodeURIComponent(id)}/runs/${run.run}`).catch(() => ({ made_with: {} })));
+    known.set(run.run, found);
+    return found;
+  }
+
+  /** @param {any} run */
+  function how(run) {
+    const words = t(run.kind === "live" ? "capture.runs.live" : "capture.runs.later");
+    return run.state === "done" ? words : `${words} (${t(run.state === "running" ? "capture.runs.running" : "capture.runs.broken")})`;
+  }
+
+  /** @param {any} sample */
+  function quality(sample) {
+    if (!sample?.points) return null;
+    return el("p", {}, t("capture.runs.quality", { targets: format.number(sample.targets, 0), residual: format.number(sample.residual_px, 3), sigma: format.number(sample.sigma_mm, 3) }));
+  }
+
+  /** @param {any} found */
+  function rig(found) {
+    if (!found) return null;
+    const [level, sign] = RIG[/** @type {keyof typeof RIG} */ (found.verdict)] ?? ["idle", "unknown"];
+    const apart = found.shift_px === null ? "" : ` ${t("capture.runs.shift", { px: format.number(found.shift_px, 2) })}`;
+    return el("p", { class: `note is-${level}` }, symbol(sign), el("span", {}, `${t("lights.rig.title")}: ${t(`lights.rig.words.${found.verdict}`)}.`, apart));
+  }
+
+  async function order() {
+    measure.disabled = true;
+    try {
+      const made = await api.post(`/captures/${encodeURIComponent(id)}/measure`, { key });
+      key = newKey();
+      job.follow(made);
+    } catch (problem) {
+      if (/** @type {any} */ (problem).status) key = newKey();
+      measure.disabled = false;
+      context.refused(problem);
+    }
+  }
+
+  function ended() {
+    context.announce(t("capture.runs.measured"), { kind: "good" });
+    again();
+  }
+  return { element, show, unmount: job.unmount };
+}

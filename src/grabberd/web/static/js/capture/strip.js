@@ -1,0 +1,67 @@
+// The ledger as a strip over time: what became of every field that should have come.
+import { el, fill } from "../core/dom.js";
+import { FIELD_S, entryIn, ledgerIn, reasonIn, totalOf } from "../captures/words.js";
+
+const SVG = "http://www.w3.org/2000/svg";
+const LEAST = 1 / 300;
+const LISTED = 12;
+const OUTCOMES = ["received", "lost", "damaged", "no_signal", "overrun"];
+
+/** @param {import("../core/context.js").Context} context @param {(n: number) => void} choose */
+export function createStrip(context, choose) {
+  const { t, tn, format } = context;
+  const picture = document.createElementNS(SVG, "svg");
+  picture.setAttribute("class", "strip-picture");
+  picture.setAttribute("preserveAspectRatio", "none");
+  picture.setAttribute("role", "img");
+  picture.addEventListener("click", (event) => {
+    const box = picture.getBoundingClientRect();
+    choose(Math.floor(((event.clientX - box.left) / box.width) * total));
+  });
+  const ends = el("div", { class: "strip-ends small muted number" });
+  const legend = el("ul", { class: "strip-legend" });
+  const list = el("ul", { class: "strip-list" });
+  const element = el("div", { class: "strip" }, picture, ends, legend, list);
+  let total = 0;
+
+  /** @param {any} capture */
+  function show(capture) {
+    total = totalOf(capture);
+    element.hidden = total === 0;
+    picture.setAttribute("viewBox", `0 0 ${Math.max(1, total)} 1`);
+    picture.setAttribute("aria-label", ledgerIn(context, capture, LISTED));
+    picture.replaceChildren(...segments(capture), ...trigger(capture));
+    fill(ends, el("span", {}, "0 s"), el("span", {}, t("captures.seconds", { s: format.number(total * FIELD_S, 1) })));
+    const counts = OUTCOMES.filter((outcome) => capture.ledger.counts[outcome]);
+    fill(legend, ...counts.map((outcome) => el("li", {}, el("span", { class: `strip-swatch strip-${outcome}`, "aria-hidden": "true" }), t(`capture.outcome.${outcome}`), " ", el("b", {}, tn("captures.fields", capture.ledger.counts[outcome])))));
+    fill(list, ...listed(capture));
+  }
+
+  /** Whole fields as ground, the others over it, none too narrow to be seen. @param {any} capture */
+  function segments(capture) {
+    const others = capture.ledger.entries.map((/** @type {any} */ entry) => rect(entry.first_n, Math.max(entry.count, total * LEAST), entry.outcome));
+    return [rect(0, total, "received"), ...others];
+  }
+
+  /** When it was asked for. @param {any} capture */
+  function trigger(capture) {
+    return capture.pre_trigger_fields ? [rect(capture.pre_trigger_fields, total * LEAST, "trigger")] : [];
+  }
+
+  /** @param {any} capture */
+  function listed(capture) {
+    const entries = capture.ledger.entries;
+    const lines = entries.slice(0, LISTED).map((/** @type {any} */ entry) =>
+      el("li", {}, el("button", { class: "button plain", type: "button", on: { click: () => choose(entry.first_n) } }, el("span", {}, `${entryIn(context, entry)}: ${reasonIn(context, entry.reason)}`))));
+    return entries.length > LISTED ? [...lines, el("li", { class: "muted" }, tn("capture.moreEntries", entries.length - LISTED))] : lines;
+  }
+
+  return { element, show };
+}
+
+/** @param {number} first @param {number} count @param {string} kind */
+function rect(first, count, kind) {
+  const made = document.createElementNS(SVG, "rect");
+  for (const [name, value] of Object.entries({ x: first, y: 0, width: count, height: 1, class: `strip-${kind}` })) made.setAttribute(name, String(value));
+  return made;
+}

@@ -1,0 +1,45 @@
+// Numbers, times and sizes as people read them.
+
+/** @param {string} language @param {(key: string, values?: any) => string} t */
+export function createFormat(language, t) {
+  const clock = new Intl.DateTimeFormat(language, { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
+  const day = new Intl.DateTimeFormat(language, { day: "numeric", month: "short", year: "numeric" });
+  const moment = new Intl.DateTimeFormat(language, {
+    day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23",
+  });
+
+  /** @param {number | null | undefined} value @param {number} [digits] after the point */
+  function number(value, digits = 0) {
+    if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+    return new Intl.NumberFormat(language, {
+      minimumFractionDigits: digits, maximumFractionDigits: digits,
+    }).format(value);
+  }
+
+  /** How long, in the two largest units: "12 s", "3 min 20 s", "2 h 5 min", "4 d 3 h". @param {number} seconds */
+  function duration(seconds) {
+    const s = Math.max(0, Math.floor(seconds));
+    if (s < 60) return t("core.duration.s", { s });
+    if (s < 3600) return t("core.duration.min", { min: Math.floor(s / 60), s: s % 60 });
+    if (s < 86400) return t("core.duration.h", { h: Math.floor(s / 3600), min: Math.floor((s % 3600) / 60) });
+    return t("core.duration.d", { d: Math.floor(s / 86400), h: Math.floor((s % 86400) / 3600) });
+  }
+
+  /** @param {number} bytes */
+  function size(bytes) {
+    if (bytes >= 1e9) return `${number(bytes / 1e9, 1)} GB`;
+    return bytes >= 1e6 ? `${number(bytes / 1e6, 1)} MB` : `${number(bytes / 1e3)} kB`;
+  }
+
+  /** @param {string | number} time */
+  const date = (time) => new Date(time);
+  return {
+    number, duration, size,
+    /** Time of day. @param {string | number} utc */
+    time: (utc) => clock.format(date(utc)),
+    /** Day. @param {string | number} utc */
+    day: (utc) => day.format(date(utc)),
+    /** Day and time. @param {string | number} utc */
+    moment: (utc) => moment.format(date(utc)),
+  };
+}

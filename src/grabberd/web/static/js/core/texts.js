@@ -1,0 +1,42 @@
+// Texts in the user's language: catalogues by name, keys by dots, {places} filled in.
+
+/** @typedef {Record<string, string | number>} Values */
+
+/**
+ * @param {any} catalogue every catalogue of a language, by name
+ * @param {string} language
+ */
+export function createTexts(catalogue, language) {
+  const plurals = new Intl.PluralRules(language);
+
+  /** @param {string} key @returns {any} */
+  const find = (key) => key.split(".").reduce((part, name) => part?.[name], catalogue);
+
+  /** A text; what has none shows its key, which a test forbids. @param {string} key @param {Values} [values] */
+  function t(key, values = {}) {
+    const text = find(key);
+    return typeof text === "string" ? filled(text, values) : key;
+  }
+
+  /** A text in the number's form: key.one or key.other, with {n}. @param {string} key @param {number} n */
+  function tn(key, n, /** @type {Values} */ values = {}) {
+    const shown = new Intl.NumberFormat(language).format(n);
+    return t(`${key}.${plurals.select(n) === "one" ? "one" : "other"}`, { n: shown, ...values });
+  }
+
+  /** A list of texts; none where there is no such key. @param {string} key @returns {string[]} */
+  function tl(key) {
+    const list = find(key);
+    return Array.isArray(list) ? list : [];
+  }
+
+  /** Whether there is such a text: for words that the daemon chooses. @param {string} key */
+  const has = (key) => find(key) !== undefined;
+
+  return { t, tn, tl, has, language };
+}
+
+/** @param {string} text @param {Values} values */
+function filled(text, values) {
+  return text.replace(/\{(\w+)\}/g, (place, name) => (name in values ? String(values[name]) : place));
+}

@@ -1,0 +1,97 @@
+// What takes long: how far it is, a way to cancel it, and how it ended.
+import { el, fill, setText, symbol } from "../core/dom.js";
+
+const EVERY_MS = 1000;
+const ENDED = new Set(["done", "failed", "cancelled"]);
+
+/**
+ * @typedef {object} Hooks
+ * @property {string} title what is being done
+ * @property {(job: any) => void} done it has ended well
+ * @property {(busy: boolean) => void} [busy] it runs, or does no more
+ */
+
+/** @param {import("../core/context.js").Context} context @param {Hooks} hooks */
+export function createJob(context, hooks) {
+  const { t, api, format } = context;
+  const bar = el("span");
+  const meter = el("div", { class: "meter is-busy", role: "progressbar", "aria-label": hooks.title, "aria-valuemin": 0, "aria-valuemax": 100 }, bar);
+  const words = el("p", { role: "status" });
+  const cancel = el("button", { class: "button", type: "button", data: { do: "cancel-job" }, on: { click: end } }, symbol("close"), t("jobs.cancel"));
+  const element = el("div", { class: "job stack", hidden: true });
+  let id = "";
+  let timer = 0;
+  let turn = 0;
+
+  /** Shows a job until it has ended. @param {any} job */
+  function follow(job) {
+    id = job.id;
+    fill(element, words, meter, context.may("operator") && el("div", { class: "row" }, cancel));
+    element.hidden = false;
+    hooks.busy?.(true);
+    show(job);
+  }
+
+  /** @param {any} job */
+  function show(job) {
+    clearTimeout(timer);
+    if (ENDED.has(job.state)) return close(job);
+    const percent = Math.round(100 * job.progress);
+    bar.style.inlineSize = `${percent}%`;
+    meter.setAttribute("aria-valuenow", String(percent));
+    setText(words, job.state === "queued" ? t("jobs.queued") : t("jobs.running", { title: hooks.title, percent: format.number(percent) }));
+    timer = setTimeout(look, EVERY_MS);
+  }
+
+  async function look() {
+    const mine = turn;
+    try {
+      const job = await api.get(`/jobs/${id}`);
+      if (mine === turn) show(job);
+    } catch (problem) {
+      if (mine !== turn) return;
+      if (/** @type {any} */ (problem).status === 404) close({ state: "failed", problem: { message: t("jobs.gone"), hint: "" } });
+      else timer = setTimeout(look, 3 * EVERY_MS); // the banner says that the daemon is away
+    }
+  }
+
+  async function end() {
+    try {
+      show(await api.delete(`/jobs/${id}`));
+    } catch (problem) {
+      context.refused(problem);
+    }
+  }
+
+  /** @param {any} job */
+  function close(job) {
+    hooks.busy?.(false);
+    element.hidden = job.state === "done";
+    if (job.state === "done") hooks.done(job);
+    else fill(element, job.state === "cancelled" ? note("info", "is-idle", t("jobs.cancelled")) : failed(job.problem));
+  }
+
+  /** @param {any} problem */
+  function failed(problem) {
+    return note("bad", "is-bad", el("div", {}, el("strong", {}, problem?.message ?? t("jobs.failed")), problem?.hint && el("p", {}, problem.hint)));
+  }
+
+  /** Shows one that is under way already, as after the page was loaded anew. @param {string} kind @param {string} subject */
+  async function resume(kind, subject) {
+    const mine = turn;
+    const page = await api.get("/jobs?limit=50").catch(() => null);
+    const job = page?.jobs.find((/** @type {any} */ one) => one.kind === kind && one.subject === subject && !ENDED.has(one.state));
+    if (job && mine === turn && element.hidden) follow(job);
+  }
+
+  return {
+    element, follow, resume,
+    unmount() {
+      turn += 1;
+      clearTimeout(timer);
+    },
+  };
+}
+
+/** @param {string} name @param {string} level @param {any} body */
+const note = (name, level, body) => el("div", { class: `note ${level}`, role: "alert" }, symbol(name), body instanceof Node ? body : el("p", {}, body));

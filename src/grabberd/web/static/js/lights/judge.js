@@ -1,0 +1,127 @@
+// What each light shows: a level, a word, and when it is wrong, why that may be. Nothing here touches the page.
+import { deviceOf } from "../core/store.js";
+
+/**
+ * @typedef {object} Light
+ * @property {string} id
+ * @property {"good" | "warn" | "bad" | "idle"} level
+ * @property {string} word key of lights.ID.words
+ * @property {Record<string, any>} [values] of that word
+ * @property {string} [cause] key of lights.ID.causes; without one nothing is wrong
+ * @property {string | null} [since] where the daemon knows it
+ * @property {string[]} [said] what the daemon itself says of it
+ */
+
+const STREAMING = new Set(["ready", "no_signal", "capturing"]);
+const CLOCK_MS = 5000;
+const MANY_LOST = 0.01;
+
+/**
+ * @param {any} known what the store holds
+ * @param {ReturnType<typeof import("./history.js").createHistory>} history
+ * @returns {Light[]}
+ */
+export function judge(known, history) {
+  const device = deviceOf(known);
+  if (!known.connection.online || !device) return IDS.map((id) => idle(id));
+  const streams = STREAMING.has(device.state);
+  return [
+    grabber(device),
+    signal(device, streams),
+    streams ? rate(device) : idle("rate"),
+    streams ? lost(history) : idle("lost"),
+    ring(device),
+    calibration(device),
+    rig(device),
+    disk(known.state.storage),
+    clock(known),
+  ];
+}
+
+const IDS = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"];
+
+/** @param {string} id @returns {Light} */
+function idle(id) {
+  return { id, level: "idle", word: "unknown" };
+}
+
+/** @param {any} device @returns {Light} */
+function grabber(device) {
+  const said = [device.cause, device.hint].filter(Boolean);
+  const about = { id: "grabber", since: device.since_utc, said };
+  if (STREAMING.has(device.state)) return { ...about, level: "good", word: "good", since: null, said: [] };
+  if (device.state === "ended") return { ...about, level: "idle", word: "ended" };
+  if (device.state === "opening") return { ...about, level: "idle", word: "opening" };
+  const level = device.state === "recovering" ? "warn" : "bad";
+  return { ...about, level, word: device.state, cause: device.state };
+}
+
+/** @param {any} device @param {boolean} streams @returns {Light} */
+function signal(device, streams) {
+  if (!streams) return idle("signal");
+  const isAway = device.state === "no_signal" || device.signal === "absent";
+  if (!isAway) return { id: "signal", level: "good", word: "good" };
+  return { id: "signal", level: "bad", word: "absent", cause: "absent", since: device.since_utc, said: [device.cause].filter(Boolean) };
+}
+
+/** @param {any} device @returns {Light} */
+function rate(device) {
+  const now = device.rate_hz;
+  if (now === null) return { id: "rate", level: "idle", word: "counting" };
+  const wanted = device.stream?.rate_hz ?? 50;
+  const values = { hz: now, wanted };
+  if (Math.abs(now - wanted) <= 0.04 * wanted) return { id: "rate", level: "good", word: "good", values };
+  const level = now < 0.8 * wanted ? "bad" : "warn";
+  return { id: "rate", level, word: "off", values, cause: "off" };
+}
+
+/** @param {any} history @returns {Light} */
+function lost(history) {
+  const { lost: count, all } = history.losses();
+  if (count === 0) return { id: "lost", level: "good", word: "none" };
+  const level = count > MANY_LOST * all ? "bad" : "warn";
+  return { id: "lost", level, word: "some", values: { n: count }, cause: "some" };
+}
+
+/** @param {any} device @returns {Light} */
+function ring(device) {
+  const share = device.ring.waiting / device.ring.slots;
+  const values = { waiting: device.ring.waiting, slots: device.ring.slots };
+  if (share < 0.6) return { id: "ring", level: "good", word: "good", values };
+  return { id: "ring", level: share < 0.95 ? "warn" : "bad", word: "full", values, cause: "full" };
+}
+
+/** @param {any} device @returns {Light} */
+function calibration(device) {
+  const lack = device.lacks.find((/** @type {any} */ one) => one.lacks === "calibration");
+  const said = lack ? [lack.message, lack.hint] : [];
+  if (!device.calibration) return { id: "calibration", level: "bad", word: "none", cause: "none", said };
+  const values = { id: device.calibration.id, days: device.calibration.age_days };
+  if (lack) return { id: "calibration", level: "bad", word: "misfit", values, cause: "misfit", said };
+  return { id: "calibration", level: "good", word: "good", values };
+}
+
+/** @param {any} device @returns {Light} */
+function rig(device) {
+  const verdict = device.rig?.verdict ?? "unknown";
+  if (verdict === "fits") return { id: "rig", level: "good", word: "fits" };
+  if (verdict === "unknown") return { id: "rig", level: "idle", word: "unknown" };
+  const level = verdict === "doubtful" ? "warn" : "bad";
+  return { id: "rig", level, word: verdict, cause: verdict };
+}
+
+/** @param {any} storage @returns {Light} */
+function disk(storage) {
+  const minutes = storage.minutes_left;
+  if (minutes === null) return { id: "disk", level: "bad", word: "broken", cause: "broken", said: [storage.problem].filter(Boolean) };
+  const values = { minutes };
+  if (minutes >= 60) return { id: "disk", level: "good", word: "good", values };
+  return { id: "disk", level: minutes < 10 ? "bad" : "warn", word: minutes > 0 ? "short" : "full", values, cause: "full" };
+}
+
+/** @param {any} known @returns {Light} */
+function clock(known) {
+  const off_ms = known.clockOffset_ms;
+  if (Math.abs(off_ms) <= CLOCK_MS) return { id: "clock", level: "good", word: "good" };
+  return { id: "clock", level: "warn", word: off_ms > 0 ? "ahead" : "behind", values: { seconds: Math.abs(off_ms) / 1000 }, cause: "off" };
+}

@@ -1,0 +1,101 @@
+// The lights with words: what is well, what is not, why that may be, and what to try.
+import { el, fill, setSymbol, setText, symbol } from "../core/dom.js";
+import { deviceOf } from "../core/store.js";
+import { createHistory } from "./history.js";
+import { createAlerts } from "./alerts.js";
+import { judge } from "./judge.js";
+import { wordsOf } from "./words.js";
+
+const SYMBOLS = { good: "ok", warn: "warn", bad: "bad", idle: "unknown" };
+const EVERY_MS = 1000;
+
+/** @param {import("../core/context.js").Context} context */
+export function createLights(context) {
+  const { t, store } = context;
+  const history = createHistory();
+  /** @type {Map<string, ReturnType<typeof createLight>>} */
+  const lights = new Map();
+  const list = el("div", { class: "lights" });
+  const element = el("section", { class: "card lights-card", "aria-labelledby": "lights-title" }, el("h2", { id: "lights-title" }, t("lights.title")), list);
+
+  const alerts = createAlerts(context, (id) => lights.get(id)?.open());
+
+  function show() {
+    const judged = judge(store.get(), history);
+    alerts.show(judged);
+    for (const light of judged) {
+      if (!lights.has(light.id)) {
+        lights.set(light.id, createLight(context, light.id));
+        list.append(lights.get(light.id)?.element);
+      }
+      lights.get(light.id)?.show(light);
+    }
+  }
+
+  const count = store.subscribe((known) => deviceOf(known)?.fields, (fields) => fields && history.enter(fields, Date.now()));
+  const away = store.subscribe((known) => known.connection, show);
+  const state = store.subscribe((known) => deviceOf(known)?.state, show);
+  const ticking = setInterval(show, EVERY_MS);
+  return {
+    element,
+    alerts: alerts.element,
+    unmount() {
+      count();
+      away();
+      state();
+      clearInterval(ticking);
+    },
+  };
+}
+
+/** @param {import("../core/context.js").Context} context @param {string} id */
+function createLight(context, id) {
+  const { t } = context;
+  const sign = symbol("unknown");
+  const word = el("span", { class: "light-word" });
+  const help = el("div", { class: "light-help" });
+  const title = el("span", { class: "light-title" }, t(`lights.${id}.title`));
+  const element = el("details", { class: "light is-idle", data: { light: id } }, el("summary", {}, sign, title, word), help);
+  let level = "";
+  let shown = "";
+  let began = Date.now();
+
+  /** @param {import("./judge.js").Light} light */
+  function show(light) {
+    if (light.level !== level) {
+      began = context.now_ms();
+      level = light.level;
+      element.className = `light is-${level}`;
+      element.dataset.level = level;
+      setSymbol(sign, SYMBOLS[light.level]);
+    }
+    setText(word, wordsOf(context, light));
+    const about = JSON.stringify([light.cause, light.said, light.since]);
+    if (about === shown) return;
+    shown = about;
+    fill(help, helpOf(context, light, light.since ? Date.parse(light.since) : began));
+  }
+
+  function open() {
+    element.open = true;
+    element.scrollIntoView({ block: "center" });
+    element.querySelector("summary").focus();
+  }
+
+  return { element, show, open };
+}
+
+/** @param {import("../core/context.js").Context} context @param {import("./judge.js").Light} light @param {number} since */
+function helpOf({ t, tl, format }, light, since) {
+  const about = el("p", {}, t(`lights.${light.id}.about`));
+  if (!light.cause) return [about];
+  return [
+    about,
+    el("p", { class: "light-since" }, t("lights.since", { time: format.time(since) })),
+    light.said?.length ? el("p", {}, el("strong", {}, t("lights.said")), " ", light.said.join(" – ")) : null,
+    el("h3", {}, t("lights.reasons")),
+    el("ul", {}, tl(`lights.${light.id}.causes.${light.cause}.why`).map((one) => el("li", {}, one))),
+    el("h3", {}, t("lights.try")),
+    el("ol", {}, tl(`lights.${light.id}.causes.${light.cause}.try`).map((one) => el("li", {}, one))),
+  ];
+}

@@ -1,0 +1,89 @@
+// The live picture: the split image as the grabber gives it, with what was found in it.
+import { el, setText } from "../core/dom.js";
+import { deviceOf } from "../core/store.js";
+import { drawBits } from "./bits.js";
+import { createFeed } from "./feed.js";
+import { drawOverlay } from "./overlay.js";
+
+const OLD_MS = 1000;
+const LOOK_MS = 250;
+const FRAME = { columns: 720, lines: 576 };
+
+/** @param {import("../core/context.js").Context} context @param {(preview: any) => void} [seen] told of every field that is shown */
+export function createPicture(context, seen = () => {}) {
+  const { t, store } = context;
+  const bits = document.createElement("canvas");
+  const canvas = el("canvas", { class: "picture-canvas", role: "img", "aria-label": t("live.picture") });
+  const veil = el("p", { class: "veil", hidden: true });
+  const element = el("div", { class: "picture veiled" }, canvas, veil);
+  const choices = { ids: false, residuals: false };
+  let frozen = false;
+  let arrived = performance.now();
+  /** @type {import("./message.js").Preview | null} */
+  let shown = null;
+
+  /** @param {import("./message.js").Preview} preview */
+  function take(preview) {
+    arrived = performance.now();
+    if (frozen) return;
+    shown = preview;
+    draw();
+    lift();
+    seen(preview);
+  }
+
+  function draw() {
+    const to = canvas.getContext("2d");
+    if (!to || !shown) return;
+    const scale = fit();
+    to.setTransform(scale, 0, 0, scale, 0, 0);
+    to.fillStyle = "#000";
+    to.fillRect(0, 0, FRAME.columns, FRAME.lines);
+    if (!shown.rows) return;
+    drawBits(bits, shown);
+    to.drawImage(bits, 0, 0, shown.columns, shown.rows, 0, 0, shown.columns, shown.rows * shown.yStep);
+    drawOverlay(to, shown, deviceOf(store.get())?.views ?? {}, choices, devicePixelRatio / scale);
+  }
+
+  /** As many pixels as the screen has there; returns how many a frame pixel gets. */
+  function fit() {
+    const width = Math.max(1, Math.round(canvas.clientWidth * devicePixelRatio));
+    const height = Math.round((width * FRAME.lines) / FRAME.columns);
+    if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+    return width / FRAME.columns;
+  }
+
+  /** What is old is veiled, and says so; a frozen picture is meant to be. */
+  function lift() {
+    const age_ms = performance.now() - arrived;
+    const device = deviceOf(store.get());
+    veil.hidden = frozen || (age_ms <= OLD_MS && shown?.outcome !== "no_signal");
+    if (veil.hidden) return;
+    const isDark = device?.state === "no_signal" || (age_ms <= OLD_MS && shown?.outcome === "no_signal");
+    setText(veil, isDark ? t("live.noPicture") : t("live.old"));
+  }
+
+  const feed = createFeed(context, take);
+  const ticking = setInterval(lift, LOOK_MS);
+  const resized = new ResizeObserver(draw);
+  resized.observe(canvas);
+  return {
+    element,
+    /** @param {boolean} stop */
+    freeze(stop) {
+      frozen = stop;
+      element.classList.toggle("frozen", stop);
+      lift();
+    },
+    /** @param {"ids" | "residuals"} name @param {boolean} on */
+    choose(name, on) {
+      choices[name] = on;
+      draw();
+    },
+    unmount() {
+      feed.unmount();
+      clearInterval(ticking);
+      resized.disconnect();
+    },
+  };
+}

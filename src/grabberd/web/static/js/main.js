@@ -1,0 +1,21 @@
+// Where the page begins: texts, what is known, the frame round the panels, the stream of changes.
+import { createConnection } from "./core/connection.js";
+import { createContext } from "./core/context.js";
+import { createShell } from "./shell/shell.js";
+
+const first = JSON.parse(document.getElementById("first")?.textContent ?? "{}");
+const language = document.documentElement.lang;
+
+/** @returns {Promise<any>} every text of the language */
+async function catalogue() {
+  const answer = await fetch(new URL(`../texts/${language}.json`, import.meta.url));
+  return answer.json();
+}
+
+const context = createContext(first, await catalogue(), language);
+const connection = createConnection(context.store, context.api);
+document.body.append(createShell(context));
+context.store.subscribe(
+  (known) => known.session !== null,
+  (isKnown) => (isKnown ? connection.start() : connection.stop()),
+);

@@ -1,0 +1,110 @@
+// What is asked for before Start: how long, from when, and what it shows. Remembered on this tablet.
+import { el, setText } from "../core/dom.js";
+import { keep, kept } from "../core/kept.js";
+import { deviceOf } from "../core/store.js";
+import { USUAL, isSound, lengthOf, orderOf } from "./order.js";
+import { createLabels } from "./labels.js";
+
+const KINDS = ["stop", "seconds", "cycles", "fields"];
+const STEPS = { seconds: 5, cycles: 5, fields: 50 };
+const NOMINAL_HZ = 50;
+
+/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+export function createForm(context, changed) {
+  const { t, store, format } = context;
+  /** @type {import("./order.js").Wish} */
+  const wish = { ...USUAL, ...kept("wish", {}) };
+  const rate = () => context.device()?.stream?.rate_hz ?? NOMINAL_HZ;
+  const slots = () => context.device()?.ring.slots ?? 32;
+
+  const is = el("p", { class: "field-hint", id: "length-is" });
+  const value = number("length-value", (n) => set(wish.kind, n));
+  const stepper = el("div", { class: "stepper" }, step(-1, t("operate.length.less"), "−"), value, step(+1, t("operate.length.more"), "+"));
+  const perMinute = number("length-rate", (n) => set("perMinute", n));
+  const rateField = field(t("operate.length.rate"), perMinute);
+  const valueField = el("div", { class: "field" }, el("label", { class: "field-label", for: "length-value" }, t("operate.length.value")), stepper);
+  const before = el("input", { class: "slider", type: "range", id: "before", min: 0, step: 1, on: { input: () => set("before", Number(before.value)) } });
+  const beforeWords = el("p", { class: "field-hint" });
+  const wait = el("input", { type: "checkbox", checked: wish.wait, on: { change: () => set("wait", wait.checked) } });
+  const labels = createLabels(context, wish, set);
+
+  /** @param {string} name @param {any} given */
+  function set(name, given) {
+    /** @type {any} */ (wish)[name] = given;
+    keep("wish", { ...wish, note: "" });
+    show();
+    changed();
+  }
+
+  /** @param {number} direction @param {string} label @param {string} sign */
+  function step(direction, label, sign) {
+    const press = () => {
+      const by = /** @type {any} */ (STEPS)[wish.kind];
+      const now = /** @type {any} */ (wish)[wish.kind];
+      set(wish.kind, Math.max(by, now + direction * by));
+    };
+    return el("button", { class: "button", type: "button", "aria-label": label, on: { click: press } }, sign);
+  }
+
+  function show() {
+    const given = /** @type {any} */ (wish)[wish.kind];
+    valueField.hidden = wish.kind === "stop";
+    rateField.hidden = wish.kind !== "cycles";
+    if (document.activeElement !== value) value.value = given ?? "";
+    if (document.activeElement !== perMinute) perMinute.value = String(wish.perMinute);
+    const length = lengthOf(wish, rate());
+    is.hidden = length === null || !isSound(wish, rate());
+    if (length !== null) setText(is, t("operate.length.is", { seconds: format.number(length / rate(), 2), fields: format.number(length) }));
+    showBefore();
+  }
+
+  function showBefore() {
+    wish.before = Math.min(wish.before, slots());
+    before.max = String(slots());
+    before.value = String(wish.before);
+    const values = { seconds: format.number(wish.before / rate(), 2), fields: format.number(wish.before) };
+    const words = wish.before ? t("operate.before.some", values) : t("operate.before.none");
+    setText(beforeWords, words);
+    before.setAttribute("aria-valuetext", words);
+  }
+
+  const element = el("section", { class: "card operate-form" },
+    el("fieldset", { class: "field" }, el("legend", { class: "field-label" }, t("operate.length.title")),
+      el("div", { class: "choices" }, KINDS.map((kind) => choice(kind)))),
+    el("div", { class: "length-row" }, valueField, rateField), is,
+    el("div", { class: "field" }, el("label", { class: "field-label", for: "before" }, t("operate.before.title")), before, beforeWords),
+    el("label", { class: "check" }, wait, t("operate.wait")),
+    labels,
+  );
+
+  /** @param {string} kind */
+  function choice(kind) {
+    const input = el("input", { type: "radio", name: "length", value: kind, checked: wish.kind === kind, on: { change: () => set("kind", kind) } });
+    return el("label", {}, input, el("span", {}, t(`operate.length.${kind}`)));
+  }
+
+  const stop = store.subscribe((known) => deviceOf(known)?.stream?.rate_hz, show);
+  const follow = store.subscribe((known) => known.session?.role, () => (element.hidden = !context.may("operator")));
+  return {
+    element,
+    order: () => orderOf(wish, context.device().name, rate()),
+    isSound: () => isSound(wish, rate()),
+    waits: () => wish.wait,
+    unmount() {
+      stop();
+      follow();
+    },
+  };
+}
+
+/** @param {string} id @param {(n: number) => void} given */
+function number(id, given) {
+  const input = el("input", { class: "input number", id, type: "number", inputmode: "decimal", min: 1, step: "any", "aria-describedby": "length-is" });
+  input.addEventListener("input", () => given(input.valueAsNumber));
+  return input;
+}
+
+/** @param {string} label @param {any} input */
+function field(label, input) {
+  return el("label", { class: "field" }, el("span", { class: "field-label" }, label), input);
+}

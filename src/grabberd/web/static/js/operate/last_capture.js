@@ -1,0 +1,70 @@
+// The capture that runs, second by second, or how the last one ended.
+import { el, fill, symbol } from "../core/dom.js";
+import { deviceOf } from "../core/store.js";
+
+const EVERY_MS = 1000;
+
+/** @param {import("../core/context.js").Context} context */
+export function createLastCapture(context) {
+  const { t, store, api } = context;
+  const element = el("section", { class: "card last", "aria-label": t("operate.last.title") });
+  let timer = 0;
+  let ended = false;
+
+  /** Asks until the newest capture is at rest; then again when another one begins. */
+  async function look() {
+    clearTimeout(timer);
+    if (ended) return;
+    try {
+      const { captures } = await api.get("/captures?limit=1");
+      fill(element, words(context, captures[0]));
+      if (captures[0] && !atRest(captures[0])) timer = setTimeout(look, EVERY_MS);
+    } catch {
+      timer = setTimeout(look, 5 * EVERY_MS); // the banner says that the daemon is away
+    }
+  }
+
+  const stop = store.subscribe((known) => deviceOf(known)?.capture_id ?? deviceOf(known)?.armed_capture_id, look);
+  const back = store.subscribe((known) => known.connection.online, look);
+  return {
+    element,
+    unmount() {
+      ended = true;
+      clearTimeout(timer);
+      stop();
+      back();
+    },
+  };
+}
+
+/** @param {any} capture */
+function atRest(capture) {
+  return capture.verdict !== null || capture.state === "armed";
+}
+
+/** @param {import("../core/context.js").Context} context @param {any} capture */
+function words(context, capture) {
+  const { t, format } = context;
+  if (!capture) return [el("h2", {}, t("operate.last.title")), el("p", { class: "muted" }, t("operate.last.none"))];
+  const title = capture.state === "recording" ? `${capture.id} ${t("operate.last.running")}` : t("operate.last.title");
+  const open = el("a", { class: "button", href: `#captures/${capture.id}` }, t("operate.last.open"));
+  return [
+    el("div", { class: "row between" }, el("h2", {}, title), verdict(context, capture)),
+    el("div", { class: "row between" },
+      el("p", { class: "last-facts" }, el("span", {}, format.moment(capture.created_utc)), " · ", context.tn("operate.last.fields", capture.fields), " · ", said(capture)),
+      capture.verdict && open),
+  ];
+}
+
+/** @param {import("../core/context.js").Context} context @param {any} capture */
+function verdict({ t }, capture) {
+  if (capture.state === "recording" || capture.state === "armed") return null;
+  const level = { complete: "good", incomplete: "warn" }[/** @type {string} */ (capture.verdict)] ?? "idle";
+  const sign = { complete: "ok", incomplete: "warn" }[/** @type {string} */ (capture.verdict)] ?? "wait";
+  return el("span", { class: `badge is-${level}` }, symbol(sign), t(`operate.last.${capture.verdict ?? "sealing"}`));
+}
+
+/** What its ledger says. @param {any} capture */
+function said(capture) {
+  return capture.ledger.in_words;
+}

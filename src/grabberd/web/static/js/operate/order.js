@@ -1,0 +1,42 @@
+// From what was filled in to the capture that is ordered. Nothing here touches the page.
+
+/**
+ * @typedef {object} Wish
+ * @property {"stop" | "seconds" | "cycles" | "fields"} kind of the length
+ * @property {number} seconds
+ * @property {number} cycles
+ * @property {number} fields
+ * @property {number} perMinute pulsations a minute
+ * @property {number} before fields before the start that belong to it
+ * @property {boolean} wait arm first
+ * @property {Record<string, string>} labels
+ * @property {string} note
+ */
+
+/** @type {Wish} */
+export const USUAL = {
+  kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, before: 0, wait: false, labels: {}, note: "",
+};
+
+/** The length in fields, those before the start left out; null: until it is stopped. @param {Wish} wish @param {number} rate_hz */
+export function lengthOf(wish, rate_hz) {
+  if (wish.kind === "stop") return null;
+  if (wish.kind === "fields") return Math.round(wish.fields);
+  const seconds = wish.kind === "seconds" ? wish.seconds : (wish.cycles * 60) / wish.perMinute;
+  return Math.max(1, Math.round(seconds * rate_hz));
+}
+
+/** Whether it can be ordered. @param {Wish} wish @param {number} rate_hz */
+export function isSound(wish, rate_hz) {
+  const length = lengthOf(wish, rate_hz);
+  return length === null || (Number.isFinite(length) && length >= 1 && length <= 10_000_000);
+}
+
+/** The order: POST captures. @param {Wish} wish @param {string} device @param {number} rate_hz */
+export function orderOf(wish, device, rate_hz) {
+  const length = lengthOf(wish, rate_hz);
+  const labels = Object.fromEntries(Object.entries(wish.labels).filter(([, text]) => text.trim() !== ""));
+  const common = { device, pre_trigger_fields: wish.before, labels, note: wish.note.trim() };
+  if (wish.wait) return { ...common, armed: true, post_trigger_fields: length };
+  return { ...common, fields: length === null ? null : length + wish.before };
+}

@@ -1,0 +1,56 @@
+// What a person in front of the instrument has to know: the state in a word, and why Start is not offered.
+import { deviceOf } from "../core/store.js";
+
+/** Level of each state: its colour. */
+const LEVELS = {
+  ready: "good", capturing: "busy", armed: "busy", no_signal: "warn", opening: "idle", recovering: "warn",
+  absent: "bad", failed: "bad", ended: "idle", away: "bad", none: "bad",
+};
+const SYMBOLS = {
+  ready: "ready", capturing: "capturing", armed: "armed", no_signal: "warn", opening: "wait", recovering: "wait",
+  absent: "bad", failed: "bad", ended: "stop", away: "away", none: "bad",
+};
+const REFUSING = new Set(["absent", "opening", "recovering", "failed", "ended"]);
+
+/**
+ * @typedef {object} Situation
+ * @property {string} word key of operate.state
+ * @property {string} level
+ * @property {string} symbol
+ * @property {string | number | null} since
+ * @property {string | null} running id of the capture that is being recorded
+ * @property {string | null} armed id of the one that waits
+ * @property {string | null} why key of operate.why: what keeps Start from being offered
+ */
+
+/** @param {any} known what the store holds @param {boolean} mayOperate @returns {Situation} */
+export function situationOf(known, mayOperate) {
+  const device = deviceOf(known);
+  const word = wordOf(known, device);
+  return {
+    word,
+    level: LEVELS[word] ?? "idle",
+    symbol: SYMBOLS[word] ?? "unknown",
+    since: word === "away" ? known.connection.since + known.clockOffset_ms : device?.since_utc ?? null,
+    running: device?.capture_id ?? null,
+    armed: device?.armed_capture_id ?? null,
+    why: whyNot(known, device, mayOperate),
+  };
+}
+
+/** @param {any} known @param {any} device */
+function wordOf(known, device) {
+  if (!known.connection.online) return "away";
+  if (!device) return "none";
+  if (device.armed_capture_id && device.state === "ready") return "armed";
+  return device.state;
+}
+
+/** @param {any} known @param {any} device @param {boolean} mayOperate */
+function whyNot(known, device, mayOperate) {
+  if (!mayOperate) return "viewer";
+  if (!known.connection.online) return "away";
+  if (!device) return "none";
+  if (REFUSING.has(device.state)) return device.state;
+  return known.state.storage.minutes_left === 0 ? "full" : null;
+}

@@ -1,0 +1,87 @@
+// Start and Stop. Start orders once however often it is pressed; Stop is always there.
+import { newKey } from "../core/api.js";
+import { el, fill, setText, symbol } from "../core/dom.js";
+import { situationOf } from "./situation.js";
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @param {{order: () => any, isSound: () => boolean, waits: () => boolean}} form
+ */
+export function createStartStop(context, form) {
+  const { t, store, may } = context;
+  const why = el("p", { class: "start-why", id: "start-why" });
+  const buttons = el("div", { class: "start-buttons" });
+  const element = el("section", { class: "start", "aria-label": t("operate.title") }, buttons, why);
+  let key = newKey();
+  let busy = "";
+  let shown = "";
+
+  const start = el("button", { class: "button good large grow", type: "button", data: { do: "start" }, "aria-describedby": "start-why", on: { click: order } });
+  const trigger = el("button", { class: "button good large grow", type: "button", data: { do: "trigger" }, on: { click: () => act("trigger") } }, symbol("trigger"), t("operate.trigger"));
+  const disarm = el("button", { class: "button large", type: "button", data: { do: "disarm" }, on: { click: () => act("stop") } }, t("operate.disarm"));
+  const stopWords = el("span");
+  const stop = el("button", { class: "button danger large grow", type: "button", data: { do: "stop" }, on: { click: () => act("stop") } }, symbol("stop"), stopWords);
+
+  /** Orders a capture; the same key until an answer has come, so what was lost on the way is not done twice. */
+  async function order() {
+    if (busy) return;
+    setBusy("start");
+    try {
+      const waits = form.waits();
+      await context.api.post("/captures", { body: form.order(), key });
+      key = newKey();
+      context.announce(t(waits ? "operate.armedNow" : "operate.started"), { kind: "good" });
+    } catch (problem) {
+      if (/** @type {any} */ (problem).status) key = newKey();
+      context.refused(problem);
+    }
+    setBusy("");
+  }
+
+  /** @param {"stop" | "trigger"} what */
+  async function act(what) {
+    const { running, armed } = situationOf(store.get(), may("operator"));
+    const id = running ?? armed;
+    if (!id || (busy && what !== "stop")) return;
+    setBusy(what);
+    try {
+      await context.api.post(`/captures/${id}/${what}`);
+      if (what === "stop") context.announce(t("operate.stopped"), { kind: "good" });
+    } catch (problem) {
+      context.refused(problem);
+    }
+    setBusy("");
+  }
+
+  /** @param {string} what */
+  function setBusy(what) {
+    busy = what;
+    show();
+  }
+
+  function show() {
+    const situation = situationOf(store.get(), may("operator"));
+    const reason = situation.why ?? (form.isSound() ? null : "form");
+    const wanted = situation.running ? "running" : situation.armed ? "armed" : "idle";
+    if (wanted !== shown) {
+      fill(buttons, { running: [stop], armed: [trigger, disarm], idle: [start] }[wanted]);
+      shown = wanted;
+    }
+    const name = form.waits() ? "operate.arm" : "operate.start";
+    fill(start, symbol(form.waits() ? "armed" : "start"), t(busy === "start" ? "operate.starting" : name));
+    setText(stopWords, t(busy === "stop" ? "operate.stopping" : "operate.stop"));
+    start.disabled = reason !== null || busy === "start";
+    buttons.hidden = !may("operator");
+    setText(why, whyWords(wanted, reason));
+    why.hidden = why.textContent === "";
+  }
+
+  /** @param {string} wanted @param {string | null} reason */
+  function whyWords(wanted, reason) {
+    if (reason !== null && (wanted === "idle" || reason === "viewer")) return t(`operate.why.${reason}`);
+    return context.device()?.state === "no_signal" ? t("operate.noPictureNote") : "";
+  }
+
+  const end = store.subscribe((known) => known, show);
+  return { element, show, unmount: end };
+}

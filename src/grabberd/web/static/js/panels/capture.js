@@ -1,0 +1,84 @@
+// One capture, with all that there is of it.
+import { createAnalyses } from "../capture/analyses.js";
+import { createDownloads } from "../capture/downloads.js";
+import { createHead } from "../capture/head.js";
+import { createKeep } from "../capture/keep.js";
+import { createLabels } from "../capture/labels.js";
+import { createPictures } from "../capture/pictures.js";
+import { createRuns } from "../capture/runs.js";
+import { sampleOf } from "../capture/sample.js";
+import { createStrip } from "../capture/strip.js";
+import { atRest } from "../captures/words.js";
+import { el, fill, symbol } from "../core/dom.js";
+
+const EVERY_MS = 1000;
+
+export const panel = {
+  id: "capture",
+  title: "capture.title",
+  roles: ["viewer", "operator", "admin"],
+
+  /** @param {HTMLElement} element @param {any} context */
+  mount(element, context) {
+    const { t, api } = context;
+    const id = context.parameters.id;
+    const path = `/captures/${encodeURIComponent(id)}`;
+    const head = createHead(context);
+    const pictures = createPictures(context);
+    const strip = createStrip(context, pictures.go);
+    const runs = createRuns(context, load);
+    const labels = createLabels(context, show);
+    const keep = createKeep(context, show);
+    const downloads = createDownloads(context);
+    const analyses = createAnalyses(context);
+    const fields = el("section", { class: "card stack" }, el("h2", {}, t("capture.fields")), strip.element, pictures.element);
+    /** @type {any} */
+    let sample = null;
+    let timer = 0;
+    let turn = 0;
+
+    /** @param {any} capture */
+    function show(capture) {
+      clearTimeout(timer);
+      for (const part of [head, strip, pictures, labels, keep]) part.show(capture);
+      runs.show(capture, sample);
+      if (capture.state === "sealed") downloads.show(capture, sample);
+      downloads.element.hidden = capture.state !== "sealed";
+      fields.hidden = strip.element.hidden;
+      if (!atRest(capture)) timer = setTimeout(load, EVERY_MS);
+    }
+
+    async function load() {
+      const mine = ++turn;
+      try {
+        const capture = await api.get(path);
+        if (mine !== turn) return;
+        show(capture);
+        if (!atRest(capture)) return;
+        analyses.show(capture);
+        sample = capture.runs.length ? await sampleOf(api, id) : null;
+        if (mine === turn) show(capture);
+      } catch (problem) {
+        if (mine === turn) refused(/** @type {any} */ (problem));
+      }
+    }
+
+    /** @param {any} problem */
+    function refused(problem) {
+      if (problem.status === 0) timer = setTimeout(load, EVERY_MS); // the banner says that the daemon is away
+      else if (problem.status === 404) fill(element, el("h1", {}, t("capture.title")), el("div", { class: "note is-warn" }, symbol("warn"), el("p", {}, t("capture.gone"))), el("p", {}, el("a", { class: "button", href: "#captures" }, symbol("back"), t("captures.title"))));
+      else context.refused(problem);
+    }
+
+    element.append(head.element, el("div", { class: "capture-parts" }, el("div", { class: "stack" }, fields, labels.element), el("div", { class: "stack" }, downloads.element, runs.element, analyses.element, keep.element)));
+    load();
+    return {
+      unmount() {
+        turn = NaN;
+        clearTimeout(timer);
+        pictures.unmount();
+        runs.unmount();
+      },
+    };
+  },
+};

@@ -1,0 +1,19 @@
+// The captures there are.
+import { createList } from "../captures/list.js";
+import { createSearch } from "../captures/search.js";
+import { el, symbol } from "../core/dom.js";
+
+export const panel = {
+  id: "captures",
+  title: "captures.title",
+  roles: ["viewer", "operator", "admin"],
+
+  /** @param {HTMLElement} element @param {import("../core/context.js").Context} context */
+  mount(element, context) {
+    const search = createSearch(context, () => list.search());
+    const list = createList(context, search);
+    const compare = el("a", { class: "button", href: "#compare" }, symbol("compare"), context.t("captures.compare"));
+    element.append(el("div", { class: "row between" }, el("h1", {}, context.t("captures.title")), compare), search.element, list.element);
+    return { unmount: list.unmount };
+  },
+};

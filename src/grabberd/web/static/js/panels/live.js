@@ -1,0 +1,23 @@
+// The live picture in full, and the aid for lamp and lens.
+import { el } from "../core/dom.js";
+import { createAid } from "../live/aid.js";
+import { createViewfinder } from "../live/viewfinder.js";
+
+export const panel = {
+  id: "live",
+  title: "live.title",
+  roles: ["viewer", "operator", "admin"],
+
+  /** @param {HTMLElement} element @param {import("../core/context.js").Context} context */
+  mount(element, context) {
+    const viewfinder = createViewfinder(context, { buttons: true });
+    const aid = createAid(context);
+    element.append(el("h1", { class: "visually-hidden" }, context.t("live.title")), viewfinder.element, aid.element);
+    return {
+      unmount() {
+        viewfinder.unmount();
+        aid.unmount();
+      },
+    };
+  },
+};

@@ -1,0 +1,30 @@
+// One glance, and the two buttons that matter.
+import { el } from "../core/dom.js";
+import { createLights } from "../lights/lights.js";
+import { createViewfinder } from "../live/viewfinder.js";
+import { createForm } from "../operate/form.js";
+import { createLastCapture } from "../operate/last_capture.js";
+import { createStartStop } from "../operate/start_stop.js";
+import { createStateCard } from "../operate/state_card.js";
+
+export const panel = {
+  id: "operate",
+  title: "operate.title",
+  roles: ["viewer", "operator", "admin"],
+
+  /** @param {HTMLElement} element @param {import("../core/context.js").Context} context */
+  mount(element, context) {
+    const form = createForm(context, () => buttons.show());
+    const state = createStateCard(context);
+    const last = createLastCapture(context);
+    const buttons = createStartStop(context, form);
+    const picture = createViewfinder(context, { buttons: false });
+    const lights = createLights(context);
+    element.append(
+      el("div", { class: "operate-main" }, state.element, buttons.element, lights.alerts, last.element, form.element),
+      el("div", { class: "operate-side" }, picture.element, lights.element),
+    );
+    const parts = [state, buttons, last, form, picture, lights];
+    return { unmount: () => parts.forEach((part) => part.unmount?.()) };
+  },
+};

@@ -1,0 +1,21 @@
+// The liner in space: as it is now, or in a capture.
+import { el } from "../core/dom.js";
+import { createCaptureView } from "../scene/capture_view.js";
+import { createLiveView } from "../scene/live_view.js";
+import { createSubjectBar } from "../scene/subject_bar.js";
+
+export const panel = {
+  id: "shape",
+  title: "shape.title",
+  roles: ["viewer", "operator", "admin"],
+
+  /** @param {HTMLElement} element @param {any} context */
+  mount(element, context) {
+    const id = context.parameters.id;
+    const body = el("div", { class: "stack" });
+    element.classList.add("subject-panel");
+    element.append(createSubjectBar(context, "shape", id), body);
+    const view = id ? createCaptureView(context, body, id) : createLiveView(context, body);
+    return { unmount: view.end };
+  },
+};

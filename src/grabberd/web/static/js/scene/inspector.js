@@ -1,0 +1,44 @@
+// One target in numbers: chosen from the list, or touched in the picture.
+import { el, fill } from "../core/dom.js";
+import { QUANTITIES } from "./quantities.js";
+
+const AXES = ["X", "Y", "Z"];
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @param {import("./grid.js").Grid} grid
+ * @param {string[]} quantities
+ * @param {(target: number | null) => void} choose
+ * @param {((target: number) => string) | null} addressOf where it is shown over time
+ */
+export function createInspector({ t, format }, grid, quantities, choose, addressOf) {
+  const options = grid.target.map((id) => el("option", { value: id }, String(id)));
+  const select = el("select", { class: "input", id: "scene-target", on: { change: () => choose(select.value ? Number(select.value) : null) } }, el("option", { value: "" }, t("shape.noTarget")), options);
+  const facts = el("dl", { class: "facts number" });
+  const link = el("a", { class: "button", hidden: true }, t("shape.overTime"));
+  const element = el(
+    "section", { class: "scene-inspector", "aria-label": t("shape.target") },
+    el("div", { class: "field" }, el("label", { class: "field-label", for: "scene-target" }, t("shape.target")), select),
+    facts, link,
+  );
+
+  /** @param {number | null} target @param {import("./frames.js").Moment} moment */
+  function show(target, moment) {
+    select.value = target === null ? "" : String(target);
+    link.hidden = target === null || !addressOf;
+    if (target !== null && addressOf) link.href = addressOf(target);
+    fill(facts, target === null ? null : factsOf(/** @type {number} */ (grid.index.get(target)), moment));
+  }
+
+  /** @param {number} i @param {import("./frames.js").Moment} moment */
+  function factsOf(i, moment) {
+    if (!Number.isFinite(moment.xyz_mm[3 * i])) return el("dt", {}, t("shape.notSeen"));
+    const places = AXES.map((axis, k) => fact(axis, moment.xyz_mm[3 * i + k], 2, "mm"));
+    return [...places, ...quantities.map((name) => fact(t(`shape.short.${name}`), moment.values[name]?.[i] * QUANTITIES[name].factor, 3, QUANTITIES[name].unit))];
+  }
+
+  /** @param {string} name @param {number} value @param {number} digits @param {string} unit */
+  const fact = (name, value, digits, unit) => [el("dt", {}, name), el("dd", {}, `${format.number(value, digits)} ${unit}`)];
+
+  return { element, show };
+}

@@ -1,0 +1,51 @@
+// The newest points, again and again while somebody looks: a new field's are asked for when events tell of one.
+import { measuredMoment } from "./frames.js";
+import { frustaOf } from "./frustum.js";
+import { gridOf } from "./grid.js";
+import { deviceOf } from "../core/store.js";
+
+export const REACH_MM = 120;
+export const MEASURED = ["displacement_mm", "sigma_mm", "residual_px"];
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @returns {Promise<{grid: import("./grid.js").Grid, frusta: import("./frustum.js").Frustum[], follow: Function} | null>} null: nothing is measured
+ */
+export async function openLive(context) {
+  const { api, store } = context;
+  const device = context.device();
+  if (!device?.live) return null;
+  const path = `/devices/${encodeURIComponent(device.name)}`;
+  const [object, calibration] = await Promise.all([api.get(`${path}/object`), calibrationOf(api, device)]);
+  const grid = gridOf(object);
+
+  /** @param {(moment: import("./frames.js").Moment) => void} show @param {(problem: unknown) => void} failed @returns {() => void} ends it */
+  function follow(show, failed) {
+    let busy = false;
+    let ended = false;
+
+    async function look() {
+      if (busy || document.hidden) return;
+      busy = true;
+      try {
+        const points = await api.get(`${path}/points`);
+        if (!ended) show(measuredMoment(grid, points));
+      } catch (problem) {
+        if (!ended) failed(problem);
+      } finally {
+        busy = false;
+      }
+    }
+    const end = store.subscribe((known) => deviceOf(known)?.live?.n, look);
+    return () => {
+      ended = true;
+      end();
+    };
+  }
+  return { grid, frusta: calibration ? frustaOf(calibration, REACH_MM) : [], follow };
+}
+
+/** @param {any} api @param {any} device */
+async function calibrationOf(api, device) {
+  return device.calibration ? api.get(`/calibrations/${encodeURIComponent(device.calibration.id)}`) : null;
+}

@@ -1,0 +1,41 @@
+// What is looked at, live or a capture, and how: in space or over time.
+import { el, fill } from "../core/dom.js";
+
+const LISTED = 50;
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @param {"shape" | "plots"} way which of them this is
+ * @param {string | undefined} id of the capture; live without one
+ */
+export function createSubjectBar(context, way, id) {
+  const { t, api, go } = context;
+  const titles = { shape: t("shape.title"), plots: t("plots.title") };
+  const tabs = { shape: t("shape.tab"), plots: t("plots.tab") };
+  const select = el("select", { class: "input", id: "subject", on: { change: () => go(...[way, select.value].filter(Boolean)) } });
+  const link = (/** @type {"shape" | "plots"} */ one) =>
+    el("a", { class: "button", href: `#${[one, id].filter(Boolean).map((part) => encodeURIComponent(String(part))).join("/")}`, "aria-current": one === way ? "page" : null }, tabs[one]);
+  const element = el(
+    "header", { class: "subject-bar" },
+    el("h1", {}, titles[way]),
+    el("div", { class: "field subject-choice" }, el("label", { class: "field-label", for: "subject" }, t("shape.subject")), select),
+    el("nav", { class: "row", "aria-label": t("shape.ways") }, link("shape"), link("plots")),
+  );
+
+  /** @param {any[]} captures */
+  function list(captures) {
+    const others = id && !captures.some((one) => one.id === id) ? [{ id, created_utc: null, labels: {}, note: "" }] : [];
+    const options = [...others, ...captures].map((one) => el("option", { value: one.id, selected: one.id === id }, nameOf(context, one)));
+    fill(select, el("option", { value: "", selected: !id }, t("shape.live")), options);
+  }
+
+  list([]);
+  api.get(`/captures?limit=${LISTED}`).then((/** @type {any} */ page) => list(page.captures.filter((/** @type {any} */ one) => one.runs.length)), context.refused);
+  return element;
+}
+
+/** A capture in a line. @param {import("../core/context.js").Context} context @param {any} capture */
+export function nameOf({ format }, capture) {
+  const said = [...Object.values(capture.labels), capture.note].filter(Boolean).join(", ");
+  return [capture.created_utc ? format.moment(capture.created_utc) : capture.id, said].filter(Boolean).join(" · ");
+}

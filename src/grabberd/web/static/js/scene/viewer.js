@@ -1,0 +1,160 @@
+// One object in space: picture, legend, words, and what can be chosen of them.
+import { el, setText } from "../core/dom.js";
+import { keep, kept } from "../core/kept.js";
+import { createCanvas } from "./canvas.js";
+import { css } from "./colours.js";
+import { createControls } from "./controls.js";
+import { createInspector } from "./inspector.js";
+import { createLegend } from "./legend.js";
+import { ballRound, fitted, VIEWS } from "./orbit.js";
+import { pictureOf, save } from "./picture.js";
+import { PLAIN, QUANTITIES, scaleOf, sharesOf } from "./quantities.js";
+import { together } from "./scale.js";
+import { canDraw } from "./stage.js";
+
+/** @typedef {import("./frames.js").Moment} Moment */
+
+const KEPT = "shape.look";
+const PARTS = { points: true, wire: true, surface: true, cameras: false };
+const SUMMARY_ID = "scene-summary";
+
+/**
+ * @typedef {object} Subject
+ * @property {import("./grid.js").Grid} grid
+ * @property {import("./frustum.js").Frustum[]} frusta
+ * @property {string[]} quantities that there are values of
+ * @property {Moment[] | null} moments all there are; null where they come one by one
+ * @property {(moment: Moment) => string} when a moment in words
+ * @property {string} file what a picture is called
+ * @property {((target: number) => string) | null} addressOf where a target is shown over time
+ */
+
+/** @param {import("../core/context.js").Context} context @param {Subject} subject */
+export function createViewer(context, subject) {
+  if (!canDraw()) return unable(context, subject);
+  const { t, format } = context;
+  const { grid, frusta, quantities } = subject;
+  const known = kept(KEPT, {});
+  const look = {
+    parts: { ...PARTS, ...known.parts },
+    quantity: quantities.includes(known.quantity) ? known.quantity : quantities[0] ?? PLAIN,
+  };
+  /** One of the named views, which fill the picture by themselves; null: as it was turned. @type {string | null} */
+  let view = "oblique";
+  let orbit = VIEWS.oblique;
+  /** @type {Moment | null} */
+  let moment = null;
+  /** @type {import("./scale.js").Scale | null} */
+  let scale = null;
+  /** @type {number | null} */
+  let target = null;
+
+  const words = {
+    label: t("shape.label"), lost: t("shape.lost"), describedBy: SUMMARY_ID,
+    nameOf: (/** @type {string} */ view) => t(`shape.camera.${view}`),
+  };
+  const canvas = createCanvas(grid, words, { turn, resized: () => draw(), tap: inspect });
+  const legend = createLegend(format.number);
+  const summary = el("p", { class: "small muted", id: SUMMARY_ID });
+  const controls = createControls(context, look, quantities, {
+    parts: (parts) => choose({ parts }),
+    quantity: (quantity) => choose({ quantity }),
+    view: see,
+    turn,
+    picture: takePicture,
+  });
+  const inspector = createInspector(context, grid, quantities, inspect, subject.addressOf);
+  const figure = el("div", { class: "scene-figure" }, canvas.element, legend.element, summary);
+  const element = el("div", { class: "scene" }, figure, el("div", { class: "stack" }, controls.element, inspector.element));
+
+  /** @param {(orbit: import("./orbit.js").Orbit) => import("./orbit.js").Orbit} change */
+  function turn(change) {
+    view = null;
+    orbit = change(orbit);
+    draw();
+  }
+
+  /** @param {string} name */
+  function see(name) {
+    view = name;
+    draw();
+  }
+
+  /** @param {number | null} chosen */
+  function inspect(chosen) {
+    target = chosen;
+    draw();
+  }
+
+  /** Where the chosen target is. @param {Moment} now */
+  function marked(now) {
+    const i = target === null ? -1 : grid.index.get(target) ?? -1;
+    return i >= 0 && Number.isFinite(now.xyz_mm[3 * i]) ? now.xyz_mm.subarray(3 * i, 3 * i + 3) : null;
+  }
+
+  /** @param {any} change */
+  function choose(change) {
+    Object.assign(look, change);
+    keep(KEPT, { parts: look.parts, quantity: look.quantity });
+    scale = subject.moments ? scaleOf(look.quantity, subject.moments) : null;
+    if (moment) show(moment);
+  }
+
+  /** @param {Moment} now */
+  function show(now) {
+    moment = now;
+    if (!subject.moments) scale = together(scale, scaleOf(look.quantity, [now]));
+    draw();
+  }
+
+  function draw() {
+    if (!moment) return;
+    const cameras = look.parts.cameras ? frusta : [];
+    const places = [...grid.nominal_mm, ...cameras.flatMap((frustum) => frustum.apex_mm)];
+    const object = ballRound(places);
+    if (view) orbit = fitted(VIEWS[view], places, object, canvas.aspect());
+    canvas.show({
+      xyz_mm: moment.xyz_mm, shares: sharesOf(look.quantity, scale, moment), map: scale?.map ?? "rising",
+      parts: look.parts, frusta: cameras, orbit, object, marked_mm: marked(moment),
+    });
+    controls.mark(view);
+    inspector.show(target, moment);
+    legend.show(coloured(), scale);
+    setText(summary, describe(moment));
+  }
+
+  /** Quantity and unit. */
+  const coloured = () => (look.quantity === PLAIN ? "" : t("shape.legend", { quantity: t(`shape.quantity.${look.quantity}`), unit: QUANTITIES[look.quantity].unit }));
+
+  /** @param {Moment} now */
+  function describe(now) {
+    const parts = [t("shape.summary", { seen: now.seen, all: grid.target.length, name: grid.name }), `${subject.when(now)}.`, t(`shape.seen.${view ?? "own"}`)];
+    if (scale) parts.push(t("shape.range", { quantity: coloured(), low: format.number(scale.low, 2), high: format.number(scale.high, 2) }));
+    return parts.filter(Boolean).join(" ");
+  }
+
+  async function takePicture() {
+    if (!moment) return;
+    const colours = canvas.now();
+    const caption = {
+      words: `${t("shape.summary", { seen: moment.seen, all: grid.target.length, name: grid.name })} ${subject.when(moment)}`,
+      legend: coloured(), scale, number: format.number, colours: { ground: css(colours.surface), ink: css(colours.ink) },
+    };
+    const blob = await pictureOf(canvas.canvas, caption);
+    if (blob) save(blob, `${subject.file}-${moment.n ?? "phase"}.png`);
+  }
+
+  choose({});
+  return { element, show, end: canvas.end };
+}
+
+/** Where the browser cannot draw, what is known is said in words. @param {import("../core/context.js").Context} context @param {Subject} subject */
+function unable({ t }, subject) {
+  const summary = el("p", { id: SUMMARY_ID });
+  const note = el("div", { class: "note is-warn" }, el("p", {}, t("shape.noWebgl")));
+  const element = el("div", { class: "stack" }, note, summary);
+  /** @param {Moment} now */
+  const show = (now) =>
+    setText(summary, `${t("shape.summary", { seen: now.seen, all: subject.grid.target.length, name: subject.grid.name })} ${subject.when(now)}`);
+  return { element, show, end: () => {} };
+}

@@ -1,0 +1,23 @@
+// The way from panel to panel: on top on a tablet, at the bottom on a phone.
+import { el, symbol } from "../core/dom.js";
+
+/** @param {import("../core/context.js").Context} context @param {any[]} entries */
+export function createNavigation(context, entries) {
+  const { t } = context;
+  const links = entries
+    .filter((entry) => entry.nav)
+    .map((entry) =>
+      el("a", { href: `#${entry.route}`, class: "nav-link", data: { entry: entry.id } }, symbol(entry.nav), el("span", {}, t(`core.nav.${entry.id}`))),
+    );
+  const element = el("nav", { class: "nav", "aria-label": t("core.navigation") }, links);
+
+  /** @param {string} id */
+  function mark(id) {
+    for (const link of links) {
+      if (link.dataset.entry === id) link.setAttribute("aria-current", "page");
+      else link.removeAttribute("aria-current");
+    }
+  }
+
+  return { element, mark };
+}

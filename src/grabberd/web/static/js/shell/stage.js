@@ -1,0 +1,79 @@
+// Where one panel at a time is shown.
+import { el, fill } from "../core/dom.js";
+import { routeOf } from "../core/router.js";
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @param {any[]} entries
+ * @param {HTMLElement} main
+ * @param {(id: string) => void} mark tells the navigation which is shown
+ */
+export function createStage(context, entries, main, mark) {
+  /** @type {{id: string, mounted: any} | null} */
+  let shown = null;
+  let turn = 0;
+  let running = false;
+
+  function clear() {
+    shown?.mounted.unmount?.();
+    shown = null;
+    turn += 1;
+  }
+
+  async function follow() {
+    if (!running) return;
+    const { entry, parameters } = routeOf(entries, location.hash);
+    mark(entry.under ?? entry.id);
+    if (shown?.id === entry.id && shown.mounted.update) shown.mounted.update(parameters);
+    else await mount(entry, parameters);
+  }
+
+  /** @param {any} entry @param {Record<string, string>} parameters */
+  async function mount(entry, parameters) {
+    clear();
+    const mine = turn;
+    const panel = await load(entry);
+    if (mine !== turn || !panel) return;
+    const element = el("div", { class: `panel panel-${entry.id}`, data: { panel: entry.id } });
+    fill(main, element);
+    document.title = `${context.t(panel.title)} – grabberd`;
+    try {
+      shown = { id: entry.id, mounted: panel.mount(element, { ...context, parameters }) };
+    } catch (error) {
+      fail(error);
+    }
+    window.scrollTo(0, 0);
+  }
+
+  /** @param {any} entry */
+  async function load(entry) {
+    try {
+      return (await entry.load()).panel;
+    } catch (error) {
+      fail(error);
+      return null;
+    }
+  }
+
+  /** @param {unknown} error */
+  function fail(error) {
+    console.error(error);
+    const again = el("button", { class: "button", type: "button", on: { click: () => location.reload() } }, context.t("core.reload"));
+    fill(main, el("div", { class: "card stack" }, el("p", {}, context.t("core.notLoaded")), el("div", {}, again)));
+  }
+
+  addEventListener("hashchange", follow);
+  return {
+    start() {
+      if (running) return;
+      running = true;
+      follow();
+    },
+    /** Shows something else than a panel. @param {Node} node */
+    show(node) {
+      running = false;
+      clear();
+      fill(main, node);
+    },
+  };
+}

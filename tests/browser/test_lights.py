@@ -1,0 +1,63 @@
+"""The lights: what is well, and what to do where it is not."""
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from browser.axe import serious
+from browser.conftest import Open
+from browser.daemons import Daemon
+
+ALL = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"]
+NOTICED_MS = 30_000
+
+
+def has_level(page: Page, light: str, level: str) -> None:
+    expect(page.locator(f'[data-light="{light}"]')).to_have_attribute("data-level", level, timeout=NOTICED_MS)
+
+
+@pytest.fixture
+def unplugged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon whose grabber is pulled out after five seconds."""
+    faults = [{"kind": "unplug", "at_s": 5.0, "back_after_s": 600.0}]
+    with Daemon(tmp_path_factory.mktemp("unplugged"), faults=faults) as one:
+        yield one
+
+
+def test_every_light_has_a_word_and_what_is_well_is_green(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    assert page.locator(".light").count() == len(ALL)
+    for light in ALL:
+        has_level(page, light, "good")
+        assert page.locator(f'[data-light="{light}"] .light-word').inner_text()
+    assert page.locator(".alert").count() == 0
+
+
+def test_a_light_that_is_well_says_what_it_means(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(daemon.url).page
+    page.get_by_text("Camera and mirrors").click()
+    expect(page.locator('[data-light="rig"]')).to_contain_text("still stand as they did")
+
+
+def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
+    unplugged: Daemon, open_page: Open
+) -> None:
+    page = open_page(unplugged.url).page
+    has_level(page, "grabber", "bad")
+    expect(page.locator(".state")).to_have_attribute("data-state", "absent")
+    expect(page.locator("#start-why")).to_have_text("No grabber is plugged in.")
+    page.get_by_role("button", name="Grabber: Not there").click()
+    light = page.locator('[data-light="grabber"]')
+    expect(light).to_contain_text("Since")
+    expect(light).to_contain_text("its plug is loose")
+    expect(light).to_contain_text("Push the plug in firmly")
+    assert serious(page) == []
+
+
+def test_a_tablet_with_a_wrong_clock_is_told(daemon: Daemon, open_page: Open) -> None:
+    watched = open_page(daemon.url)
+    watched.page.clock.install(time="2030-01-01T00:00:00Z")
+    watched.page.reload()
+    has_level(watched.page, "clock", "warn")
+    expect(watched.page.locator('[data-light="clock"]')).to_contain_text("behind this tablet")

@@ -1,0 +1,158 @@
+"""The liner in space: live, and in a capture."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from browser.conftest import PHONE, Open
+from browser.daemons import Daemon
+
+COUNT_FRAMES = """() => {
+  const ask = window.requestAnimationFrame;
+  window.frames_asked = 0;
+  window.requestAnimationFrame = (draw) => { window.frames_asked += 1; return ask(draw); };
+}"""
+NO_WEBGL = """
+  const get = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+    return kind.startsWith("webgl") ? null : get.call(this, kind, ...rest);
+  };
+"""
+
+
+@pytest.fixture(scope="module")
+def capture(daemon: Daemon) -> str:
+    """Id of a capture of one pulsation."""
+    return daemon.capture(fields=50, labels={"cow": "112"})
+
+
+def summary(page: Page) -> str:
+    return page.locator("#scene-summary").inner_text()
+
+
+def drawn(page: Page, folder: Path) -> np.ndarray:
+    """The pixels of the picture that are not of its ground."""
+    file = folder / "canvas.png"
+    page.locator(".scene-canvas").screenshot(path=file)
+    picture = cv2.imread(str(file)).astype(int)
+    inside = picture[20:-20, 20:-20]
+    return inside[np.abs(inside - inside[0, 0]).max(axis=2) > 60]
+
+
+def opened(open_page: Open, url: str, **options: object) -> Page:
+    page: Page = open_page(url, **options).page
+    page.wait_for_selector("#scene-summary:not(:empty)")
+    return page
+
+
+def test_live_it_follows_the_newest_field(daemon: Daemon, open_page: Open, tmp_path: Path) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape")
+    expect(page.locator(".badge").first).to_have_text("Live")
+    first = summary(page)
+    assert "of 108 targets of liner" in first
+    page.wait_for_function(
+        "before => document.getElementById('scene-summary').textContent !== before", arg=first
+    )
+    assert len(drawn(page, tmp_path)) > 2000
+
+
+def test_a_capture_is_played_and_paused_and_gone_through(
+    daemon: Daemon, capture: str, open_page: Open
+) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape/{capture}")
+    slider = page.get_by_role("slider", name="Moment")
+    assert slider.input_value() == "0"
+    page.get_by_role("button", name="Play").click()
+    page.wait_for_function("document.querySelector('.scene-player .slider').value > 3")
+    page.get_by_role("button", name="Pause").click()
+    slider.fill("25")
+    expect(page.locator(".scene-when")).to_have_text("Field 25, 0.50 s")
+    assert "Field 25, 0.50 s." in summary(page)
+
+
+def test_colours_stand_for_what_is_chosen(
+    daemon: Daemon, capture: str, open_page: Open, tmp_path: Path
+) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape/{capture}")
+    expect(page.locator(".scene-legend-title")).to_have_text("Displacement from the nominal place, mm")
+    coloured = drawn(page, tmp_path)
+    page.get_by_label("Coloured by").select_option("plain")
+    expect(page.locator(".scene-legend")).to_be_hidden()
+    page.wait_for_timeout(500)
+    plain = drawn(page, tmp_path)
+    assert np.ptp(coloured, axis=0).min() > np.ptp(plain, axis=0).min()
+
+
+def test_it_is_seen_from_the_sides_and_turned_by_keys(daemon: Daemon, capture: str, open_page: Open) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape/{capture}")
+    for name, words in {"Front": "the front", "Side": "the side", "Top": "the top"}.items():
+        page.get_by_role("button", name=name, exact=True).click()
+        expect(page.get_by_role("button", name=name, exact=True)).to_have_attribute("aria-pressed", "true")
+        assert f"Seen from {words}." in summary(page)
+    page.locator(".scene-canvas").press("ArrowLeft")
+    assert "Seen from where you turned it." in summary(page)
+    expect(page.get_by_role("button", name="Top", exact=True)).to_have_attribute("aria-pressed", "false")
+
+
+def test_both_cameras_can_be_shown(daemon: Daemon, capture: str, open_page: Open) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape/{capture}")
+    expect(page.locator(".scene-camera")).to_have_count(0)
+    page.get_by_label("Cameras").check()
+    expect(page.locator(".scene-camera")).to_have_text(["Left camera", "Right camera"])
+
+
+def test_the_view_is_saved_as_a_picture(
+    daemon: Daemon, capture: str, open_page: Open, tmp_path: Path
+) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape/{capture}")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save as picture").click()
+    assert download.value.suggested_filename == f"{capture}-0.png"
+    download.value.save_as(tmp_path / "view.png")
+    picture = cv2.imread(str(tmp_path / "view.png"))
+    assert picture.shape[0] > picture.shape[1] / 2 > 200
+    assert (picture.max(axis=2).astype(int) - picture.min(axis=2) > 60).sum() > 5000
+
+
+def test_a_touched_target_is_shown_in_numbers_and_leads_to_its_curves(
+    daemon: Daemon, capture: str, open_page: Open
+) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape/{capture}", size=PHONE)
+    box = page.locator(".scene-canvas").bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    target = page.get_by_label("Target", exact=True).first.input_value()
+    expect(page.locator(".scene-inspector dt").first).to_have_text("X")
+    page.get_by_role("link", name="Over time").last.click()
+    expect(page.locator("#target")).to_have_value(target)
+
+
+def test_nothing_is_drawn_while_nothing_changes(daemon: Daemon, capture: str, open_page: Open) -> None:
+    page = opened(open_page, f"{daemon.url}/#shape/{capture}")
+    page.wait_for_timeout(500)
+    page.evaluate(COUNT_FRAMES)
+    page.wait_for_timeout(1500)
+    assert page.evaluate("window.frames_asked") == 0
+    page.get_by_role("button", name="Front").click()
+    assert page.evaluate("window.frames_asked") == 1
+
+
+def test_without_webgl_it_says_so_and_tells_what_is_there(
+    daemon: Daemon, capture: str, open_page: Open
+) -> None:
+    page = open_page(f"{daemon.url}/#operate").page
+    page.context.add_init_script(NO_WEBGL)
+    page.goto(f"{daemon.url}/#shape/{capture}")
+    page.reload()
+    expect(page.locator(".note.is-warn")).to_contain_text("WebGL 2 is missing")
+    assert "of 108 targets" in summary(page)
+
+
+def test_a_capture_without_points_says_so(open_page: Open, tmp_path: Path) -> None:
+    with Daemon(tmp_path, scene="calibration-frame") as other:
+        capture_id = other.capture(fields=10)
+        other.ask(f"/captures/{capture_id}/points")
+        page = open_page(f"{other.url}/#shape/{capture_id}").page
+        expect(page.locator("[data-panel]")).to_be_visible()

@@ -1,0 +1,62 @@
+"""Run under sanitisers: pictures and blobs as a fault or an enemy may make them, into the kernel."""
+
+import numpy as np
+
+from geometry.rigs import calibration
+from grabberd.field import PackedField
+from grabberd.geometry import Rig
+from grabberd.kernel import load
+from grabberd.measurement.compiled import measure_compiled
+from grabberd.measurement.location import LocationSettings
+from grabberd.reconstruction import ImageNoise, ViewBlobs
+from grabberd.reconstruction.correspondence import Correspondence
+from reconstruction.liners import model
+
+KERNEL = load("_sanitised")
+assert KERNEL
+
+
+def bits(rng, rows, stride, kind):
+    picture = rng.integers(0, 256, (1, rows, stride), np.uint8)
+    if kind == "full":
+        picture[:] = 255
+    elif kind == "comb":
+        picture[:] = 0xAA
+    elif kind == "sparse":
+        picture &= rng.integers(0, 256, picture.shape, np.uint8) & rng.integers(0, 256, picture.shape, np.uint8)
+        picture &= rng.integers(0, 256, picture.shape, np.uint8)
+    return picture
+
+
+def pictures(rng):
+    for kind in ("noise", "full", "comb", "sparse"):
+        for rows, stride in ((1, 1), (2, 3), (9, 8), (31, 17), (64, 90)):
+            for y_step in (1, 2):
+                yield PackedField(bits(rng, rows, stride, kind), 1, 8 * stride, int(rng.integers(2)), 0, y_step, 60)
+
+
+def wild_blobs(rng, count):
+    scale = 10.0 ** rng.uniform(0, 6)
+    xy = rng.normal(360, scale, (count, 2))
+    common = rng.uniform(0, 1, count) if count % 2 else None
+    return ViewBlobs(xy, 10.0 ** rng.uniform(-12, 6, (count, 2)), common, float(count % 7))
+
+
+def main():
+    rng = np.random.default_rng(8)
+    for number, packed in enumerate(pictures(rng)):
+        # Tables for locales of every size take numpy's time; their number is kept small.
+        for method, greatest_px in (("centroid", 1e3), ("locale", 7.0)) if number % 3 == 0 else (("centroid", 9.0),):
+            measure_compiled(KERNEL, packed, LocationSettings(method, 0.0, greatest_px))
+    known, liner = Rig.of(calibration(covariance=np.eye(36) * 1e-8)), model()
+    correspondence = Correspondence(known, liner, ImageNoise.of(known, liner, 0.12, 2), kernel=KERNEL)
+    with np.errstate(all="ignore"):
+        for count in (0, 1, 2, 50, 400):
+            for reach_mm in (0.0, 1.0, 1e3, 1e9, np.inf):
+                places = liner.xyz_mm + rng.normal(0, reach_mm if reach_mm < 1e4 else 500.0, liner.xyz_mm.shape)
+                sigma = np.full(len(liner), reach_mm)
+                correspondence.near(places, sigma, wild_blobs(rng, count), wild_blobs(rng, count + 1))
+    print("no harm")
+
+
+main()

@@ -1,0 +1,60 @@
+"""The compiled kernel and numpy say the same, of simulated fields and of any picture."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grabberd.field import Field, double_lines, quantise
+from grabberd.kernel import KERNEL
+from grabberd.measurement.compiled import measure_compiled, takes
+from grabberd.measurement.location import LocationSettings, measure_by_numpy
+from measurement.rendering import grid_of_discs
+from measurement.test_any_picture import picture
+
+pytestmark = pytest.mark.skipif(
+    not KERNEL, reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)"
+)
+
+ROUNDED_PX = 5e-6
+"""numpy adds log likelihoods as single precision numbers, in another order."""
+METHODS = ("automatic", "locale", "centroid")
+
+
+def assert_same(packed, wanted):
+    assert takes(packed, wanted)
+    expected, found = measure_by_numpy(packed, wanted), measure_compiled(KERNEL, packed, wanted)
+    assert len(found) == len(expected)
+    for name in ("area_px", "width_px", "height_px", "at_border"):
+        assert np.array_equal(getattr(found, name), getattr(expected, name))
+    tolerance = 1e-12 if wanted.method == "centroid" else ROUNDED_PX
+    assert np.allclose(found.xy_px, expected.xy_px, rtol=0, atol=tolerance)
+    assert np.allclose(found.sigma_px, expected.sigma_px, rtol=0, atol=4 * tolerance)
+    assert np.allclose(found.common_px, expected.common_px, rtol=1e-12, atol=0)
+    assert found.common_reach_px == pytest.approx(expected.common_reach_px, rel=1e-12)
+    assert found.line_jitter_px is None
+
+
+@pytest.mark.parametrize("method", METHODS)
+@settings(max_examples=60, deadline=None)
+@given(
+    st.integers(0, 2**31),
+    st.sampled_from(["noise", "blots", "bars", "holes"]),
+    st.tuples(st.integers(2, 40), st.integers(2, 200)),
+    st.booleans(),
+    st.sampled_from([0.0, 0.12]),
+)
+def test_of_any_picture(method, seed, kind, size, doubled, jitter_px):
+    luma = picture(np.random.default_rng(seed), kind, *size).astype(np.uint8)
+    field = Field.intact(luma, seed % 2)
+    packed = quantise(double_lines(field) if doubled else field, 1, 80)
+    assert_same(packed, LocationSettings(method, min_diameter_px=0.5, line_jitter_px=jitter_px))
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("parity", [0, 1])
+@pytest.mark.parametrize("doubled", [False, True])
+def test_of_a_field_of_targets(method, parity, doubled):
+    intact, _ = grid_of_discs(np.random.default_rng(parity), parity=parity, noise=5, jitter_px=0.12)
+    field = double_lines(intact) if doubled else intact
+    assert_same(quantise(field, 1, 90), LocationSettings(method))

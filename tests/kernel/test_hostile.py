@@ -1,0 +1,87 @@
+"""The compiled kernel never reads or writes where it must not, whatever it is given."""
+
+import ctypes
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import grabberd.kernel
+from grabberd.kernel import KERNEL, REFUSED, load
+from grabberd.measurement.compiled_structs import Settings
+from grabberd.reconstruction.compiled_structs import World
+
+HERE = Path(__file__).parent
+SOURCES = Path(grabberd.kernel.__file__).parent
+SANITISED = ["-std=c11", "-O1", "-g", "-fPIC", "-shared", "-Wno-psabi", "-DGRABBERD_PLAIN"]
+CHECKS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+needs_kernel = pytest.mark.skipif(not KERNEL, reason="THERE IS NO COMPILED KERNEL HERE to be refused by")
+
+
+def test_without_a_built_kernel_there_is_none():
+    assert load("grabberd.kernel._not_there") is None
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    "size",
+    [(10, 9, 72, 0, 0, 2), (-1, 8, 64, 0, 0, 2), (8, 8, 65, 0, 0, 2), (8, 8, 64, 2, 0, 2), (8, 8, 64, 0, 0, 3),
+     (1 << 40, 1 << 40, 64, 0, 0, 2), (0, 8, 64, 0, 0, 2)],
+)  # fmt: skip
+def test_a_picture_that_does_not_fit_its_bytes_is_refused(size):
+    assert KERNEL.locate(bytes(64), size, Settings(max_diameter_px=15), np.empty(90))[0] == REFUSED
+
+
+@needs_kernel
+def test_settings_of_another_length_are_refused():
+    assert KERNEL.locate(bytes(64), (8, 8, 64, 0, 0, 2), bytes(8), np.empty(90))[0] == REFUSED
+
+
+@needs_kernel
+def test_arrays_that_are_too_short_are_refused():
+    world = World(targets=5)
+    some = np.zeros(3)
+    assert KERNEL.near(world, some, some, *[some] * 6, 2.0, np.zeros(15, np.int64), np.zeros(160))[0] == REFUSED
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.agree(world, *[some] * 7, some)
+
+
+@pytest.mark.slow
+def test_under_sanitisers_random_and_hostile_pictures_do_no_harm(tmp_path):
+    compiler = shutil.which("gcc")
+    runtime = _runtime(compiler, "libasan.so")
+    if not runtime or not (Path(sysconfig.get_path("include")) / "Python.h").exists():
+        pytest.skip("NO SANITISERS HERE: gcc with libasan and Python's headers are needed to look for faults")
+    include = f"-I{sysconfig.get_path('include')}"
+    target = tmp_path / f"_sanitised{'.abi3.so'}"
+    files = [str(file) for file in sorted(SOURCES.glob("*.c"))]
+    # Its name as a module is that of its first function.
+    name = "-DPyInit__kernel=PyInit__sanitised"
+    subprocess.run([compiler, *SANITISED, *CHECKS, include, name, "-o", target, *files, "-lm"], check=True)
+    environment = {
+        **os.environ,
+        "LD_PRELOAD": runtime,
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "PYTHONMALLOC": "malloc",
+        "PYTHONPATH": os.pathsep.join([str(tmp_path), str(HERE.parent), *sys.path[1:]]),
+    }
+    done = subprocess.run(
+        [sys.executable, HERE / "hostile.py"], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert "no harm" in done.stdout
+
+
+def _runtime(compiler, name):
+    """The sanitiser's own library, which has to be loaded first."""
+    if not compiler:
+        return None
+    found = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
+    path = found.stdout.strip()
+    return path if os.path.isabs(path) and ctypes.sizeof(ctypes.c_void_p) == 8 else None

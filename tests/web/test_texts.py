@@ -1,0 +1,76 @@
+"""Both languages say the same things, and the page says nothing that there is no text for."""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from grabberd.web.files import LANGUAGES, STATIC
+
+CALL = re.compile(r"""\bt[nl]?\(\s*(?P<quote>["'`])(?P<key>[a-z]\w*\.(?:(?!(?P=quote)).)+)(?P=quote)""")
+"""t("key"), tn("key"), tl("key"); a template's places stand for any name."""
+NAMED = re.compile(r"""["'`](?P<key>[a-z]\w*(?:\.(?:\w+|\$\{[^}]*\}))+)["'`]""")
+"""A key that is handed on: a title, a choice between two texts."""
+PLURAL = (".one", ".other")
+
+
+def catalogue(language: str) -> dict[str, Any]:
+    files = sorted((STATIC / "texts" / language).glob("*.json"))
+    return {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in files}
+
+
+def flat(document: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    if not isinstance(document, dict):
+        yield name, document
+        return
+    for key, value in document.items():
+        yield from flat(value, f"{name}.{key}" if name else key)
+
+
+TEXTS = {language: dict(flat(catalogue(language))) for language in LANGUAGES}
+SOURCES = {
+    path.relative_to(STATIC).as_posix(): path.read_text(encoding="utf-8")
+    for path in sorted((STATIC / "js").rglob("*.js"))
+}
+CALLED = {key for source in SOURCES.values() for key in (match["key"] for match in CALL.finditer(source))}
+MENTIONED = CALLED | {match["key"] for source in SOURCES.values() for match in NAMED.finditer(source)}
+
+
+def as_pattern(key: str) -> re.Pattern[str]:
+    parts = re.split(r"\$\{[^}]*\}", key)
+    return re.compile(r"[\w -]*".join(map(re.escape, parts)) + r"(\.one|\.other)?")
+
+
+def places(text: Any) -> list[set[str]]:
+    texts = text if isinstance(text, list) else [text]
+    return [set(re.findall(r"\{(\w+)\}", one)) for one in texts]
+
+
+def test_both_languages_have_the_same_keys() -> None:
+    assert sorted(TEXTS["en"]) == sorted(TEXTS["nb"])
+
+
+def test_both_languages_fill_in_the_same_places() -> None:
+    differing = {key for key, text in TEXTS["en"].items() if places(text) != places(TEXTS["nb"][key])}
+    assert differing == set()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_no_text_is_empty(language: str) -> None:
+    assert [key for key, text in TEXTS[language].items() if not text] == []
+
+
+def test_every_key_that_is_asked_for_has_a_text() -> None:
+    patterns = {key: as_pattern(key) for key in CALLED}
+    missing = [
+        key for key, pattern in patterns.items() if not any(pattern.fullmatch(known) for known in TEXTS["en"])
+    ]
+    assert missing == []
+
+
+def test_every_text_is_used_somewhere() -> None:
+    patterns = [as_pattern(key) for key in MENTIONED]
+    unused = [key for key in TEXTS["en"] if not any(pattern.fullmatch(key) for pattern in patterns)]
+    assert unused == []
