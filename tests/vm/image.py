@@ -23,7 +23,17 @@ from pathlib import Path
 from vm import host, kernel
 
 CHECKOUT = Path(__file__).parents[2]
-PACKAGES = ("systemd-sysv", "udev", "kmod", "python3", "python3-venv", "v4l-utils", "libusb-1.0-0", "procps")
+PACKAGES = (
+    "systemd-sysv",
+    "udev",
+    "kmod",
+    "python3",
+    "python3-venv",
+    "v4l-utils",
+    "libusb-1.0-0",
+    "procps",
+    "e2fsprogs",
+)
 SITE = "opt/site"
 """Where the Python packages are in the guest."""
 SIZE_MB = 2600
