@@ -209,10 +209,15 @@ def mend_disk() -> str:
     """What an administrator does: stop, check, mount; returns what the check said."""
     systemctl("stop")
     run("systemctl stop grabberd.socket")
-    run(f"umount {STATE}")
+    wait_for(_unmounted)
     said = run("e2fsck -f -y /dev/vdb; test $? -le 2")
     run(f"mount {STATE}; systemctl start grabberd.socket")
     return said
+
+
+def _unmounted() -> bool:
+    """What a service that has just ended held in its own name space is let go of a little later."""
+    return subprocess.run(["umount", str(STATE)], capture_output=True, check=False).returncode == 0
 
 
 def mount_read_only(wanted: bool) -> None:
