@@ -19,7 +19,7 @@ def test_the_notebook_goes_from_a_capture_to_its_pressure(capsys):
     matplotlib.use("agg")
     names: dict[str, object] = {}
     for cell in cells():
-        exec(compile("".join(cell["source"]), cell["id"], "exec"), names)  # noqa: S102 - our own
+        exec(compile("".join(cell["source"]), cell["id"], "exec"), names)
     pyplot = names["plt"]
     assert len(pyplot.get_fignums()) == 8
     pyplot.close("all")

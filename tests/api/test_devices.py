@@ -128,7 +128,7 @@ def test_the_newest_points_can_be_asked_for(paced: TestClient) -> None:
     assert len(columns) == 1
     assert columns.pop() > 50
     age = datetime.now(UTC) - datetime.fromisoformat(document["utc"])
-    assert timedelta(0) < age < timedelta(seconds=2)
+    assert timedelta(0) < age < timedelta(minutes=1)  # however busy the computer is
 
 
 def test_before_the_first_there_are_none(still: TestClient) -> None:

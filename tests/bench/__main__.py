@@ -14,6 +14,7 @@ from tests.bench import (
     content,
     content_found,
     core,
+    core_numbers,
     live,
     location,
     location_bits,
@@ -42,7 +43,10 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Pointing over the targets' diameter, RMS in x / y, px": location.table_of_diameters,
         "Pointing over the targets' size, 8 bit, .5 % noise, RMS in px": location.table_of_sizes,
     },
-    "core": {"From a field to its points": core.table},
+    "core": {
+        "From a field to its points": core.table,
+        "Over the number of targets": core_numbers.table,
+    },
     "location": {
         "Pointing of all locators on the same fields, px": location.table,
         "Pointing over bits, one capture quantised anew, RMS in px": location.table_of_bits,

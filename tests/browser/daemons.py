@@ -15,6 +15,7 @@ from typing import Any, Self
 HERE = Path(__file__).parent
 PATIENCE_S = 120.0
 LOOK_EVERY_S = 0.1
+ACCEPTING = ("ready", "no_signal", "capturing")
 
 
 class Daemon:
@@ -76,13 +77,20 @@ class Daemon:
             return json.loads(answer.read() or b"null")
 
     def capture(self, fields: int = 50, **order: Any) -> str:
-        """Takes a capture and returns its id once it is sealed."""
+        """Takes a capture, as soon as the device streams, and returns its id once it is sealed."""
+        self._wait_until_it_streams()
         capture_id: str = self.ask("/captures", body={"fields": fields, **order})["id"]
         until_s = time.monotonic() + PATIENCE_S
         while self.ask(f"/captures/{capture_id}")["verdict"] is None:
             assert time.monotonic() < until_s, "the capture does not end"
             time.sleep(LOOK_EVERY_S)
         return capture_id
+
+    def _wait_until_it_streams(self) -> None:
+        until_s = time.monotonic() + PATIENCE_S
+        while not all(one["state"] in ACCEPTING for one in self.ask("/state")["devices"].values()):
+            assert time.monotonic() < until_s, "the device does not stream"
+            time.sleep(LOOK_EVERY_S)
 
     def __enter__(self) -> Self:
         self.start()

@@ -113,4 +113,4 @@ def test_a_viewer_reads_what_was_lost_and_is_offered_no_change(tmp_path: Path, o
         first = guarded.ask(f"/captures/{one}", tokens["viewer"])["ledger"]["entries"][0]["first_n"]
         page.locator(".strip-list button").first.click()
         expect(page.get_by_text(f"Field {first},")).to_contain_text("lost")
-        expect(page.get_by_text("This field never came")).to_be_visible()
+        expect(page.locator(".picture-missing")).to_contain_text("This field never came")

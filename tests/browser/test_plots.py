@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
+from browser.axe import serious
 from browser.conftest import PHONE, Open
 from browser.daemons import Daemon
 
@@ -104,3 +105,4 @@ def test_they_are_drawn_in_colours_of_the_light_and_of_the_dark(
     for look in ("light", "dark"):
         page = open_page(f"{daemon.url}/#plots/{capture}", look=look).page
         expect(page.locator(".chart canvas")).to_have_count(3)
+        assert serious(page) == []

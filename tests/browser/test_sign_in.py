@@ -40,7 +40,7 @@ def test_a_wrong_token_is_refused_in_words(guarded: Guarded, open_page: Open) ->
     watched = open_page(guarded.url)
     watched.expect_errors("401")
     sign_in(watched.page, "grb_wrong")
-    expect(watched.page.get_by_role("alert")).to_contain_text("does not know this token")
+    expect(watched.page.locator(".refusal")).to_contain_text("does not know this token")
 
 
 def test_an_operator_signs_in_once_and_out_again(guarded: Guarded, open_page: Open) -> None:

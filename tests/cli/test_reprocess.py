@@ -1,10 +1,10 @@
 """`grabberd reprocess`: exit codes, what is printed, and Ctrl-C."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -64,7 +64,8 @@ def test_an_interrupt_ends_it_orderly_and_the_same_command_goes_on(tmp_path: Pat
         [sys.executable, "-c", script, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as running:
         while running.poll() is None and not files(tmp_path / "out"):
-            os.sched_yield()
+            with suppress(subprocess.TimeoutExpired):
+                running.wait(0.1)
         running.send_signal(signal.SIGINT)
         output, complaints = running.communicate(timeout=60)
     assert running.returncode == 130, complaints

@@ -23,7 +23,9 @@ def bits(rng, rows, stride, kind):
     elif kind == "comb":
         picture[:] = 0xAA
     elif kind == "sparse":
-        picture &= rng.integers(0, 256, picture.shape, np.uint8) & rng.integers(0, 256, picture.shape, np.uint8)
+        picture &= rng.integers(0, 256, picture.shape, np.uint8) & rng.integers(
+            0, 256, picture.shape, np.uint8
+        )
         picture &= rng.integers(0, 256, picture.shape, np.uint8)
     return picture
 
@@ -32,7 +34,9 @@ def pictures(rng):
     for kind in ("noise", "full", "comb", "sparse"):
         for rows, stride in ((1, 1), (2, 3), (9, 8), (31, 17), (64, 90)):
             for y_step in (1, 2):
-                yield PackedField(bits(rng, rows, stride, kind), 1, 8 * stride, int(rng.integers(2)), 0, y_step, 60)
+                yield PackedField(
+                    bits(rng, rows, stride, kind), 1, 8 * stride, int(rng.integers(2)), 0, y_step, 60
+                )
 
 
 def wild_blobs(rng, count):
@@ -46,14 +50,18 @@ def main():
     rng = np.random.default_rng(8)
     for number, packed in enumerate(pictures(rng)):
         # Tables for locales of every size take numpy's time; their number is kept small.
-        for method, greatest_px in (("centroid", 1e3), ("locale", 7.0)) if number % 3 == 0 else (("centroid", 9.0),):
+        for method, greatest_px in (
+            (("centroid", 1e3), ("locale", 7.0)) if number % 3 == 0 else (("centroid", 9.0),)
+        ):
             measure_compiled(KERNEL, packed, LocationSettings(method, 0.0, greatest_px))
     known, liner = Rig.of(calibration(covariance=np.eye(36) * 1e-8)), model()
     correspondence = Correspondence(known, liner, ImageNoise.of(known, liner, 0.12, 2), kernel=KERNEL)
     with np.errstate(all="ignore"):
         for count in (0, 1, 2, 50, 400):
             for reach_mm in (0.0, 1.0, 1e3, 1e9, np.inf):
-                places = liner.xyz_mm + rng.normal(0, reach_mm if reach_mm < 1e4 else 500.0, liner.xyz_mm.shape)
+                places = liner.xyz_mm + rng.normal(
+                    0, reach_mm if reach_mm < 1e4 else 500.0, liner.xyz_mm.shape
+                )
                 sigma = np.full(len(liner), reach_mm)
                 correspondence.near(places, sigma, wild_blobs(rng, count), wild_blobs(rng, count + 1))
     print("no harm")

@@ -13,7 +13,8 @@ from measurement.rendering import grid_of_discs
 from measurement.test_any_picture import picture
 
 pytestmark = pytest.mark.skipif(
-    not KERNEL, reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)"
+    not KERNEL,
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
 )
 
 ROUNDED_PX = 5e-6

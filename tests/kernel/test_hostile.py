@@ -31,9 +31,16 @@ def test_without_a_built_kernel_there_is_none():
 @needs_kernel
 @pytest.mark.parametrize(
     "size",
-    [(10, 9, 72, 0, 0, 2), (-1, 8, 64, 0, 0, 2), (8, 8, 65, 0, 0, 2), (8, 8, 64, 2, 0, 2), (8, 8, 64, 0, 0, 3),
-     (1 << 40, 1 << 40, 64, 0, 0, 2), (0, 8, 64, 0, 0, 2)],
-)  # fmt: skip
+    [
+        (10, 9, 72, 0, 0, 2),
+        (-1, 8, 64, 0, 0, 2),
+        (8, 8, 65, 0, 0, 2),
+        (8, 8, 64, 2, 0, 2),
+        (8, 8, 64, 0, 0, 3),
+        (1 << 40, 1 << 40, 64, 0, 0, 2),
+        (0, 8, 64, 0, 0, 2),
+    ],
+)
 def test_a_picture_that_does_not_fit_its_bytes_is_refused(size):
     assert KERNEL.locate(bytes(64), size, Settings(max_diameter_px=15), np.empty(90))[0] == REFUSED
 
@@ -45,21 +52,23 @@ def test_settings_of_another_length_are_refused():
 
 @needs_kernel
 def test_arrays_that_are_too_short_are_refused():
-    world = World(targets=5)
-    some = np.zeros(3)
-    assert KERNEL.near(world, some, some, *[some] * 6, 2.0, np.zeros(15, np.int64), np.zeros(160))[0] == REFUSED
+    world, some, indices = World(targets=5), np.zeros(3), np.zeros(15, np.int64)
+    assert KERNEL.near(world, some, some, *[some] * 6, 2.0, indices, np.zeros(160))[0] == REFUSED
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.whole(some, some, some, some, np.zeros(9, np.bool_), 0, 9, np.zeros(45))
     with pytest.raises(ValueError, match="do not belong together"):
         KERNEL.agree(world, *[some] * 7, some)
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_under_sanitisers_random_and_hostile_pictures_do_no_harm(tmp_path):
     compiler = shutil.which("gcc")
     runtime = _runtime(compiler, "libasan.so")
     if not runtime or not (Path(sysconfig.get_path("include")) / "Python.h").exists():
         pytest.skip("NO SANITISERS HERE: gcc with libasan and Python's headers are needed to look for faults")
     include = f"-I{sysconfig.get_path('include')}"
-    target = tmp_path / f"_sanitised{'.abi3.so'}"
+    target = tmp_path / "_sanitised.abi3.so"
     files = [str(file) for file in sorted(SOURCES.glob("*.c"))]
     # Its name as a module is that of its first function.
     name = "-DPyInit__kernel=PyInit__sanitised"
@@ -82,6 +91,8 @@ def _runtime(compiler, name):
     """The sanitiser's own library, which has to be loaded first."""
     if not compiler:
         return None
-    found = subprocess.run([compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=False)
+    found = subprocess.run(
+        [compiler, f"-print-file-name={name}"], capture_output=True, text=True, check=False
+    )
     path = found.stdout.strip()
     return path if os.path.isabs(path) and ctypes.sizeof(ctypes.c_void_p) == 8 else None

@@ -14,7 +14,8 @@ from reconstruction.liners import model, see
 from reconstruction.test_tracking import deflection_mm, wall
 
 pytestmark = pytest.mark.skipif(
-    not KERNEL, reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)"
+    not KERNEL,
+    reason="THERE IS NO COMPILED KERNEL HERE: nothing shows that it equals numpy (see docs/decisions/0014)",
 )
 
 MODEL = model()

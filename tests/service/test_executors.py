@@ -15,7 +15,7 @@ from grabberd.errors import ExtraMissing, InputError, NotReady
 from grabberd.service.executors import cluster_workers, local_workers
 from grabberd.service.reprocess import Progress, Request, Summary, reprocess
 
-CAPTURES, FIELDS = 12, 30
+CAPTURES, FIELDS = 8, 12
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +114,21 @@ def test_an_address_without_a_scheduler_is_said(
         where = address.format(taken.getsockname()[1])
         with pytest.raises(NotReady, match="no Dask scheduler at"), cluster_workers(where, tmp_path):
             pass
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(180)
+def test_a_cluster_that_goes_away_is_said_and_what_was_done_is_kept(
+    captures: Path, cluster: Any, tmp_path: Path
+) -> None:
+    def close(far: Progress) -> None:
+        if 0 < far.left < CAPTURES:
+            cluster.close()
+
+    with pytest.raises(NotReady, match="went away"):
+        on_cluster(captures, tmp_path / "out", cluster.scheduler_address, close)
+    assert 1 <= len(files(tmp_path / "out")) < CAPTURES
+    assert only_finished(tmp_path / "out")
 
 
 @pytest.mark.slow

@@ -49,6 +49,11 @@ def test_style_sheets_and_catalogues_are_served_as_one(tmp_path: Path) -> None:
     assert json.loads(edition.files["texts/en.json"].content) == {"core": {"skip": "Skip"}}
 
 
+def test_the_order_of_the_layers_is_said_before_any_of_them_begins() -> None:
+    own = EDITION.files["page.css"].content.decode()
+    assert own.index("@layer tokens, base, components, shell, panels;") < own.index("@layer panels {")
+
+
 def test_every_library_comes_with_its_licence() -> None:
     for library in (one for one in LIBRARIES.glob("*") if one.is_dir()):
         assert list(library.glob("LICENSE*")), library.name

@@ -1,5 +1,7 @@
 """The liner's pressure on the teat as a map, with all that its σ is made of."""
 
+import re
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +11,9 @@ from grabberd.analysis.estimate import Estimate
 from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
+
+_VALUES = re.compile(r" of \S+ kPa| \([^)]*\)")
+"""Of a reason, what is of its own place alone."""
 
 
 class ChamberVacuum(NamedTuple):
@@ -96,7 +101,8 @@ class PressureMap(NamedTuple):
         """
         if not all(self.reason):
             return self
-        most = max(self.reason, key=self.reason.count, default="none was asked for")
+        kinds = Counter(_VALUES.sub("", reason) for reason in self.reason)
+        most = ", or ".join(kind for kind, _ in kinds.most_common()) or "none was asked for"
         sigma = self.contact_kpa.sigma
         known = sigma[np.isfinite(sigma)]
         median = f"median σ {np.median(known):.2g} kPa" if len(known) else "no σ is a number"

@@ -77,7 +77,7 @@ def get_analysis(
     "/{capture_id}/analyses/{number}/maps",
     response_class=Response,
     summary="A map of an analysis",
-    responses={200: {"model": MapDocument}},
+    responses={200: {"model": MapDocument}, **NOT_MODIFIED},
 )
 def get_analysis_map(
     capture_id: CaptureId,
@@ -87,6 +87,7 @@ def get_analysis_map(
     phase: Annotated[
         float | None, Query(ge=0, le=1, description="Phase of the mean cycle; the nearest there is.")
     ] = None,
+    if_none_match: IfNoneMatch = None,
 ) -> Response:
     """Place, curvature, strain, tension and pressure at every target with σ, of one field or of one phase of
     the mean cycle; give one of both.
@@ -95,7 +96,7 @@ def get_analysis_map(
         raise InputError("a map is of a field or of a phase", "give ?field=N or ?phase=0.25, one of them")
     folder = service.analyses.file(capture_id, number, RECORD).parent
     content = read_map(folder, *(("field", field) if field is not None else ("phase", phase or 0.0)))
-    return Response(content, media_type="application/json", headers={"Cache-Control": IMMUTABLE})
+    return tagged(content, "application/json", if_none_match, IMMUTABLE)
 
 
 @router.get(

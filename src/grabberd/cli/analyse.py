@@ -84,7 +84,10 @@ def analyse(
             vacuum_log=log,
             sources=sources,
         )
-    written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted) + _report(out, made)
+        progress.update(task, description="writing")
+        written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted) + _report(
+            out, made
+        )
     if json:
         print_json(_document(made, written))
     else:
@@ -128,13 +131,15 @@ def _summary(made: "Analysed") -> dict[str, float]:
 
 
 def _show(made: "Analysed") -> None:
+    from grabberd.reports.numbers import measured  # noqa: PLC0415
+
     row = _summary(made)
     table = Table(title=f"{row['analysed']} of {row['fields']} fields analysed, {row['missing']} missing")
     for heading, side in (("", "left"), ("value", "right"), ("σ", "right")):
         table.add_column(heading, justify=side)  # type: ignore[arg-type]
     for name in _SHOWN:
         if math.isfinite(row[name]):
-            table.add_row(name, f"{row[name]:.4f}", f"{row[f'sigma_{name}']:.4f}")
+            table.add_row(name, *measured(row[name], row[f"sigma_{name}"]))
     for cells in _ranges(made):
         table.add_row(*cells)
     console.print(table)
@@ -146,10 +151,13 @@ def _ranges(made: "Analysed") -> list[tuple[str, str, str]]:
     """Least and greatest of some columns over the fields."""
     import numpy as np  # noqa: PLC0415
 
+    from grabberd.reports.numbers import measured  # noqa: PLC0415
+
     fields, rows = made.tables["fields"], []
     for name in ("movement_mm", "area_mm2", "mean_contact_kpa", "greatest_contact_kpa"):
         values, sigma = fields.column(name), fields.column(f"sigma_{name}")
         if np.isfinite(values).any():
-            ends = f"{np.nanmin(values):.2f} … {np.nanmax(values):.2f}"
-            rows.append((f"{name}, over the fields", ends, f"{np.nanmedian(sigma):.2f}"))
+            median = float(np.nanmedian(sigma))
+            ends = " … ".join(measured(float(end(values)), median).value for end in (np.nanmin, np.nanmax))
+            rows.append((f"{name}, over the fields", ends, measured(0.0, median).sigma))
     return rows

@@ -26,6 +26,9 @@ class Kernel(Protocol):
     ) -> tuple[int, int, float, float, float, float]:
         """Blobs of a packed field of 1 bit."""
 
+    def whole(self, xy_px: Buffer, /, *arguments: Buffer | float) -> int:
+        """Blobs that lie in a view as a whole."""
+
     def near(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int, float]:
         """Targets near where they must be, and their points."""
 

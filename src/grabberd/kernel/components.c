@@ -18,41 +18,44 @@ INLINE uint64_t word_at(const uint8_t *bytes, int64_t count) {
 /* The pixels of a word that differ from the one before. */
 INLINE uint64_t edges_of(uint64_t word, uint64_t before) { return word ^ (word >> 1 | before << 63); }
 
-static int64_t count_runs(const Picture *picture) {
-    int64_t edges = 0;
-    for (int64_t row = 0; row < picture->rows; row++) {
-        const uint8_t *bytes = picture->bits + row * picture->stride;
-        uint64_t before = 0;
-        for (int64_t at = 0; at < picture->stride; at += 8) {
-            uint64_t word = word_at(bytes + at, picture->stride - at);
-            for (uint64_t some = edges_of(word, before); some; some &= some - 1) edges++;
-            before = word & 1;
-        }
-        edges += (int64_t)before;
-    }
-    return edges / 2;
+/* Runs as they are found, with room for more. */
+typedef struct {
+    Run *runs;
+    int64_t count, room;
+} Found;
+
+static bool make_room(Found *found) {
+    int64_t room = found->room ? 2 * found->room : 2048;
+    Run *more = realloc(found->runs, (size_t)room * sizeof *more);
+    if (!more) return false;
+    found->runs = more, found->room = room;
+    return true;
 }
 
-static void find_runs(const Picture *picture, Run *runs) {
-    Run *run = runs;
-    for (int64_t row = 0; row < picture->rows; row++) {
-        const uint8_t *bytes = picture->bits + row * picture->stride;
-        uint64_t before = 0;
-        bool inside = false;
-        for (int64_t at = 0; at < picture->stride; at += 8) {
-            uint64_t word = word_at(bytes + at, picture->stride - at);
-            for (uint64_t edges = edges_of(word, before); edges;) {
-                int bit = __builtin_clzll(edges);
-                edges &= ~(UINT64_C(1) << (63 - bit));
-                int32_t column = (int32_t)(8 * at + bit);
-                if (inside) (run++)->last = column - 1;
-                else *run = (Run){(int32_t)row, column, column, 0};
-                inside = !inside;
-            }
-            before = word & 1;
+static bool find_in_row(const uint8_t *bytes, int64_t stride, int32_t row, Found *found) {
+    uint64_t before = 0;
+    for (int64_t at = 0; at < stride; at += 8) {
+        uint64_t word = word_at(bytes + at, stride - at);
+        if (!(word | before)) continue;
+        for (uint64_t edges = edges_of(word, before); edges;) {
+            int bit = __builtin_clzll(edges);
+            int32_t column = (int32_t)(8 * at + bit);
+            edges &= ~(UINT64_C(1) << (63 - bit));
+            before ^= 1;
+            if (!before) found->runs[found->count++].last = column - 1;
+            else if (found->count < found->room || make_room(found))
+                found->runs[found->count] = (Run){row, column, column, 0};
+            else return false;
         }
-        if (inside) (run++)->last = (int32_t)(8 * picture->stride - 1);
     }
+    if (before) found->runs[found->count++].last = (int32_t)(8 * stride - 1);
+    return true;
+}
+
+static int find_runs(const Picture *picture, Found *found) {
+    for (int64_t row = 0; row < picture->rows; row++)
+        if (!find_in_row(picture->bits + row * picture->stride, picture->stride, (int32_t)row, found)) return NO_MEMORY;
+    return DONE;
 }
 
 static int32_t root_of(int32_t *parent, int32_t run) {
@@ -133,28 +136,31 @@ static void shape(const Picture *picture, const Settings *settings, const Run *r
     own->whole = own->low && !at_border;
 }
 
-int find_components(const Picture *picture, const Settings *settings, Seen *seen) {
-    int64_t count = count_runs(picture);
-    *seen = (Seen){.run_count = count};
-    if (!count) return DONE;
-    Run *found = malloc((size_t)count * sizeof *found);
-    int32_t *parent = malloc((size_t)count * sizeof *parent);
-    seen->runs = malloc((size_t)count * sizeof *seen->runs);
-    int status = found && parent && seen->runs ? DONE : NO_MEMORY;
-    if (status == DONE) {
-        find_runs(picture, found);
-        connect(found, count, parent);
-        seen->component_count = number(found, count, parent);
+static int connect_all(const Picture *picture, const Settings *settings, const Found *found, Seen *seen) {
+    size_t count = (size_t)found->count;
+    int32_t *parent = malloc(count * sizeof *parent);
+    seen->runs = malloc(count * sizeof *seen->runs);
+    if (parent && seen->runs) {
+        connect(found->runs, found->count, parent);
+        seen->component_count = number(found->runs, found->count, parent);
         seen->components = calloc((size_t)seen->component_count, sizeof *seen->components);
-        if (!seen->components) status = NO_MEMORY;
     }
-    if (status == DONE) {
-        order_by_component(found, count, seen->runs, seen->components, seen->component_count);
-        for (int64_t i = 0; i < seen->component_count; i++)
-            shape(picture, settings, seen->runs, seen->components + i);
-    }
-    free(found);
     free(parent);
+    if (!seen->components) {
+        seen->component_count = 0;
+        return NO_MEMORY;
+    }
+    order_by_component(found->runs, found->count, seen->runs, seen->components, seen->component_count);
+    for (int64_t i = 0; i < seen->component_count; i++) shape(picture, settings, seen->runs, seen->components + i);
+    return DONE;
+}
+
+int find_components(const Picture *picture, const Settings *settings, Seen *seen) {
+    Found found = {0};
+    int status = find_runs(picture, &found);
+    *seen = (Seen){.run_count = found.count};
+    if (status == DONE && found.count) status = connect_all(picture, settings, &found, seen);
+    free(found.runs);
     return status;
 }
 

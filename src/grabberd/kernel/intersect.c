@@ -87,7 +87,7 @@ static void weigh(const World *world, const double *sigma[VIEWS], const double *
         pairs->scale[1][v][lane] = 1.0 / sigma[v][1];
     }
     if (common[0] && common[1]) overlap = exp(-0.5 * (apart / reach_px * (apart / reach_px)));
-    else overlap = fmax(1.0 - fabs(apart) / (2.0 * world->radius_lines), 0.0);
+    else overlap = larger(1.0 - fabs(apart) / (2.0 * world->radius_lines), 0.0);
     double first = 1.0 / sqrt(variance[0]), mixed = shared[0] * shared[1] * overlap * first;
     double second = 1.0 / sqrt(variance[1] - mixed * mixed);
     pairs->scale[0][0][lane] = first, pairs->scale[0][1][lane] = second;
@@ -114,7 +114,7 @@ static double sigma_at(const LocalField *field, const double xy[2], int channel)
     int64_t first[2], size[2] = {field->columns, field->rows};
     for (int c = 0; c < 2; c++) {
         double place = (xy[c] - field->origin_px[c]) * (1.0 / field->step_px);
-        place = fmin(fmax(place, 0.0), (double)(size[c] - 3) - 1e-9);
+        place = smaller(larger(place, 0.0), (double)(size[c] - 3) - 1e-9);
         first[c] = (int64_t)place;
         double t = place - (double)first[c];
         along[c][0] = (1 - 3 * t + 3 * t * t - t * t * t) / 6, along[c][1] = (4 - 6 * t * t + 3 * t * t * t) / 6;

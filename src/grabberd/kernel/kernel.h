@@ -106,6 +106,13 @@ INLINE bool is_delivered(const Picture *picture, int32_t row) {
 }
 /* Row of the first line that the camera delivered. */
 INLINE int64_t first_row(const Picture *picture) { return picture->y_step == 1 ? picture->parity : 0; }
+/* As rint of what is below 2^51, without a call into the library. */
+INLINE double rounded(double value) {
+    const double whole = 6755399441055744.0;
+    return (value + whole) - whole;
+}
+INLINE double larger(double one, double other) { return one > other ? one : other; }
+INLINE double smaller(double one, double other) { return one < other ? one : other; }
 INLINE int64_t at_most(int64_t value, int64_t most) { return value < most ? value : most; }
 INLINE int64_t within(int64_t value, int64_t least, int64_t most) {
     return value < least ? least : at_most(value, most);

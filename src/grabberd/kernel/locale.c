@@ -2,7 +2,7 @@
 #include "lanes.h"
 #include "patterns.h"
 
-enum { WIDTH = 2 * REACH_X + 1, LANES = 16, NOISES = 3, NOISE_BLOBS = 24 };
+enum { WIDTH = 2 * REACH_X + 1, LANES = 16, ABREAST = 3, NOISES = 3, NOISE_BLOBS = 24 };
 static const double UNEXPLAINED = 20.0, MOST_JITTER = 0.7, JITTER_OF_CENTRE = 0.54;
 static const float NEVER = -80.0f;
 
@@ -18,18 +18,21 @@ typedef struct {
 INLINE Lanes look_up(const float *values, int64_t rows, const int64_t *entry, int64_t entries, const Lanes inside[2],
                      Lanes likelihood[WIDTH][2]) {
     Lanes most = all(-INFINITY);
-    for (int column = 0; column < WIDTH; column++) {
-        Lanes upper = {0}, lower = {0}, more;
-        const float *from = values + column * rows;
+    for (int column = 0; column < WIDTH; column += ABREAST) {
+        Lanes sum[ABREAST][2] = {{{0}}}, more;
         for (int64_t k = 0; k < entries; k++) {
-            memcpy(&more, from + entry[k], sizeof more);
-            upper += more;
-            memcpy(&more, from + entry[k] + EIGHT, sizeof more);
-            lower += more;
+            const float *from = values + column * rows + entry[k];
+            for (int beside = 0; beside < ABREAST; beside++, from += rows)
+                for (int part = 0; part < 2; part++) {
+                    memcpy(&more, from + part * EIGHT, sizeof more);
+                    sum[beside][part] += more;
+                }
         }
-        likelihood[column][0] = upper, likelihood[column][1] = lower;
-        most = greater(most, upper);
-        most = greater(most, choose(inside[1] > 0.0f, lower, upper));
+        for (int beside = 0; beside < ABREAST; beside++) {
+            memcpy(likelihood[column + beside], sum[beside], sizeof sum[beside]);
+            most = greater(most, sum[beside][0]);
+            most = greater(most, choose(inside[1] > 0.0f, sum[beside][1], sum[beside][0]));
+        }
     }
     return most;
 }
@@ -97,29 +100,35 @@ static int64_t looked_up(const Work *work, int64_t blob, const Kind *kind, Patte
     return fits(kind->table, work->entry, entries) ? entries : -1;
 }
 
-/* The one of the noises that explains blobs of the most frequent kind best. */
-static int likeliest_noise(const Work *work, int *noise) {
+/* What some blobs of the most frequent kind say, if the noise is this one. */
+static int64_t ask_some(const Work *work, int noise, Posterior found[NOISE_BLOBS]) {
     const Kind *kind = work->kinds->kinds + work->kinds->first;
-    double evidence[NOISES][NOISE_BLOBS], kept[NOISE_BLOBS], best = -INFINITY;
-    int64_t asked = 0, most = at_most(kind->blobs, NOISE_BLOBS);
-    for (int64_t blob = 0; blob < work->seen->component_count && asked < most; blob++) {
-        if (work->kinds->of[blob] != work->kinds->first) continue;
+    int64_t asked = at_most(kind->blobs, NOISE_BLOBS);
+    for (int64_t k = 0; k < asked; k++) {
         Pattern pattern;
-        int64_t entries = looked_up(work, blob, kind, &pattern);
-        if (entries < 0) return REFUSED;
-        for (int i = 0; i < NOISES; i++) {
-            Sums sums;
-            float greatest = weigh(kind->table->values[i], kind->table->rows, work->entry, entries, work->height, &sums);
-            evidence[i][asked] = (double)greatest + log(sums.total);
-        }
-        asked++;
+        Sums sums;
+        int64_t entries = looked_up(work, work->kinds->order[kind->begin + k], kind, &pattern);
+        if (entries < 0) return -1;
+        float greatest = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height, &sums);
+        found[k] = posterior_of(&sums, greatest, work->height);
     }
-    *noise = 0;
-    for (int i = 0; i < NOISES && asked; i++) {
-        memcpy(kept, evidence[i], (size_t)asked * sizeof *kept);
-        double least = median_of(kept, asked) - UNEXPLAINED, sum = 0;
-        for (int64_t k = 0; k < asked; k++) sum += fmax(evidence[i][k], least);
-        if (sum > best) best = sum, *noise = i;
+    return asked;
+}
+
+/* The one of the noises that explains these blobs best, and what they then say. */
+static int likeliest_noise(const Work *work, int *likeliest, Posterior found[NOISE_BLOBS]) {
+    Posterior some[NOISE_BLOBS];
+    double evidence[NOISE_BLOBS], best = -INFINITY;
+    *likeliest = 0;
+    for (int noise = 0; noise < NOISES; noise++) {
+        int64_t asked = ask_some(work, noise, some);
+        if (asked <= 0) return REFUSED;
+        for (int64_t k = 0; k < asked; k++) evidence[k] = some[k].evidence;
+        double least = median_of(evidence, asked) - UNEXPLAINED, sum = 0;
+        for (int64_t k = 0; k < asked; k++) sum += larger(evidence[k], least);
+        if (noise && !(sum > best)) continue;
+        best = sum, *likeliest = noise;
+        memcpy(found, some, (size_t)asked * sizeof *some);
     }
     return DONE;
 }
@@ -135,24 +144,30 @@ static void place(const Work *work, const Settings *settings, int64_t blob, cons
     double xx = found->variance_x / (pattern.wider * pattern.wider) * (picture->y_step == 1 ? 1.15 : 1.0);
     double lines = sqrt(4 / PI) / 2 * sqrt(own->area_px) / 2;
     double jitter = JITTER_OF_CENTRE * (settings->line_jitter_px * settings->line_jitter_px) / lines;
-    xx -= fmin((picture->y_step == 1 ? 0.25 : 0.5) * jitter, MOST_JITTER * xx);
+    xx -= smaller((picture->y_step == 1 ? 0.25 : 0.5) * jitter, MOST_JITTER * xx);
     at->sigma_x = sqrt(xx);
     at->sigma_y = sqrt(found->variance_y / (pattern.higher * pattern.higher));
 }
 
-static int posteriors_of(const Work *work, Posterior *found, double *evidence, int64_t *asked) {
-    int noise, status = likeliest_noise(work, &noise);
-    *asked = 0;
-    for (int64_t blob = 0; blob < work->seen->component_count && status == DONE; blob++) {
-        if (work->kinds->of[blob] < 0) continue;
+static int posteriors_of(const Work *work, Posterior *found, double *evidence) {
+    Posterior some[NOISE_BLOBS];
+    const Kind *asked = work->kinds->kinds + work->kinds->first;
+    int noise, status = likeliest_noise(work, &noise, some);
+    for (int64_t k = 0; k < work->kinds->blobs && status == DONE; k++) {
+        int64_t blob = work->kinds->order[k], before = k - asked->begin;
         const Kind *kind = work->kinds->kinds + work->kinds->of[blob];
+        if (kind == asked && before < NOISE_BLOBS) {
+            found[blob] = some[before];
+            evidence[k] = some[before].evidence;
+            continue;
+        }
         Pattern pattern;
         Sums sums;
         int64_t entries = looked_up(work, blob, kind, &pattern);
         if (entries < 0) return REFUSED;
         float greatest = weigh(kind->table->values[noise], kind->table->rows, work->entry, entries, work->height, &sums);
         found[blob] = posterior_of(&sums, greatest, work->height);
-        evidence[(*asked)++] = found[blob].evidence;
+        evidence[k] = found[blob].evidence;
     }
     return status;
 }
@@ -161,10 +176,9 @@ static int decode(const Work *work, const Settings *settings, Place *places) {
     size_t count = (size_t)work->seen->component_count;
     Posterior *found = malloc(count * sizeof *found);
     double *evidence = malloc(count * sizeof *evidence);
-    int64_t asked;
-    int status = found && evidence ? posteriors_of(work, found, evidence, &asked) : NO_MEMORY;
-    if (status == DONE && asked) {
-        double least = median_of(evidence, asked) - UNEXPLAINED;
+    int status = found && evidence ? posteriors_of(work, found, evidence) : NO_MEMORY;
+    if (status == DONE) {
+        double least = median_of(evidence, work->kinds->blobs) - UNEXPLAINED;
         for (size_t blob = 0; blob < count; blob++)
             if (work->kinds->of[blob] >= 0 && found[blob].evidence > least)
                 place(work, settings, (int64_t)blob, found + blob, places + blob);

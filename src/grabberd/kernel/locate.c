@@ -29,6 +29,21 @@ static void write_out(const Picture *picture, const Seen *seen, const Place *pla
     }
 }
 
+/* Those that lie in the columns of a view as a whole (as processes.measure.whole_blobs), with room for all. */
+int64_t whole_ones(int64_t count, const double *xy_px, const double *sigma_px, const double *common_px, const double *width_px,
+                   const bool *at_border, const double edges[2], double *out) {
+    int64_t kept = 0;
+    double *sigma = out + 2 * count, *common = out + 4 * count;
+    for (int64_t i = 0; i < count; i++) {
+        double x = xy_px[2 * i], half = width_px[i] / 2;
+        if (at_border[i] || !(x - half >= edges[0] - 0.5) || !(x + half <= edges[1] - 0.5)) continue;
+        out[2 * kept] = x, out[2 * kept + 1] = xy_px[2 * i + 1];
+        sigma[2 * kept] = sigma_px[2 * i], sigma[2 * kept + 1] = sigma_px[2 * i + 1];
+        common[kept++] = common_px[i];
+    }
+    return kept;
+}
+
 static bool is_sound(const Picture *picture, const Settings *settings) {
     return picture->bits && settings && picture->rows > 0 && picture->stride > 0 && picture->rows < 1 << 24 &&
            picture->stride < 1 << 24 && picture->rows * picture->stride <= picture->length &&

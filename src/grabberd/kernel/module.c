@@ -38,6 +38,22 @@ static PyObject *locate(PyObject *self, PyObject *arguments) {
                          outcome.missing[1], outcome.missing[2]);
 }
 
+/* whole(xy, σ, common, widths, at border, first column, end column, out) → how many of them */
+static PyObject *whole_of(PyObject *self, PyObject *arguments) {
+    Py_buffer xy, sigma, common, width, border, out;
+    double edges[2];
+    int64_t kept = -1;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*y*y*y*y*ddw*", &xy, &sigma, &common, &width, &border, edges, edges + 1, &out)) return NULL;
+    int64_t count = border.len;
+    if (holds(&xy, 2 * count, sizeof(double)) && holds(&sigma, 2 * count, sizeof(double)) && holds(&common, count, sizeof(double)) &&
+        holds(&width, count, sizeof(double)) && holds(&out, 5 * count, sizeof(double)))
+        kept = whole_ones(count, xy.buf, sigma.buf, common.buf, width.buf, border.buf, edges, out.buf);
+    Py_buffer *all[] = {&xy, &sigma, &common, &width, &border, &out};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++) PyBuffer_Release(all[i]);
+    return kept < 0 ? refused("arrays that do not belong together") : PyLong_FromLongLong(kept);
+}
+
 static Found found_in(Py_buffer *whole, Py_buffer *real, int64_t room) {
     int64_t *index = whole->buf;
     double *number = real->buf;
@@ -123,6 +139,7 @@ static PyObject *agree(PyObject *self, PyObject *arguments) {
 }
 
 static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a packed field of 1 bit."},
+                                  {"whole", whole_of, METH_VARARGS, "Blobs that lie in a view as a whole."},
                                   {"near", near_of, METH_VARARGS, "Targets near where they must be, and their points."},
                                   {"agree", agree, METH_VARARGS, "Whether targets agree, and where all of them are."},
                                   {NULL, NULL, 0, NULL}};

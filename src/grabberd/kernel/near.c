@@ -166,7 +166,7 @@ void settle(const World *world, const double *expected_mm, const double *sigma_m
     for (int64_t i = 0; i < count; i++) {
         const double *own = covariance + 9 * i;
         memcpy(raw + 3 * target[i], displacement_mm + 3 * i, 3 * sizeof *raw);
-        double depth = sqrt(fmax(own[0], fmax(own[4], own[8])));
+        double depth = sqrt(larger(own[0], larger(own[4], own[8])));
         if (depth < settled_sigma_mm[target[i]]) settled_sigma_mm[target[i]] = depth;
     }
     weighted_sum(world->precision, targets, targets, raw, smooth);

@@ -19,14 +19,14 @@ static int sort_into_cells(const ViewBlobs *blobs, Cells *cells) {
     cells->x0 = cells->y0 = INFINITY;
     for (int64_t i = 0; i < blobs->count; i++) {
         const double *xy = blobs->xy_px + 2 * i;
-        cells->x0 = fmin(cells->x0, xy[0]), x1 = fmax(x1, xy[0]);
-        cells->y0 = fmin(cells->y0, xy[1]), y1 = fmax(y1, xy[1]);
+        cells->x0 = smaller(cells->x0, xy[0]), x1 = larger(x1, xy[0]);
+        cells->y0 = smaller(cells->y0, xy[1]), y1 = larger(y1, xy[1]);
     }
-    double width = fmax(x1 - cells->x0, 1.0), height = fmax(y1 - cells->y0, 1.0);
+    double width = larger(x1 - cells->x0, 1.0), height = larger(y1 - cells->y0, 1.0);
     cells->per_cell = sqrt((double)blobs->count / (width * height));
     if (!(cells->per_cell > 0 && cells->per_cell < 1e6)) return REFUSED;
-    cells->columns = (int64_t)fmin(width * cells->per_cell, (double)blobs->count) + 1;
-    cells->rows = (int64_t)fmin(height * cells->per_cell, (double)blobs->count) + 1;
+    cells->columns = (int64_t)smaller(width * cells->per_cell, (double)blobs->count) + 1;
+    cells->rows = (int64_t)smaller(height * cells->per_cell, (double)blobs->count) + 1;
     int64_t count = cells->columns * cells->rows;
     cells->begin = calloc((size_t)count + 2, sizeof *cells->begin);
     cells->blob = malloc((size_t)blobs->count * sizeof *cells->blob);

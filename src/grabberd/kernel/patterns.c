@@ -18,7 +18,7 @@ int threshold_fraction(const Picture *picture, const Settings *settings, const S
         blobs += 1;
     }
     if (!(blobs > 0)) return DONE;
-    double width = rint(across / blobs / ROUNDED_PX), height = rint(down / blobs / ROUNDED_PX);
+    double width = rounded(across / blobs / ROUNDED_PX), height = rounded(down / blobs / ROUNDED_PX);
     const Fullness *found = NULL;
     for (int64_t i = 0; i < settings->fullness_count && !found; i++)
         if (settings->fullness[i].half_width_px == width && settings->fullness[i].half_height_px == height)
@@ -55,6 +55,21 @@ static bool comes_before(const Kind *one, const Kind *other) {
     return one->wide != other->wide ? one->wide < other->wide : one->high < other->high;
 }
 
+/* Blobs of a kind together: their table then stays near at hand. */
+static void put_in_order(Kinds *kinds, int64_t components) {
+    kinds->first = 0;
+    for (int64_t i = 1; i < kinds->count; i++) {
+        kinds->kinds[i].begin = kinds->kinds[i - 1].begin + kinds->kinds[i - 1].blobs;
+        if (comes_before(kinds->kinds + i, kinds->kinds + kinds->first)) kinds->first = i;
+    }
+    for (int64_t i = 0; i < kinds->count; i++) kinds->kinds[i].blobs = 0;
+    for (int64_t blob = 0; blob < components; blob++) {
+        if (kinds->of[blob] < 0) continue;
+        Kind *kind = kinds->kinds + kinds->of[blob];
+        kinds->order[kind->begin + kind->blobs++] = (int32_t)blob;
+    }
+}
+
 int kinds_of(const Seen *seen, const Size *sizes, Kinds *kinds) {
     int64_t size = 16;
     while (size < 2 * seen->component_count) size *= 2;
@@ -62,20 +77,19 @@ int kinds_of(const Seen *seen, const Size *sizes, Kinds *kinds) {
     kinds->slots = malloc((size_t)size * sizeof *kinds->slots);
     kinds->kinds = malloc((size_t)seen->component_count * sizeof *kinds->kinds);
     kinds->of = malloc((size_t)seen->component_count * sizeof *kinds->of);
-    if (!kinds->slots || !kinds->kinds || !kinds->of) return NO_MEMORY;
+    kinds->order = malloc((size_t)seen->component_count * sizeof *kinds->order);
+    if (!kinds->slots || !kinds->kinds || !kinds->of || !kinds->order) return NO_MEMORY;
     memset(kinds->slots, 0xff, (size_t)size * sizeof *kinds->slots);
     for (int64_t i = 0; i < seen->component_count; i++) {
         kinds->of[i] = -1;
         if (!seen->components[i].whole) continue;
-        double wide = rint(sizes[i].half_width_px / WIDE_PX), high = rint(sizes[i].half_height_px / HIGH_PX);
+        double wide = rounded(sizes[i].half_width_px / WIDE_PX), high = rounded(sizes[i].half_height_px / HIGH_PX);
         if (!(wide < 1e6 && high < 1e6)) return REFUSED;
         kinds->of[i] = (int32_t)kind_of(kinds, (int32_t)wide, (int32_t)high);
         kinds->kinds[kinds->of[i]].blobs++;
         kinds->blobs++;
     }
-    kinds->first = 0;
-    for (int64_t i = 1; i < kinds->count; i++)
-        if (comes_before(kinds->kinds + i, kinds->kinds + kinds->first)) kinds->first = i;
+    put_in_order(kinds, seen->component_count);
     return DONE;
 }
 
@@ -83,6 +97,7 @@ void free_kinds(Kinds *kinds) {
     free(kinds->slots);
     free(kinds->kinds);
     free(kinds->of);
+    free(kinds->order);
 }
 
 int find_tables(const Settings *settings, double fraction, Kinds *kinds, Outcome *outcome) {
@@ -103,13 +118,14 @@ int find_tables(const Settings *settings, double fraction, Kinds *kinds, Outcome
 
 void pattern_of(const Picture *picture, const Component *own, const Size *size, const Kind *kind, Pattern *pattern) {
     double y_step = (double)picture->y_step;
-    pattern->middle_x = rint(own->x * STEPS_X);
-    pattern->middle_y = rint((own->row - (double)first_row(picture)) * (STEPS_Y * y_step));
+    pattern->middle_x = rounded(own->x * STEPS_X);
+    pattern->middle_y = rounded((own->row - (double)first_row(picture)) * (STEPS_Y * y_step));
     pattern->wider = WIDE_PX * kind->wide / size->half_width_px;
     pattern->higher = HIGH_PX * kind->high / size->half_height_px;
 }
 
-INLINE int64_t bounded(double value) { return (int64_t)fmin(fmax(value, -1e9), 1e9); }
+/* What is no number is below all. */
+INLINE int64_t bounded(double value) { return (int64_t)(value > -1e9 ? smaller(value, 1e9) : -1e9); }
 
 int64_t entries_of(const Picture *picture, const Run *runs, const Component *own, const Size *size,
                    const Pattern *pattern, const Table *table, int64_t *entry) {
@@ -125,9 +141,9 @@ int64_t entries_of(const Picture *picture, const Run *runs, const Component *own
         while (i + 1 < own->count && run[i + 1].row == run[i].row) i++;
         double down = (double)(run[i].row - first_row(picture)) * ((double)picture->y_step * STEPS_Y) - pattern->middle_y;
         double origin = pattern->middle_x + HALF + size->lean * down * (STEPS_X / STEPS_Y);
-        double start = rint((first * STEPS_X - origin) * pattern->wider + HALF);
-        double end = rint((((double)run[i].last + 1) * STEPS_X - origin) * pattern->wider + HALF);
-        row = within(bounded(rint(down * pattern->higher)) - down_to, 0, ahead_y - 1);
+        double start = rounded((first * STEPS_X - origin) * pattern->wider + HALF);
+        double end = rounded((((double)run[i].last + 1) * STEPS_X - origin) * pattern->wider + HALF);
+        row = within(bounded(rounded(down * pattern->higher)) - down_to, 0, ahead_y - 1);
         is_between = !is_delivered(picture, run[i].row);
         if (count == 2) entry[0] = (4 * table->columns + is_between * CAPS + phase) * table->rows + row;
         entry[count++] = (is_between * table->columns + within(bounded(start) - right, 0, ahead_x - 1)) * table->rows + row;

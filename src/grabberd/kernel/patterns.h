@@ -10,14 +10,14 @@ enum { REACH_X = 4 };
 /* What blobs have to share in order to share a table: half axes in steps of .5 and .25 px. */
 typedef struct {
     int32_t wide, high;
-    int64_t blobs;
+    int64_t blobs, begin; /* how many, and where in the order */
     const Table *table;
 } Kind;
 
 typedef struct {
     Kind *kinds;
     int64_t count, first, blobs, mask; /* `first`: the most frequent; `blobs`: of all kinds */
-    int32_t *slots, *of;               /* `of`: every component's kind, −1 where it has none */
+    int32_t *slots, *of, *order;       /* `of`: every component's kind, −1 where it has none; `order`: by kinds */
 } Kinds;
 
 /* The place of the fine grid next to a blob's centroid, in its steps, and how the blob is stretched. */

@@ -61,9 +61,9 @@ int line_shares(const Picture *picture, const Settings *settings, const Seen *se
         for (int64_t k = 0; k + 1 < height; k++) beside += share[k + 1] * share[k];
         double common = jitter * jitter * square;
         common_px[i] = sqrt(common);
-        correlation[asked++] = jitter * jitter * beside / fmax(common, TINY);
+        correlation[asked++] = jitter * jitter * beside / larger(common, TINY);
     }
-    double middle = fmin(fmax(median_of(correlation, low), 0.05), 0.99);
+    double middle = smaller(larger(median_of(correlation, low), 0.05), 0.99);
     *reach_px = LINES_APART / sqrt(-2.0 * log(middle));
     free(correlation);
     free(share);

@@ -77,8 +77,8 @@ static void frame_surface(const Picture *picture, const Seen *seen, const Size *
         *total += sizes[i].delivered;
         *blobs += 1;
     }
-    *total = fmax(*total, 1e-9);
-    *blobs = fmax(*blobs, 1);
+    *total = larger(*total, 1e-9);
+    *blobs = larger(*blobs, 1);
     double x = 0, row = 0, xx = 0, rr = 0;
     for (int64_t i = 0; i < seen->component_count; i++) {
         const Component *own = seen->components + i;
@@ -88,8 +88,8 @@ static void frame_surface(const Picture *picture, const Seen *seen, const Size *
         xx += share * (own->x * own->x), rr += share * (own->row * own->row);
     }
     surface->middle_x = x, surface->middle_row = row;
-    surface->extent_x = sqrt(fmax(xx - x * x, 1.0));
-    surface->extent_row = sqrt(fmax(rr - row * row, 1.0));
+    surface->extent_x = sqrt(larger(xx - x * x, 1.0));
+    surface->extent_row = sqrt(larger(rr - row * row, 1.0));
 }
 
 /* `sizes` hold the moments yet: half width xx, half height yy, lean xy. */
@@ -127,8 +127,8 @@ static void smooth(const Picture *picture, const Component *own, const Surface *
         value[k] += surface->mean[k];
     }
     double y_step = (double)picture->y_step;
-    double yy = fmax(value[1] + POINTING_Y_PX2 * (y_step * y_step), LEAST_PX2);
-    double across = fmax(value[0] + POINTING_X_PX2 * y_step - value[2] * value[2] / yy, LEAST_PX2);
+    double yy = larger(value[1] + POINTING_Y_PX2 * (y_step * y_step), LEAST_PX2);
+    double across = larger(value[0] + POINTING_X_PX2 * y_step - value[2] * value[2] / yy, LEAST_PX2);
     size->half_width_px = 2 * sqrt(across);
     size->half_height_px = 2 * sqrt(yy);
     size->lean = value[2] / yy;

@@ -254,8 +254,7 @@ class _Work:
         smoothings: Smoothings | None,
         vacuum: Sequence[ChamberVacuum],
     ) -> list[tuple[int, WallState]]:
-        series = WallSeries(question, smoothings, self._problems.note, self._told)
-        return series.states(points, names, vacuum)
+        return WallSeries(question, smoothings, self._problems.note, self._told).states(points, names, vacuum)
 
     def _told(self) -> None:
         self._done += 1

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from grabberd.field import NumberedField, PackedField
 from grabberd.geometry import Calibration, LocalField, Rig, View
+from grabberd.kernel import KERNEL
 from grabberd.measurement import Blobs, LocationSettings, measure
 from grabberd.reconstruction import (
     ImageNoise,
@@ -20,6 +21,8 @@ from grabberd.reconstruction import (
     TrackingSettings,
     ViewBlobs,
 )
+
+Array = NDArray[np.float64]
 
 JITTERS, JITTER_EVERY = 9, 25
 """The line jitter is the median of so many fields' own estimates; then one field in so many is asked."""
@@ -73,11 +76,11 @@ class _Locating:
         self._jitters_px: deque[float] = deque(maxlen=JITTERS)
 
     def blobs(self, packed: PackedField) -> Blobs:
-        known = len(self._jitters_px) == JITTERS and self._fields % JITTER_EVERY > 0
-        likely_px = float(np.median(self._jitters_px)) if known else self._settings.line_jitter_px
-        blobs = measure(
-            packed, None, replace(self._settings, line_jitter_px=likely_px, line_jitter_known=known)
-        )
+        settings = self._settings
+        if len(self._jitters_px) == JITTERS and self._fields % JITTER_EVERY > 0:
+            likely_px = float(np.median(self._jitters_px))
+            settings = replace(settings, line_jitter_px=likely_px, line_jitter_known=True)
+        blobs = measure(packed, None, settings)
         self._fields += 1
         if blobs.line_jitter_px is not None:
             self._jitters_px.append(blobs.line_jitter_px)
@@ -116,11 +119,26 @@ def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None)
 
     What the picture is known to show there beyond the model, the view's local field, is taken off.
     """
-    own = whole(blobs, view.first_column, view.end_column)
-    xy_px = blobs.xy_px[own]
+    chosen = _chosen_compiled if KERNEL else _chosen
+    xy_px, sigma_px, common_px = chosen(blobs, view.first_column, view.end_column)
     if local_field is not None:
         xy_px = xy_px - local_field.at(xy_px)
-    return ViewBlobs(xy_px, blobs.sigma_px[own], blobs.common_px[own], blobs.common_reach_px)
+    return ViewBlobs(xy_px, sigma_px, common_px, blobs.common_reach_px)
+
+
+def _chosen(blobs: Blobs, first_column: int, end_column: int) -> tuple[Array, Array, Array]:
+    """Places, their standard deviations, and what they have in common, of a half's whole blobs."""
+    own = whole(blobs, first_column, end_column)
+    return blobs.xy_px[own], blobs.sigma_px[own], blobs.common_px[own]
+
+
+def _chosen_compiled(blobs: Blobs, first_column: int, end_column: int) -> tuple[Array, Array, Array]:
+    assert KERNEL
+    all_of_them, out = len(blobs), np.empty(5 * len(blobs))
+    parts = (blobs.xy_px, blobs.sigma_px, blobs.common_px, blobs.width_px, blobs.at_border)
+    count = KERNEL.whole(*map(np.ascontiguousarray, parts), first_column, end_column, out)
+    pairs = out[: 4 * all_of_them].reshape(2, all_of_them, 2)
+    return pairs[0, :count], pairs[1, :count], out[4 * all_of_them :][:count]
 
 
 def whole(blobs: Blobs, first_column: int, end_column: int) -> NDArray[np.bool_]:

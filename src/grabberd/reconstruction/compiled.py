@@ -102,16 +102,17 @@ class Nearby:
     def _agreeing(self, found: "_Found", surprise: float) -> Near:
         """Those that the others do not contradict, the worst dropped first (as `Agreement.consistent`)."""
         model, all_stay = self._agreement.model, True
-        expected, settled = np.empty((len(model), 3)), np.empty(10 * len(model))
+        count = len(model)
+        expected, settled = np.empty((count, 3)), np.empty(10 * count)
         while True:
-            say = self._agreement.field.say_of_targets(found.target)
+            say = self._agreement.field.say(found.target)
             worst = self._kernel.agree(
                 self._world, say.weights.T, say.sigma_mm, *found.agreeing(), expected, settled
             )
             if worst < 0:
                 break
             found, all_stay = found.without(worst), False
-        places = settled[: expected.size].reshape(expected.shape), settled[9 * len(model) :]
+        places = settled[: 3 * count].reshape(count, 3), settled[9 * count :]
         return Near(
             found.points(model.target),
             found.target,

@@ -90,22 +90,21 @@ class DisplacementField:
             seen: (M,) which targets have been measured.
             displacement_mm: (M, 3) their displacements; what stands at unseen ones is not looked at.
         """
-        say = self._say(seen)
+        say = self.say(np.flatnonzero(seen))
         return Expected(say.weights @ displacement_mm[seen], say.sigma_mm)
 
-    def say_of_targets(self, target: Indices) -> "Say":
-        """What targets (K,), ascending, say of all."""
-        seen = np.zeros(len(self.precision), np.bool_)
-        seen[target] = True
-        return self._say(seen)
+    def say(self, inside: Indices) -> Say:
+        """What some targets (K,), ascending, say of all.
 
-    def _say(self, seen: NDArray[np.bool_]) -> "Say":
-        """From field to field mostly the same targets are seen: what was worked out for them is kept."""
-        key = seen.tobytes()
+        From field to field mostly the same are seen: what was worked out for them is kept.
+        """
+        key = inside.tobytes()
         if key not in self._kept:
             if len(self._kept) == _KEPT:
                 self._kept.clear()
-            self._kept[key] = self._say_of(np.flatnonzero(seen), np.flatnonzero(~seen))
+            unseen = np.ones(len(self.precision), np.bool_)
+            unseen[inside] = False
+            self._kept[key] = self._say_of(inside, np.flatnonzero(unseen))
         return self._kept[key]
 
     def _say_of(self, inside: Indices, outside: Indices) -> "Say":

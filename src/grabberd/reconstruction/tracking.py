@@ -88,8 +88,10 @@ class Tracker:
         if elapsed_s <= self.settings.longest_gap_s:
             sighting = self._follow(track, left, right, elapsed_s)
             if len(sighting) >= max(fewest, self.settings.least_share * track.found):
-                believed = self._believed(track, sighting)
-                return self._continued(track, sighting, unseen_s, elapsed_s), sighting.points.select(believed)
+                points, believed = sighting.points, self._believed(track, sighting)
+                if not believed.all():
+                    points = points.select(believed)
+                return self._continued(track, sighting, unseen_s, elapsed_s), points
         sighting = self.correspondence.identify(left, right)
         if len(sighting) >= fewest:
             return self._begun(sighting, unseen_s), sighting.points
@@ -137,7 +139,7 @@ class Tracker:
 
     def _begun(self, sighting: Sighting, unseen_s: Array) -> Track:
         """The track after targets were identified, at rest until the next field shows more."""
-        places, sigma = sighting.settled or (self._smoothed(sighting), self._sigma(sighting))
+        places, sigma = self._settled(sighting)
         return Track(
             target=self.model.target,
             xyz_mm=places,
@@ -150,12 +152,21 @@ class Tracker:
         )
 
     def _continued(self, track: Track, sighting: Sighting, unseen_s: Array, elapsed_s: float) -> Track:
-        begun = self._begun(sighting, unseen_s)
-        return replace(
-            begun,
-            velocity_mm_s=(begun.xyz_mm - track.xyz_mm) / elapsed_s,
+        places, sigma = self._settled(sighting)
+        return Track(
+            target=self.model.target,
+            xyz_mm=places,
+            sigma_mm=sigma,
+            velocity_mm_s=(places - track.xyz_mm) / elapsed_s,
             speed_sigma_mm_s=self.settings.acceleration_mm_s2 * elapsed_s,
+            unseen_s=_seen_again(unseen_s, sighting),
+            age_s=0.0,
+            found=len(sighting),
         )
+
+    def _settled(self, sighting: Sighting) -> tuple[Array, Array]:
+        """Places (M, 3) of all targets, and their standard deviations (M,)."""
+        return sighting.settled or (self._smoothed(sighting), self._sigma(sighting))
 
     def _smoothed(self, sighting: Sighting) -> Array:
         displacement = sighting.expected.displacement_mm.copy()

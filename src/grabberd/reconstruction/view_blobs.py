@@ -1,5 +1,6 @@
 """What reconstruction takes of the blobs of one view: where they are, and how well that is known."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,9 @@ class ViewBlobs:
     common_reach_px: float = 0.0
 
     def __post_init__(self) -> None:
-        if not ((self.sigma_px > 0.0).all() and np.isfinite(self.xy_px).all()):
+        # The least of numbers, and their sum of squares, are no number where one of them is none.
+        least_px = np.minimum.reduce(self.sigma_px, axis=None, initial=np.inf)
+        if not (least_px > 0.0 and math.isfinite(np.vdot(self.xy_px, self.xy_px))):
             raise MeasurementError(
                 f"of {len(self)} blobs some have no place or no standard deviation above 0",
                 "this is a fault of the location method: choose another, and report it",

@@ -1,6 +1,7 @@
 """Where captures are measured again: processes of this computer, or a Dask cluster that there is already."""
 
 import importlib.util
+import logging
 import multiprocessing
 import os
 import signal
@@ -62,6 +63,7 @@ def cluster_workers(address: str, out: Path) -> Iterator[Workers]:
 def _connected(address: str) -> "Client":
     from distributed import Client  # noqa: PLC0415
 
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what goes wrong is said by us, once
     try:
         return Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:

@@ -11,6 +11,8 @@ from pathlib import Path
 STATIC = Path(__file__).parent / "static"
 LANGUAGES = ("en", "nb")
 STYLES = "page.css"
+LAYERS = "css/base.css"
+"""Says in which order the layers count, so it comes before any of them."""
 MEDIA_TYPES = {
     ".css": "text/css; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -109,7 +111,8 @@ def _version(files: Mapping[str, StaticFile]) -> str:
 
 def _styles(files: Mapping[str, StaticFile]) -> StaticFile:
     """Every style sheet in one, in the order of their names; those of others first."""
-    names = [*_below(files, "vendor/", ".css"), *_below(files, "css/", ".css")]
+    own = sorted(_below(files, "css/", ".css"), key=lambda name: (name != LAYERS, name))
+    names = [*_below(files, "vendor/", ".css"), *own]
     return StaticFile(MEDIA_TYPES[".css"], b"\n".join(files[name].content for name in names))
 
 

@@ -27,7 +27,7 @@ def _found(summary: Columns) -> Html:
         [
             ("Length", summary.said("period_s")),
             ("Rate", summary.said("rate_per_min")),
-            ("Standard deviation of the cycles' lengths", summary.said("period_spread_s", 4)),
+            ("Standard deviation of the cycles' lengths", summary.said("period_spread_s", 6)),
             ("Standard deviation of the cycles' strokes, by the mean one", summary.said("stroke_spread", 4)),
             ("Departure of the movement from the mean cycle (r.m.s.)", summary.said("residual_mm", 4)),
             ("What it would be by the points' σ alone", summary.said("expected_mm", 4)),

@@ -53,11 +53,16 @@ def pressure_sigma(states: Sequence[State]) -> Html:
 def _not_determined(states: Sequence[State]) -> Html:
     rows = []
     for state in states:
-        reasons = Counter(_kind(reason) for reason in state.columns.words("reason") if reason)
-        said = "; ".join(f"{reason}: {times}" for reason, times in reasons.items()) or "all are determined"
-        lacking = reasons.total()
-        rows.append((state.name, str(len(state.columns) - lacking), str(lacking), said))
+        known = int(np.isfinite(state.columns.numbers("contact_kpa")).sum())
+        lacking = len(state.columns) - known
+        rows.append((state.name, str(known), str(lacking), _why(state) if lacking else "all are determined"))
     return table("Targets at which the pressure is determined", ["State", "yes", "no", "Why not"], rows)
+
+
+def _why(state: State) -> str:
+    reasons = Counter(_kind(reason) for reason in state.columns.words("reason") if reason)
+    said = "; ".join(f"{reason}: {times}" for reason, times in reasons.items())
+    return said or "there is no map of this state: see the problems above"
 
 
 def _kind(reason: str) -> str:
@@ -78,8 +83,9 @@ def curves(document: Document) -> Html:
     drawn = figure(
         curves_svg(panels, "time [s]", "Curves over time with bands of one σ"),
         "Course over the capture, a value for each field, with bands of ± one σ. Lines break where fields "
-        "are missing. The greatest pressure is that of the target where it is greatest: noise raises it. "
-        "The area is that of the part that data support: it jumps where targets come and go.",
+        "are missing or nothing is determined. The greatest pressure is that of the target where it is "
+        "greatest: noise raises it. The area is that of the part that data support: it jumps where targets "
+        "come and go.",
     )
     return joined(drawn, _listed(fields, sections))
 

@@ -22,7 +22,7 @@ export function createMaps(context, path, document) {
   const words = el("p", { class: "number", role: "status" });
   const slider = el("input", { class: "slider", type: "range", min: 0, value: 0, "aria-label": t("analysis.map.state"), on: { input: soon } });
   const body = el("tbody");
-  const numbers = el("details", { class: "card", on: { toggle: () => numbers.open && showTable() } }, el("summary", { class: "capture-summary" }, t("plots.asTable")), el("div", { class: "scroll" }, el("table", { class: "table" }, el("thead", {}, el("tr", {}, ["target", "row", "column", "value", "sigma", "why"].map((name) => el("th", { scope: "col" }, t(`analysis.map.${name}`))))), body)));
+  const numbers = el("details", { class: "card", on: { toggle: () => numbers.open && showTable() } }, el("summary", { class: "capture-summary" }, t("plots.asTable")), el("div", { class: "scroll map-numbers", tabindex: 0 }, el("table", { class: "table" }, el("thead", {}, el("tr", {}, ["target", "row", "column", "value", "sigma", "why"].map((name) => el("th", { scope: "col" }, t(`analysis.map.${name}`))))), body)));
   /** @type {"phase" | "field"} */
   let kind = kinds.phase.length ? "phase" : "field";
   let quantity = known[0];
@@ -38,7 +38,7 @@ export function createMaps(context, path, document) {
   const side = el("div", { class: "stack grow" }, el("label", { class: "field" }, el("span", { class: "field-label" }, t("analysis.map.quantity")), select), choices, el("div", {}, words, slider), legend.element, touched, without);
   const missing = QUANTITIES.filter((one) => !known.includes(one));
   const lacking = missing.length ? el("p", { class: "muted" }, t("analysis.noCurve", { names: missing.map(({ name }) => t(`analysis.quantity.${name}`)).join(", ") })) : null;
-  const element = el("section", { class: "card stack" }, el("h2", {}, t("analysis.maps")), known.length ? el("div", { class: "map-parts" }, picture.element, side) : null, lacking, known.length ? numbers : null);
+  const element = el("section", { class: "card stack" }, el("h2", {}, t("analysis.maps")), known.length ? el("div", { class: "map-parts" }, el("figure", {}, picture.element, el("figcaption", { class: "small muted" }, t("analysis.map.axes"))), side) : null, lacking, known.length ? numbers : null);
 
   /** @param {"phase" | "field"} one */
   function begin(one) {
@@ -105,7 +105,7 @@ export function createMaps(context, path, document) {
   /** @param {number} i @param {(number | null)[]} values */
   function valueIn(i, values) {
     const sigma = (map.columns[`sigma_${quantity.name}`]?.[i] ?? NaN) * quantity.times;
-    return `${format.number(values[i], quantity.digits)} ± ${format.number(sigma, quantity.digits + 1)} ${quantity.unit}`;
+    return `${format.number(values[i], quantity.digits)} ± ${format.number(sigma, quantity.digits)} ${quantity.unit}`;
   }
 
   /** @param {(number | null)[]} values */
@@ -139,7 +139,7 @@ export function createMaps(context, path, document) {
     if (!numbers.open || !map) return;
     const values = shown(quantity, map.columns[quantity.name]);
     const sigma = shown(quantity, map.columns[`sigma_${quantity.name}`] ?? []);
-    fill(body, ...values.map((value, i) => el("tr", {}, [map.columns.target[i], map.columns.row[i] + 1, map.columns.column[i] + 1, format.number(value, quantity.digits), format.number(sigma[i], quantity.digits + 1), value === null ? whyNot(i) : ""].map((text) => el("td", { class: "number" }, text)))));
+    fill(body, ...values.map((value, i) => el("tr", {}, [map.columns.target[i], map.columns.row[i] + 1, map.columns.column[i] + 1, format.number(value, quantity.digits), format.number(sigma[i], quantity.digits), value === null ? whyNot(i) : ""].map((text) => el("td", { class: "number" }, text)))));
   }
 
   if (known.length) begin(kind);

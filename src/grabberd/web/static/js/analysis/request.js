@@ -17,7 +17,7 @@ export function createRequest(context, capture, own, made) {
   const { t, api, format } = context;
   const offer = el("div", { hidden: true });
   const why = el("p", { id: "analysis-why", role: "status" });
-  const start = el("button", { class: "button primary", type: "submit", data: { do: "analyse" }, "aria-describedby": "analysis-why" }, symbol("start"), t("analysis.start"));
+  const start = el("button", { class: "button primary", type: "submit", data: { do: "analyse" }, "aria-describedby": "analysis-why" }, symbol("maps"), t("analysis.start"));
   let key = newKey();
   let busy = false;
   /** @type {ReturnType<typeof createForm> | null} */

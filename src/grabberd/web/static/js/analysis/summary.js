@@ -2,8 +2,7 @@
 import { el, symbol } from "../core/dom.js";
 import { column, single } from "./tables.js";
 
-const SHOWN = 6;
-const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 4], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
+const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 3], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
 const PHASES = ["a", "b", "c", "d"];
 
 /** @param {import("../core/context.js").Context} context @param {any} document @param {any} record */
@@ -16,8 +15,14 @@ export function createSummary(context, document, record) {
     const { value, sigma } = single(table, name);
     if (value === null) return null;
     const times = unit === "%" ? 100 : 1;
-    const spread = sigma === null ? "" : ` ± ${format.number(sigma * times, digits)}`;
-    return [el("dt", {}, t(`analysis.fact.${name}`)), el("dd", {}, `${format.number(value * times, digits)}${spread} ${unit}`)];
+    return [el("dt", {}, t(`analysis.fact.${name}`)), el("dd", {}, `${spread(value * times, sigma === null ? null : sigma * times, digits)} ${unit}`)];
+  }
+
+  /** To the digit in which its σ begins. @param {number} value @param {number | null} sigma @param {number} digits without a σ */
+  function spread(value, sigma, digits) {
+    if (!sigma) return format.number(value, digits);
+    const places = Math.min(6, Math.max(0, -Math.floor(Math.log10(sigma))));
+    return `${format.number(value, places)} ± ${format.number(sigma, places)}`;
   }
 
   /** @param {string} kind */
@@ -42,9 +47,8 @@ function lacks({ t, texts }, given) {
 }
 
 /** What was survived, as the instrument says it. @param {import("../core/context.js").Context} context @param {string[]} found */
-function problems({ t }, found) {
+function problems({ tn }, found) {
   if (!found.length) return null;
-  const line = (/** @type {string} */ text) => el("li", {}, text);
-  const rest = found.length > SHOWN && el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.allProblems", { n: found.length })), el("ul", {}, found.slice(SHOWN).map(line)));
-  return el("div", { class: "note is-warn" }, symbol("warn"), el("div", {}, el("strong", {}, t("analysis.problems")), el("ul", { lang: "en" }, found.slice(0, SHOWN).map(line)), rest));
+  const list = el("ul", { lang: "en" }, found.map((text) => el("li", {}, text)));
+  return el("div", { class: "note is-warn" }, symbol("warn"), el("details", { class: "grow" }, el("summary", { class: "capture-summary" }, tn("analysis.problems", found.length)), list));
 }

@@ -3,6 +3,7 @@ import { badge, endIn, labelsIn, ledgerIn, lengthIn } from "../captures/words.js
 import { el, fill, symbol } from "../core/dom.js";
 
 const WAYS = [["shape", "shape"], ["plots", "analysis"], ["analysis", "maps"], ["compare", "compare"]];
+const OF_ALL = new Set(["shape", "plots"]);
 
 /** @param {import("../core/context.js").Context} context */
 export function createHead(context) {
@@ -22,7 +23,7 @@ export function createHead(context) {
     fill(title, format.moment(capture.created_utc), labels && ` · ${labels}`);
     const words = capture.state === "armed" || capture.ledger.complete ? null : el("strong", { class: "capture-ledger" }, ledgerIn(context, capture));
     fill(said, badge(context, capture), words, capture.pinned && el("span", { class: "badge is-idle" }, symbol("pin"), t("captures.pinned")));
-    fill(ways, capture.runs.length ? WAYS.map(([way, sign]) => wayTo(way, sign, capture)) : null);
+    fill(ways, capture.runs.length ? WAYS.filter(([way]) => capture.state === "sealed" || OF_ALL.has(way)).map(([way, sign]) => wayTo(way, sign, capture)) : null);
     ways.hidden = !capture.runs.length;
     showLive(capture);
     showFacts(capture);

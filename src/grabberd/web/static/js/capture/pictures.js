@@ -10,14 +10,14 @@ const IN_THE_FILE = new Set(["received", "damaged"]);
 /** @param {import("../core/context.js").Context} context */
 export function createPictures(context) {
   const { t, api, format } = context;
-  const image = el("img", { alt: "", on: { load: () => (frame.hidden = false), error: () => (frame.hidden = true) } });
+  const image = el("img", { alt: "", hidden: true, on: { load: () => (image.hidden = false), error: () => (image.hidden = true) } });
   const captions = el("div", { class: "picture-captions small" });
-  const frame = el("div", { class: "picture-frame" }, image);
-  const missing = el("p", { class: "note is-warn", hidden: true });
+  const missing = el("p", { class: "picture-missing", hidden: true });
+  const frame = el("div", { class: "picture-frame" }, image, missing);
   const words = el("p", { class: "number", role: "status" });
   const slider = el("input", { class: "slider", type: "range", min: 0, max: 0, value: 0, "aria-label": t("capture.whichField"), on: { input: () => go(Number(slider.value)) } });
   const buttons = STEPS.map(([by, name]) => el("button", { class: "button", type: "button", data: { step: by }, "aria-label": t(`capture.step.${name}`), on: { click: () => go(n + Number(by)) } }, Number(by) < 0 && symbol("back"), Math.abs(Number(by)) > 1 && Math.abs(Number(by)), Number(by) > 0 && symbol("next")));
-  const element = el("div", { class: "stack pictures" }, frame, captions, missing, slider, el("div", { class: "row between" }, words, el("div", { class: "row" }, buttons)), choices());
+  const element = el("div", { class: "stack pictures" }, frame, captions, slider, el("div", { class: "row between" }, words, el("div", { class: "row" }, buttons)), choices());
   /** @type {any} */
   let capture = null;
   let n = 0;
@@ -40,8 +40,7 @@ export function createPictures(context) {
 
   function fetchPicture() {
     const there = IN_THE_FILE.has(outcomeOf(capture, n).outcome);
-    frame.hidden = captions.hidden = !there;
-    if (!there) return;
+    if (!there) return void (image.hidden = true);
     image.src = api.url(`/captures/${encodeURIComponent(capture.id)}/fields/${n}.png`);
     image.alt = t("capture.picture", { n, s: format.number(n * FIELD_S, 2) });
   }

@@ -2,16 +2,17 @@
 
 /** @param {string} language @param {(key: string, values?: any) => string} t */
 export function createFormat(language, t) {
-  const clock = new Intl.DateTimeFormat(language, { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
-  const day = new Intl.DateTimeFormat(language, { day: "numeric", month: "short", year: "numeric" });
-  const moment = new Intl.DateTimeFormat(language, {
+  const region = language === "en" ? "en-GB" : language; // the day before the month
+  const clock = new Intl.DateTimeFormat(region, { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
+  const day = new Intl.DateTimeFormat(region, { day: "numeric", month: "short", year: "numeric" });
+  const moment = new Intl.DateTimeFormat(region, {
     day: "numeric", month: "short", hour: "2-digit", minute: "2-digit", hourCycle: "h23",
   });
 
   /** @param {number | null | undefined} value @param {number} [digits] after the point */
   function number(value, digits = 0) {
     if (value === null || value === undefined || !Number.isFinite(value)) return "–";
-    return new Intl.NumberFormat(language, {
+    return new Intl.NumberFormat(region, {
       minimumFractionDigits: digits, maximumFractionDigits: digits,
     }).format(value);
   }

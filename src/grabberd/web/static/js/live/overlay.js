@@ -2,6 +2,7 @@
 
 const COLOURS = { left: "#35d0ff", right: "#ffb02e" };
 const RING_PX = 7;
+const LARGEST_LABEL_PX = 12;
 const GOOD_PX = 0.15;
 const FAIR_PX = 0.3;
 
@@ -76,7 +77,7 @@ function circle(to, x, y) {
 
 /** @param {CanvasRenderingContext2D} to @param {import("./message.js").Point} point @param {number} unit */
 function label(to, { image, target }, unit) {
-  to.font = `600 ${11 * unit}px system-ui, sans-serif`;
+  to.font = `600 ${Math.min(11 * unit, LARGEST_LABEL_PX)}px system-ui, sans-serif`;
   to.textAlign = "center";
   to.lineWidth = 3 * unit;
   to.strokeStyle = "#000";

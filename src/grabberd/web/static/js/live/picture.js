@@ -15,7 +15,8 @@ export function createPicture(context, seen = () => {}) {
   const bits = document.createElement("canvas");
   const canvas = el("canvas", { class: "picture-canvas", role: "img", "aria-label": t("live.picture") });
   const veil = el("p", { class: "veil", hidden: true });
-  const element = el("div", { class: "picture veiled" }, canvas, veil);
+  const scroll = el("div", { class: "picture-scroll", tabindex: 0 }, canvas);
+  const element = el("div", { class: "picture veiled" }, scroll, veil);
   const choices = { ids: false, residuals: false };
   let frozen = false;
   let arrived = performance.now();
@@ -78,6 +79,7 @@ export function createPicture(context, seen = () => {}) {
     /** @param {"ids" | "residuals"} name @param {boolean} on */
     choose(name, on) {
       choices[name] = on;
+      element.classList.toggle("large", choices.ids); // numbers need room; a phone scrolls
       draw();
     },
     unmount() {

@@ -51,7 +51,7 @@ function words(context, capture) {
   return [
     el("div", { class: "row between" }, el("h2", {}, title), verdict(context, capture)),
     el("div", { class: "row between" },
-      el("p", { class: "last-facts" }, el("span", {}, format.moment(capture.created_utc)), " · ", context.tn("operate.last.fields", capture.fields), " · ", said(capture)),
+      el("p", { class: "last-facts" }, el("span", {}, format.moment(capture.created_utc)), " · ", context.tn("operate.last.fields", capture.fields), said(capture)),
       capture.verdict && open),
   ];
 }
@@ -64,7 +64,7 @@ function verdict({ t }, capture) {
   return el("span", { class: `badge is-${level}` }, symbol(sign), t(`operate.last.${capture.verdict ?? "sealing"}`));
 }
 
-/** What its ledger says. @param {any} capture */
+/** What its ledger says, where the verdict does not say it all. @param {any} capture */
 function said(capture) {
-  return capture.ledger.in_words;
+  return capture.ledger.complete ? "" : ` · ${capture.ledger.in_words}`;
 }

@@ -21,6 +21,12 @@ export const ENTRIES = [
   { id: "plots-of-target", route: "plots/:id/:target", under: "shape", role: "viewer", load: () => import("./plots.js") },
   { id: "captures", route: "captures", nav: "captures", role: "viewer", load: () => import("./captures.js") },
   { id: "capture", route: "captures/:id", under: "captures", role: "viewer", load: () => import("./capture.js") },
+  { id: "compare", route: "compare", under: "captures", role: "viewer", load: () => import("./compare.js") },
+  { id: "compare-one", route: "compare/:id", under: "captures", role: "viewer", load: () => import("./compare.js") },
+  { id: "compare-two", route: "compare/:id/:other", under: "captures", role: "viewer", load: () => import("./compare.js") },
   { id: "analysis", route: "analysis/:id", under: "captures", role: "viewer", load: () => import("./analysis.js") },
   { id: "analysis-of", route: "analysis/:id/:n", under: "captures", role: "viewer", load: () => import("./analysis.js") },
+  { id: "calibration", route: "calibration", nav: "calibration", role: "viewer", load: () => import("./calibration.js") },
+  { id: "calibration-step", route: "calibration/:step", under: "calibration", role: "viewer", load: () => import("./calibration.js") },
+  { id: "calibration-step-of", route: "calibration/:step/:id", under: "calibration", role: "viewer", load: () => import("./calibration.js") },
 ];

@@ -36,8 +36,10 @@ export function createLivePlots(context, body, history) {
 
   /** @param {(typeof PLOTS)[number]} plot */
   function optionsOf(plot) {
-    const lines = plot.lines.map((line, i) => ({ label: t(`plots.line.${line.name}`), ink: /** @type {any} */ (String(i + 1)), dash: i ? DASH : undefined }));
-    return { title: t(`plots.chart.${plot.name}`), unit: plot.unit, digits: plot.digits, lines, band: plot.name === "width", when: (/** @type {number} */ s) => format.time(1000 * s), together: "live", least: plot.least };
+    const ink = (/** @type {number} */ i) => /** @type {"1" | "2" | "3"} */ (String(i + 1));
+    const lines = plot.lines.map((line, i) => ({ label: t(`plots.line.${line.name}`), ink: ink(i), dash: i ? DASH : undefined }));
+    const when = (/** @type {number} */ s) => format.time(1000 * s);
+    return { title: t(`plots.chart.${plot.name}`), unit: plot.unit, digits: plot.digits, lines, band: plot.name === "width", when, together: "live", least: plot.least };
   }
 
   /** @param {number} chosen */
@@ -57,8 +59,12 @@ export function createLivePlots(context, body, history) {
 
   /** @param {(typeof plots)[number]} plot @param {import("./series.js").Column[]} columns */
   function wordsOf(plot, columns) {
-    const found = plot.lines.map((line, i) => ({ line, summary: summaryOf(columns[i + 1]) }));
-    const words = found.map(({ line, summary }) => (summary ? t("plots.words", { name: t(`plots.line.${line.name}`), last: format.number(summary.last, plot.digits), least: format.number(summary.least, plot.digits), greatest: format.number(summary.greatest, plot.digits) }) : ""));
+    const number = (/** @type {number} */ value) => format.number(value, plot.digits);
+    const words = plot.lines.map((line, i) => {
+      const summary = summaryOf(columns[i + 1]);
+      const name = t(`plots.line.${line.name}`);
+      return summary && t("plots.words", { name, last: number(summary.last), least: number(summary.least), greatest: number(summary.greatest) });
+    });
     return [t(`plots.chart.${plot.name}`), plot.unit, ...words].filter(Boolean).join(" ");
   }
 

@@ -7,7 +7,7 @@ import { coloursOf, onTheme } from "./theme.js";
 
 /** So near a touch has to be. */
 const NEAR_PIXELS = 28;
-const COLOURS = { wire: "scene-wire", wireOn: "scene-wire-on", plain: "scene-plain", unknown: "scene-unknown", camera: "scene-camera", rim: "scene-rim", ground: "surface" };
+const COLOURS = { ink: "ink", wire: "scene-wire", wireOn: "scene-wire-on", plain: "scene-plain", unknown: "scene-unknown", camera: "scene-camera", rim: "scene-rim", ground: "surface" };
 
 /**
  * @param {import("./grid.js").Grid} grid

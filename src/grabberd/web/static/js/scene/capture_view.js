@@ -70,7 +70,8 @@ export function createCaptureView(context, body, id) {
   /** @param {any} opened @param {(to: any) => void} change */
   function partOf(opened, change) {
     if (opened.parts < 2) return null;
-    const slider = el("input", { class: "slider", id: "scene-part", type: "range", min: 1, max: opened.parts, step: 1, value: 1, on: { change: () => change({ part: Number(slider.value) - 1, analysis: 0 }) } });
+    const choose = () => change({ part: Number(slider.value) - 1, analysis: 0 });
+    const slider = el("input", { class: "slider", id: "scene-part", type: "range", min: 1, max: opened.parts, step: 1, value: 1, on: { change: choose } });
     return el("div", { class: "field grow" }, el("label", { class: "field-label", for: "scene-part" }, tn("shape.parts", opened.parts)), slider);
   }
 

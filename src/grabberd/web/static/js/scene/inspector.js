@@ -13,7 +13,8 @@ const AXES = ["X", "Y", "Z"];
  */
 export function createInspector({ t, format }, grid, quantities, choose, addressOf) {
   const options = grid.target.map((id) => el("option", { value: id }, String(id)));
-  const select = el("select", { class: "input", id: "scene-target", on: { change: () => choose(select.value ? Number(select.value) : null) } }, el("option", { value: "" }, t("shape.noTarget")), options);
+  const chosen = () => choose(select.value ? Number(select.value) : null);
+  const select = el("select", { class: "input", id: "scene-target", on: { change: chosen } }, el("option", { value: "" }, t("shape.noTarget")), options);
   const facts = el("dl", { class: "facts number" });
   const link = el("a", { class: "button", hidden: true }, t("shape.overTime"));
   const element = el(

@@ -27,7 +27,9 @@ const LEAST_PIXELS = 9;
 
 /** Whether this browser can draw at all. */
 export function canDraw() {
-  return document.createElement("canvas").getContext("webgl2") !== null;
+  const context = document.createElement("canvas").getContext("webgl2");
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return context !== null;
 }
 
 /** @param {HTMLCanvasElement} canvas @param {Grid} grid */

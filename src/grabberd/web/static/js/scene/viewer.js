@@ -37,7 +37,7 @@ export function createViewer(context, subject) {
   const known = kept(KEPT, {});
   const look = {
     parts: { ...PARTS, ...known.parts },
-    quantity: quantities.includes(known.quantity) ? known.quantity : quantities[0] ?? PLAIN,
+    quantity: [PLAIN, ...quantities].includes(known.quantity) ? known.quantity : quantities[0] ?? PLAIN,
   };
   /** One of the named views, which fill the picture by themselves; null: as it was turned. @type {string | null} */
   let view = "oblique";
@@ -96,8 +96,12 @@ export function createViewer(context, subject) {
   function choose(change) {
     Object.assign(look, change);
     keep(KEPT, { parts: look.parts, quantity: look.quantity });
-    scale = subject.moments ? scaleOf(look.quantity, subject.moments) : null;
+    rescale();
     if (moment) show(moment);
+  }
+
+  function rescale() {
+    scale = subject.moments ? scaleOf(look.quantity, subject.moments) : null;
   }
 
   /** @param {Moment} now */
@@ -144,7 +148,7 @@ export function createViewer(context, subject) {
     if (blob) save(blob, `${subject.file}-${moment.n ?? "phase"}.png`);
   }
 
-  choose({});
+  rescale();
   return { element, show, end: canvas.end };
 }
 

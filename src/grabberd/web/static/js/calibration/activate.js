@@ -1,0 +1,16 @@
+// Having the instrument measure with a calibration.
+
+/** Asks first, since every capture from then on is measured with it. @param {import("../core/context.js").Context} context @param {any} row */
+export async function activate(context, row) {
+  const { t, api, format, confirm, announce, refused } = context;
+  const made = row.created_utc ? format.moment(row.created_utc) : row.id;
+  if (!(await confirm({ title: t("calibration.activate.title", { made }), text: t(row.rejected ? "calibration.activate.rejected" : "calibration.activate.text"), action: t("calibration.activate.do") }))) return false;
+  try {
+    await api.put("/calibrations/active", { body: { id: row.id, device: context.device()?.name } });
+    announce(t("calibration.activate.done"), { kind: "good" });
+    return true;
+  } catch (problem) {
+    refused(problem);
+    return false;
+  }
+}

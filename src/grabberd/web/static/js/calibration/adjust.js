@@ -1,0 +1,65 @@
+// Step 4: both virtual cameras are adjusted: a job that can be watched and cancelled.
+import { newKey } from "../core/api.js";
+import { el, fill } from "../core/dom.js";
+import { createJob } from "../jobs/job.js";
+import { latestJob } from "./latest_job.js";
+import { addressOf, note, way } from "./steps.js";
+
+/** @param {import("../core/context.js").Context} context @param {string} id of the capture */
+export function createAdjust(context, id) {
+  const { t, api, may, go } = context;
+  const job = createJob(context, { title: t("calibration.adjust.running"), done, busy: (on) => (form.hidden = on) });
+  const made = el("div");
+  const words = el("input", { class: "input", id: "calibration-note", maxlength: 2000, autocomplete: "off" });
+  const start = el("button", { class: "button primary", type: "button", data: { do: "adjust" }, on: { click: order } }, t("calibration.adjust.start"));
+  const form = el("div", { class: "stack" },
+    el("div", { class: "field" }, el("label", { class: "field-label", for: "calibration-note" }, t("calibration.adjust.note")), words, el("p", { class: "field-hint" }, t("calibration.adjust.noteHint"))),
+    el("div", { class: "row between" }, el("div", { class: "row" }, way(addressOf("found", id), t("calibration.back")), way(addressOf("take"), t("calibration.again"))), start));
+  const element = el("section", { class: "card stack narrow" }, el("h2", {}, t("calibration.adjust.title")), el("p", {}, t("calibration.adjust.about")), made, job.element, may("operator") ? form : note("idle", t("calibration.viewer")));
+  let live = false;
+  let ended = false;
+
+  async function open() {
+    const known = await latestJob(context, "calibrate", (subject) => subject === id);
+    if (ended) return;
+    if (known) job.follow(known);
+    if (known?.state === "done") return;
+    live = true;
+    const { calibrations } = await api.get("/calibrations");
+    const before = calibrations.find((/** @type {any} */ row) => row.capture === id);
+    if (before && !ended) offer(before.id);
+  }
+
+  /** After a restart of the daemon its jobs are forgotten, but not what they made. @param {string} calibration */
+  function offer(calibration) {
+    fill(made, note("good", el("p", {}, t("calibration.adjust.made")), way(addressOf("review", calibration), t("calibration.adjust.read"), "primary")));
+  }
+
+  /** @param {any} ended */
+  function done({ result }) {
+    if (live) go("calibration", "review", result.calibration);
+    else offer(result.calibration);
+  }
+
+  async function order() {
+    start.disabled = true;
+    live = true;
+    try {
+      const { labels } = await api.get(`/captures/${encodeURIComponent(id)}`);
+      const body = { capture: id, calibration_frame: labels.calibration_frame, note: words.value.trim() };
+      job.follow(await api.post("/calibrations", { body, key: newKey() }));
+    } catch (problem) {
+      context.refused(problem);
+    }
+    start.disabled = false;
+  }
+
+  open().catch(context.refused);
+  return {
+    element,
+    unmount() {
+      ended = true;
+      job.unmount();
+    },
+  };
+}

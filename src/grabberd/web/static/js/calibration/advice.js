@@ -1,0 +1,33 @@
+// What to do about lamp, lens and frame, from what each view shows. Nothing here touches the page.
+
+const ENOUGH = 0.9;
+const MANY = 1.15;
+const CLIPPED = 0.5;
+const SMALL_PX = 3;
+const LARGE_PX = 16;
+const CONTRAST = 60;
+
+/** @typedef {{key: string, view: string}} Advice key of calibration.advice */
+
+/** @param {any} light of the API @param {number} of how many targets the calibration frame has @returns {Advice[]} */
+export function adviceFor(light, of) {
+  return Object.entries(light.views).flatMap(([view, shown]) => keysFor(shown, of).map((key) => ({ key, view })));
+}
+
+/** @param {any} shown @param {number} of */
+function keysFor(shown, of) {
+  const keys = [];
+  if (shown.targets === 0) return ["dark"];
+  if (shown.targets < ENOUGH * of) keys.push("few");
+  if (shown.targets > MANY * of) keys.push("many");
+  if (shown.clipped > CLIPPED) keys.push("bright");
+  else if (shown.brightest - shown.background < CONTRAST) keys.push("weak");
+  if (shown.diameter_px < SMALL_PX) keys.push("small");
+  if (shown.diameter_px > LARGE_PX) keys.push("large");
+  return keys;
+}
+
+/** Whether so many targets are in a view as are needed. @param {any} shown @param {number} of */
+export function isEnough(shown, of) {
+  return shown.targets >= ENOUGH * of && shown.targets <= MANY * of;
+}

@@ -1,0 +1,109 @@
+// Step 3: which targets the capture shows in each view, and which are missing.
+import { newKey } from "../core/api.js";
+import { el, fill, symbol } from "../core/dom.js";
+import { createJob } from "../jobs/job.js";
+import { latestJob } from "./latest_job.js";
+import { addressOf, note, way } from "./steps.js";
+import { createTargetPicture } from "./target_picture.js";
+
+const ENOUGH = 0.6;
+const VIEWS = ["left", "right"];
+
+/** @param {import("../core/context.js").Context} context @param {string} id of the capture */
+export function createFound(context, id) {
+  const { t, api, may } = context;
+  const job = createJob(context, { title: t("calibration.found.looking"), done: ({ result }) => show(result), busy: (on) => (ways.hidden = on) });
+  const body = el("div", { class: "stack" });
+  const ways = el("div", { class: "row between" });
+  const element = el("div", { class: "stack" }, el("section", { class: "card stack" }, el("h2", {}, t("calibration.found.title")), job.element, body, ways));
+  /** @type {ReturnType<typeof createTargetPicture>[]} */
+  let pictures = [];
+  let ended = false;
+
+  async function open() {
+    const known = await latestJob(context, "identify", (subject) => subject === id);
+    const usable = known && known.state !== "cancelled" ? known : may("operator") ? await order() : null;
+    if (ended) return;
+    offer(null);
+    if (usable) job.follow(usable);
+    else fill(body, note("idle", t("calibration.viewer")));
+  }
+
+  async function order() {
+    const { labels } = await api.get(`/captures/${encodeURIComponent(id)}`);
+    const body = labels.calibration_frame ? { calibration_frame: labels.calibration_frame } : {};
+    return api.post(`/captures/${encodeURIComponent(id)}/identification`, { body, key: newKey() });
+  }
+
+  /** @param {any} result */
+  function show(result) {
+    const { views } = context.device() ?? {};
+    for (const one of pictures) one.unmount();
+    pictures = VIEWS.map((name) => createTargetPicture(context, name, views[name], labelOf(name, result)));
+    fill(body, headOf(result), namesButton(), el("div", { class: "target-views" }, VIEWS.map((name, i) => viewOf(name, pictures[i], result))));
+    const address = api.url(`/captures/${encodeURIComponent(id)}/fields/${result.picture.field}.png`);
+    VIEWS.forEach((name, i) => pictures[i].show(address, result.picture, result.views[name]));
+    offer(result);
+  }
+
+  /** @param {any} result */
+  function headOf(result) {
+    if (result.problem) return refusal(result);
+    const missing = VIEWS.some((name) => result.views[name].missing.length > 0);
+    return note(missing ? "warn" : "good", el("strong", {}, t(missing ? "calibration.found.some" : "calibration.found.all", { of: result.of })));
+  }
+
+  /** Why it is not clear which target is which, and what mends it. @param {any} result */
+  function refusal(result) {
+    const few = VIEWS.some((name) => result.views[name].other.length < ENOUGH * result.of);
+    return note("bad", el("strong", {}, t("calibration.found.refused")), el("p", {}, t(few ? "calibration.found.mendLight" : "calibration.found.mendFrame")),
+      el("p", { class: "small" }, el("strong", {}, t("lights.said")), " ", result.problem.message, " – ", result.problem.hint));
+  }
+
+  function namesButton() {
+    const button = el("button", { class: "button", type: "button", "aria-pressed": "true", data: { toggle: "names" } }, t("live.ids"));
+    button.addEventListener("click", () => {
+      const on = button.getAttribute("aria-pressed") !== "true";
+      button.setAttribute("aria-pressed", String(on));
+      for (const one of pictures) one.name(on);
+    });
+    return el("div", { class: "row" }, button);
+  }
+
+  /** @param {string} name @param {any} picture @param {any} result */
+  function viewOf(name, picture, result) {
+    const view = result.views[name];
+    const missing = view.missing.length === result.of ? t("calibration.found.noneNamed") : view.missing.join(", ");
+    return el("section", { class: "target-view stack", data: { view: name } }, el("h3", {}, labelOf(name, result)), picture.element,
+      el("p", {}, el("strong", {}, t("calibration.found.missing")), " ", view.missing.length ? missing : t("calibration.found.nothing")),
+      view.other.length ? el("p", { class: "muted small" }, context.tn("calibration.found.other", view.other.length)) : null);
+  }
+
+  /** @param {string} name @param {any} result */
+  function labelOf(name, result) {
+    return t("calibration.found.view", { view: t(`live.view.${name}`), n: result.views[name].found.length, of: result.of });
+  }
+
+  /** @param {any} result */
+  function offer(result) {
+    if (!may("operator")) return fill(ways);
+    const isGood = result && !result.problem;
+    fill(ways,
+      el("div", { class: "row" }, way(addressOf("place"), t("calibration.found.placeAgain"), result?.problem ? "primary" : ""), way(addressOf("take"), t("calibration.again"))),
+      isGood ? el("a", { class: "button primary", href: addressOf("adjust", id) }, t("calibration.next"), symbol("next")) : null);
+  }
+
+  open().catch((problem) => {
+    offer(null);
+    if (problem.status === 404) fill(body, note("bad", t("calibration.take.gone")));
+    else context.refused(problem);
+  });
+  return {
+    element,
+    unmount() {
+      ended = true;
+      job.unmount();
+      for (const one of pictures) one.unmount();
+    },
+  };
+}

@@ -1,0 +1,41 @@
+// Where in the guided way we are.
+import { el, symbol } from "../core/dom.js";
+import { keep } from "../core/kept.js";
+
+export const STEPS = ["place", "take", "found", "adjust", "review"];
+const AT = "calibration.at";
+
+/** Remembers where the way was left. @param {string} step @param {string} [id] */
+export function remember(step, id) {
+  keep(AT, id ? [step, id] : [step]);
+}
+
+export function forget() {
+  keep(AT, null);
+}
+
+/** @param {import("../core/context.js").Context} context @param {string} step */
+export function createSteps({ t }, step) {
+  const at = STEPS.indexOf(step);
+  const items = STEPS.map((name, i) => {
+    const state = i < at ? "is-done" : i === at ? "is-now" : "";
+    return el("li", { class: `step ${state}`, "aria-current": i === at ? "step" : null }, el("span", { class: "step-number" }, i < at ? symbol("ok") : String(i + 1)), el("span", {}, t(`calibration.steps.${name}`)));
+  });
+  return el("nav", { class: "steps-card", "aria-label": t("calibration.steps.label") }, el("ol", { class: "steps" }, items));
+}
+
+/** A note of a level. @param {string} level @param {...any} body */
+export function note(level, ...body) {
+  const signs = /** @type {Record<string, string>} */ ({ good: "ok", warn: "warn", bad: "bad", busy: "wait", idle: "info" });
+  return el("div", { class: `note is-${level}` }, symbol(signs[level]), el("div", { class: "grow" }, ...body));
+}
+
+/** A way to another step. @param {string} href @param {string} words @param {string} [kind] */
+export function way(href, words, kind = "") {
+  return el("a", { class: `button ${kind}`, href }, words);
+}
+
+/** @param {string} step @param {string} [id] */
+export function addressOf(step, id) {
+  return `#calibration/${step}${id ? `/${encodeURIComponent(id)}` : ""}`;
+}

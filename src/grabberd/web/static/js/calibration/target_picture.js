@@ -1,0 +1,84 @@
+// A view of a field, its targets ringed and named.
+import { el } from "../core/dom.js";
+import { colourOf } from "../live/overlay.js";
+
+const RING_PX = 7;
+const LINES = 576;
+const NAME_CSS_PX = 10;
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @param {string} name of the view
+ * @param {{first_column: number, end_column: number}} columns
+ * @param {string} label what a screen reader says of it
+ */
+export function createTargetPicture(context, name, columns, label) {
+  const width = columns.end_column - columns.first_column;
+  const canvas = el("canvas", { class: "target-picture", role: "img", "aria-label": label });
+  canvas.style.aspectRatio = `${width} / ${LINES}`;
+  const image = new Image();
+  /** @type {any} */
+  let shown = null;
+  let names = true;
+
+  /** @param {string} address of the field's picture @param {{y0: number, y_step: number}} rows @param {any} view what the API found */
+  function show(address, rows, view) {
+    shown = { rows, view };
+    image.addEventListener("load", draw);
+    image.src = address;
+  }
+
+  function draw() {
+    const to = canvas.getContext("2d");
+    if (!to || !shown || !image.naturalWidth) return;
+    const across = Math.max(1, Math.round(canvas.clientWidth * devicePixelRatio));
+    Object.assign(canvas, { width: across, height: Math.round((across * LINES) / width) });
+    const scale = across / width;
+    const { y0, y_step } = shown.rows;
+    to.setTransform(scale, 0, 0, scale, -columns.first_column * scale, 0);
+    to.imageSmoothingEnabled = true;
+    to.drawImage(image, 0, y0 - (y_step - 1) / 2, image.naturalWidth, image.naturalHeight * y_step);
+    to.translate(0.5, 0.5); // the centre of the first pixel is 0, 0
+    mark(to, devicePixelRatio / scale);
+  }
+
+  /** @param {CanvasRenderingContext2D} to @param {number} unit how many frame pixels one pixel of the page is */
+  function mark(to, unit) {
+    rings(to, shown.view.other, "#ff7a6e", unit);
+    rings(to, shown.view.found, colourOf(name), unit);
+    if (!names) return;
+    to.font = `600 ${NAME_CSS_PX * unit}px system-ui, sans-serif`;
+    to.textAlign = "center";
+    to.lineWidth = 3 * unit;
+    to.strokeStyle = "#000";
+    to.fillStyle = "#fff";
+    for (const { target, x_px, y_px } of shown.view.found) {
+      to.strokeText(String(target), x_px, y_px - RING_PX - 2 * unit);
+      to.fillText(String(target), x_px, y_px - RING_PX - 2 * unit);
+    }
+  }
+
+  const resized = new ResizeObserver(draw);
+  resized.observe(canvas);
+  return {
+    element: canvas, show,
+    /** @param {boolean} on */
+    name(on) {
+      names = on;
+      draw();
+    },
+    unmount: () => resized.disconnect(),
+  };
+}
+
+/** @param {CanvasRenderingContext2D} to @param {any[]} places @param {string} colour @param {number} unit */
+function rings(to, places, colour, unit) {
+  to.beginPath();
+  for (const { x_px, y_px } of places) {
+    to.moveTo(x_px + RING_PX, y_px);
+    to.arc(x_px, y_px, RING_PX, 0, 2 * Math.PI);
+  }
+  to.strokeStyle = colour;
+  to.lineWidth = 1.8 * unit;
+  to.stroke();
+}

@@ -1,0 +1,68 @@
+// How two captures move, laid over each other: by time, or by where they are in the cycle.
+import { FIELD_S } from "../captures/words.js";
+import { el, fill, setText } from "../core/dom.js";
+import { createChart } from "../plots/chart.js";
+import { createTargetPicker } from "../plots/target_picker.js";
+import { middleOf, overPhase, overTime } from "./course.js";
+import { courseOf } from "./side.js";
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @param {import("./side.js").Side[]} sides
+ * @param {(Map<number, number> | null)[]} phases
+ * @param {import("./course.js").Course[]} first of a target in the middle
+ */
+export function createCurves(context, sides, phases, first) {
+  const { t, format } = context;
+  const cyclic = phases.every(Boolean);
+  const place = el("div");
+  const note = el("p", { class: "muted", role: "status" }, cyclic ? "" : t("compare.noPhase"));
+  const picker = createTargetPicker(context, sides[0].grid, () => look());
+  picker.element.querySelector("select").value = String(middleOf(sides[0].grid));
+  const what = choices("compare-what", ["target", "width"], "target", () => look());
+  const over = choices("compare-over", ["time", "phase"], cyclic ? "phase" : "time", () => show());
+  over.element.hidden = !cyclic;
+  const element = el("section", { class: "card stack" }, el("h2", {}, t("compare.curves")), el("div", { class: "compare-tools" }, what.element, over.element, picker.element), place, note);
+  /** @type {any} */
+  let chart = null;
+  let courses = first;
+  let turn = 0;
+
+  /** @param {string} name @param {string[]} kinds @param {string} first @param {() => void} changed */
+  function choices(name, kinds, first, changed) {
+    const one = (/** @type {string} */ kind) => el("label", {}, el("input", { type: "radio", name, value: kind, checked: kind === first, on: { change: changed } }), t(`compare.choice.${kind}`));
+    const made = el("div", { class: "choices", role: "radiogroup", "aria-label": t(`compare.${name === "compare-what" ? "what" : "over"}`) }, kinds.map(one));
+    return { element: made, chosen: () => made.querySelector("input:checked").value };
+  }
+
+  async function look() {
+    const mine = ++turn;
+    const target = what.chosen() === "width" ? null : picker.chosen();
+    picker.element.hidden = target === null;
+    const found = await Promise.all(sides.map((side) => courseOf(context.api, side, target))).catch(context.refused);
+    if (mine !== turn || !found) return;
+    courses = found;
+    show();
+  }
+
+  function show() {
+    chart?.end();
+    const byPhase = over.chosen() === "phase";
+    const title = what.chosen() === "width" ? t("compare.width") : t("compare.depth", { id: picker.chosen() });
+    const when = (/** @type {number} */ x) => (byPhase ? `${format.number(x * 100, 0)} %` : `${format.number(x, 1)} s`);
+    const lines = sides.map(({ capture }, i) => ({ label: format.time(capture.created_utc), ink: /** @type {any} */ (String(i + 1)) }));
+    chart = createChart(context, { title, unit: "mm", digits: 2, when, lines });
+    fill(place, chart.element);
+    chart.set(byPhase ? overPhase(courses, /** @type {Map<number, number>[]} */ (phases)) : overTime(courses, FIELD_S), title);
+    setText(note, [cyclic ? "" : t("compare.noPhase"), courses.some((course) => !course.size) ? t("compare.notSeen") : ""].join(" ").trim());
+  }
+
+  show();
+  return {
+    element,
+    end() {
+      turn = -1;
+      chart?.end();
+    },
+  };
+}

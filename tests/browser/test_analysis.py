@@ -1,0 +1,65 @@
+"""Analyses asked for and looked at; two captures compared."""
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from browser.axe import serious
+from browser.conftest import Open
+from browser.daemons import Daemon
+
+PATIENCE_MS = 100_000
+FIELDS = 80
+"""A cycle and a half."""
+
+
+def ask(page: Page) -> None:
+    """What strain needs, and nothing else."""
+    page.get_by_label("Counted from").select_option("nominal")
+    page.get_by_label("States of the mean cycle").fill("4")
+
+
+def test_what_is_left_empty_and_what_is_half_filled_in_is_said(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(f"{daemon.url}/#analysis/{daemon.capture(5)}").page
+    lack = page.locator("[data-group='reference'] .analysis-lack")
+    expect(lack).to_contain_text("no strain")
+    ask(page)
+    expect(lack).to_be_hidden()
+    page.get_by_label("Law of the rubber").select_option("linear")
+    expect(page.locator("#analysis-why")).to_contain_text("Stiffness E")
+    expect(page.get_by_role("button", name="Analyse")).to_be_disabled()
+    page.get_by_label("Law of the rubber").select_option("")
+    expect(page.get_by_role("button", name="Analyse")).to_be_enabled()
+
+
+@pytest.mark.slow
+def test_from_the_inputs_to_maps_and_report(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(f"{daemon.url}/#analysis/{daemon.capture(FIELDS, bits=8)}").page
+    ask(page)
+    page.get_by_role("button", name="Analyse").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+    expect(page.locator(".map-cell").first).to_be_visible(timeout=PATIENCE_MS)
+    expect(page.locator(".map-parts").get_by_label("What is shown")).to_have_value("strain1")
+    page.locator(".map-cell[fill^='rgb']").first.click()
+    expect(page.locator(".map-touched")).to_contain_text("±")
+    expect(page.get_by_text("Without the wall: no tension")).to_be_visible()
+    expect(page.get_by_text("Not computed: Pressure on the teat").first).to_be_visible()
+    expect(page.locator(".chart")).to_have_count(2)
+    report = page.get_by_role("link", name="Open the report")
+    assert page.request.get(f"{daemon.url}{report.get_attribute('href')}").ok
+    page.get_by_text("New analysis").click()
+    page.get_by_role("button", name="Take over").click()
+    expect(page.get_by_label("Counted from")).to_have_value("nominal")
+    assert serious(page) == []
+
+
+def test_two_captures_are_laid_over_each_other(daemon: Daemon, open_page: Open) -> None:
+    one, other = daemon.capture(30, labels={"cow": "1"}), daemon.capture(20, labels={"cow": "2"})
+    page = open_page(f"{daemon.url}/#captures/{one}").page
+    page.get_by_role("link", name="Compare").click()
+    page.get_by_label("Second capture").select_option(other)
+    expect(page.locator("[data-fact='labels'] td")).to_have_text(["Cow 1", "Cow 2"])
+    expect(page.locator("[data-fact='length'] td")).to_have_text(["0.6 s · 30 fields", "0.4 s · 20 fields"])
+    expect(page.locator(".chart")).to_have_count(1)
+    expect(page.get_by_text("analyse both first")).to_be_visible()
+    page.get_by_role("radio", name="Width in the middle").check()
+    expect(page.get_by_role("heading", name="Width of the middle section")).to_be_visible()

@@ -1,0 +1,160 @@
+"""The calibration panel: what is active, and the guided way from the calibration frame to an accepted one."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from playwright.sync_api import Page, expect
+
+from browser.axe import serious
+from browser.conftest import Open
+from browser.daemons import Daemon
+from grabberd.config import shipped_configs
+
+LONG_MS = 600_000
+"""Computing a calibration on a computer that does other work as well."""
+CONFIGURED = "fake-1-2"
+
+
+@pytest.fixture(scope="module")
+def before_the_frame(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon whose camera sees the calibration frame, and which has no calibration yet."""
+    folder = tmp_path_factory.mktemp("frame")
+    config = yaml.safe_load((shipped_configs() / "fake-calibration-frame.yaml").read_text())
+    config["devices"]["simulated"]["location"] = {"method": "weighted"}  # half the time
+    (folder / "config.yaml").write_text(yaml.safe_dump(config))
+    with Daemon(folder, config=str(folder / "config.yaml")) as one:
+        yield one
+
+
+def step(page: Page) -> str:
+    return str(page.locator(".step.is-now").inner_text()).split("\n")[-1]
+
+
+def signed_in(daemon: Daemon, open_page: Open, role: str, panel: str) -> Page:
+    token = daemon.add_token(role, role)
+    watched = open_page(f"{daemon.url}/#{panel}")
+    watched.expect_errors("401")
+    watched.page.get_by_label("Token").fill(token)
+    watched.page.get_by_role("button", name="Sign in").click()
+    watched.page.wait_for_selector("[data-panel^=calibration]")
+    return watched.page
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_from_the_calibration_frame_to_an_accepted_calibration(
+    before_the_frame: Daemon, open_page: Open
+) -> None:
+    daemon = before_the_frame
+    watched = open_page(f"{daemon.url}/#calibration")
+    watched.expect_errors("ERR_CONNECTION", "ERR_INCOMPLETE", "WebSocket")  # of its restart
+    page = watched.page
+    expect(page.locator(".note.is-bad")).to_contain_text("There is none.")
+    page.get_by_role("link", name="Calibrate anew").click()
+
+    expect(page.get_by_text("Both views show the calibration frame well.")).to_be_visible()
+    expect(page.locator(".badge[data-view=left]")).to_have_text("Left view: 108 of 108")
+    page.get_by_role("link", name="Next").click()
+
+    page.get_by_role("radio", name="2 s").check()
+    page.get_by_role("button", name="Capture").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+
+    expect(page.get_by_text("All 108 targets were found in both views.")).to_be_visible(timeout=LONG_MS)
+    assert step(page) == "Targets found"
+    page.reload()
+    expect(page.get_by_text("All 108 targets were found in both views.")).to_be_visible(timeout=LONG_MS)
+    assert serious(page) == []
+    page.get_by_role("link", name="Next").click()
+
+    page.get_by_label("Note").fill("new mirrors")
+    page.get_by_role("button", name="Compute").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+    page.reload()
+    page.locator("[data-verdict], .note.is-good").first.wait_for(timeout=LONG_MS)
+    if page.get_by_role("link", name="Read the result").is_visible():
+        page.get_by_role("link", name="Read the result").click()
+
+    expect(page.locator("[data-verdict]")).to_have_attribute("data-verdict", "accept")
+    expect(page.get_by_text("new mirrors")).to_be_visible()
+    assert serious(page) == []
+    page.get_by_role("button", name="Accept and use").click()
+    page.get_by_role("dialog").get_by_role("button", name="Use it").click()
+    expect(page.get_by_text("The instrument measures with this calibration now.")).to_be_visible()
+
+    made = daemon.ask("/state")["devices"]["simulated"]["calibration"]["id"]
+    expect(page.locator(f"[data-calibration='{made}']")).to_contain_text("In use")
+    daemon.stop()
+    daemon.start()
+    page.reload()
+    expect(page.locator(f"[data-calibration='{made}']")).to_contain_text("In use")
+    page.goto(f"{daemon.url}/#calibration/review/{made}")
+    expect(page.get_by_text("The instrument measures with this calibration.")).to_be_visible()
+
+
+@pytest.mark.slow
+def test_what_is_no_calibration_frame_is_refused_with_why_and_the_way_back(
+    daemon: Daemon, open_page: Open
+) -> None:
+    capture = daemon.capture(fields=12, bits=8)
+    page = open_page(f"{daemon.url}/#calibration/found/{capture}").page
+    expect(page.get_by_text("It is not clear which target is which.")).to_be_visible(timeout=LONG_MS)
+    expect(page.locator(".note.is-bad")).to_contain_text("The instrument says:")
+    expect(page.get_by_role("link", name="Next")).to_have_count(0)
+    assert serious(page) == []
+    page.get_by_role("link", name="Place the frame again").click()
+    expect(page.get_by_role("heading", name="Place the calibration frame")).to_be_visible()
+
+
+def imported(daemon: Daemon, calibration_id: str) -> dict[str, object]:
+    document: dict[str, object] = daemon.ask(f"/calibrations/{CONFIGURED}")
+    return document | {"id": calibration_id}
+
+
+def test_one_from_a_file_is_stored_activated_and_another_one_rejected(
+    daemon: Daemon, open_page: Open, tmp_path: Path
+) -> None:
+    page = open_page(f"{daemon.url}/#calibration").page
+    page.get_by_text("A calibration from a file").click()
+    for name in ("of-may", "of-june"):
+        file = tmp_path / f"{name}.json"
+        file.write_text(json.dumps(imported(daemon, name)))
+        page.get_by_label("File (.json)").set_input_files(file)
+        expect(page.locator(f"[data-calibration={name}]")).to_be_visible()
+
+    page.locator("[data-calibration=of-may]").get_by_role("button", name="Use it").click()
+    page.get_by_role("dialog").get_by_role("button", name="Use it").click()
+    expect(page.locator("[data-calibration=of-may]")).to_contain_text("In use")
+
+    page.locator("[data-calibration=of-june]").get_by_role("link", name="Look at it").click()
+    page.get_by_role("button", name="Reject").click()
+    page.get_by_label("Why (optional)").fill("from another barn")
+    page.get_by_role("dialog").get_by_role("button", name="Reject").click()
+    expect(page.locator("[data-calibration=of-june]")).to_contain_text("Rejected: from another barn")
+    assert daemon.ask("/state")["devices"]["simulated"]["calibration"]["id"] == "of-may"
+
+
+def test_a_file_that_is_no_calibration_is_refused_in_words(
+    daemon: Daemon, open_page: Open, tmp_path: Path
+) -> None:
+    watched = open_page(f"{daemon.url}/#calibration")
+    watched.expect_errors("422")
+    page = watched.page
+    page.get_by_text("A calibration from a file").click()
+    for text in ("no JSON", "{}"):
+        (tmp_path / "some.json").write_text(text)
+        page.get_by_label("File (.json)").set_input_files(tmp_path / "some.json")
+        expect(page.locator(".import .note.is-bad")).to_be_visible()
+
+
+def test_a_viewer_may_look_and_is_offered_nothing_to_do(open_page: Open, tmp_path: Path) -> None:
+    with Daemon(tmp_path) as daemon:
+        page = signed_in(daemon, open_page, "viewer", "calibration")
+        expect(page.locator(f"[data-calibration={CONFIGURED}]")).to_contain_text("In use")
+        assert page.locator("[data-do], input[type=file]").count() == 0
+        page.goto(f"{daemon.url}/#calibration/place")
+        expect(page.get_by_text("To calibrate, an operator's key is needed.")).to_be_visible()
+        expect(page.get_by_role("link", name="Next")).to_have_count(0)
