@@ -7,15 +7,15 @@ from browser.axe import serious
 from browser.conftest import Open
 from browser.daemons import Daemon
 
-PATIENCE_MS = 100_000
-FIELDS = 80
-"""A cycle and a half."""
+PATIENCE_MS = 200_000
+FIELDS = 12
+"""Too few for a cycle, enough for strain field by field."""
 
 
 def ask(page: Page) -> None:
-    """What strain needs, and nothing else."""
+    """What strain and widths need, and nothing else."""
     page.get_by_label("Counted from").select_option("nominal")
-    page.get_by_label("States of the mean cycle").fill("4")
+    page.get_by_label("Plane that widths count from").select_option("symmetry")
 
 
 def test_what_is_left_empty_and_what_is_half_filled_in_is_said(daemon: Daemon, open_page: Open) -> None:
@@ -32,6 +32,7 @@ def test_what_is_left_empty_and_what_is_half_filled_in_is_said(daemon: Daemon, o
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(300)
 def test_from_the_inputs_to_maps_and_report(daemon: Daemon, open_page: Open) -> None:
     page = open_page(f"{daemon.url}/#analysis/{daemon.capture(FIELDS, bits=8)}").page
     ask(page)
@@ -43,7 +44,7 @@ def test_from_the_inputs_to_maps_and_report(daemon: Daemon, open_page: Open) -> 
     expect(page.locator(".map-touched")).to_contain_text("±")
     expect(page.get_by_text("Without the wall: no tension")).to_be_visible()
     expect(page.get_by_text("Not computed: Pressure on the teat").first).to_be_visible()
-    expect(page.locator(".chart")).to_have_count(2)
+    expect(page.locator(".chart", has_text="Width of the sections")).to_be_visible()
     report = page.get_by_role("link", name="Open the report")
     assert page.request.get(f"{daemon.url}{report.get_attribute('href')}").ok
     page.get_by_text("New analysis").click()

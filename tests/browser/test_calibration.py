@@ -50,7 +50,7 @@ def test_from_the_calibration_frame_to_an_accepted_calibration(
 ) -> None:
     daemon = before_the_frame
     watched = open_page(f"{daemon.url}/#calibration")
-    watched.expect_errors("ERR_CONNECTION", "ERR_INCOMPLETE", "WebSocket")  # of its restart
+    watched.expect_errors("ERR_CONNECTION", "ERR_INCOMPLETE", "ERR_EMPTY", "WebSocket")  # of its restart
     page = watched.page
     expect(page.locator(".note.is-bad")).to_contain_text("There is none.")
     page.get_by_role("link", name="Calibrate anew").click()

@@ -42,8 +42,10 @@ def test_from_start_to_a_downloaded_csv(daemon: Daemon, open_page: Open) -> None
 def test_a_running_capture_is_shown_as_it_grows_and_cannot_be_deleted(
     daemon: Daemon, open_page: Open
 ) -> None:
+    page = open_page(daemon.url).page
+    expect(page.locator(".state")).to_have_attribute("data-state", "ready", timeout=PATIENCE_MS)
     running = daemon.ask("/captures", body={})["id"]
-    page = open_page(f"{daemon.url}/#captures").page
+    page.get_by_role("link", name="Captures").click()
     expect(row(page, running)).to_contain_text("Being recorded")
     row(page, running).click()
     expect(page.get_by_role("button", name="Delete")).to_be_disabled()
