@@ -18,14 +18,13 @@ LONG_MS = 600_000
 CONFIGURED = "fake-1-2"
 
 
-@pytest.fixture(scope="module")
-def before_the_frame(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+@pytest.fixture
+def before_the_frame(tmp_path: Path) -> Iterator[Daemon]:
     """A daemon whose camera sees the calibration frame, and which has no calibration yet."""
-    folder = tmp_path_factory.mktemp("frame")
     config = yaml.safe_load((shipped_configs() / "fake-calibration-frame.yaml").read_text())
     config["devices"]["simulated"]["location"] = {"method": "weighted"}  # half the time
-    (folder / "config.yaml").write_text(yaml.safe_dump(config))
-    with Daemon(folder, config=str(folder / "config.yaml")) as one:
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
+    with Daemon(tmp_path, config=str(tmp_path / "config.yaml")) as one:
         yield one
 
 
@@ -102,6 +101,7 @@ def test_what_is_no_calibration_frame_is_refused_with_why_and_the_way_back(
     capture = daemon.capture(fields=12, bits=8)
     page = open_page(f"{daemon.url}/#calibration/found/{capture}").page
     expect(page.get_by_text("It is not clear which target is which.")).to_be_visible(timeout=LONG_MS)
+    expect(page.locator(".target-picture")).to_have_count(2)
     expect(page.locator(".note.is-bad")).to_contain_text("The instrument says:")
     expect(page.get_by_role("link", name="Next")).to_have_count(0)
     assert serious(page) == []

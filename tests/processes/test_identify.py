@@ -34,6 +34,14 @@ def test_another_object_is_shown_unnamed_with_the_reason():
         assert set(target) == {-1}
 
 
+def test_what_moves_is_shown_as_it_was_at_first():
+    fields = take_scene(40, scene="liner", seed=5).packed(8, "field")
+    seen = identify(fields, NOMINAL, FRAME)
+    assert seen.moved
+    assert "moved" in seen.refusal.message
+    assert all(len(images) for images in seen.images)
+
+
 def test_nothing_shows_nothing():
     with pytest.raises(MeasurementError, match="no field"):
         identify([], NOMINAL, FRAME)

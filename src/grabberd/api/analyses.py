@@ -13,7 +13,7 @@ from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.models import JobDocument
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
 from grabberd.api.problems import Problem
-from grabberd.errors import ExtraMissing, InputError, NotFound
+from grabberd.errors import ExtraMissing, NotFound
 from grabberd.service.analysis_job import order_analysis
 from grabberd.service.service import Service
 from grabberd.storage.analyses import DOCUMENT, PAGE, RECORD
@@ -83,19 +83,21 @@ def get_analysis_map(
     capture_id: CaptureId,
     number: AnalysisNumber,
     service: ServiceOf,
-    field: Annotated[int | None, Query(ge=0, le=2**53, description="Number of the field.")] = None,
-    phase: Annotated[
-        float | None, Query(ge=0, le=1, description="Phase of the mean cycle; the nearest there is.")
+    field: Annotated[
+        int | None,
+        Query(ge=0, le=2**53, description="A field, by its number; the phase does not count then."),
     ] = None,
+    phase: Annotated[
+        float,
+        Query(ge=0, le=1, description="Phase of the mean cycle where no field is asked for."),
+    ] = 0.0,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
     """Place, curvature, strain, tension and pressure at every target with σ, of one field or of one phase of
-    the mean cycle; give one of both.
+    the mean cycle.
     """
-    if (field is None) == (phase is None):
-        raise InputError("a map is of a field or of a phase", "give ?field=N or ?phase=0.25, one of them")
     folder = service.analyses.file(capture_id, number, RECORD).parent
-    content = read_map(folder, *(("field", field) if field is not None else ("phase", phase or 0.0)))
+    content = read_map(folder, *(("field", field) if field is not None else ("phase", phase)))
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
 
 

@@ -1,4 +1,4 @@
-"""Which targets of the calibration frame a capture shows: what there is to see before anything is adjusted."""
+"""Which targets of the calibration frame a capture shows, before anything is adjusted."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -31,11 +31,13 @@ class SeenFrame:
         images: mean images of the left and of the right view, targets and others.
         identification: which target each of them is; None where that is not clear.
         refusal: why it is not, or None.
+        moved: what is seen moves; the images are then those of the first field.
     """
 
     images: tuple[MeanImages, MeanImages]
     identification: Identification | None
     refusal: MeasurementError | None = None
+    moved: bool = False
 
     @property
     def target(self) -> tuple[Indices, Indices]:
@@ -56,7 +58,7 @@ def identify(
     frame: ObjectModel,
     location: LocationSettings | None = None,
 ) -> SeenFrame:
-    """Finds the targets of a calibration frame that stands still; an unclear one is shown with its reason.
+    """Finds the targets of a calibration frame; one that moves or is unclear is shown with the reason.
 
     Args:
         fields: any number, of both parities.
@@ -65,10 +67,13 @@ def identify(
         location: how blobs are located.
 
     Raises:
-        MeasurementError: there are no fields, or what they show moves.
+        MeasurementError: there are no fields.
     """
     seen, _, _ = located(fields, nominal, location or LocationSettings())
-    images = (mean_images(seen[0]), mean_images(seen[1]))
+    try:
+        images = (mean_images(seen[0]), mean_images(seen[1]))
+    except MeasurementError as refusal:
+        return SeenFrame((mean_images(seen[0][:1]), mean_images(seen[1][:1])), None, refusal, moved=True)
     try:
         return SeenFrame(images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px))
     except MeasurementError as refusal:

@@ -54,11 +54,11 @@ def identify_file(progress: Progress, *, path: Path, frame: Mapping[str, Any]) -
 
     Returns:
         For each view the targets that were found, those that are missing and the images that are none;
-        `problem` says why, where it is not clear which target is which.
+        `problem` says why, where it is not clear which target is which; `moved`, that nothing stood still.
 
     Raises:
         InputError: the calibration frame or the rig is not what it should be; CaptureFileError: the capture.
-        MeasurementError: the capture has no fields, or what it shows moves.
+        MeasurementError: the capture has no fields.
     """
     model = frame_model(frame)
     with CaptureReader(path) as reader:
@@ -70,7 +70,7 @@ def identify_file(progress: Progress, *, path: Path, frame: Mapping[str, Any]) -
             replace(location_settings(settings_of_capture(reader.meta.config)), method=QUICKEST),
         )
         about = {"capture": reader.meta.id, "calibration_frame": model.name, "of": len(model)}
-    return {**about, "picture": _picture(fields), **_document(seen, model)}
+    return {**about, "picture": _picture(fields, seen.moved), **_document(seen, model)}
 
 
 def _spread(reader: CaptureReader) -> Iterator[NumberedField]:
@@ -85,9 +85,9 @@ def _counted(fields: list[NumberedField], progress: Progress) -> Iterator[Number
         yield field
 
 
-def _picture(fields: list[NumberedField]) -> dict[str, int]:
+def _picture(fields: list[NumberedField], moved: bool) -> dict[str, int]:
     """The field to show the targets on, and where its rows lie in the frame."""
-    chosen = fields[len(fields) // 2]
+    chosen = fields[0 if moved else len(fields) // 2]
     return {"field": chosen.n, "y0": chosen.packed.y0, "y_step": chosen.packed.y_step}
 
 
@@ -96,6 +96,7 @@ def _document(seen: SeenFrame, model: ObjectModel) -> dict[str, Any]:
     refusal = seen.refusal
     return {
         "views": {name: _view(images, target, model) for name, images, target in sides},
+        "moved": seen.moved,
         "problem": {"message": refusal.message, "hint": refusal.hint} if refusal else None,
     }
 

@@ -56,7 +56,8 @@ export function createFound(context, id) {
   /** Why it is not clear which target is which, and what mends it. @param {any} result */
   function refusal(result) {
     const few = VIEWS.some((name) => result.views[name].other.length < ENOUGH * result.of);
-    return note("bad", el("strong", {}, t("calibration.found.refused")), el("p", {}, t(few ? "calibration.found.mendLight" : "calibration.found.mendFrame")),
+    const mend = result.moved ? "mendStill" : few ? "mendLight" : "mendFrame";
+    return note("bad", el("strong", {}, t("calibration.found.refused")), el("p", {}, t(`calibration.found.${mend}`)),
       el("p", { class: "small" }, el("strong", {}, t("lights.said")), " ", result.problem.message, " – ", result.problem.hint));
   }
 
@@ -89,7 +90,7 @@ export function createFound(context, id) {
     if (!may("operator")) return fill(ways);
     const isGood = result && !result.problem;
     fill(ways,
-      el("div", { class: "row" }, way(addressOf("place"), t("calibration.found.placeAgain"), result?.problem ? "primary" : ""), way(addressOf("take"), t("calibration.again"))),
+      el("div", { class: "row" }, way(addressOf("place"), t("calibration.found.placeAgain"), result?.problem && !result.moved ? "primary" : ""), way(addressOf("take"), t("calibration.again"), result?.moved ? "primary" : "")),
       isGood ? el("a", { class: "button primary", href: addressOf("adjust", id) }, t("calibration.next"), symbol("next")) : null);
   }
 
