@@ -59,8 +59,8 @@ def identify_capture(
     response: Response,
     order: IdentificationOrder | None = None,
 ) -> object:
-    """Find which target is which in a sealed capture of the calibration frame, before it is calibrated: a job,
-    whose result has what each view shows (found, missing, other), and a problem where that is not clear.
+    """Find which target is which in a sealed capture of the calibration frame, before it is calibrated: a
+    job, whose result has what each view shows (found, missing, other), and a problem where that is not clear.
     """
     job = order_identification(service, capture_id, order.calibration_frame if order else None)
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))

@@ -4,16 +4,16 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request, Response, status
 
-from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
-from grabberd.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.api.models import (
+from grabberd.api.calibration_models import (
     CalibrationChoice,
     CalibrationList,
     CalibrationOrder,
     CalibrationRow,
-    JobDocument,
     RejectionOrder,
 )
+from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
+from grabberd.api.idempotency import TAKES_KEY, OnceRoute
+from grabberd.api.models import JobDocument
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
 from grabberd.api.paging import Cursor, Limit, page_of
 from grabberd.api.problems import Problem

@@ -7,10 +7,11 @@ from fastapi.responses import Response
 from pydantic import Field
 
 from grabberd.api.capture_models import PointColumns
-from grabberd.api.models import DeviceDocument, Document
+from grabberd.api.models import Document
 from grabberd.api.named_types import LackKind
 from grabberd.api.of_service import PROBLEMS, ServiceOf
 from grabberd.api.problems import Problem, problem
+from grabberd.api.state_models import DeviceDocument
 from grabberd.service.light import light_document
 from grabberd.service.live_document import newest_points, object_document
 from grabberd.service.readiness import Lack, lacks_of

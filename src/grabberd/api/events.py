@@ -13,7 +13,7 @@ from starlette.types import Send
 
 from grabberd.api.broadcast import Broadcast
 from grabberd.api.limits import OneStream
-from grabberd.api.models import StateDocument
+from grabberd.api.state_models import StateDocument
 from grabberd.service.changes import History, Version, changes
 from grabberd.service.service import Service
 

@@ -9,8 +9,8 @@ from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
 from grabberd.api.auth import Authenticator
-from grabberd.api.models import StateDocument
 from grabberd.api.refusals import Refusal
+from grabberd.api.state_models import StateDocument
 from grabberd.errors import NotFound
 from grabberd.service.access import Identity
 from grabberd.service.clock import iso_utc

@@ -3,8 +3,8 @@
 from fastapi import APIRouter
 
 from grabberd import __version__
-from grabberd.api.models import HealthDocument, StateDocument
 from grabberd.api.of_service import ServiceOf
+from grabberd.api.state_models import HealthDocument, StateDocument
 
 router = APIRouter(tags=["system"])
 
