@@ -84,21 +84,21 @@ def usb_places(roots: Roots = SYSTEM) -> tuple[UsbPlace, ...]:
     folder = roots.sys / "bus" / "usb" / "devices"
     if not folder.is_dir():
         return ()
-    found = (_usb_place(entry.resolve()) for entry in sorted(folder.iterdir()))
+    found = (_usb_place(_real(entry)) for entry in sorted(folder.iterdir()))
     return tuple(place for place in found if place is not None)
 
 
 def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dict[Path, Path]) -> VideoNode:
     path = roots.dev / entry.name
-    device = (entry / "device").resolve()
+    device = _real(entry / "device")
     driver = device / "driver"
     return VideoNode(
         path=path,
         index=int(_text(entry / "index") or 0),
         card=_text(entry / "name"),
-        kernel_driver=driver.resolve().name if driver.exists() else "",
-        by_path=by_path.get(path.resolve()),
-        by_id=by_id.get(path.resolve()),
+        kernel_driver=_real(driver).name if driver.exists() else "",
+        by_path=by_path.get(_real(path)),
+        by_id=by_id.get(_real(path)),
         usb=next((place for place in map(_usb_place, (device, *device.parents)) if place), None),
     )
 
@@ -106,7 +106,15 @@ def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dic
 def _links(folder: Path) -> dict[Path, Path]:
     """What each node is called in a folder of links; of several names the first."""
     links = sorted(folder.iterdir(), reverse=True) if folder.is_dir() else []
-    return {link.resolve(): link for link in links}
+    return {_real(link): link for link in links}
+
+
+def _real(path: Path) -> Path:
+    """Where a link leads; one that vanishes while it is read leads nowhere."""
+    try:
+        return path.resolve()
+    except OSError:
+        return path
 
 
 def _usb_place(device: Path) -> UsbPlace | None:

@@ -13,7 +13,7 @@ GONE = timedelta(microseconds=-1)
 def test_it_is_refused_with_its_reason_and_its_day(tmp_path: Path) -> None:
     gated = Gated(tmp_path)
     secret = gated.access.add("visitor", Role.ADMIN, GONE)
-    answer = gated.client().get("/", headers={"Authorization": f"Bearer {secret}"})
+    answer = gated.client().get("/api/v1/state", headers={"Authorization": f"Bearer {secret}"})
     assert is_problem(answer, 401, "token-expired")
     assert "visitor" in answer.json()["detail"]
     assert "good until 20" in answer.json()["detail"]
@@ -24,14 +24,14 @@ def test_who_comes_with_it_again_and_again_is_not_slowed_but_told(tmp_path: Path
     gated = Gated(tmp_path)
     secret = gated.access.add("visitor", Role.ADMIN, GONE)
     for _ in range(15):
-        answer = gated.client().get("/", headers={"Authorization": f"Bearer {secret}"})
+        answer = gated.client().get("/api/v1/state", headers={"Authorization": f"Bearer {secret}"})
         assert answer.status_code == 401
 
 
 def test_one_that_is_still_good_comes_in(tmp_path: Path) -> None:
     gated = Gated(tmp_path)
     secret = gated.access.add("visitor", Role.VIEWER, timedelta(days=1))
-    answer = gated.client().get("/", headers={"Authorization": f"Bearer {secret}"})
+    answer = gated.client().get("/api/v1/state", headers={"Authorization": f"Bearer {secret}"})
     assert answer.json()["role"] == "viewer"
 
 
@@ -47,5 +47,5 @@ def test_the_key_of_the_machine_opens_every_door(tmp_path: Path) -> None:
     gated = Gated(tmp_path, tokens=False)
     gated.access.key.make()
     secret = gated.access.key.path.read_text().strip()
-    answer = gated.client().get("/", headers={"Authorization": f"Bearer {secret}"})
+    answer = gated.client().get("/api/v1/state", headers={"Authorization": f"Bearer {secret}"})
     assert answer.json() == {"role": "admin", "by": "machine", "bytes": 0}

@@ -38,9 +38,9 @@ def _missing() -> str:
     return ""
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[object]:
-    """Chromium, once for all tests."""
+    """Chromium, for the tests of a file: playwright's event loop runs on, and no other file may find it."""
     from playwright.sync_api import expect, sync_playwright  # noqa: PLC0415
 
     expect.set_options(timeout=PATIENCE_MS)

@@ -39,7 +39,7 @@ class Daemon:
         return f"http://127.0.0.1:{self._port}"
 
     def start(self) -> None:
-        """Returns when it serves and its device streams."""
+        """Returns when it serves; its device may not stream yet."""
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "STATE_DIRECTORY": str(self.folder)}
         command = [sys.executable, str(HERE / "serve.py"), str(self._port), json.dumps(self._options)]
         with (self.folder / "log.txt").open("ab") as log:
@@ -78,7 +78,7 @@ class Daemon:
 
     def capture(self, fields: int = 50, **order: Any) -> str:
         """Takes a capture, as soon as the device streams, and returns its id once it is sealed."""
-        self._wait_until_it_streams()
+        self.wait_until_it_streams()
         capture_id: str = self.ask("/captures", body={"fields": fields, **order})["id"]
         until_s = time.monotonic() + PATIENCE_S
         while self.ask(f"/captures/{capture_id}")["verdict"] is None:
@@ -86,9 +86,10 @@ class Daemon:
             time.sleep(LOOK_EVERY_S)
         return capture_id
 
-    def _wait_until_it_streams(self) -> None:
+    def wait_until_it_streams(self, token: str | None = None) -> None:
+        """Until a capture can begin."""
         until_s = time.monotonic() + PATIENCE_S
-        while not all(one["state"] in ACCEPTING for one in self.ask("/state")["devices"].values()):
+        while not all(one["state"] in ACCEPTING for one in self.ask("/state", token)["devices"].values()):
             assert time.monotonic() < until_s, "the device does not stream"
             time.sleep(LOOK_EVERY_S)
 

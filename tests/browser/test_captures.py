@@ -102,6 +102,7 @@ def test_a_viewer_reads_what_was_lost_and_is_offered_no_change(tmp_path: Path, o
     with Daemon(tmp_path, faults=LOSSES) as guarded:
         tokens = {role: guarded.add_token(role, role) for role in ("viewer", "operator")}
         order = {"fields": 200, "labels": {"cow": "9"}}
+        guarded.wait_until_it_streams(tokens["operator"])
         one = guarded.ask("/captures", tokens["operator"], order)["id"]
         watched = open_page(f"{guarded.url}/#captures/{one}")
         watched.expect_errors("401")

@@ -22,7 +22,9 @@ RECORD = CalibrationRecord("cup", "capture", note="new mirrors", capture="c1")
 
 @pytest.fixture
 def capture(tmp_path: Path) -> Path:
-    meta = CaptureMeta("c1", "2026-01-01T00:00:00.000Z", 0, {}, {}, {}, {}, "", 1, "field", 50.0, "0")
+    meta = CaptureMeta(
+        "c1", "2026-01-01T00:00:00.000Z", 0, {"name": "cup"}, {}, {}, {}, "", 1, "field", 50.0, "0"
+    )
     writer = CaptureWriter.create(tmp_path / "c1.grab.part", meta)
     writer.append([slot(n) for n in range(3)])
     writer.commit()

@@ -1,5 +1,7 @@
 """What the kernel tells of video nodes and USB devices is read as it stands there."""
 
+import threading
+
 import pytest
 
 from drivers.v4l2.computer import Computer
@@ -66,3 +68,22 @@ def test_usb_devices_are_told_with_and_without_a_video_node(computer):
 def test_a_device_that_vanishes_while_it_is_read_is_none(computer, attribute):
     (computer.plug_usb("05e1:0408", "1-2") / attribute).unlink()
     assert usb_places(computer.roots) == ()
+
+
+def test_places_that_come_and_go_while_they_are_read_are_there_or_not(computer):
+    target = computer.plug_usb("046D:C31C", "1-1")
+    there = computer.sys / "bus" / "usb" / "devices" / "9-9"
+    gone = threading.Event()
+
+    def come_and_go():
+        while not gone.is_set():
+            there.symlink_to(target)
+            there.unlink()
+
+    coming = threading.Thread(target=come_and_go)
+    coming.start()
+    try:
+        assert {len(usb_places(computer.roots)) for _ in range(2000)} <= {1, 2}
+    finally:
+        gone.set()
+        coming.join()
