@@ -96,3 +96,10 @@ def test_jobs_are_listed_newest_first_and_unknown_ones_refused(jobs: JobRunner) 
     assert [job.id for job in jobs.list()] == ids[::-1]
     with pytest.raises(NotFound):
         jobs.get("job-99")
+
+
+def test_a_job_from_before_a_restart_is_no_other_one_after_it() -> None:
+    clock = ManualClock()
+    before = JobRunner(clock).submit("add", "", add, one=1, other=1)
+    clock.advance(1.0)
+    assert JobRunner(clock).submit("add", "", add, one=1, other=1).id != before.id

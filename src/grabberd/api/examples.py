@@ -59,7 +59,7 @@ POINTS: dict[str, Any] = {
     ],
 }
 JOB: dict[str, Any] = {
-    "id": "job-3",
+    "id": "job-1764000003",
     "kind": "measure",
     "subject": _ID,
     "state": "running",

@@ -66,7 +66,8 @@ class JobRunner:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._orders: dict[str, _Order] = {}
-        self._numbers = itertools.count(1)
+        # Whoever still asks for a job of before a restart must not be told of another one.
+        self._numbers = itertools.count(int(clock.utc_now().timestamp()))
         self._changed = threading.Condition()
         self._stopping = False
         self._child: _Child | None = None
