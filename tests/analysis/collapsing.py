@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from grabberd.analysis import Grid
-from grabberd.analysis.jets import ORDERS
+from grabberd.analysis.surface.jets import ORDERS
 from grabberd.reconstruction import ObjectModel, Points
 from grabberd_fake import ellipse
 

@@ -20,7 +20,7 @@ from grabberd.analysis import (
     outer_places,
     wall_at,
 )
-from grabberd.analysis.nominal_shape import NominalShape
+from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.processes.wall_state import WallState
 
 Array = NDArray[np.float64]

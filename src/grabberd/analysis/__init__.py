@@ -1,32 +1,38 @@
 """From points to shape, strain, tension and pressure (paper 3.8)."""
 
-from grabberd.analysis.area import Area, surface_area
-from grabberd.analysis.camera import Camera, viewing_axes
+from grabberd.analysis.contact.pressure import ChamberVacuum, PressureMap, Shares
+from grabberd.analysis.contact.pressure_model import PressureModel
+from grabberd.analysis.contact.touch import FreeWall, Touch, above_place, first_touch, free_wall, since_touch
 from grabberd.analysis.estimate import Estimate
-from grabberd.analysis.fitting import choose_smoothing, fit_surface
-from grabberd.analysis.forms import Forms, Principal, curvature_per_m, middle_forms, outer_forms
-from grabberd.analysis.free_surface import Height, Tube, fit_free_surface, free_shape
-from grabberd.analysis.gaps import Gap, gaps
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.jets import ORDERS, Jets, index
-from grabberd.analysis.material import Material, Zone, lacking, wall_at
-from grabberd.analysis.material_document import read_zones
-from grabberd.analysis.mesh import PER_PITCH, Mesh, middles
-from grabberd.analysis.movement import Movement, TimedPoints, first_movement
-from grabberd.analysis.outlines import Plane
-from grabberd.analysis.phase_average import PhaseAverage, phase_average
-from grabberd.analysis.phases import Phases, iso_phases, wall_phases
-from grabberd.analysis.pressure import ChamberVacuum, PressureMap, Shares
-from grabberd.analysis.pressure_model import PressureModel
-from grabberd.analysis.pulsation import Pulsation, fit_pulsation
-from grabberd.analysis.ray_casting import Hits, Raster, cast
-from grabberd.analysis.registration import Agreement, agreement
-from grabberd.analysis.sections import Section, section, sections, symmetry_plane, volume_mm3
-from grabberd.analysis.smoothing import Smoothing
-from grabberd.analysis.strain import Strain, middle_strain, outer_strain
-from grabberd.analysis.surface import Surface, propagate
-from grabberd.analysis.synthetic import SyntheticView, grey_at, synthetic_view
-from grabberd.analysis.target_strain import (
+from grabberd.analysis.pulsation.gaps import Gap, gaps
+from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
+from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average
+from grabberd.analysis.pulsation.phases import Phases, iso_phases, wall_phases
+from grabberd.analysis.pulsation.pulsation import Pulsation, fit_pulsation
+from grabberd.analysis.pulsation.variation import Variation, variation
+from grabberd.analysis.pulsation.waveform import Waveform
+from grabberd.analysis.surface.area import Area, surface_area
+from grabberd.analysis.surface.fitting import choose_smoothing, fit_surface
+from grabberd.analysis.surface.free_surface import Height, Tube, fit_free_surface, free_shape
+from grabberd.analysis.surface.jets import ORDERS, Jets, index
+from grabberd.analysis.surface.mesh import PER_PITCH, Mesh, middles
+from grabberd.analysis.surface.outlines import Plane
+from grabberd.analysis.surface.sections import Section, section, sections, symmetry_plane, volume_mm3
+from grabberd.analysis.surface.smoothing import Smoothing
+from grabberd.analysis.surface.surface import Surface, propagate
+from grabberd.analysis.vacuum.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
+from grabberd.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
+from grabberd.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
+from grabberd.analysis.view.camera import Camera, viewing_axes
+from grabberd.analysis.view.ray_casting import Hits, Raster, cast
+from grabberd.analysis.view.registration import Agreement, agreement
+from grabberd.analysis.view.synthetic import SyntheticView, grey_at, synthetic_view
+from grabberd.analysis.wall.forms import Forms, Principal, curvature_per_m, middle_forms, outer_forms
+from grabberd.analysis.wall.material import Material, Zone, lacking, wall_at
+from grabberd.analysis.wall.material_document import read_zones
+from grabberd.analysis.wall.strain import Strain, middle_strain, outer_strain
+from grabberd.analysis.wall.target_strain import (
     EdgeStrain,
     Places,
     TriangleStrain,
@@ -37,13 +43,7 @@ from grabberd.analysis.target_strain import (
     outer_places,
     triangle_strain,
 )
-from grabberd.analysis.tension import Tension, wall_tension
-from grabberd.analysis.touch import FreeWall, Touch, above_place, first_touch, free_wall, since_touch
-from grabberd.analysis.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
-from grabberd.analysis.vacuum_log import VacuumLog, read_vacuum_log
-from grabberd.analysis.vacuum_offset import Offset, WallLag, find_offset
-from grabberd.analysis.variation import Variation, variation
-from grabberd.analysis.waveform import Waveform
+from grabberd.analysis.wall.tension import Tension, wall_tension
 
 __all__ = [
     "ORDERS",

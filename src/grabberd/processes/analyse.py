@@ -33,7 +33,7 @@ from grabberd.analysis import (
     variation,
     wall_phases,
 )
-from grabberd.analysis.nominal_shape import NominalShape
+from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.errors import AnalysisError, InputError
 from grabberd.processes.analysis_inputs import AnalysisInputs, Reference
 from grabberd.processes.problems import Problems

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis import ChamberVacuum, Phases, Pulsation, iso_phases
-from grabberd.analysis.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
-from grabberd.analysis.vacuum_log import VacuumLog, read_vacuum_log
-from grabberd.analysis.vacuum_offset import Offset, WallLag, find_offset
+from grabberd.analysis.vacuum.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
+from grabberd.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
+from grabberd.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
 from grabberd.errors import InputError
 from grabberd.geometry import Reading
 from grabberd.processes.analysis_inputs import missing

@@ -33,9 +33,9 @@ from grabberd.analysis import (
     volume_mm3,
     wall_at,
 )
-from grabberd.analysis.forms import mixed, principal_values
-from grabberd.analysis.material import VARIED, Wall, varied
-from grabberd.analysis.tension import mixed_tension
+from grabberd.analysis.wall.forms import mixed, principal_values
+from grabberd.analysis.wall.material import VARIED, Wall, varied
+from grabberd.analysis.wall.tension import mixed_tension
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 

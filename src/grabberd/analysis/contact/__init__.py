@@ -1,0 +1,1 @@
+"""The pressure of the liner on the teat."""

@@ -1,0 +1,1 @@
+"""The pulsation: cycles, phases, the mean cycle."""

@@ -1,0 +1,231 @@
+"""Cycle length, phases and waveform adjusted together to all fields, from what the search found."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.pulsation.movement import Movement
+from grabberd.analysis.pulsation.waveform import Waveform, basis, basis_slope, prior_precision
+
+Array = NDArray[np.float64]
+
+_ROUNDS, _RESCALED = 20, 3
+_CLOSE_S = 1e-7
+_STILL = 0.25
+"""Slopes below this share of the steepest tell nothing of the time: what moves there may be noise."""
+_CHANCE = 0.03
+"""Of the stroke: ends of movements may agree so well although they are not the same."""
+_ANYHOW = 1e3
+_LEAST_SIGMA = 1e-3
+_BAND = 0.8
+"""Share of what the fields' rate can show (half of it) that the harmonics reach."""
+_FEWEST, _MOST = 4, 30
+_PLACES = 200
+_MANY = 400
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fit:
+    """The adjusted movement.
+
+    Attributes:
+        period_s: length of the cycle.
+        phases: (S,) phase of each run's first field, in cycles; the first run's is held.
+        waveform: the movement in mm over the phase.
+        covariance: (S + 2K + 1,)² of the period, the further runs' phases, the coefficients.
+        residual_mm: root mean square of what is left.
+        expected_mm: what the points' σ let expect of it.
+        evidence: logarithm of the probability of the movement, but for what is common to all fits of it.
+        shared_period_sigma_s: σ of the period from nothing but movement that is seen in two cycles or runs.
+    """
+
+    period_s: float
+    phases: Array
+    waveform: Waveform
+    covariance: Array
+    residual_mm: float
+    expected_mm: float
+    evidence: float
+    shared_period_sigma_s: float
+
+    @property
+    def period_sigma_s(self) -> float:
+        """σ of the period."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+
+def harmonics(period_s: float, step_s: float) -> int:
+    """How many harmonics fields `step_s` apart can show."""
+    return int(np.clip(_BAND * period_s / step_s / 2, _FEWEST, _MOST))
+
+
+def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count: int) -> Fit:
+    """Least squares over period, phases and `count` harmonics with their prior; σ from what is left.
+
+    Args:
+        movements: one a run, without long gaps.
+        period_s: where to begin.
+        phases: (S,) of each run's first field, where to begin.
+        count: of harmonics.
+    """
+    problem = _Problem.of(movements, count)
+    state = _State(period_s, phases.copy(), np.zeros(2 * count + 1))
+    sigma = problem.sigma
+    for _ in range(_RESCALED):
+        state, normal = _converged(problem, state, sigma)
+        left = problem.value - _terms(problem, state)[0] @ state.coefficients
+        information = normal.copy()
+        information[np.diag_indices(len(normal))] -= _precision(problem, len(state.phases))
+        freedom = max(len(left) - float(np.trace(np.linalg.solve(normal, information))), 1.0)
+        sigma = problem.sigma * np.sqrt(max(float(((left / problem.sigma) ** 2).sum()) / freedom, 1e-12))
+    state, normal = _converged(problem, state, sigma)
+    covariance: Array = np.linalg.inv(normal).astype(np.float64)
+    runs = len(state.phases)
+    return Fit(
+        period_s=state.period_s,
+        phases=state.phases,
+        waveform=Waveform(
+            np.asarray(state.coefficients + problem.mean, np.float64), covariance[runs:, runs:]
+        ),
+        covariance=covariance,
+        residual_mm=float(np.sqrt((left**2).mean())),
+        expected_mm=float(np.sqrt((np.concatenate([run.sigma_mm for run in movements]) ** 2).mean())),
+        evidence=_evidence(problem, state),
+        shared_period_sigma_s=_shared_sigma_s(problem, state, sigma),
+    )
+
+
+def _evidence(problem: "_Problem", state: "_State") -> float:
+    """Of the coefficients' best values, with their room (Laplace), by the σ that the points have."""
+    terms = _terms(problem, state)[0] / problem.sigma[:, None]
+    precision = prior_precision(problem.count, problem.variance)
+    best = _with_coefficients(problem, state, problem.sigma).coefficients
+    left = problem.value / problem.sigma - terms @ best
+    room = np.linalg.slogdet(terms.T @ terms + np.diag(precision))[1] - np.log(precision).sum()
+    return -float((left**2).sum() + (best**2 * precision).sum() + room) / 2
+
+
+def _shared_sigma_s(problem: "_Problem", state: "_State", sigma: Array) -> float:
+    """σ of the period if the waveform could be any: a polygon with as many corners as fields in a cycle.
+
+    What is seen once says nothing then. A plateau says nothing even if it is seen twice.
+    """
+    sigma = np.maximum(sigma, _CHANCE * float(np.ptp(problem.value)))
+    phase = state.phases[problem.run] + problem.since_s / state.period_s
+    slope = basis_slope(phase, problem.count) @ state.coefficients
+    slope[np.abs(slope) < _STILL * np.abs(slope).max()] = 0.0
+    columns = [-slope * problem.since_s / state.period_s**2]
+    columns += [slope * (problem.run == run) for run in range(1, len(state.phases))]
+    polygon = _polygon(phase, max(round(state.period_s / problem.step_s), 1))
+    design = np.column_stack([*columns, polygon]) / sigma[:, None]
+    loose = np.full(polygon.shape[1], 1 / (_ANYHOW**2 * problem.variance))
+    weak = np.concatenate([[1 / state.period_s**2], np.ones(len(state.phases) - 1), loose])
+    return float(np.sqrt(np.linalg.inv(design.T @ design + np.diag(weak))[0, 0]))
+
+
+def _polygon(phase: Array, corners: int) -> Array:
+    """(F, corners) shares of a periodic polygon's corners in its values at phases."""
+    place = np.mod(phase, 1.0) * corners
+    first = np.floor(place).astype(np.intp)
+    share = place - first
+    rows, shares = np.arange(len(phase)), np.zeros((len(phase), corners))
+    shares[rows, first % corners] = 1 - share
+    shares[rows, (first + 1) % corners] += share
+    return shares
+
+
+def placed(run: Movement, fit: Fit) -> float:
+    """The phase of a further run's first field where it fits a waveform best."""
+    use = slice(0, _MANY)
+    since = (run.time_s[use] - run.time_s[0]) / fit.period_s
+    places = np.arange(_PLACES) / _PLACES
+    left = run.value_mm[use] - fit.waveform.value(since[None] + places[:, None])
+    return float(places[(left**2).sum(axis=1).argmin()])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """All fields one after the other: time since their run's first, run, value from the middle."""
+
+    since_s: Array
+    run: NDArray[np.intp]
+    value: Array
+    sigma: Array
+    middle: float
+    variance: float
+    count: int
+    step_s: float
+
+    @property
+    def mean(self) -> Array:
+        """Coefficients of the middle, from which the values count."""
+        return np.concatenate([[self.middle], np.zeros(2 * self.count)])
+
+    @classmethod
+    def of(cls, runs: Sequence[Movement], count: int) -> "_Problem":
+        value = np.concatenate([run.value_mm for run in runs])
+        middle, spread = float((value.min() + value.max()) / 2), float(value.std())
+        sigma = np.concatenate([run.sigma_mm for run in runs])
+        return cls(
+            np.concatenate([run.time_s - run.time_s[0] for run in runs]),
+            np.repeat(np.arange(len(runs)), [len(run.time_s) for run in runs]),
+            value - middle,
+            np.maximum(sigma, _LEAST_SIGMA * spread),
+            middle,
+            spread**2,
+            count,
+            float(np.median(np.concatenate([np.diff(run.time_s) for run in runs]))),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    period_s: float
+    phases: Array
+    coefficients: Array
+
+
+def _precision(problem: _Problem, runs: int) -> Array:
+    return np.concatenate([np.zeros(runs), prior_precision(problem.count, problem.variance)])
+
+
+def _terms(problem: _Problem, state: _State) -> tuple[Array, Array]:
+    phase = state.phases[problem.run] + problem.since_s / state.period_s
+    return basis(phase, problem.count), basis_slope(phase, problem.count)
+
+
+def _normal(problem: _Problem, state: _State, sigma: Array) -> tuple[Array, Array]:
+    terms, slopes = _terms(problem, state)
+    slope = slopes @ state.coefficients
+    columns = [-slope * problem.since_s / state.period_s**2]
+    columns += [slope * (problem.run == run) for run in range(1, len(state.phases))]
+    design = np.column_stack([*columns, terms]) / sigma[:, None]
+    left = (problem.value - terms @ state.coefficients) / sigma
+    precision = _precision(problem, len(state.phases))
+    pull = np.concatenate([np.zeros(len(state.phases)), state.coefficients]) * precision
+    return design.T @ design + np.diag(precision), design.T @ left - pull
+
+
+def _with_coefficients(problem: _Problem, state: _State, sigma: Array) -> _State:
+    """The best coefficients of this period and these phases."""
+    terms = _terms(problem, state)[0] / sigma[:, None]
+    normal = terms.T @ terms + np.diag(prior_precision(problem.count, problem.variance))
+    best: Array = np.linalg.solve(normal, terms.T @ (problem.value / sigma)).astype(np.float64)
+    return replace(state, coefficients=best)
+
+
+def _converged(problem: _Problem, state: _State, sigma: Array) -> tuple[_State, Array]:
+    state = _with_coefficients(problem, state, sigma)
+    runs = len(state.phases)
+    for _ in range(_ROUNDS):
+        normal, right = _normal(problem, state, sigma)
+        normal[np.arange(runs), np.arange(runs)] += 1e-9 * np.diagonal(normal)[:runs] + 1e-12
+        step = np.linalg.solve(normal, right)
+        stretch = np.clip(step[0], -0.03 * state.period_s, 0.03 * state.period_s)
+        phases = state.phases + np.concatenate([[0.0], np.clip(step[1:runs], -0.03, 0.03)])
+        state = _State(state.period_s + float(stretch), phases, state.coefficients + step[runs:])
+        if abs(stretch) < _CLOSE_S:
+            break
+    return state, _normal(problem, state, sigma)[0]

@@ -1,0 +1,160 @@
+"""The mean cycle of every target: its place at any phase, averaged over cycles and bursts, with σ.
+
+Each coordinate is a Fourier series of the phase, fitted to all fields: fields need not fall on the same
+phases in different cycles, and what moves between two fields is not smeared. Noise of pointing and line
+jitter is reduced by the averaging. The calibration's covariance is common to all fields and stays as it is.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.pulsation.movement import TimedPoints, Tracks, tracks
+from grabberd.analysis.pulsation.pulsation import Pulsation
+from grabberd.analysis.pulsation.waveform import basis
+from grabberd.errors import AnalysisError
+from grabberd.reconstruction import Points
+
+Array = NDArray[np.float64]
+
+_FEWEST = 3
+_HALF_WAVE = 0.5
+_SLACK = 1.5
+"""Fields a coefficient; fewer leave no room to see how cycles differ."""
+
+
+class PhaseAverage(NamedTuple):
+    """The mean cycle at P phases.
+
+    Attributes:
+        phase: (P,) in cycles from the beginning of wall phase a.
+        points: (P,) the targets there; noise averaged, the calibration's covariance not. Image places and
+            residuals are NaN: nothing was seen there.
+        variation_mm: (N,) by how much the targets' places differ from cycle to cycle at the same phase,
+            per coordinate, beyond their noise; in the order of `points`, NaN where too few fields tell.
+        fields: (N,) in how many fields each was seen.
+        left_out: ids of targets that are seen in too small a part of the cycle.
+    """
+
+    phase: Array
+    points: tuple[Points, ...]
+    variation_mm: Array
+    fields: NDArray[np.intp]
+    left_out: tuple[int, ...]
+
+
+def phase_average(
+    captures: Sequence[Sequence[TimedPoints]], pulsation: Pulsation, phase: Array
+) -> PhaseAverage:
+    """Points of the mean cycle.
+
+    Args:
+        captures: the fields that `pulsation` was found from; those outside of its runs do not count.
+        pulsation: from `fit_pulsation`.
+        phase: (P,) where the mean cycle is wanted, from the beginning of wall phase a.
+
+    Raises:
+        AnalysisError: no target is seen in the whole cycle.
+    """
+    moments = [
+        pulsation.at(np.array([field.time_s for field in capture]), index)
+        for index, capture in enumerate(captures)
+    ]
+    inside = np.concatenate([moment.run for moment in moments]) >= 0
+    fields = [field for capture in captures for field in capture]
+    all_tracks = tracks([field for field, used in zip(fields, inside, strict=True) if used])
+    at = np.concatenate([moment.phase for moment in moments])[inside]
+    averages = list(_averages(all_tracks, at, np.asarray(phase, np.float64), pulsation.waveform.harmonics))
+    good = np.array(sorted(index for average in averages for index in average.place), np.intp)
+    if not len(good):
+        raise AnalysisError(
+            "no target is seen in the whole cycle", "capture longer, or more bursts; check what hides targets"
+        )
+    lost = np.setdiff1d(np.arange(len(all_tracks.target)), good)
+    return _joined(all_tracks, averages, good, np.asarray(phase), tuple(all_tracks.target[lost].tolist()))
+
+
+class _Average(NamedTuple):
+    """Targets that are seen in the same fields: (M,), (P, M, 3), (P, M, 3, 3), (M,), (M,)."""
+
+    place: NDArray[np.intp]
+    xyz_mm: Array
+    covariance_mm2: Array
+    variation_mm: Array
+    fields: NDArray[np.intp]
+
+
+def _averages(all_tracks: Tracks, at: Array, phase: Array, harmonics: int) -> Iterator[_Average]:
+    seen = np.isfinite(all_tracks.xyz_mm[..., 0])
+    patterns, which = np.unique(seen, axis=1, return_inverse=True)
+    for k in range(patterns.shape[1]):
+        use = patterns[:, k]
+        count = _count(at[use], harmonics)
+        if count >= _FEWEST:
+            index = np.flatnonzero(which == k)
+            xyz = all_tracks.xyz_mm[np.ix_(use, index)]
+            covariance = all_tracks.covariance_mm2[np.ix_(use, index)]
+            yield _average(index, xyz, covariance, basis(at[use], count), basis(phase, count))
+
+
+def _count(at: Array, harmonics: int) -> int:
+    """As many harmonics as the fields determine, by their number and the widest hole in their phases."""
+    if len(at) < 2:
+        return 0
+    ordered = np.sort(at)
+    hole = float(np.diff(np.concatenate([ordered, [ordered[0] + 1]])).max())
+    return min(harmonics, int(_HALF_WAVE / hole), int((len(at) / _SLACK - 1) / 2))
+
+
+def _average(index: NDArray[np.intp], xyz: Array, covariance: Array, terms: Array, wanted: Array) -> _Average:
+    """Least squares with the same weight for all fields; the covariance is what that makes of theirs."""
+    solve = np.linalg.solve(terms.T @ terms, terms.T)
+    share = wanted @ solve
+    mean = np.einsum("pf,fnx->pnx", share, xyz)
+    noise = np.einsum("pf,fnxy->pnxy", share**2, covariance, optimize=True)
+    left = xyz - np.einsum("gf,fnx->gnx", terms @ solve, xyz)
+    kept = np.maximum(1 - np.einsum("fi,if->f", terms, solve), 0.0)
+    freedom = 3 * kept.sum()
+    expected = np.einsum("f,fnxx->n", kept, covariance) / freedom
+    found = (left**2).sum(axis=(0, 2)) / freedom
+    variation = np.sqrt(np.maximum(found - expected, 0.0))
+    more = np.einsum("pf,n->pn", share**2, variation**2)
+    return _Average(
+        index,
+        mean,
+        noise + more[..., None, None] * np.eye(3),
+        variation,
+        np.full(len(index), len(xyz), np.intp),
+    )
+
+
+def _joined(
+    all_tracks: Tracks,
+    averages: Sequence[_Average],
+    good: NDArray[np.intp],
+    phase: Array,
+    left_out: tuple[int, ...],
+) -> PhaseAverage:
+    order = np.argsort(np.concatenate([average.place for average in averages]))
+    xyz = np.concatenate([average.xyz_mm for average in averages], axis=1)[:, order]
+    covariance = np.concatenate([average.covariance_mm2 for average in averages], axis=1)[:, order]
+    return PhaseAverage(
+        phase,
+        tuple(_points(all_tracks, good, xyz[p], covariance[p]) for p in range(len(phase))),
+        np.concatenate([average.variation_mm for average in averages])[order],
+        np.concatenate([average.fields for average in averages])[order],
+        left_out,
+    )
+
+
+def _points(all_tracks: Tracks, good: NDArray[np.intp], xyz: Array, covariance: Array) -> Points:
+    return Points(
+        all_tracks.target[good],
+        xyz,
+        covariance,
+        all_tracks.calibration_covariance_mm2[good],
+        np.full((len(good), 2, 2), np.nan),
+        np.full(len(good), np.nan),
+    )

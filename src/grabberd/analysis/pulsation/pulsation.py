@@ -1,0 +1,277 @@
+"""The pulsation as the wall shows it: cycle length, rate, and where in its cycle every field stands.
+
+A capture is one run of fields, with fields missing here and there; after a gap longer than a cycle nobody
+knows how many cycles have passed, and the count begins anew. Bursts too short for a cycle are runs like
+others: what they have in common puts them together.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.pulsation.cycle_fit import Fit, adjust, harmonics, placed
+from grabberd.analysis.pulsation.cycle_search import search
+from grabberd.analysis.pulsation.movement import Movement
+from grabberd.analysis.pulsation.waveform import Waveform, rotated
+from grabberd.errors import AnalysisError
+
+Array = NDArray[np.float64]
+
+SHORTEST_S, LONGEST_S = 0.4, 3.0
+WALL_THRESHOLD = 0.1
+"""A wall phase begins where the movement has left the closed or open place by this share of the stroke."""
+
+_LEAST_FIELDS, _MOST_RUNS = 4, 12
+_NOISE_LIKE = 0.5
+_UNLIKE = 0.15
+_UNCERTAIN = 0.008
+_HOLE = 0.1
+_LONGER = (
+    "capture at least one and a half cycles, or several bursts that begin at different times of the cycle"
+)
+
+
+class Run(NamedTuple):
+    """Fields of one capture without a gap longer than a cycle.
+
+    Attributes:
+        capture: index of the capture; `first_s`, `last_s`: times of its first and last field.
+        start_s: time at which the cycle of its first field began (wall phase a), with `start_sigma_s`.
+    """
+
+    capture: int
+    first_s: float
+    last_s: float
+    start_s: float
+    start_sigma_s: float
+
+
+class Moment(NamedTuple):
+    """Where in the pulsation F times are.
+
+    Attributes:
+        run: (F,) index of the run, -1 outside of all; `cycle`: (F,) number of the cycle in its run, from 0.
+        phase: (F,) in [0, 1), from the beginning of wall phase a; NaN outside of all runs.
+    """
+
+    run: NDArray[np.intp]
+    cycle: NDArray[np.intp]
+    phase: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pulsation:
+    """The wall's movement as a periodic one.
+
+    Attributes:
+        period_s: length of the cycle, with `period_sigma_s`.
+        waveform: the first principal movement in mm over the phase, counted from wall phase a.
+        period_covariance: (2K + 1,) of the period with the waveform's coefficients.
+        runs: in the order of captures and times.
+        residual_mm: root mean square of the movement's departure from it; `expected_mm`: by the points' σ.
+    """
+
+    period_s: float
+    period_sigma_s: float
+    waveform: Waveform
+    period_covariance: Array
+    runs: tuple[Run, ...]
+    residual_mm: float
+    expected_mm: float
+
+    @property
+    def rate_per_min(self) -> Estimate:
+        """Cycles a minute."""
+        rate = np.float64(60 / self.period_s)
+        return Estimate(np.asarray(rate), np.asarray(rate * self.period_sigma_s / self.period_s))
+
+    @property
+    def stroke_mm(self) -> float:
+        """From closed to open."""
+        low, high = self.waveform.levels()
+        return high - low
+
+    @property
+    def cycles(self) -> float:
+        """How many cycles the runs span together."""
+        return sum(run.last_s - run.first_s for run in self.runs) / self.period_s
+
+    def at(self, time_s: Array, capture: int = 0) -> Moment:
+        """Where in the pulsation the times (F,) of a capture are."""
+        which = np.full(len(time_s), -1, np.intp)
+        turns = np.full(len(time_s), np.nan)
+        for index, run in enumerate(self.runs):
+            inside = (time_s >= run.first_s - 1e-9) & (time_s <= run.last_s + 1e-9)
+            if run.capture == capture:
+                which[inside] = index
+                turns[inside] = (time_s[inside] - run.start_s) / self.period_s
+        whole = np.floor(turns)
+        return Moment(which, np.where(which < 0, 0, np.nan_to_num(whole)).astype(np.intp), turns - whole)
+
+
+def fit_pulsation(
+    movements: Sequence[Movement], shortest_s: float = SHORTEST_S, longest_s: float = LONGEST_S
+) -> Pulsation:
+    """The pulsation of one capture or of several together.
+
+    Args:
+        movements: one a capture; the clocks of two captures need not agree.
+        shortest_s: the cycle length is looked for from here.
+        longest_s: to here.
+
+    Raises:
+        AnalysisError: nothing pulsates, the fields together do not show a cycle and more, or what they show
+            does not repeat itself.
+    """
+    _check_movement(movements)
+    runs = _split(movements, shortest_s)
+    likely = _likely([run for _, run in runs], shortest_s, longest_s)
+    runs = _split(movements, likely.period_s)
+    every = [run for _, run in runs]
+    fit = _whole(every, likely)
+    _check(fit, every)
+    return _pulsation(fit, runs)
+
+
+def _check_movement(movements: Sequence[Movement]) -> None:
+    """Noise is unlike from field to field, a movement alike."""
+    values = np.concatenate([movement.value_mm for movement in movements])
+    steps = np.concatenate([np.diff(movement.value_mm) for movement in movements])
+    sigma = float(np.sqrt(np.mean(np.concatenate([movement.sigma_mm for movement in movements]) ** 2)))
+    spread = float(values.std())
+    if spread < 3 * sigma or float((steps**2).mean()) > _NOISE_LIKE * 2 * spread**2:
+        raise AnalysisError(
+            f"nothing pulsates: the targets move by {spread:.3f} mm (σ {sigma:.3f} mm)",
+            "let the pulsator run, and check that the capture shows the liner",
+        )
+
+
+def _split(movements: Sequence[Movement], gap_s: float) -> list[tuple[int, Movement]]:
+    """The captures cut at gaps longer than this; runs of fewer than four fields are left out."""
+    runs = []
+    for capture, movement in enumerate(movements):
+        cuts = np.flatnonzero(np.diff(movement.time_s) > gap_s) + 1
+        for part in np.split(np.arange(len(movement.time_s)), cuts):
+            if len(part) >= _LEAST_FIELDS:
+                runs.append((capture, Movement(*(column[part] for column in movement))))
+    if not runs:
+        raise AnalysisError("there are no four fields without a gap of a cycle between them", _LONGER)
+    return runs
+
+
+def _span_s(run: Movement) -> float:
+    return float(run.time_s[-1] - run.time_s[0])
+
+
+def _likely(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
+    """Period and waveform from the longest runs."""
+    ordered = sorted(runs, key=_span_s, reverse=True)
+    alone = _best(ordered[:1], shortest_s, longest_s)
+    if len(runs) == 1 or not _lacks(alone, ordered[:1]):
+        return alone
+    return _best(ordered[:_MOST_RUNS], shortest_s, longest_s)
+
+
+def _best(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
+    fits = [
+        adjust(
+            [_first(run, 6 * one.period_s) for run in runs],
+            one.period_s,
+            one.phases,
+            harmonics(one.period_s, _step_s(runs)),
+        )
+        for one in search(runs, shortest_s, longest_s)
+    ]
+    return max(fits, key=lambda fit: fit.evidence)
+
+
+def _whole(runs: Sequence[Movement], fit: Fit) -> Fit:
+    """All runs, by and by to their full length: their period is known well enough for six times as long."""
+    span_s, longest_s = 6 * fit.period_s, max(map(_span_s, runs))
+    count = harmonics(fit.period_s, _step_s(runs))
+    while True:
+        short = [_first(run, span_s) for run in runs]
+        phases = np.array([placed(run, fit) for run in short])
+        fit = adjust(short, fit.period_s, phases, count)
+        if span_s >= longest_s:
+            return fit
+        span_s *= 6
+
+
+def _first(run: Movement, span_s: float) -> Movement:
+    use = run.time_s <= run.time_s[0] + span_s
+    return Movement(*(column[use] for column in run))
+
+
+def _step_s(runs: Sequence[Movement]) -> float:
+    return float(np.median(np.concatenate([np.diff(run.time_s) for run in runs])))
+
+
+def _hole(fit: Fit, runs: Sequence[Movement]) -> float:
+    """The widest part of the cycle that no field shows."""
+    since = [p + (run.time_s - run.time_s[0]) / fit.period_s for p, run in zip(fit.phases, runs, strict=True)]
+    phase = np.sort(np.mod(np.concatenate(since), 1.0))
+    return float(np.diff(np.concatenate([phase, [phase[0] + 1]])).max())
+
+
+def _lacks(fit: Fit, runs: Sequence[Movement]) -> bool:
+    """Whether the runs do not tell the length of their cycle."""
+    return _hole(fit, runs) > _HOLE or fit.shared_period_sigma_s > _UNCERTAIN * fit.period_s
+
+
+def _check(fit: Fit, runs: Sequence[Movement]) -> None:
+    if _lacks(fit, runs):
+        spans = ", ".join(f"{_span_s(run):.2f}" for run in runs[:5])
+        raise AnalysisError(
+            f"the fields (runs of {spans} s) do not show a cycle and enough of the next: the best length is"
+            f" {fit.period_s:.3f} s, but what is seen twice gives it σ {fit.shared_period_sigma_s:.3f} s, and"
+            f" {100 * _hole(fit, runs):.0f} % of it is not seen at all",
+            _LONGER,
+        )
+    values = np.concatenate([run.value_mm for run in runs])
+    if fit.residual_mm > _UNLIKE * float(values.std()):
+        raise AnalysisError(
+            f"the movement does not repeat itself: cycles of {fit.period_s:.3f} s leave"
+            f" {fit.residual_mm:.2f} mm of {values.std():.2f} mm",
+            "capture while the pulsator runs evenly; check the points with 'grabberd accuracy' or the report",
+        )
+
+
+def _pulsation(fit: Fit, runs: Sequence[tuple[int, Movement]]) -> Pulsation:
+    """The phase counted from where the wall begins to open."""
+    count = len(runs)
+    low, high = fit.waveform.levels()
+    rising = fit.waveform.crossings(low + WALL_THRESHOLD * (high - low))[0]
+    start = _last_before(rising, fit.waveform.extremes()[1])
+    waveform = fit.waveform.turned(start)
+    since = np.mod(fit.phases - start, 1.0)
+    slope = max(abs(float(fit.waveform.slope(np.array(start)))), 1e-12)
+    own = float(fit.waveform.sigma(np.array(start))) / slope
+    spread = np.sqrt(np.concatenate([[0.0], np.diagonal(fit.covariance)[1:count]]) + own**2)
+    return Pulsation(
+        period_s=fit.period_s,
+        period_sigma_s=fit.period_sigma_s,
+        waveform=waveform,
+        period_covariance=rotated(fit.covariance[0, count:], start),
+        runs=tuple(
+            Run(
+                capture,
+                float(run.time_s[0]),
+                float(run.time_s[-1]),
+                float(run.time_s[0] - turn * fit.period_s),
+                float(sigma * fit.period_s),
+            )
+            for (capture, run), turn, sigma in zip(runs, since, spread, strict=True)
+        ),
+        residual_mm=fit.residual_mm,
+        expected_mm=fit.expected_mm,
+    )
+
+
+def _last_before(phases: Array, end: float) -> float:
+    """The one of some phases that the phase `end` follows soonest."""
+    return float(phases[np.mod(end - phases, 1.0).argmin()])

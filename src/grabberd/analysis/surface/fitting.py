@@ -1,0 +1,210 @@
+"""From a field's points to its surface."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.grid import Grid
+from grabberd.analysis.surface.modes import FREE, Domain, Modes, modes
+from grabberd.analysis.surface.nominal_shape import NominalShape
+from grabberd.analysis.surface.posterior import Posterior, fit_modes
+from grabberd.analysis.surface.screening import screen
+from grabberd.analysis.surface.smoothing import Criterion, Departures, Smoothing, choose
+from grabberd.analysis.surface.surface import Surface
+from grabberd.errors import AnalysisError
+from grabberd.reconstruction import Points
+
+_OUTLYING = 60.0
+"""Chi squared of three degrees of freedom that chance does not reach in ten thousand captures."""
+
+_LARGEST_SHARE_OUT = 0.2
+_LEAST_POINTS = 3 * FREE
+_MOST_FIELDS = 4
+
+
+def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) -> Surface:
+    """The surface of one field's points.
+
+    Missing targets are bridged by the prior, and σ says so; `Surface.within` tells where. Points at
+    impossible distances from their neighbours, or many σ from what all the others foretell, are left out and
+    named in `Surface.problems`.
+
+    Args:
+        grid: the object model's target grid.
+        points: of one field, with their noise (`covariance_mm2`).
+        smoothing: as `choose_smoothing` gives it for the capture's fields or a phase's; by default chosen
+            from this field alone.
+
+    Raises:
+        AnalysisError: too few points for a surface, more than a fifth of them contradict the others, or
+            points without covariance or of targets unknown to the grid.
+    """
+    field = _screened(grid, points)
+    shape = _shape(grid)
+    chosen = smoothing or choose(_domain(grid), [_departures(field)])
+    field, posterior, left_out = _without_outliers(grid, field, chosen)
+    problems = (*field.problems, *_named(grid, left_out))
+    _check_share(len(points), len(points) - len(field.place), problems)
+    return Surface(
+        base=shape.jets,
+        modes=_modes(grid, chosen),
+        coefficients=posterior.coefficients,
+        factor=posterior.factor,
+        smoothing=chosen,
+        supported=_supported(grid, field.place),
+        outward=grid.outward,
+        misfit=posterior.misfit,
+        problems=problems,
+    )
+
+
+def choose_smoothing(
+    grid: Grid, fields: Sequence[Points], by: Criterion = "likelihood", along_mm: float | None = None
+) -> Smoothing:
+    """The one smoothing for fields that move alike: a capture's, or one phase's.
+
+    Of many fields, four spread over them are looked at. Where the movement's phases differ much in shape, a
+    choice for each phase gives the better σ.
+
+    Args:
+        grid: the object model's target grid.
+        fields: the points of one or more fields.
+        by: "likelihood" takes the points' σ as known; "cross-validation" takes only their ratios from them,
+            and finds by which factor they are to be multiplied.
+        along_mm: correlation length along the rows where it is known already: only amplitudes are chosen.
+
+    Raises:
+        AnalysisError: no field has points enough for a surface.
+    """
+    enough = [points for points in fields if len(points) >= _LEAST_POINTS]
+    if not enough:
+        raise AnalysisError(
+            f"none of {len(fields)} fields has {_LEAST_POINTS} points, the least that a surface needs",
+            "look at the capture: were the targets seen in both views?",
+        )
+    spread = np.unique(np.linspace(0, len(enough) - 1, _MOST_FIELDS).round().astype(int))
+    departures = [_departures(_screened(grid, enough[index])) for index in spread]
+    return choose(_domain(grid), departures, by, along_mm)
+
+
+class _Field(NamedTuple):
+    """Points that take part: indices in the grid, material places, departure and covariance."""
+
+    place: NDArray[np.intp]
+    u_mm: NDArray[np.float64]
+    v_mm: NDArray[np.float64]
+    departure_mm: NDArray[np.float64]
+    covariance_mm2: NDArray[np.float64]
+    problems: tuple[str, ...]
+
+    def select(self, kept: NDArray[np.bool_]) -> "_Field":
+        return _Field(
+            self.place[kept],
+            self.u_mm[kept],
+            self.v_mm[kept],
+            self.departure_mm[kept],
+            self.covariance_mm2[kept],
+            self.problems,
+        )
+
+
+def _screened(grid: Grid, points: Points) -> _Field:
+    place = grid.indices(points.target)
+    _check_covariance(points)
+    kept, problems = screen(grid, place, points.xyz_mm)
+    departure = points.xyz_mm - _nominal(grid)[place]
+    field = _Field(place, grid.u_mm[place], grid.v_mm[place], departure, points.covariance_mm2, problems)
+    field = field.select(kept)
+    _check_share(len(points), int((~kept).sum()), problems)
+    _check_enough(grid, field)
+    return field
+
+
+def _check_covariance(points: Points) -> None:
+    finite = np.isfinite(points.xyz_mm).all() and np.isfinite(points.covariance_mm2).all()
+    diagonal = np.einsum("naa->na", points.covariance_mm2)
+    if not finite or (diagonal <= 0).any():
+        raise AnalysisError(
+            "points without a covariance, or that are no numbers: the surface cannot be weighed",
+            "measure the capture again; its points carry their covariance",
+        )
+
+
+def _check_share(count: int, left_out: int, problems: Sequence[str]) -> None:
+    if left_out > _LARGEST_SHARE_OUT * count:
+        raise AnalysisError(
+            f"{left_out} of {count} points contradict the others: {'; '.join(problems)}",
+            "ids have jumped, or object model or calibration are another capture's: measure it again",
+        )
+
+
+def _check_enough(grid: Grid, field: _Field) -> None:
+    rows, columns = len(np.unique(grid.row[field.place])), len(np.unique(grid.column[field.place]))
+    if len(field.place) < _LEAST_POINTS or min(rows, columns) < 3:
+        raise AnalysisError(
+            f"{len(field.place)} points in {rows} rows and {columns} columns are too few for a surface",
+            f"a field needs {_LEAST_POINTS} points, in three rows and three columns at the least",
+        )
+
+
+def _without_outliers(grid: Grid, field: _Field, smoothing: Smoothing) -> tuple[_Field, Posterior, list[int]]:
+    """Leaves out the worst, fits again, until none is worse than chance allows."""
+    candidate, left_out = _modes(grid, smoothing), list[int]()
+    most = _LARGEST_SHARE_OUT * len(field.place)
+    while True:
+        posterior = fit_modes(
+            candidate, smoothing, field.u_mm, field.v_mm, field.departure_mm, field.covariance_mm2
+        )
+        worst = int(np.argmax(posterior.outlying))
+        if posterior.outlying[worst] < _OUTLYING or len(left_out) > most:
+            return field, posterior, left_out
+        left_out.append(int(field.place[worst]))
+        field = field.select(np.arange(len(field.place)) != worst)
+
+
+def _named(grid: Grid, left_out: Sequence[int]) -> tuple[str, ...]:
+    if not left_out:
+        return ()
+    names = ", ".join(str(grid.target[index]) for index in sorted(left_out))
+    return (f"left out, many σ from what the other points foretell: targets {names}",)
+
+
+def _supported(grid: Grid, place: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """(rows, columns): seen, or missing alone."""
+    seen = np.zeros(len(grid), bool)
+    seen[place] = True
+    alone = np.ones(len(grid), bool)
+    first, second = grid.pairs().T
+    np.logical_and.at(alone, first, seen[second])
+    np.logical_and.at(alone, second, seen[first])
+    supported = np.zeros((grid.row.max() + 1, grid.column.max() + 1), bool)
+    supported[grid.row, grid.column] = seen | alone
+    return supported
+
+
+def _departures(field: _Field) -> Departures:
+    sigma = np.sqrt(np.einsum("naa->na", field.covariance_mm2))
+    return Departures(field.u_mm, field.v_mm, field.departure_mm, sigma)
+
+
+def _modes(grid: Grid, smoothing: Smoothing) -> Modes:
+    return modes(_domain(grid), smoothing.along_mm, smoothing.round_mm)
+
+
+def _domain(grid: Grid) -> Domain:
+    rows, columns = int(grid.row.max()) + 1, int(grid.column.max()) + 1
+    return Domain(0.0, 0.0, grid.u_pitch_mm, grid.v_pitch_mm, rows, columns)
+
+
+@lru_cache(maxsize=8)
+def _shape(grid: Grid) -> NominalShape:
+    return NominalShape.of(grid)
+
+
+@lru_cache(maxsize=8)
+def _nominal(grid: Grid) -> NDArray[np.float64]:
+    """(N, 3) the nominal shape at the targets."""
+    return _shape(grid).jets(grid.u_mm, grid.v_mm)[:, 0]

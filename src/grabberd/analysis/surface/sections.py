@@ -1,0 +1,205 @@
+"""Sections of the wall at given heights: outline, width, area; the volume between two of them.
+
+The cameras see the wall from one side. Where the targets do not go round, the opposite wall is not measured:
+width, area and volume are then those between the seen wall and a plane that is given, such as the plane of
+symmetry between both walls (`symmetry_plane` has the nominal one). All is about the outer (target) face.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.grid import Grid
+from grabberd.analysis.surface.jets import index
+from grabberd.analysis.surface.nominal_shape import NominalShape
+from grabberd.analysis.surface.outlines import (
+    FINENESS,
+    Measured,
+    Plane,
+    area_to,
+    chord,
+    distance_to,
+    least_width,
+    length,
+    opposite,
+)
+from grabberd.analysis.surface.surface import Surface
+from grabberd.errors import AnalysisError
+
+_NEWTON_STEPS = 6
+_STRAIGHT_MM = 0.01
+_HINT = "choose heights between the first and the last row of targets"
+
+
+class Section(NamedTuple):
+    """The wall where it crosses the plane x = `x_mm`, from its first column of targets to its last.
+
+    Attributes:
+        x_mm: height in the object's frame.
+        outline_mm: (M, 3) places, evenly spaced in v; `v_mm`: (M,) which.
+        within: (M,) whether data support them.
+        length_mm: along the outline; `chord_mm`: between its ends.
+        distance_mm: from the given plane to the outline, on the normal through the plane's point; twice it is
+            the distance between opposite walls where the plane is that of their symmetry. NaN where no wall
+            is there, None without a plane.
+        area_mm2: between outline and given plane. None without a plane.
+        least_width_mm: least distance of two parallel lines that hold the whole outline between them;
+            `opposite_mm`: least distance of two places half the round apart. None where the targets do not
+            go round; the gap between the last column and the first counts as straight.
+    """
+
+    x_mm: float
+    outline_mm: NDArray[np.float64]
+    v_mm: NDArray[np.float64]
+    within: NDArray[np.bool_]
+    length_mm: Estimate
+    chord_mm: Estimate
+    distance_mm: Estimate | None
+    area_mm2: Estimate | None
+    least_width_mm: Estimate | None
+    opposite_mm: Estimate | None
+
+
+def symmetry_plane(grid: Grid) -> Plane:
+    """The nominal tube's plane of symmetry: through its axis, across the middle of the targets.
+
+    Raises:
+        AnalysisError: the object model is no tube.
+    """
+    shape = NominalShape.of(grid)
+    if not shape.radius_mm:
+        raise AnalysisError(
+            "the object model's targets do not lie on a tube: it has no axis of symmetry",
+            "give the plane between the walls as a point and a normal",
+        )
+    outward = grid.nominal_mm.mean(axis=0) - shape.origin_mm
+    along = shape.along / np.linalg.norm(shape.along)
+    return Plane(shape.origin_mm, outward - (outward @ along) * along)
+
+
+def section(surface: Surface, x_mm: float, plane: Plane | None = None) -> Section:
+    """The section at one height, each value with σ from the points' noise and the smoothing.
+
+    Args:
+        surface: of one field.
+        x_mm: height in the object's frame.
+        plane: what widths and areas are taken from, where the targets do not go round.
+
+    Raises:
+        AnalysisError: the wall does not reach this height between its first and last row of targets.
+    """
+    found, missed = sections(surface, [x_mm], plane)
+    if missed:
+        raise AnalysisError(missed[0], _HINT)
+    return found[0]
+
+
+def sections(
+    surface: Surface, x_mm: Sequence[float], plane: Plane | None = None
+) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+    """The sections at all heights that the wall reaches, and a sentence on each of the others."""
+    if not len(x_mm):
+        return (), ()
+    cuts = _cuts(surface, np.array(x_mm, np.float64))
+    found = tuple(_section(surface, cut, plane) for cut in cuts.each() if cut.reached)
+    return found, tuple(_missed(x) for x in cuts.x_mm[~cuts.reached])
+
+
+def _section(surface: Surface, cut: "_Cuts", plane: Plane | None) -> Section:
+    measured = {"length_mm": length(cut.outline_mm), "chord_mm": chord(cut.outline_mm)}
+    if plane is not None:
+        measured |= {
+            "distance_mm": distance_to(plane, cut.outline_mm),
+            "area_mm2": area_to(plane, cut.outline_mm),
+        }
+    if measured["chord_mm"].value < 1.5 * surface.modes.domain.v_pitch_mm:
+        measured |= {"least_width_mm": least_width(cut.outline_mm), "opposite_mm": opposite(cut.outline_mm)}
+    values = dict.fromkeys(("distance_mm", "area_mm2", "least_width_mm", "opposite_mm"))
+    estimates = values | _estimates(surface, cut, measured)
+    within = surface.within(cut.u_mm, cut.v_mm)
+    return Section(float(cut.x_mm), cut.outline_mm, cut.v_mm, within, **estimates)  # type: ignore[arg-type]
+
+
+def volume_mm3(surface: Surface, x_mm: tuple[float, float], plane: Plane) -> Estimate:
+    """The volume between the wall, a plane, and the sections at two heights, with σ.
+
+    Raises:
+        AnalysisError: the wall does not reach these heights.
+    """
+    low, high = sorted(x_mm)
+    count = 4 + round((high - low) / surface.modes.domain.u_pitch_mm)
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    cuts = _cuts(surface, (low + high) / 2 + (high - low) / 2 * nodes)
+    if not cuts.reached.all():
+        raise AnalysisError(_missed(cuts.x_mm[~cuts.reached][0]), _HINT)
+    share = (high - low) / 2 * weights
+    areas = area_to(plane, cuts.outline_mm)
+    slopes = _at_height(share[:, np.newaxis, np.newaxis] * areas.slopes, cuts.along)
+    places = cuts.u_mm.ravel(), cuts.v_mm.ravel()
+    variance = surface.covariance(slopes.reshape(1, -1, 1, 3), *places)[0, 0]
+    return Estimate(np.asarray(share @ areas.value), np.sqrt(variance))
+
+
+class _Cuts(NamedTuple):
+    """Outlines at H heights: material places (H, M), the outlines and ∂X/∂u there (H, M, 3).
+
+    `reached`: (H,) whether the wall does, between half a pitch before its first row and beyond its last.
+    """
+
+    x_mm: NDArray[np.float64]
+    u_mm: NDArray[np.float64]
+    v_mm: NDArray[np.float64]
+    outline_mm: NDArray[np.float64]
+    along: NDArray[np.float64]
+    reached: NDArray[np.bool_]
+
+    def each(self) -> Iterator["_Cuts"]:
+        return (_Cuts(*values) for values in zip(*self, strict=True))
+
+
+def _cuts(surface: Surface, x_mm: NDArray[np.float64]) -> _Cuts:
+    """Newton's iterations for u at every height and v; the last step is short enough to be straight."""
+    domain = surface.modes.domain
+    columns, rows = domain.columns - 1, domain.rows - 1
+    v_mm = domain.v_mm + np.linspace(0, columns * domain.v_pitch_mm, columns * FINENESS + 1)
+    first, last = domain.u_mm, domain.u_mm + rows * domain.u_pitch_mm
+    u_mm = np.full((1, len(v_mm)), (first + last) / 2)
+    for _ in range(_NEWTON_STEPS):
+        round_mm = np.broadcast_to(v_mm, u_mm.shape)
+        jets = surface.tangents(u_mm.ravel(), round_mm.ravel()).reshape(*u_mm.shape, 3, 3)
+        along = jets[..., index(1, 0), :]
+        short = (x_mm[:, np.newaxis] - jets[..., 0, 0]) / along[..., 0]
+        if np.abs(short).max() < _STRAIGHT_MM:
+            break
+        u_mm = np.clip(u_mm + short, first - domain.u_pitch_mm, last + domain.u_pitch_mm)
+    u_mm, v_mm, along = (
+        np.broadcast_to(each, (len(x_mm), *each.shape[1:])) for each in (u_mm, round_mm, along)
+    )
+    reach = 0.5 * domain.u_pitch_mm
+    reached = np.asarray(((u_mm >= first - reach) & (u_mm <= last + reach)).all(axis=1))
+    return _Cuts(x_mm, u_mm, v_mm, jets[..., 0, :] + short[..., np.newaxis] * along, along, reached)
+
+
+def _missed(x_mm: float) -> str:
+    return f"there is no section at x = {x_mm:g} mm: the targets do not reach there"
+
+
+def _estimates(surface: Surface, cut: _Cuts, measured: dict[str, Measured]) -> dict[str, Estimate]:
+    slopes = np.stack([_at_height(one.slopes, cut.along) for one in measured.values()])
+    variance = np.diag(surface.covariance(slopes[:, :, np.newaxis], cut.u_mm, cut.v_mm))
+    return {
+        name: Estimate(one.value, np.sqrt(square))
+        for (name, one), square in zip(measured.items(), variance, strict=True)
+    }
+
+
+def _at_height(slopes: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(..., 3) derivatives by the surface's places, from those by the outline's.
+
+    The outline stays at its height: a place that moves along x is replaced by its neighbour along the wall.
+    """
+    off = -(slopes[..., 1:] * along[..., 1:]).sum(axis=-1, keepdims=True) / along[..., :1]
+    return np.concatenate([off, slopes[..., 1:]], axis=-1)

@@ -1,0 +1,235 @@
+"""The smooth surface through a field's points, with its covariance.
+
+The surface is the nominal shape plus a departure whose modes (`modes`) are estimated from the points: the
+posterior mean under the smoothing prior. Its covariance is the posterior's, so it contains the noise of the
+points as well as what the smoothing may have taken away; the calibration's part (common to all fields) is not
+in it.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import dtrmm
+
+from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.surface.jets import HIGHEST, Jets, count_to, times
+from grabberd.analysis.surface.modes import Modes
+from grabberd.analysis.surface.smoothing import Smoothing
+
+Shape = Callable[[NDArray[np.float64], NDArray[np.float64]], Jets]
+Function = Callable[..., NDArray[np.float64]]
+
+_STEP = 1e-3
+_REACH = 0.5 + 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spread:
+    """Departure along one direction that varies from place to place, instead of along x, y and z.
+
+    Attributes:
+        direction: (N, 15, 3) jets of the unit vector.
+    """
+
+    direction: Shape
+
+    def jets(
+        self, departure: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
+    ) -> Jets:
+        """(N, p, 3) from the departure's own (N, p, 1)."""
+        count = departure.shape[1]
+        matrix = times(self.direction(u_mm, v_mm))[:, :count, :count]
+        jets: Jets = np.einsum("npqa,nq->npa", matrix, departure[:, :, 0])
+        return jets
+
+    def slopes(
+        self, slopes: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N, p, 1, ...) by the departure's derivatives from (N, p, 3, ...) by the jets' first p entries."""
+        count = slopes.shape[1]
+        matrix = times(self.direction(u_mm, v_mm))[:, :count, :count]
+        turned: NDArray[np.float64] = np.einsum("npqa,npa...->nq...", matrix, slopes)[:, :, np.newaxis]
+        return turned
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """The outer (target) face of the wall, X(u, v), at one field.
+
+    Attributes:
+        base: the nominal shape's jets.
+        modes: R modes of the departure in each of D directions: x, y, z, or those of `spread`.
+        coefficients: (D, R) theirs, at unit amplitude; `factor`: (D, R, D·R) their covariance's square root:
+            cov[a, r, b, s] = Σ_k factor[a, r, k] factor[b, s, k]; upper triangular as a matrix.
+        smoothing: the prior's parameters.
+        supported: (rows, columns) of the domain's grid: a target was there, or is the only one missing.
+        outward: 1.0 where X_u × X_v points outward, or −1.0.
+        misfit: weighted squared residuals over their expectation: 1 where the points' σ are right.
+        problems: what was survived, in words: points left out and why.
+        spread: directions of the departure, where they are not x, y, z.
+    """
+
+    base: Shape
+    modes: Modes
+    coefficients: NDArray[np.float64]
+    factor: NDArray[np.float64]
+    smoothing: Smoothing
+    supported: NDArray[np.bool_]
+    outward: float
+    misfit: float
+    problems: tuple[str, ...]
+    spread: Spread | None = None
+
+    def jets(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
+        """(N, 15, 3) what the face does at N material places, mm."""
+        departure = self.modes.jets(u_mm, v_mm) @ self.coefficients.T
+        if self.spread is not None:
+            departure = self.spread.jets(departure, u_mm, v_mm)
+        return self.base(u_mm, v_mm) + departure
+
+    def tangents(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 3, 3) the jets' first three, X, X_u, X_v, at N material places: quicker where that will do."""
+        departure = self.modes.jets(u_mm, v_mm, highest=1) @ self.coefficients.T
+        if self.spread is not None:
+            departure = self.spread.jets(departure, u_mm, v_mm)
+        return self.base(u_mm, v_mm)[:, :3] + departure
+
+    def within(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) whether data support these places.
+
+        They do within half a pitch (along and round) of the place of a target that was seen, or that is
+        missing alone, with all its neighbours seen; not farther outside, nor in a hole of several targets.
+        """
+        domain = self.modes.domain
+        row, column = (u_mm - domain.u_mm) / domain.u_pitch_mm, (v_mm - domain.v_mm) / domain.v_pitch_mm
+        near_row = np.clip(np.round(row), 0, domain.rows - 1).astype(np.intp)
+        near_column = np.clip(np.round(column), 0, domain.columns - 1).astype(np.intp)
+        near = (np.abs(row - near_row) <= _REACH) & (np.abs(column - near_column) <= _REACH)
+        return near & self.supported[near_row, near_column]
+
+    def propagate(
+        self,
+        function: Function,
+        u_mm: NDArray[np.float64],
+        v_mm: NDArray[np.float64],
+        reference: "Surface | None" = None,
+        highest: int = HIGHEST,
+    ) -> Estimate:
+        """A function of the jets at N places, with its σ from the points' noise and the smoothing.
+
+        First-order propagation, derivatives by central differences on the jets.
+
+        Args:
+            function: of the jets (..., N, 15, 3), to (..., N) or (..., N, k); with `reference`, of both
+                surfaces' jets: function(jets, reference_jets).
+            u_mm: (N,) material places.
+            v_mm: (N,) the same.
+            reference: a surface of other fields, whose errors are independent of this one's and count too.
+            highest: order of the highest derivative that the function looks at; a lower one saves time.
+
+        Returns:
+            Value and σ, (N,) or (N, k).
+        """
+        found = propagate([self], function, (u_mm, v_mm), reference, highest)
+        return Estimate(found.value[0], found.sigma[0])
+
+    def sigma(
+        self, slopes: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(N,) or (N, k) σ of what has these derivatives by the jets at N places.
+
+        Args:
+            slopes: (N, p, 3) or (N, p, 3, k), by the jets' first p entries.
+            u_mm: (N,) material places.
+            v_mm: (N,) the same.
+        """
+        if self.spread is not None:
+            slopes = self.spread.slopes(slopes, u_mm, v_mm)
+        places = self.modes.jets(u_mm, v_mm)[:, : slopes.shape[1]]
+        several = slopes.reshape(*slopes.shape[:3], -1)
+        weights = several.transpose(0, 3, 2, 1).reshape(len(u_mm), -1, slopes.shape[1])
+        rows = (weights @ places).reshape(-1, slopes.shape[2] * places.shape[2])
+        root = _triangular_product(rows, self.factor.reshape(-1, self.factor.shape[2]))
+        sigma: NDArray[np.float64] = np.sqrt((root * root).sum(axis=1))
+        return sigma.reshape(len(u_mm), *slopes.shape[3:])
+
+    def covariance(
+        self, weights: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """(k, k) covariance of k sums over places: Σ weights · jets.
+
+        Args:
+            weights: (k, N, p, 3) of the jets' first p derivatives.
+            u_mm: (N,) material places.
+            v_mm: (N,) the same.
+        """
+        if self.spread is not None:
+            weights = np.moveaxis(self.spread.slopes(np.moveaxis(weights, 0, -1), u_mm, v_mm), -1, 0)
+        highest = 1 if weights.shape[2] <= count_to(1) else HIGHEST
+        places = self.modes.jets(u_mm, v_mm, highest)[:, : weights.shape[2]]
+        gradient = np.tensordot(weights, places, axes=((1, 2), (0, 1)))
+        root = gradient.reshape(len(weights), -1) @ self.factor.reshape(-1, self.factor.shape[2])
+        product: NDArray[np.float64] = root @ root.T
+        return product
+
+
+def _triangular_product(rows: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product of rows with an upper triangular matrix, in half the time of any other."""
+    product: NDArray[np.float64] = dtrmm(1.0, upper.T, rows.T, lower=1, overwrite_b=1).T
+    return product
+
+
+def propagate(
+    surfaces: Sequence[Surface],
+    function: Function,
+    places: tuple[NDArray[np.float64], NDArray[np.float64]],
+    reference: Surface | None = None,
+    highest: int = HIGHEST,
+) -> Estimate:
+    """The same function of F surfaces' jets, as in `Surface.propagate`: quicker than one after the other.
+
+    Args:
+        surfaces: of one domain.
+        function: of the jets (..., F, N, 15, 3), to (..., F, N) or (..., F, N, k).
+        places: u_mm and v_mm, (N,) each.
+        reference: common to all, with errors independent of theirs.
+        highest: as there.
+
+    Returns:
+        Value and σ, (F, N) or (F, N, k).
+    """
+    jets = np.stack([surface.jets(*places) for surface in surfaces])
+    pitch_mm = min(surfaces[0].modes.domain[2:4])
+    if reference is None:
+        slopes = _slopes(function, jets, highest, pitch_mm)
+        return Estimate(function(jets), _sigmas(surfaces, slopes, places))
+    other = reference.jets(*places)[np.newaxis]
+    slopes = _slopes(lambda moved: function(moved, other), jets, highest, pitch_mm)
+    opposite = _slopes(lambda moved: function(jets, moved), other, highest, pitch_mm)
+    own, others = (_sigmas(each, by, places) for each, by in ((surfaces, slopes), ([reference], opposite)))
+    return Estimate(function(jets, other), np.hypot(own, others))
+
+
+def _sigmas(
+    surfaces: Sequence[Surface],
+    slopes: NDArray[np.float64],
+    places: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """(F, N, ...) σ by slopes (F, N, p, 3, ...); of one surface or of F."""
+    each = surfaces if len(surfaces) > 1 else [surfaces[0]] * len(slopes)
+    return np.stack([one.sigma(by, *places) for one, by in zip(each, slopes, strict=True)])
+
+
+def _slopes(function: Function, jets: Jets, highest: int, pitch_mm: float) -> NDArray[np.float64]:
+    """(F, N, p, 3, ...) derivatives of the function by the first p entries of the jets (F, N, 15, 3)."""
+    count = count_to(highest)
+    order = np.repeat(np.arange(highest + 1), np.arange(1, highest + 2))
+    step = np.repeat(_STEP * pitch_mm ** (1.0 - order), 3)
+    moved = np.zeros((3 * count, jets.shape[-2] * 3))
+    moved[np.arange(3 * count), np.arange(3 * count)] = step
+    moved = moved.reshape(3 * count, 1, 1, *jets.shape[-2:])
+    ahead, behind = function(jets + moved), function(jets - moved)
+    slope = (ahead - behind) / (2 * step).reshape(-1, *[1] * (ahead.ndim - 1))
+    return np.moveaxis(slope.reshape(count, 3, *slope.shape[1:]), (0, 1), (2, 3))

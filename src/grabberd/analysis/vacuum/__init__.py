@@ -1,0 +1,1 @@
+"""The vacuum of pulsation chamber and liner."""

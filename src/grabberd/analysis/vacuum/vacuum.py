@@ -1,0 +1,181 @@
+"""The vacuum on both sides of the wall at the fields' times: a constant, a pulsator's settings, or a log.
+
+Vacuum is counted in kPa below atmosphere. Each source gives `at(time_s)` with σ, at times of the camera's
+clock.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.pulsation.phases import ISO_THRESHOLD_KPA
+from grabberd.analysis.vacuum.vacuum_log import LEAST_KPA, MOST_KPA, VacuumLog
+from grabberd.errors import InputError
+
+Array = NDArray[np.float64]
+
+_ROOM_S = 1e-6
+
+
+class VacuumSource(Protocol):
+    """Where a vacuum is known from."""
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) kPa below atmosphere at times of the camera's clock, with σ."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantVacuum:
+    """The same at all times, as in the liner, more or less; its σ is given, not assumed."""
+
+    kpa: float
+    sigma_kpa: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.kpa <= MOST_KPA or not self.sigma_kpa >= 0:
+            raise InputError(
+                f"a vacuum of {self.kpa:g} kPa (σ {self.sigma_kpa:g}) is none of a milking machine",
+                f"give kPa below atmosphere, 0 to {MOST_KPA:g}",
+            )
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) always the same."""
+        return Estimate(np.full(len(time_s), self.kpa), np.full(len(time_s), self.sigma_kpa))
+
+
+@dataclass(frozen=True, slots=True)
+class PulsatorWave:
+    """The chamber's vacuum by the pulsator's settings: a trapezoid.
+
+    Attributes:
+        rate_per_min: pulsations a minute; `ratio`: (a + b) / (a + b + c + d), between 0 and 1.
+        a_s, c_s: durations of ISO's phases a and c, from the test report of the pulsator.
+        system_kpa: the chamber's maximum vacuum, with `sigma_kpa`.
+        start_s: a camera's time at which phase a begins, with `start_sigma_s`.
+    """
+
+    rate_per_min: float
+    ratio: float
+    a_s: float
+    c_s: float
+    system_kpa: float
+    sigma_kpa: float
+    start_s: float = 0.0
+    start_sigma_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        problems = [text for wrong, text in self._problems() if wrong]
+        if problems:
+            raise InputError(f"the pulsator's settings cannot be used: {'; '.join(problems)}", "mend them")
+
+    def _problems(self) -> list[tuple[bool, str]]:
+        return [
+            (not 20 <= self.rate_per_min <= 180, f"rate_per_min {self.rate_per_min:g} is not from 20 to 180"),
+            (not 0.1 < self.ratio < 0.9, f"ratio {self.ratio:g} is not between .1 and .9 (60:40 is .6)"),
+            (self.a_s <= 0 or self.c_s <= 0, "phases a and c take time"),
+            (
+                not LEAST_KPA <= self.system_kpa <= MOST_KPA,
+                f"system_kpa {self.system_kpa:g} is not from {LEAST_KPA:g} to {MOST_KPA:g}",
+            ),
+            (self._room_s < 0, "phases a and c leave no room for b and d"),
+        ]
+
+    @property
+    def period_s(self) -> float:
+        """Length of the cycle."""
+        return 60 / self.rate_per_min
+
+    @property
+    def _edge(self) -> float:
+        """How much longer a slope is on either side of the thresholds, for one second of its phase."""
+        return ISO_THRESHOLD_KPA / max(self.system_kpa - 2 * ISO_THRESHOLD_KPA, 1.0)
+
+    @property
+    def _room_s(self) -> float:
+        """What the slopes leave of the shorter one of b and d."""
+        both = (self.a_s + self.c_s) * self._edge
+        return min(self.ratio * self.period_s - self.a_s, (1 - self.ratio) * self.period_s - self.c_s) - both
+
+    def kpa(self, time_s: Array) -> Array:
+        """(F,) the trapezoid: straight from 0 to the system's vacuum, past both thresholds on the way."""
+        rise, fall = self._edge * self.a_s, self._edge * self.c_s
+        closes, full = self.ratio * self.period_s, self.system_kpa
+        corners = [-rise, self.a_s + rise, closes - fall, closes + self.c_s + fall, self.period_s - rise]
+        since = np.mod(time_s - self.start_s, self.period_s)
+        again = self.period_s + self.a_s + rise
+        kpa: Array = np.interp(since, [*corners, again], [0.0, full, full, 0.0, 0.0, full])
+        return kpa
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) the trapezoid; σ from the vacuum's and, on the slopes, from the start's."""
+        kpa = self.kpa(time_s)
+        slope = _slope(self.kpa, time_s, max(self.start_sigma_s, 1e-3))
+        share = kpa / self.system_kpa * self.sigma_kpa
+        return Estimate(kpa, np.hypot(share, slope * self.start_sigma_s))
+
+    def log(self, first_s: float, last_s: float, step_s: float = 1e-3) -> VacuumLog:
+        """The wave as if a logger had written it: so its start is found like a log's offset."""
+        time_s = np.arange(first_s, last_s, step_s)
+        return VacuumLog(time_s, self.kpa(time_s))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoggedVacuum:
+    """One column of a log, its clock set to the camera's.
+
+    Attributes:
+        log: the readings; `kpa`: (K,) the column of it that is meant.
+        offset_s: camera's time less logger's, with `offset_sigma_s`.
+    """
+
+    log: VacuumLog
+    kpa: Array
+    offset_s: float
+    offset_sigma_s: float
+
+    def at(self, time_s: Array) -> Estimate:
+        """(F,) between the readings; σ from their noise and from the offset's σ on slopes.
+
+        Raises:
+            InputError: the log does not cover the times, or has a gap there; nothing is filled in.
+        """
+        own_s = time_s - self.offset_s
+        self._check(time_s, own_s)
+
+        def reading(at_s: Array) -> Array:
+            return np.interp(at_s, self.log.time_s, self.kpa)
+
+        slope = _slope(reading, own_s, max(self.offset_sigma_s, 2 * self.log.step_s))
+        noise = self.log.noise_kpa(self.kpa)
+        return Estimate(reading(own_s), np.hypot(noise, slope * self.offset_sigma_s))
+
+    def _check(self, time_s: Array, own_s: Array) -> None:
+        covered = self.log.time_s[[0, -1]] + self.offset_s
+        outside = (time_s < covered[0] - _ROOM_S) | (time_s > covered[1] + _ROOM_S)
+        hint = "give a log of the whole capture, check its offset, or analyse only the fields it covers"
+        if outside.any():
+            raise InputError(
+                f"the vacuum log covers {covered[0]:.2f} to {covered[1]:.2f} s of the"
+                f" camera's time, the fields {time_s.min():.2f} to {time_s.max():.2f} s:"
+                f" {int(outside.sum())} of {len(time_s)} fields have no vacuum",
+                hint,
+            )
+        for begin, end in self.log.gaps_s:
+            inside = (own_s > begin) & (own_s < end)
+            if inside.any():
+                raise InputError(
+                    f"the vacuum log has a gap from {begin:.3f} to {end:.3f} s of its time, where"
+                    f" {int(inside.sum())} fields are",
+                    hint,
+                )
+
+
+def _slope(function: Callable[[Array], Array], time_s: Array, reach_s: float) -> Array:
+    """(F,) the mean slope within ± a reach, per s."""
+    slope: Array = (function(time_s + reach_s) - function(time_s - reach_s)) / (2 * reach_s)
+    return slope

@@ -1,0 +1,1 @@
+"""What the cameras would see of the surface: the synthetic view."""

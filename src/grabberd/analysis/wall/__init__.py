@@ -1,0 +1,1 @@
+"""The liner's wall: strain, material, tension, bending, equilibrium."""

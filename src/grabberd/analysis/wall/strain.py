@@ -1,0 +1,75 @@
+"""Strain between two states of the wall: of the material, so rigid motion leaves none.
+
+The targets sit on the outer face, the membrane is the middle surface: bending alone strains the outer face by
+as much as the effect sought (a liner of R 12.5 mm and wall 2.5 mm, pressed flat, shows 10 % there). So what
+goes into tension is the strain of the middle surface.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.surface.jets import Jets
+from grabberd.analysis.wall.forms import Principal, inverse, middle_forms, outer_forms, symmetric_eigen
+
+Array = NDArray[np.float64]
+
+
+class Strain(NamedTuple):
+    """Strain at some places.
+
+    Attributes:
+        green_lagrange: (..., 2, 2) E = (C − 1)/2 in the reference state's orthonormal basis, the first vector
+            along the coordinate u (for triangles: along the first side), the second in the surface.
+        stretch: the principal stretches λ1 ≥ λ2, and the directions in which the material is so stretched, in
+            the present state and the object's frame.
+    """
+
+    green_lagrange: Array
+    stretch: Principal
+
+    @property
+    def thickness(self) -> Array:
+        """(...) stretch λ3 = 1 / (λ1 λ2) of the thickness, of a wall that keeps its volume."""
+        result: Array = 1 / self.stretch.values.prod(axis=-1)
+        return result
+
+
+def strain(tangents: Array, reference_tangents: Array) -> Strain:
+    """The strain that takes two tangent vectors of the material (..., 2, 3) from one state to another."""
+    metric, before = (vectors @ np.swapaxes(vectors, -1, -2) for vectors in (tangents, reference_tangents))
+    basis = _basis(before)
+    lagrange = basis @ ((metric - before) / 2) @ np.swapaxes(basis, -1, -2)
+    values, angle = symmetric_eigen(lagrange)
+    stretches = np.sqrt(1 + 2 * values)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    axes = np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
+    return Strain(lagrange, Principal(stretches, axes @ (basis @ tangents) / stretches[..., None]))
+
+
+def middle_strain(jets: Jets, reference_jets: Jets, depth_mm: float | Array, outward: float = 1.0) -> Strain:
+    """The strain of the middle surface, from the jets (..., 15, 3) of the outer face in both states.
+
+    Args:
+        jets: of the present state.
+        reference_jets: of the reference state.
+        depth_mm: (...) from the targets' face to the middle surface (`Material.depth_mm`).
+        outward: as in `outer_forms`.
+    """
+    states = (middle_forms(face, depth_mm, outward).tangents for face in (jets, reference_jets))
+    return strain(*states)
+
+
+def outer_strain(jets: Jets, reference_jets: Jets) -> Strain:
+    """The strain of the outer face, bending included: what the targets show, not what the membrane has."""
+    return strain(outer_forms(jets).tangents, outer_forms(reference_jets).tangents)
+
+
+def _basis(metric: Array) -> Array:
+    """(..., 2, 2) rows: the components of an orthonormal basis, the first vector along the first tangent."""
+    along = np.sqrt(metric[..., 0, 0])
+    skew = metric[..., 0, 1] / along
+    across = np.sqrt(metric[..., 1, 1] - skew**2)
+    zero = np.zeros_like(along)
+    return inverse(np.stack([np.stack([along, zero], axis=-1), np.stack([skew, across], axis=-1)], axis=-2))
