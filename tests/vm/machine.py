@@ -16,7 +16,7 @@ from typing import Any, Self
 from vm.image import CHECKOUT, Image
 from vm.qmp import Qmp
 
-BOOT_TIMEOUT_S = 240.0
+BOOT_TIMEOUT_S = 900.0
 CALL_TIMEOUT_S = 300.0
 _KERNEL_WORDS = (
     "root=/dev/vda rw console=ttyS0 quiet panic=-1 mitigations=off nokaslr edd=off tsc=reliable "
