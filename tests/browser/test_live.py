@@ -6,6 +6,7 @@ from playwright.sync_api import expect
 
 from browser.conftest import Open
 from browser.daemons import Daemon
+from browser.pages import until
 
 WHITE = """() => {
     const canvas = document.querySelector('.picture-canvas');
@@ -19,12 +20,12 @@ PICTURE = "() => document.querySelector('.picture-canvas').toDataURL()"
 
 def live(daemon: Daemon, open_page: Open, **options: object) -> Any:
     page = open_page(f"{daemon.url}/#live", **options).page
-    page.wait_for_function(f"({WHITE})() > 500")
+    until(page, f"() => ({WHITE})() > 500")
     return page
 
 
 def changes(page: Any, before: str) -> None:
-    page.wait_for_function(f"(before) => ({PICTURE})() !== before", arg=before)
+    until(page, f"(before) => ({PICTURE})() !== before", before)
 
 
 def test_the_picture_shows_white_targets_and_goes_on(daemon: Daemon, open_page: Open) -> None:
@@ -69,7 +70,7 @@ def test_a_threshold_set_by_hand_is_in_force_until_it_is_chosen_by_itself_again(
     page = live(daemon, open_page)
     expect(page.get_by_label("Chosen by itself")).to_be_checked()
     page.get_by_label("Threshold").fill("120")
-    page.wait_for_function("document.querySelector('.aid output').textContent === '120'")
+    until(page, "() => document.querySelector('.aid output').textContent === '120'")
     expect(page.get_by_label("Chosen by itself")).not_to_be_checked()
     _until(page, daemon, "fixed")
     page.get_by_label("Chosen by itself").check()

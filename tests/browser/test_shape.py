@@ -11,6 +11,7 @@ from playwright.sync_api import Locator, Page, expect
 from browser.axe import serious
 from browser.conftest import PHONE, Open
 from browser.daemons import Daemon
+from browser.pages import until
 
 COUNT_FRAMES = """() => {
   const ask = window.requestAnimationFrame;
@@ -75,9 +76,7 @@ def test_live_it_follows_the_newest_field(daemon: Daemon, open_page: Open, tmp_p
     expect(page.locator(".badge").first).to_have_text("Live")
     first = summary(page)
     assert "of 108 targets of liner" in first
-    page.wait_for_function(
-        "before => document.getElementById('scene-summary').textContent !== before", arg=first
-    )
+    until(page, "before => document.getElementById('scene-summary').textContent !== before", first)
     assert len(drawn(page, tmp_path)) > 2000
 
 
@@ -88,7 +87,7 @@ def test_a_capture_is_played_and_paused_and_gone_through(
     slider = page.get_by_role("slider", name="Moment")
     assert slider.input_value() == "0"
     page.get_by_role("button", name="Play").click()
-    page.wait_for_function("() => document.querySelector('.scene-player .slider').value > 3")
+    until(page, "() => document.querySelector('.scene-player .slider').value > 3")
     page.get_by_role("button", name="Pause").click()
     slider.fill("25")
     expect(page.locator(".scene-when")).to_have_text("Field 25, 0.50 s")

@@ -41,7 +41,8 @@ def test_a_capture_of_some_length_comes_home(daemon: Daemon, tmp_path: Path) -> 
     out = tmp_path / "liner.grab"
     result = run("capture", "--url", daemon.url, "--fields", 10, "--pre-trigger", 4, "--out", out, "--json")
     document = json.loads(result.stdout)
-    assert (document["fields"], document["pre_trigger_fields"]) == (10, 4)
+    assert document["fields"] == 10
+    assert 0 < document["pre_trigger_fields"] <= 4  # as many as the ring had
     with CaptureReader(out) as reader:
         assert reader.ledger.complete
 

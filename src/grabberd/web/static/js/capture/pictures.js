@@ -3,6 +3,7 @@ import { FIELD_S, reasonIn, totalOf } from "../captures/words.js";
 import { el, setText, symbol } from "../core/dom.js";
 
 const PAUSE_MS = 90;
+const UNWRITTEN = 100;
 const STEPS = [[-25, "back25"], [-1, "back"], [1, "next"], [25, "next25"]];
 const VIEWS = ["both", "left", "right"];
 const IN_THE_FILE = new Set(["received", "damaged"]);
@@ -10,7 +11,7 @@ const IN_THE_FILE = new Set(["received", "damaged"]);
 /** @param {import("../core/context.js").Context} context */
 export function createPictures(context) {
   const { t, api, format } = context;
-  const image = el("img", { alt: "", hidden: true, on: { load: () => (image.hidden = false), error: () => (image.hidden = true) } });
+  const image = el("img", { alt: "", hidden: true, on: { load: () => arrived(true), error: () => arrived(false) } });
   const captions = el("div", { class: "picture-captions small" });
   const missing = el("p", { class: "picture-missing", hidden: true });
   const frame = el("div", { class: "picture-frame" }, image, missing);
@@ -23,6 +24,13 @@ export function createPictures(context) {
   let n = 0;
   let view = "both";
   let timer = 0;
+  let failed = false;
+
+  /** @param {boolean} whole */
+  function arrived(whole) {
+    failed = !whole;
+    image.hidden = failed;
+  }
 
   function choices() {
     const one = (/** @type {string} */ name) => el("label", {}, el("input", { type: "radio", name: "picture-view", checked: name === "both", on: { change: () => look(name) } }), t(`capture.view.${name}`));
@@ -31,7 +39,7 @@ export function createPictures(context) {
 
   /** @param {number} to */
   function go(to) {
-    n = Math.min(Math.max(to, 0), totalOf(capture) - 1);
+    n = Math.min(Math.max(to, 0), readableOf(capture) - 1);
     slider.value = String(n);
     clearTimeout(timer);
     timer = setTimeout(fetchPicture, PAUSE_MS);
@@ -70,14 +78,20 @@ export function createPictures(context) {
     show(now) {
       const before = capture;
       capture = now;
-      const total = totalOf(now);
+      const total = readableOf(now);
       element.hidden = total === 0;
       slider.max = String(Math.max(0, total - 1));
       if (!before && total) look("both");
-      if ((!before || totalOf(before) === 0) && total) go(Math.min(now.pre_trigger_fields, total - 1));
+      if ((!before || readableOf(before) === 0) && total) go(Math.min(now.pre_trigger_fields, total - 1));
+      else if (failed) fetchPicture();
     },
     unmount: () => clearTimeout(timer),
   };
+}
+
+/** How many fields can be read: of a running capture the newest are not on the disk yet. @param {any} capture */
+function readableOf(capture) {
+  return capture.verdict === null ? Math.max(0, totalOf(capture) - UNWRITTEN) : totalOf(capture);
 }
 
 /** What became of a field, and why. @param {any} capture @param {number} n */
