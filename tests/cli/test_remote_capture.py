@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from running import PATIENCE_S
 from typer.testing import CliRunner, Result
 
 from api.daemons import Daemon, serving
@@ -26,6 +27,14 @@ def run(*words: object) -> Result:
     return CliRunner().invoke(app, [str(word) for word in words])
 
 
+def wait_until_the_ring_holds(daemon: Daemon, slots: int) -> None:
+    """It has been filling for so long."""
+    armed = daemon.service.instrument(None).intake.armed
+    with armed.ring.reader() as reader:
+        for _ in range(slots):
+            assert reader.take(PATIENCE_S) is not None
+
+
 def begun(*words: object) -> "subprocess.Popen[str]":
     """A command that waits, once it has said that its capture is armed."""
     command = [sys.executable, "-c", "from grabberd.cli import main; main()", *map(str, words)]
@@ -38,13 +47,13 @@ def begun(*words: object) -> "subprocess.Popen[str]":
 
 
 def test_a_capture_of_some_length_comes_home(daemon: Daemon, tmp_path: Path) -> None:
+    wait_until_the_ring_holds(daemon, 4)
     out = tmp_path / "liner.grab"
     result = run("capture", "--url", daemon.url, "--fields", 10, "--pre-trigger", 4, "--out", out, "--json")
     document = json.loads(result.stdout)
     assert document["fields"] == 10
-    assert 0 < document["pre_trigger_fields"] <= 4  # as many as the ring had
     with CaptureReader(out) as reader:
-        assert reader.ledger.complete
+        assert document["pre_trigger_fields"] == 4 + sum(one.count for one in reader.ledger.entries)
 
 
 @pytest.mark.slow

@@ -65,13 +65,13 @@ def analyse(
     from grabberd.service.analysing import analyse_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
     from grabberd.storage.analysis_export import check_formats, write_analysis  # noqa: PLC0415
-    from grabberd.storage.export import make_empty  # noqa: PLC0415
+    from grabberd.storage.folders import new_folder  # noqa: PLC0415
 
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
     given = read_yaml(inputs) if inputs else {}
     log = _text(vacuum_log) if vacuum_log else None
-    make_empty(out)
+    new_folder(out)
     sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
     with Progress(console=progress_console, transient=True) as progress:
         task = progress.add_task("analysing", total=1.0)

@@ -10,11 +10,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.errors import InputError, StorageError
+from grabberd.errors import InputError
 from grabberd.field import BOTTOM, TOP, PackedField, unpack
 from grabberd.storage.export_columns import POINT_COLUMNS
 from grabberd.storage.export_parquet import check_parquet, write_parquet
 from grabberd.storage.export_points import PLY_BYTES, points_csv, points_ply
+from grabberd.storage.folders import new_folder
 from grabberd.storage.reader import CaptureReader
 from grabberd.storage.rows import RecordedField
 from grabberd.storage.schema import storage_errors
@@ -64,7 +65,7 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
     with CaptureReader(path) as reader:
         if woven and reader.meta.lines == "doubled":
             raise InputError(f"the lines of {path} are doubled, so they cannot be woven", "export its fields")
-        make_empty(directory)
+        new_folder(directory)
         with (
             storage_errors(directory),
             (directory / MANIFEST).open("w", newline="", encoding="utf-8") as file,
@@ -155,20 +156,6 @@ def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
 
 @contextmanager
 def _new_file(directory: Path, name: str) -> Iterator[IO[bytes]]:
-    make_empty(directory)
+    new_folder(directory)
     with storage_errors(directory), (directory / name).open("wb") as file:
         yield file
-
-
-def make_empty(directory: Path) -> None:
-    """Makes the folder; it may be there, with nothing in it.
-
-    Raises:
-        StorageError: it cannot be made, or has something in it.
-    """
-    with storage_errors(directory):
-        directory.mkdir(parents=True, exist_ok=True)
-        if any(directory.iterdir()):
-            raise StorageError(
-                f"the folder {directory} is not empty", "name a new one; nothing is overwritten"
-            )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError, StorageError
+from grabberd.storage.folders import new_folder
 from grabberd.storage.schema import storage_errors
 
 Picture = NDArray[np.uint8]
@@ -22,20 +23,6 @@ _VP9 = cv2.VideoWriter.fourcc(*"VP90")
 _GIF_STEP_S = 0.01
 _GIF_QUICKEST_S = 0.02
 _MOST_GIF_PICTURES = 500
-
-
-def new_folder(directory: Path) -> None:
-    """Makes a folder for results.
-
-    Raises:
-        StorageError: it cannot be made, or has something in it.
-    """
-    with storage_errors(directory):
-        directory.mkdir(parents=True, exist_ok=True)
-        if any(directory.iterdir()):
-            raise StorageError(
-                f"the folder {directory} is not empty", "name a new one; nothing is overwritten"
-            )
 
 
 def write_pictures(directory: Path, pictures: Mapping[str, Picture]) -> list[Path]:
