@@ -143,13 +143,28 @@ class Analysed:
 
     @property
     def wall_phases_s(self) -> Array:
-        """(4,) a, b, c, d by the movement of the middle of the length, from 10 to 90 % of the stroke."""
-        liner = self.liner
-        time_s = np.linspace(0, liner.period_s, 20001)
-        open_share = np.array([1 - closure(liner, round(1e9 * t)) for t in time_s[:-1]])
+        """(4,) a, b, c, d by the exact movement of the targets that are seen, from 10 to 90 % of its stroke."""
+        period_s = self.liner.period_s
+        time_s = np.linspace(0, period_s, 4001)
+        open_share = self._open_share(time_s[:-1])
         turns = [np.flatnonzero(np.diff((open_share > level).astype(int))) for level in (0.1, 0.9)]
         (a, d), (b, c) = (time_s[one] for one in turns)
-        return np.array([b - a, c - b, d - c, liner.period_s - (d - a)])
+        return np.array([b - a, c - b, d - c, period_s - (d - a)])
+
+    def _open_share(self, time_s: Array) -> Array:
+        """How far the seen targets have gone along their first principal movement; closed at first."""
+        often = self._often_seen
+        places = np.stack([self.targets_mm(round(1e9 * t))[often].ravel() for t in time_s])
+        moved = places - places.mean(axis=0)
+        amount = moved @ np.linalg.svd(moved, full_matrices=False)[2][0]
+        share: Array = (amount - amount[0]) / (amount[np.abs(amount - amount[0]).argmax()] - amount[0])
+        return share
+
+    @property
+    def _often_seen(self) -> NDArray[np.bool_]:
+        ids = truth_at(self.case.options, 0).ids
+        seen: Array = np.mean([np.isin(ids, one.timed.points.target) for one in self.fields], axis=0)
+        return seen >= 0.5
 
     def targets_mm(self, moment_ns: int) -> Array:
         """(N, 3) the targets."""

@@ -195,10 +195,7 @@ _REMARKS = """What misses its goal, and why:
   is the prior's guess; without line jitter it is no better.
 - Uneven mirrors do the same to all fields. No σ from one field's points can contain that; σ of
   what counts from a measured phase (strain along, tension, pressure) is honest again, that of
-  shapes (κ2, widths) is not.
-- Wall phases b and d are some milliseconds off, and their σ does not say so: the truth is by the
-  closure of the middle of the length, the analysis by the first principal movement of all
-  targets. Probably that is the reason."""
+  shapes (κ2, widths) is not."""
 
 Made = list[tuple[str, Analysed]]
 
