@@ -143,7 +143,7 @@ class Analysed:
 
     @property
     def wall_phases_s(self) -> Array:
-        """(4,) a, b, c, d by the exact movement of the targets that are seen, from 10 to 90 % of its stroke."""
+        """(4,) a, b, c, d by the exact movement of the targets that are seen, 10 to 90 % of its stroke."""
         period_s = self.liner.period_s
         time_s = np.linspace(0, period_s, 4001)
         open_share = self._open_share(time_s[:-1])
