@@ -27,7 +27,7 @@ def install(bundle: str) -> dict[str, Any]:
     """Gives the machine a grabber and a disk for captures, as at every later boot, and runs the installer.
 
     Returns:
-        its seconds, and what it said.
+        its seconds, what it said, and what the service has said since.
     """
     _write("/etc/modules-load.d/grabber.conf", "vivid\n")
     _write("/etc/modprobe.d/grabber.conf", f"options vivid {VIVID}\n")
@@ -38,7 +38,7 @@ def install(bundle: str) -> dict[str, Any]:
     run(f"systemctl daemon-reload; mount {STATE}; modprobe vivid; udevadm settle")
     started = time.monotonic()
     said = run(f"cd /opt && tar xzf {bundle} && {_as_administrator()} sh grabberd-*/installer.sh 2>&1", 1200)
-    return {"seconds": time.monotonic() - started, "said": said}
+    return {"seconds": time.monotonic() - started, "said": said, "journal": journal(100)}
 
 
 def _as_administrator() -> str:
