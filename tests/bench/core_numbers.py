@@ -17,7 +17,7 @@ REPEATED = 40
 PICTURES = ((54, 1), (216, 1), (1000, 1), (5000, 1), (216, 4), (216, 16))
 """How many discs, in how many pictures' area."""
 ROWS, COLUMNS, PITCH_PX = 576, 1440, 12
-OBJECTS = (54, 108, 216, 432, 864)
+OBJECTS = (54, 108, 216, 432, 864, 2000, 5000)
 SIGMA_PX = 0.1
 
 

@@ -7,10 +7,13 @@ from grabberd.field import PackedField
 from grabberd.geometry import Rig
 from grabberd.kernel import load
 from grabberd.measurement.compiled import measure_compiled
+from grabberd.measurement.compiled_grey import measure_grey, takes_grey
+from grabberd.measurement.grey import GREY
 from grabberd.measurement.location import LocationSettings
 from grabberd.reconstruction import ImageNoise, ViewBlobs
 from grabberd.reconstruction.correspondence import Correspondence
 from reconstruction.liners import model
+from reconstruction.many import grid
 
 KERNEL = load("_sanitised")
 assert KERNEL
@@ -39,6 +42,25 @@ def pictures(rng):
                 )
 
 
+def grey_pictures(rng):
+    """Noise, black, white and a little of each, of every bit depth, in sizes that no vector fits."""
+    for bits in GREY:
+        for rows, stride in ((1, 1), (2, 3), (9, 8), (31, 67), (64, 130)):
+            for y_step in (1, 2):
+                shape = (1, rows, stride) if bits == 8 else (bits, rows, stride)
+                data = rng.integers(0, 256, shape, np.uint8)
+                data[rng.random(shape) < rng.choice([0.0, 0.5, 0.95])] = rng.choice([0, 255])
+                columns = stride if bits == 8 else 8 * stride - int(rng.integers(8))
+                threshold = int(rng.choice([-5, 0, 60, 254, 255, 999]))
+                yield PackedField(data, bits, columns, int(rng.integers(2)), 0, y_step, threshold)
+
+
+def grey_settings(rng):
+    for how in ({}, {"line_shifts": False}, {"line_jitter_known": True}, {"line_jitter_px": 0.0}):
+        noise = rng.choice([None, 1e-9, 1e9])
+        yield LocationSettings("template", 0.0, float(rng.choice([4.0, 1e3])), noise_levels=noise, **how)
+
+
 def wild_blobs(rng, count):
     scale = 10.0 ** rng.uniform(0, 6)
     xy = rng.normal(360, scale, (count, 2))
@@ -54,7 +76,18 @@ def main():
             (("centroid", 1e3), ("locale", 7.0)) if number % 3 == 0 else (("centroid", 9.0),)
         ):
             measure_compiled(KERNEL, packed, LocationSettings(method, 0.0, greatest_px))
-    known, liner = Rig.of(calibration(covariance=np.eye(36) * 1e-8)), model()
+    for packed in grey_pictures(rng):
+        for wanted in grey_settings(rng):
+            if takes_grey(packed, wanted):
+                measure_grey(KERNEL, packed, wanted)
+    for one in (model(), grid(520)):
+        look_for(rng, one)
+    print("no harm")
+
+
+def look_for(rng, liner):
+    """Its targets, among blobs that may be anywhere."""
+    known = Rig.of(calibration(covariance=np.eye(36) * 1e-8))
     correspondence = Correspondence(known, liner, ImageNoise.of(known, liner, 0.12, 2), kernel=KERNEL)
     with np.errstate(all="ignore"):
         for count in (0, 1, 2, 50, 400):
@@ -64,7 +97,6 @@ def main():
                 )
                 sigma = np.full(len(liner), reach_mm)
                 correspondence.near(places, sigma, wild_blobs(rng, count), wild_blobs(rng, count + 1))
-    print("no harm")
 
 
 main()

@@ -7,13 +7,14 @@ import subprocess
 import sys
 import sysconfig
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
 
 import grabberd.kernel
-from grabberd.kernel import KERNEL, REFUSED, load
-from grabberd.measurement.compiled_structs import Settings
+from grabberd.kernel import DONE, KERNEL, REFUSED, load
+from grabberd.measurement.compiled_structs import GreySettings, Settings
 from grabberd.reconstruction.compiled_structs import World
 
 HERE = Path(__file__).parent
@@ -26,6 +27,11 @@ needs_kernel = pytest.mark.skipif(not KERNEL, reason="THERE IS NO COMPILED KERNE
 
 def test_without_a_built_kernel_there_is_none():
     assert load("grabberd.kernel._not_there") is None
+
+
+def test_a_kernel_of_an_older_build_counts_as_none(monkeypatch):
+    monkeypatch.setitem(sys.modules, "_older", ModuleType("_older"))
+    assert load("_older") is None
 
 
 @needs_kernel
@@ -48,6 +54,34 @@ def test_a_picture_that_does_not_fit_its_bytes_is_refused(size):
 @needs_kernel
 def test_settings_of_another_length_are_refused():
     assert KERNEL.locate(bytes(64), (8, 8, 64, 0, 0, 2), bytes(8), np.empty(90))[0] == REFUSED
+
+
+@needs_kernel
+@pytest.mark.parametrize(
+    "picture",
+    [
+        (8, 9, 8, 8, 0, 0, 2, 60),
+        (8, 8, 8, 9, 0, 0, 2, 60),
+        (8, 1, 8, 8, 0, 0, 1, 60),
+        (7, 2, 4, 32, 0, 0, 2, 60),
+        (1, 8, 8, 64, 0, 0, 2, 60),
+        (6, 2, 6, 48, 0, 0, 2, 60),
+        (8, 8, 8, 8, 2, 0, 2, 60),
+        (8, 8, 8, 8, 0, 0, 3, 60),
+        (8, 1 << 40, 1 << 40, 8, 0, 0, 2, 60),
+    ],
+)
+def test_a_grey_picture_that_does_not_fit_its_bytes_is_refused(picture):
+    table = np.zeros((5120, 2), np.float32)
+    wanted = GreySettings(0, 15, 0, 0.8, 1, 1, 0, ctypes.c_void_p(table.ctypes.data), len(table))
+    assert KERNEL.locate_grey(bytes(64), (8, 8, 8, 8, 0, 0, 2, 60), wanted, np.empty(90))[0] == DONE
+    assert KERNEL.locate_grey(bytes(64), picture, wanted, np.empty(90))[0] == REFUSED
+
+
+@needs_kernel
+def test_settings_without_an_edge_are_refused():
+    for wanted in (GreySettings(max_diameter_px=15), bytes(8)):
+        assert KERNEL.locate_grey(bytes(64), (8, 8, 8, 8, 0, 0, 2, 60), wanted, np.empty(90))[0] == REFUSED
 
 
 @needs_kernel

@@ -10,6 +10,7 @@ from grabberd.geometry import LocalField, Rig
 from grabberd.kernel import KERNEL
 from grabberd.reconstruction import ImageNoise, Tracker
 from grabberd.reconstruction.correspondence import Correspondence
+from reconstruction import many
 from reconstruction.liners import model, see
 from reconstruction.test_tracking import deflection_mm, wall
 
@@ -88,6 +89,8 @@ def test_of_nobody():
     ours = compiled.correspondence.near(places, sigma, nothing, nothing)
     theirs = numpy_alone.correspondence.near(places, sigma, nothing, nothing)
     assert len(ours) == len(theirs) == 0
+    assert not ours.expected.displacement_mm.any()
+    assert np.array_equal(ours.settled[0], MODEL.xyz_mm)
     assert np.allclose(ours.expected.sigma_mm, theirs.expected.sigma_mm)
 
 
@@ -100,3 +103,21 @@ def test_where_targets_are_behind_the_cameras_or_may_be_anywhere():
     theirs = numpy_alone.correspondence.near(places, sigma, left, right)
     assert np.array_equal(ours.target, theirs.target)
     assert_same(ours.points, theirs.points)
+
+
+@pytest.mark.parametrize("count", [600, 1500])
+def test_of_many_targets(count):
+    grid = many.grid(count)
+    rig, rng = RIGS["uncertain"], np.random.default_rng(count)
+    noise = ImageNoise.of(rig, grid, 0.12, 2)
+    both = Correspondence(rig, grid, noise), Correspondence(rig, grid, noise, kernel=None)
+    predicted, sigma = grid.xyz_mm, np.full(count, 0.2)
+    for depth_mm in (0.3, 0.6, 0.9):
+        places = many.bent(grid, depth_mm)
+        sights = [many.see(places, view, rng) for view in (0, 1)]
+        ours, theirs = (one.near(predicted, sigma, *(sight.blobs for sight in sights)) for one in both)
+        assert np.array_equal(ours.target, theirs.target)
+        assert_same(ours.points, theirs.points)
+        assert np.allclose(ours.expected.displacement_mm, theirs.expected.displacement_mm, atol=1e-9)
+        predicted = ours.settled[0]
+        assert len(ours) > 0.6 * count

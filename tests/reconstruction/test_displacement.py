@@ -64,21 +64,6 @@ def test_the_farther_from_those_who_are_seen_the_less_is_known():
     assert (np.diff(sigma[8:], axis=0) > 0).all()
 
 
-def test_smoothing_takes_noise_away_and_leaves_the_field():
-    noise = np.random.default_rng(1).normal(size=TRUTH.shape) * 0.15
-    smoothed = FIELD.smooth(TRUTH + noise)
-    assert (smoothed - TRUTH).std() < 0.7 * noise.std()
-    latent = COVARIANCE - 0.15**2 * np.eye(108)
-    assert np.allclose(smoothed, latent @ FIELD.precision @ (TRUTH + noise), atol=1e-6)
-
-
-def test_an_expected_displacement_passes_smoothing_unchanged():
-    seen = MODEL.column < 5
-    expected = FIELD.expect(seen, TRUTH).displacement_mm
-    filled = np.where(seen[:, np.newaxis], TRUTH, expected)
-    assert np.allclose(FIELD.smooth(filled)[~seen], expected[~seen], atol=1e-6)
-
-
 def test_what_was_asked_before_changes_no_bit_of_the_answer():
     asked = DisplacementField.of(MODEL, SMOOTHNESS)
     masks = np.random.default_rng(2).random((70, 108)) < 0.7

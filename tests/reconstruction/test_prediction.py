@@ -2,10 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from geometry.rigs import calibration
 from grabberd.geometry import Rig, project
-from grabberd.reconstruction.prediction import Prediction
+from grabberd.reconstruction.prediction import Prediction, _of_all, _of_those_beside
 
 RIG = Rig.of(calibration())
 PLACES = np.array([[-20.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 6.5, 0.0]])
@@ -80,3 +82,16 @@ def test_a_window_ends_where_the_half_does():
     x0, _, x1, _ = predict(places=np.zeros((1, 3))).windows((replace(left, end_column=182), right)).T
     assert x1[0] == 181.5
     assert x0[0] < 181.0
+
+
+@given(st.integers(0, 2**31), st.integers(1, 60), st.integers(1, 60), st.sampled_from([0.5, 8.0, 60.0, 1e4]))
+def test_who_is_near_is_found_as_if_all_had_been_looked_at(seed, targets, blobs, reach_px):
+    rng = np.random.default_rng(seed)
+    image = rng.uniform(0, [[720], [576]], (2, targets))
+    image[:, rng.random(targets) < 0.1] = np.inf
+    xy = rng.uniform(-50, [770, 626], (blobs, 2))
+    xy[: min(blobs, targets) // 2] = image.T[: min(blobs, targets) // 2] + 0.1
+    xy = np.where(np.isfinite(xy), np.round(xy), 0.0)
+    reach = reach_px * rng.uniform(0.5, 1.0, (2, targets))
+    found = _of_those_beside(image, reach, xy.T).tolist()
+    assert found == _of_all(image, reach, xy.T).tolist()

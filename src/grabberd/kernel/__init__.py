@@ -9,6 +9,8 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """What shares its contiguous memory: an array, a ctypes structure, bytes."""
+LAYOUT = 2
+"""Of functions and structures (module.c): a kernel with another one is left over from an older build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS = range(6)
 """What a call ends with (kernel.h)."""
 
@@ -26,6 +28,11 @@ class Kernel(Protocol):
     ) -> tuple[int, int, float, float, float, float]:
         """Blobs of a packed field of 1 bit."""
 
+    def locate_grey(
+        self, data: Buffer, picture: tuple[int, ...], settings: Buffer, out: Buffer, /
+    ) -> tuple[int, int, float, float]:
+        """Blobs of a packed field of more bits."""
+
     def whole(self, xy_px: Buffer, /, *arguments: Buffer | float) -> int:
         """Blobs that lie in a view as a whole."""
 
@@ -37,11 +44,12 @@ class Kernel(Protocol):
 
 
 def load(name: str = "grabberd.kernel._kernel") -> Kernel | None:
-    """The kernel as a module of this name; None where it has not been built for this computer."""
+    """The kernel as a module of this name; None where it has not been built for this computer and program."""
     try:
-        return cast("Kernel", import_module(name))
+        found = import_module(name)
     except ImportError:
         return None
+    return cast("Kernel", found) if getattr(found, "LAYOUT", None) == LAYOUT else None
 
 
 KERNEL = load()

@@ -129,11 +129,11 @@ static void shape(const Picture *picture, const Settings *settings, const Run *r
     own->area_px = (double)own->pixels * (double)picture->y_step;
     double diameter = sqrt(4 / PI * own->area_px);
     double height = (double)((own->last_row - own->first_row + 1) * picture->y_step);
-    bool at_border = own->first_row == 0 || own->last_row == picture->rows - 1 || own->first_column == 0 ||
+    own->at_border = own->first_row == 0 || own->last_row == picture->rows - 1 || own->first_column == 0 ||
                      own->last_column == picture->columns - 1;
     own->of_size = diameter >= settings->min_diameter_px && diameter <= settings->max_diameter_px;
     own->low = own->of_size && height <= 2.0 * settings->max_diameter_px;
-    own->whole = own->low && !at_border;
+    own->whole = own->low && !own->at_border;
 }
 
 static int connect_all(const Picture *picture, const Settings *settings, const Found *found, Seen *seen) {

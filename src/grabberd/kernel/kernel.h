@@ -45,7 +45,7 @@ typedef struct {
     int32_t begin, count;
     double x, row; /* centroid, columns and rows */
     double area_px;
-    bool of_size, low, whole;
+    bool of_size, low, whole, at_border;
 } Component;
 
 typedef struct {
@@ -100,6 +100,8 @@ void sizes_of(const Picture *, const Seen *, Size *);
 int locate_by_locale(const Picture *, const Settings *, const Seen *, Place *, Outcome *);
 int line_shares(const Picture *, const Settings *, const Seen *, double *common_px, double *reach_px);
 double median_of(double *values, int64_t count); /* of one at least; reorders them */
+double ranked(double *values, int64_t count, int64_t rank); /* the one with so many before it; likewise */
+void write_blob(const Component *, const Place *, double common_px, double y0, double y_step, double *out, int64_t capacity, int64_t k);
 
 INLINE bool is_delivered(const Picture *picture, int32_t row) {
     return picture->y_step != 1 || (row & 1) == picture->parity;

@@ -8,6 +8,18 @@ enum { EIGHT = 8 };
 typedef float Lanes __attribute__((vector_size(32)));
 typedef int32_t WholeLanes __attribute__((vector_size(32)));
 
+/* Some of the sixteen numbers of two, by their places. */
+#if defined(__clang__)
+#define PICK(one, other, ...) __builtin_shufflevector(one, other, __VA_ARGS__)
+#else
+#define PICK(one, other, ...) __builtin_shuffle(one, other, (WholeLanes){__VA_ARGS__})
+#endif
+
+INLINE Lanes lanes_at(const float *from) {
+    Lanes lanes;
+    memcpy(&lanes, from, sizeof lanes);
+    return lanes;
+}
 INLINE Lanes all(float value) { return value - (Lanes){0}; }
 INLINE Lanes choose(WholeLanes which, Lanes one, Lanes other) {
     return (Lanes)((which & (WholeLanes)one) | (~which & (WholeLanes)other));

@@ -1,8 +1,6 @@
 /* From a packed field of 1 bit to its blobs, in one call (as location.measure). */
 #include "kernel.h"
 
-enum { COLUMNS = 9 };
-
 /* As sigma.binary_sigma_px. */
 static void start(const Picture *picture, const Component *own, Place *place) {
     double root = sqrt(sqrt(4 / PI * own->area_px)), y_step = (double)picture->y_step;
@@ -11,22 +9,23 @@ static void start(const Picture *picture, const Component *own, Place *place) {
 }
 
 /* x, y, σx, σy interleaved by pairs, then common, area, width, height, and whether it touches the border. */
+void write_blob(const Component *own, const Place *place, double common_px, double y0, double y_step, double *out,
+                int64_t capacity, int64_t k) {
+    double *xy = out + 2 * k, *sigma = out + 2 * capacity + 2 * k, *rest = out + 4 * capacity + k;
+    xy[0] = place->x, xy[1] = place->row * y_step + y0;
+    sigma[0] = place->sigma_x, sigma[1] = place->sigma_y;
+    rest[0] = common_px;
+    rest[capacity] = own->area_px;
+    rest[2 * capacity] = own->last_column - own->first_column + 1;
+    rest[3 * capacity] = (double)(own->last_row - own->first_row + 1) * y_step;
+    rest[4 * capacity] = own->at_border;
+}
+
 static void write_out(const Picture *picture, const Seen *seen, const Place *places, const double *common_px,
                       double *out, int64_t capacity) {
-    double *xy = out, *sigma = out + 2 * capacity, *rest = out + 4 * capacity, y_step = (double)picture->y_step;
-    for (int64_t i = 0, k = 0; i < seen->component_count; i++) {
-        const Component *own = seen->components + i;
-        if (!own->of_size) continue;
-        xy[2 * k] = places[i].x, xy[2 * k + 1] = places[i].row * y_step + (double)picture->y0;
-        sigma[2 * k] = places[i].sigma_x, sigma[2 * k + 1] = places[i].sigma_y;
-        rest[k] = common_px[i];
-        rest[capacity + k] = own->area_px;
-        rest[2 * capacity + k] = own->last_column - own->first_column + 1;
-        rest[3 * capacity + k] = (double)(own->last_row - own->first_row + 1) * y_step;
-        rest[4 * capacity + k] = own->first_row == 0 || own->last_row == picture->rows - 1 ||
-                                 own->first_column == 0 || own->last_column == picture->columns - 1;
-        k++;
-    }
+    for (int64_t i = 0, k = 0; i < seen->component_count; i++)
+        if (seen->components[i].of_size)
+            write_blob(seen->components + i, places + i, common_px[i], (double)picture->y0, (double)picture->y_step, out, capacity, k++);
 }
 
 /* Those that lie in the columns of a view as a whole (as processes.measure.whole_blobs), with room for all. */

@@ -38,6 +38,29 @@ static PyObject *locate(PyObject *self, PyObject *arguments) {
                          outcome.missing[1], outcome.missing[2]);
 }
 
+/* locate_grey(data, (bits, rows, stride, columns, parity, y0, y_step, threshold), settings, out)
+   → status, count, reach, jitter */
+static PyObject *locate_grey(PyObject *self, PyObject *arguments) {
+    Py_buffer data, settings, out;
+    GreyPicture picture = {0};
+    GreyOutcome outcome = {0};
+    int status = REFUSED;
+    (void)self;
+    if (!PyArg_ParseTuple(arguments, "y*(LLLLLLLL)y*w*", &data, &picture.bits, &picture.rows, &picture.stride, &picture.columns,
+                          &picture.parity, &picture.y0, &picture.y_step, &picture.threshold, &settings, &out))
+        return NULL;
+    picture.data = data.buf, picture.length = data.len;
+    if (settings.len == sizeof(GreySettings)) {
+        Py_BEGIN_ALLOW_THREADS
+        status = grabberd_locate_grey(&picture, settings.buf, out.buf, out.len / (9 * (int64_t)sizeof(double)), &outcome);
+        Py_END_ALLOW_THREADS
+    }
+    PyBuffer_Release(&data);
+    PyBuffer_Release(&settings);
+    PyBuffer_Release(&out);
+    return Py_BuildValue("iLdd", status, (long long)outcome.count, outcome.common_reach_px, outcome.jitter_px);
+}
+
 /* whole(xy, σ, common, widths, at border, first column, end column, out) → how many of them */
 static PyObject *whole_of(PyObject *self, PyObject *arguments) {
     Py_buffer xy, sigma, common, width, border, out;
@@ -109,7 +132,8 @@ static bool are_targets(const World *world, const int64_t *target, int64_t count
     return true;
 }
 
-/* agree(world, weights, sigma, targets, displacements, variances, covariances, expected, settled)
+/* agree(world, weights, sigma, targets, displacements, variances, covariances, expected, settled); where there are no
+   weights, `expected` is known
    → the index of whom the others contradict, or −1 and then `expected` and `settled` are filled */
 static PyObject *agree(PyObject *self, PyObject *arguments) {
     Py_buffer world, weights, sigma, target, displacement, variance, covariance, expected, settled;
@@ -121,13 +145,13 @@ static PyObject *agree(PyObject *self, PyObject *arguments) {
     const World *own = world.buf;
     int64_t count = target.len / (Py_ssize_t)sizeof(int64_t);
     if (is_sound(&world) && count <= own->targets &&
-        holds(&weights, count * own->targets, sizeof(double)) && holds(&sigma, own->targets, sizeof(double)) &&
+        (!weights.len || holds(&weights, count * own->targets, sizeof(double))) && holds(&sigma, own->targets, sizeof(double)) &&
         holds(&displacement, 3 * count, sizeof(double)) && holds(&variance, 3 * count, sizeof(double)) &&
         holds(&covariance, 9 * count, sizeof(double)) && holds(&expected, 3 * own->targets, sizeof(double)) &&
         holds(&settled, 10 * own->targets, sizeof(double)) && are_targets(own, target.buf, count)) {
         double *places = settled.buf;
         Py_BEGIN_ALLOW_THREADS
-        worst = worst_of(own, weights.buf, sigma.buf, count, target.buf, displacement.buf, variance.buf, expected.buf, places);
+        worst = worst_of(own, weights.len ? weights.buf : NULL, sigma.buf, count, target.buf, displacement.buf, variance.buf, expected.buf, places);
         if (worst == -1)
             settle(own, expected.buf, sigma.buf, count, target.buf, displacement.buf, covariance.buf, places,
                    places + 9 * own->targets);
@@ -139,12 +163,18 @@ static PyObject *agree(PyObject *self, PyObject *arguments) {
 }
 
 static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a packed field of 1 bit."},
+                                  {"locate_grey", locate_grey, METH_VARARGS, "Blobs of a packed field of more bits."},
                                   {"whole", whole_of, METH_VARARGS, "Blobs that lie in a view as a whole."},
                                   {"near", near_of, METH_VARARGS, "Targets near where they must be, and their points."},
                                   {"agree", agree, METH_VARARGS, "Whether targets agree, and where all of them are."},
                                   {NULL, NULL, 0, NULL}};
 
-static PyModuleDef_Slot SLOTS[] = {{0, NULL}};
+/* Changed with every function and structure that Python sees (kernel.LAYOUT). */
+enum { LAYOUT = 2 };
+
+static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
+
+static PyModuleDef_Slot SLOTS[] = {{Py_mod_exec, fill}, {0, NULL}};
 
 static struct PyModuleDef MODULE = {PyModuleDef_HEAD_INIT, "_kernel", "What takes most of a field's time, compiled.", 0,
                                     FUNCTIONS, SLOTS, NULL, NULL, NULL};

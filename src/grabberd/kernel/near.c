@@ -130,14 +130,16 @@ WIDE static void weighted_sum(const double *weights, int64_t targets, int64_t co
 }
 
 /* Which of the chosen the others contradict most, −1 where none is (as agreement.consistent's loop); and what they
-   expect of all: (targets, 3). `weights` is (count, targets); `scratch` has room for 7 · targets numbers. */
+   expect of all: (targets, 3), where there are weights, (count, targets); else it is known. `scratch` has room for
+   7 · targets numbers. */
 int64_t worst_of(const World *world, const double *weights, const double *sigma_mm, int64_t count, const int64_t *target,
                  const double *displacement_mm, const double *variance_mm2, double *expected_mm, double *scratch) {
     int64_t targets = world->targets, worst = -1;
     bool *seen = (bool *)(scratch + 6 * targets), *torn = seen + targets;
     double far = world->gate * world->gate, *moved = scratch + 3 * targets;
-    weighted_sum(weights, targets, count, displacement_mm, scratch);
-    for (int64_t i = 0; i < targets; i++)
+    bool is_known = !weights && count; /* nobody has no weights either, and expects nothing */
+    if (!is_known) weighted_sum(weights, targets, count, displacement_mm, scratch);
+    for (int64_t i = 0; i < targets && !is_known; i++)
         for (int k = 0; k < 3; k++) expected_mm[3 * i + k] = scratch[k * targets + i];
     memset(seen, 0, 2 * (size_t)targets);
     for (int64_t i = 0; i < count; i++) {
@@ -159,18 +161,17 @@ int64_t worst_of(const World *world, const double *weights, const double *sigma_
 /* Places and σ of all targets after a field (as tracking._begun). */
 void settle(const World *world, const double *expected_mm, const double *sigma_mm, int64_t count, const int64_t *target,
             const double *displacement_mm, const double *covariance, double *places_mm, double *settled_sigma_mm) {
-    int64_t targets = world->targets;
-    double square = world->noise_mm * world->noise_mm, *smooth = places_mm + 3 * targets, *raw = places_mm + 6 * targets;
-    memcpy(raw, expected_mm, (size_t)(3 * targets) * sizeof *raw);
-    memcpy(settled_sigma_mm, sigma_mm, (size_t)targets * sizeof *sigma_mm);
+    double square = world->noise_mm * world->noise_mm;
+    for (int64_t i = 0; i < 3 * world->targets; i++) places_mm[i] = world->nominal_mm[i] + expected_mm[i];
+    memcpy(settled_sigma_mm, sigma_mm, (size_t)world->targets * sizeof *sigma_mm);
     for (int64_t i = 0; i < count; i++) {
-        const double *own = covariance + 9 * i;
-        memcpy(raw + 3 * target[i], displacement_mm + 3 * i, 3 * sizeof *raw);
-        double depth = sqrt(larger(own[0], larger(own[4], own[8])));
-        if (depth < settled_sigma_mm[target[i]]) settled_sigma_mm[target[i]] = depth;
+        int64_t own = target[i];
+        double share = square / (sigma_mm[own] * sigma_mm[own] + square), depth = 0;
+        for (int k = 0; k < 3; k++) {
+            double measured = displacement_mm[3 * i + k];
+            places_mm[3 * own + k] = world->nominal_mm[3 * own + k] + (measured - share * (measured - expected_mm[3 * own + k]));
+            depth = larger(depth, covariance[9 * i + 4 * k]);
+        }
+        settled_sigma_mm[own] = smaller(settled_sigma_mm[own], sqrt(depth));
     }
-    weighted_sum(world->precision, targets, targets, raw, smooth);
-    for (int64_t i = 0; i < targets; i++)
-        for (int k = 0; k < 3; k++)
-            places_mm[3 * i + k] = world->nominal_mm[3 * i + k] + (raw[3 * i + k] - square * smooth[k * targets + i]);
 }

@@ -77,8 +77,8 @@ static double greatest(const double *values, int64_t count) {
     return most;
 }
 
-double median_of(double *values, int64_t count) {
-    int64_t low = 0, high = count - 1, middle = count / 2;
+double ranked(double *values, int64_t count, int64_t rank) {
+    int64_t low = 0, high = count - 1;
     while (low < high) {
         double pivot = values[low + (high - low) / 2];
         int64_t i = low, j = high;
@@ -89,9 +89,14 @@ double median_of(double *values, int64_t count) {
             double kept = values[i];
             values[i++] = values[j], values[j--] = kept;
         }
-        if (middle <= j) high = j;
-        else if (middle >= i) low = i;
+        if (rank <= j) high = j;
+        else if (rank >= i) low = i;
         else break;
     }
-    return count % 2 ? values[middle] : (greatest(values, middle) + values[middle]) / 2;
+    return values[rank];
+}
+
+double median_of(double *values, int64_t count) {
+    double middle = ranked(values, count, count / 2);
+    return count % 2 ? middle : (greatest(values, count / 2) + middle) / 2;
 }

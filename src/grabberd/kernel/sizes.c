@@ -109,10 +109,12 @@ static void fit(const Picture *picture, const Seen *seen, const Size *sizes, boo
             }
             terms_of(surface, own, terms);
             for (int a = 0; a < TERMS; a++) {
-                for (int b = 0; b < TERMS; b++) normal[a][b] += terms[a] * weight * terms[b];
+                for (int b = 0; b <= a; b++) normal[a][b] += terms[a] * weight * terms[b];
                 for (int k = 0; k < 3; k++) sums[a][k] += terms[a] * (values[k] - surface->mean[k] * weight);
             }
         }
+    for (int a = 0; a < TERMS; a++)
+        for (int b = a + 1; b < TERMS; b++) normal[a][b] = normal[b][a];
     normal[0][0] += 1e-9;
     for (int a = 1; a < TERMS; a++) normal[a][a] += STIFFNESS * total / blobs;
     solve(normal, sums, surface->factor);

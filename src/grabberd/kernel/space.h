@@ -27,7 +27,7 @@ typedef struct {
 typedef struct {
     Rig rig;
     int64_t targets, pairs;
-    const double *nominal_mm, *precision; /* (targets, 3), (targets, targets) */
+    const double *nominal_mm;             /* (targets, 3) */
     const int64_t *neighbours;            /* (pairs, 2) */
     const double *apart_mm;               /* (pairs,) */
     double gate, stretch, unmodelled_px, noise_mm, blob_jitter_px, radius_lines;

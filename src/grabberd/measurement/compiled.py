@@ -130,7 +130,7 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: "LocationSet
         out = np.empty(COLUMNS * room)
         status, count, reach_px, *missing = kernel.locate(data, picture, kept.settings, out)
         if status == DONE:
-            return _blobs(out.reshape(COLUMNS, room), count, reach_px)
+            return blobs_of(out.reshape(COLUMNS, room), count, reach_px)
         if status == MORE_ROOM:
             room = count
         elif status == NO_TABLE:
@@ -138,16 +138,22 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: "LocationSet
         elif status == NO_FULLNESS:
             kept = known.add_fullness(kept, *missing[:2])
         else:
-            _fail(status, packed)
+            fail(status, packed)
 
 
-def _blobs(out: NDArray[np.float64], count: int, reach_px: float) -> Blobs:
-    xy, sigma = (out[i : i + 2].reshape(-1, 2)[:count] for i in (0, 2))
+def blobs_of(out: NDArray[np.float64], count: int, reach_px: float, jitter_px: float | None = None) -> Blobs:
+    """What the kernel wrote of so many blobs (COLUMNS, room)."""
+    xy, sigma = (out[first : first + 2].reshape(-1)[: 2 * count].reshape(count, 2) for first in (0, 2))
     common, area, width, height, at_border = out[4:, :count]
-    return Blobs(xy, sigma, common, area, width, height, at_border != 0.0, reach_px)
+    return Blobs(xy, sigma, common, area, width, height, at_border != 0.0, reach_px, jitter_px)
 
 
-def _fail(status: int, packed: PackedField) -> None:
+def fail(status: int, packed: PackedField) -> None:
+    """Say what the kernel ended with.
+
+    Raises:
+        MeasurementError: always.
+    """
     what = "no memory is left" if status == NO_MEMORY else "the compiled kernel refused the picture"
     raise MeasurementError(
         f"{what}: {packed.rows} rows of {packed.columns} columns at {packed.bits} bit",

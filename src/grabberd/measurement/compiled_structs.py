@@ -1,4 +1,4 @@
-"""The structures of kernel.h that location fills in and reads, member by member."""
+"""The structures of kernel.h and grey.h that location fills in and reads, member by member."""
 
 import ctypes
 from typing import Any
@@ -28,6 +28,23 @@ class Fullness(ctypes.Structure):
     """How full interpolated rows are, for one size of target."""
 
     _fields_ = (("half_width_px", _REAL), ("half_height_px", _REAL), ("ratio", _REAL * len(FRACTIONS)))
+
+
+class GreySettings(ctypes.Structure):
+    """What location with more than 1 bit is made with, beside the picture."""
+
+    _fields_ = (
+        ("min_diameter_px", _REAL),
+        ("max_diameter_px", _REAL),
+        ("line_jitter_px", _REAL),
+        ("spread_px", _REAL),
+        ("noise_levels", _REAL),
+        ("shifts_solved", _WHOLE),
+        ("jitter_known", _WHOLE),
+        ("edge", _ADDRESS),
+        ("edge_values", _WHOLE),
+    )
+    edge_values_kept: Any
 
 
 class Settings(ctypes.Structure):

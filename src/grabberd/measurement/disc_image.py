@@ -32,27 +32,23 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
         (N, h, w) grey values, (N, 8, h, w) derivatives by the eight.
     """
     x, y, contrast, background, half_width, half_height, lean, blurring_y = discs[:, :, np.newaxis]
+    narrow, low = 1 / half_width, 1 / half_height
     v = np.repeat(y_px, len(x_px)) - y
-    u = (np.tile(x_px, len(y_px)) - x - lean * v) / half_width
-    down = v / half_height
+    u = (np.tile(x_px, len(y_px)) - x - lean * v) * narrow
+    down = v * low
     radius2 = u * u + down * down + np.float32(1e-6)
-    radius = np.sqrt(radius2)
-    across, along = u / half_width, down / half_height - lean * u / half_width
-    across2, along2 = across * across, along * along
-    blurring = np.float32(blurring_x) * across2 + blurring_y * along2 + np.float32(1e-6)
-    root = np.sqrt(blurring)
-    distance = (radius2 - radius) / root
+    across, along = u * narrow, down * low - lean * u * narrow
+    along2 = along * along
+    sharp = 1 / np.sqrt(np.float32(blurring_x) * (across * across) + blurring_y * along2 + np.float32(1e-6))
+    distance = (radius2 - np.sqrt(radius2)) * sharp
     inside, density = _looked_up(distance)
     slopes = np.empty((discs.shape[1], 8, v.shape[1]), np.float32)
-    edge = contrast * density / root
+    edge = contrast * density * sharp
     slopes[:, X], slopes[:, Y] = edge * across, edge * along
     slopes[:, CONTRAST], slopes[:, BACKGROUND] = inside, 1.0
-    slopes[:, HALF_WIDTH], slopes[:, HALF_HEIGHT] = (
-        edge * u * u / half_width,
-        edge * down * down / half_height,
-    )
+    slopes[:, HALF_WIDTH], slopes[:, HALF_HEIGHT] = edge * u * across, edge * down * down * low
     slopes[:, LEAN] = slopes[:, X] * v
-    slopes[:, BLURRING] = contrast * density * distance * along2 / (2 * blurring)
+    slopes[:, BLURRING] = np.float32(0.5) * edge * sharp * distance * along2
     shape = len(y_px), len(x_px)
     return (background + contrast * inside).reshape(-1, *shape), slopes.reshape(-1, 8, *shape)
 
@@ -60,12 +56,13 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
 def _looked_up(distance: Array) -> tuple[Array, Array]:
     """How much of an edge so many σ away is there, and how fast that changes."""
     place = ((distance + np.float32(REACH)) * np.float32(PER_SIGMA) + np.float32(0.5)).astype(np.intp)
-    inside, density = _table()
+    inside, density = edge_table()
     return inside.take(place, mode="clip"), density.take(place, mode="clip")
 
 
 @cache
-def _table() -> tuple[Array, Array]:
+def edge_table() -> tuple[Array, Array]:
+    """How much of an edge is there, and how fast that changes, `PER_SIGMA` times a σ from −REACH on."""
     z = np.arange(-REACH, REACH, 1 / PER_SIGMA)
     density = np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
     inside = 1.0 - np.cumsum(density) / density.sum()

@@ -12,6 +12,7 @@ from grabberd.kernel import KERNEL
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.centroid import locate_by_centroid
 from grabberd.measurement.compiled import measure_compiled, takes
+from grabberd.measurement.compiled_grey import measure_grey, takes_grey
 from grabberd.measurement.correlation import locate_by_correlation
 from grabberd.measurement.edge import locate_by_edge
 from grabberd.measurement.interpolation import locate_by_tian_huhns, locate_by_vernier
@@ -108,6 +109,8 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
     """
     if KERNEL and takes(packed, settings):
         blobs = measure_compiled(KERNEL, packed, settings)
+    elif KERNEL and takes_grey(packed, settings):
+        blobs = measure_grey(KERNEL, packed, settings)
     else:
         blobs = measure_by_numpy(packed, settings)
     return blobs if windows is None else blobs.select(_inside(blobs, windows))

@@ -15,6 +15,7 @@ LEAST_SIGNAL = 40.0
 """A chord's weight in units of the noise's square, below which noise alone may have made it."""
 LEAST = np.float32(1e-6)
 
+Array = NDArray[np.float64]
 Single = NDArray[np.float32]
 
 
@@ -44,11 +45,12 @@ def weights_of(windows: Windows) -> Single:
     return height
 
 
-def moments(weight: Single, place: Single) -> tuple[Single, Single]:
+def moments(weight: Single, place: Single) -> tuple[Array, Array]:
     """Mean of the places (w,) by weights (…, w), and their variance about it."""
-    total = weight.sum(axis=-1) + LEAST
-    mean = weight @ place / total
-    return mean, np.maximum(weight @ (place * place) / total - mean * mean, LEAST)
+    amount = weight.astype(np.float64)
+    total = amount.sum(axis=-1) + LEAST
+    mean = amount @ place / total
+    return mean, np.maximum(amount @ (place * place) / total - mean * mean, LEAST)
 
 
 def _chords(windows: Windows, weight: Single, noise: float) -> Chords:

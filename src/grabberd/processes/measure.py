@@ -71,19 +71,18 @@ class _Locating:
     """How the next field's blobs are located: the line jitter is the equipment's and seldom asked for."""
 
     def __init__(self, settings: LocationSettings) -> None:
-        self._settings = settings
+        self._asking = self._knowing = settings
         self._fields = 0
         self._jitters_px: deque[float] = deque(maxlen=JITTERS)
 
     def blobs(self, packed: PackedField) -> Blobs:
-        settings = self._settings
-        if len(self._jitters_px) == JITTERS and self._fields % JITTER_EVERY > 0:
-            likely_px = float(np.median(self._jitters_px))
-            settings = replace(settings, line_jitter_px=likely_px, line_jitter_known=True)
-        blobs = measure(packed, None, settings)
+        asked = len(self._jitters_px) < JITTERS or self._fields % JITTER_EVERY == 0
+        blobs = measure(packed, None, self._asking if asked else self._knowing)
         self._fields += 1
         if blobs.line_jitter_px is not None:
             self._jitters_px.append(blobs.line_jitter_px)
+            likely_px = float(np.median(self._jitters_px))
+            self._knowing = replace(self._asking, line_jitter_px=likely_px, line_jitter_known=True)
         return blobs
 
 

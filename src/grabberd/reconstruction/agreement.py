@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.reconstruction.displacement import DisplacementField, Expected, Smoothness
+from grabberd.reconstruction.displacement import Expected, Smoothness
 from grabberd.reconstruction.hypotheses import Hypotheses
 from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.tiled_field import field_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -58,7 +59,7 @@ class Agreement:
     def __init__(self, model: ObjectModel, settings: CorrespondenceSettings) -> None:
         self.model = model
         self.settings = settings
-        self.field = DisplacementField.of(model, settings.smoothness)
+        self.field = field_of(model, settings.smoothness)
         self._neighbours = model.neighbours()
         self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
         self.pitch_mm = _median(self._apart_mm)

@@ -14,7 +14,7 @@ from grabberd.geometry import Rig
 from grabberd.kernel import DONE, Kernel
 from grabberd.reconstruction.agreement import Agreement
 from grabberd.reconstruction.compiled_structs import World
-from grabberd.reconstruction.displacement import Expected
+from grabberd.reconstruction.displacement import DisplacementField, Expected
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ViewBlobs
@@ -51,7 +51,6 @@ def world_of(rig: Rig, agreement: Agreement, noise: ImageNoise) -> World:
     neighbours, apart_mm = agreement.pairs
     arrays = {
         "nominal_mm": agreement.model.xyz_mm,
-        "precision": field.precision,
         "neighbours": neighbours.astype(np.int64),
         "apart_mm": apart_mm,
     }
@@ -105,10 +104,8 @@ class Nearby:
         count = len(model)
         expected, settled = np.empty((count, 3)), np.empty(10 * count)
         while True:
-            say = self._agreement.field.say(found.target)
-            worst = self._kernel.agree(
-                self._world, say.weights.T, say.sigma_mm, *found.agreeing(), expected, settled
-            )
+            weights, sigma_mm = self._say(found, expected)
+            worst = self._kernel.agree(self._world, weights, sigma_mm, *found.agreeing(), expected, settled)
             if worst < 0:
                 break
             found, all_stay = found.without(worst), False
@@ -118,10 +115,21 @@ class Nearby:
             found.target,
             found.left,
             found.right,
-            Expected(expected, say.sigma_mm),
+            Expected(expected, sigma_mm),
             places,
             surprise if all_stay else None,
         )
+
+    def _say(self, found: "_Found", expected: Array) -> tuple[Array | bytes, Array]:
+        """Weights of the targets found; none where the field, by parts, has said already what is expected."""
+        field = self._agreement.field
+        if isinstance(field, DisplacementField):
+            say = field.say(found.target)
+            return say.weights.T, say.sigma_mm
+        seen, displacement_mm = np.zeros(len(expected), np.bool_), np.zeros_like(expected)
+        seen[found.target], displacement_mm[found.target] = True, found.displacement_mm
+        expected[:], sigma_mm = field.expect(seen, displacement_mm)
+        return b"", sigma_mm
 
 
 class _Found(NamedTuple):

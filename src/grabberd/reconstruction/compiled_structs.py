@@ -45,7 +45,6 @@ class World(ctypes.Structure):
         ("targets", _WHOLE),
         ("pairs", _WHOLE),
         ("nominal_mm", _ADDRESS),
-        ("precision", _ADDRESS),
         ("neighbours", _ADDRESS),
         ("apart_mm", _ADDRESS),
         ("gate", _REAL),

@@ -67,21 +67,30 @@ class DisplacementField:
         nominal_mm: (M, 3) the targets' nominal places.
         precision: (M, M), inverse of the covariance of measured displacements, in 1/mm².
         noise_mm: see `Smoothness`.
+        most_kept: for how many sets of seen targets it is kept what they say.
     """
 
     nominal_mm: Array
     precision: Array
     noise_mm: float
+    most_kept: int = _KEPT
     _kept: "dict[bytes, Say]" = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of(cls, model: ObjectModel, smoothness: Smoothness) -> "DisplacementField":
         """The field of this object."""
-        apart = np.linalg.norm(model.xyz_mm[:, np.newaxis] - model.xyz_mm, axis=2) / smoothness.reach_mm
+        return cls.through(model.xyz_mm, smoothness)
+
+    @classmethod
+    def through(
+        cls, nominal_mm: Array, smoothness: Smoothness, most_kept: int = _KEPT
+    ) -> "DisplacementField":
+        """The field of the targets at these nominal places (M, 3)."""
+        apart = np.linalg.norm(nominal_mm[:, np.newaxis] - nominal_mm, axis=2) / smoothness.reach_mm
         scaled = np.sqrt(5.0) * apart
         covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
-        covariance[np.diag_indices(len(model))] += smoothness.noise_mm**2
-        return cls(model.xyz_mm, np.linalg.inv(covariance), smoothness.noise_mm)
+        covariance[np.diag_indices(len(nominal_mm))] += smoothness.noise_mm**2
+        return cls(nominal_mm, np.linalg.inv(covariance), smoothness.noise_mm, most_kept)
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
         """What the seen targets say of all: of an unseen one all of them, of a seen one all but itself.
@@ -99,13 +108,14 @@ class DisplacementField:
         From field to field mostly the same are seen: what was worked out for them is kept.
         """
         key = inside.tobytes()
-        if key not in self._kept:
-            if len(self._kept) == _KEPT:
+        say = self._kept.get(key)
+        if say is None:
+            if len(self._kept) >= self.most_kept:
                 self._kept.clear()
             unseen = np.ones(len(self.precision), np.bool_)
             unseen[inside] = False
-            self._kept[key] = self._say_of(inside, np.flatnonzero(unseen))
-        return self._kept[key]
+            say = self._kept[key] = self._say_of(inside, np.flatnonzero(unseen))
+        return say
 
     def _say_of(self, inside: Indices, outside: Indices) -> "Say":
         own = self.precision[inside[:, np.newaxis], inside]
@@ -120,11 +130,3 @@ class DisplacementField:
         sigma_mm = np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0))
         sigma_mm.setflags(write=False)
         return Say(weights, sigma_mm)
-
-    def smooth(self, displacement_mm: Array) -> Array:
-        """(M, 3) the field without the noise of the measured displacements (M, 3).
-
-        Expected displacements of unseen targets pass unchanged.
-        """
-        smoothed: Array = displacement_mm - self.noise_mm**2 * (self.precision @ displacement_mm)
-        return smoothed

@@ -169,9 +169,13 @@ class Tracker:
         return sighting.settled or (self._smoothed(sighting), self._sigma(sighting))
 
     def _smoothed(self, sighting: Sighting) -> Array:
-        displacement = sighting.expected.displacement_mm.copy()
-        displacement[sighting.target] = sighting.points.xyz_mm - self.model.xyz_mm[sighting.target]
-        return self.model.xyz_mm + self.correspondence.agreement.field.smooth(displacement)
+        """What the others expect takes part in a measured place by how surely they do (as `smooth`)."""
+        target, noise_mm = sighting.target, self.correspondence.agreement.field.noise_mm
+        displacement, sigma_mm = sighting.expected.displacement_mm.copy(), sighting.expected.sigma_mm[target]
+        measured = sighting.points.xyz_mm - self.model.xyz_mm[target]
+        share = noise_mm**2 / (sigma_mm**2 + noise_mm**2)
+        displacement[target] = measured - share[:, np.newaxis] * (measured - displacement[target])
+        return self.model.xyz_mm + displacement
 
     def _sigma(self, sighting: Sighting) -> Array:
         """Of unseen targets as expected, of seen ones not worse than their own depth."""
