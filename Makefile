@@ -9,8 +9,10 @@ BIN := $(VENV)/bin
 READY := $(VENV)/ready
 SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
+PEERS := .venv-bench
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check pytest test-browser browser screenshots test-vm test-wheel test-install check-units install uninstall bundle bench soak faults docs format lock clean
+.PHONY: help run test check pytest test-browser browser mosquitto screenshots test-vm test-wheel test-install check-units install uninstall bundle bench profile measured soak faults docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -27,7 +29,7 @@ check: $(READY)  ## ruff, mypy and the arrows between the rooms
 	$(BIN)/lint-imports --no-cache
 	@systemd/check-units.sh
 
-pytest: $(READY) browser  ## the tests alone, on all processors
+pytest: $(READY) browser mosquitto  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist loadfile
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
@@ -40,6 +42,11 @@ browser:
 	@command -v chromium >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	  && { apt-get install --yes --no-install-recommends chromium || { apt-get update && apt-get install --yes --no-install-recommends chromium; }; } ; } \
 	  || echo "*** Chromium is missing, so the page is NOT tested: sudo apt-get install chromium ***"
+
+mosquitto:
+	@command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+	  && { apt-get install --yes --no-install-recommends mosquitto || { apt-get update && apt-get install --yes --no-install-recommends mosquitto; }; } ; } \
+	  || echo "*** mosquitto is missing, so the MQTT publisher is NOT tested: sudo apt-get install mosquitto ***"
 
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
@@ -62,7 +69,13 @@ uninstall:  ## remove the service; captures and configuration stay
 bundle: $(READY)  ## pack wheels and installer for a computer without internet, into dist/
 	@bash systemd/bundle.sh $(BIN)/python dist
 
-bench: $(READY)  ## units of the work measured, into docs/measured.md
+bench: $(READY) $(PEERS)/ready  ## beside OpenCV, OpenPTV, scipy, scikit-image and trackpy, into docs/benchmarks.md (four minutes)
+	$(ONE_THREAD) $(BIN)/python -m tests.bench.peers --write
+
+profile: $(READY)  ## where a field's time goes: stages and functions
+	$(ONE_THREAD) $(BIN)/python -m tests.bench.hot_path
+
+measured: $(READY)  ## accuracy and cost of every part of the work, into docs/measured.md (many minutes)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.bench all --seconds $(or $(DURATION),60) --write docs/measured.md
 
 soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients coming and going; fails where a promise is broken
@@ -83,7 +96,7 @@ lock: $(READY)  ## write down the versions that the tests passed with
 	$(BIN)/pip freeze --exclude-editable | LC_ALL=C sort > constraints.txt
 
 clean:  ## remove what make made, but no captures
-	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(PEERS) build dist .mypy_cache .ruff_cache .pytest_cache
 
 $(READY): pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is missing: sudo apt-get install python3 python3-venv"; exit 1; }
@@ -91,4 +104,9 @@ $(READY): pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/
 	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || { echo "the venv module is missing: sudo apt-get install python3-venv"; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	touch $@
+
+$(PEERS)/ready: tests/bench/peers/peers.txt
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --requirement tests/bench/peers/peers.txt
 	touch $@

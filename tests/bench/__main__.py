@@ -18,14 +18,16 @@ from tests.bench import (
     live,
     location,
     location_bits,
+    page,
     reprocess,
+    several,
     soak,
 )
 
 HEADER = """# What was measured
 
-Made by `make bench` and `make soak`; do not edit. Single times on a shared machine are worth little: look at
-the ratios, and at what the witness saw of the machine itself.
+Made by `make measured` and `make soak`; do not edit. Single times on a shared machine are worth little: look
+at the ratios, and at what the witness saw of the machine itself. Other programs: [benchmarks](benchmarks.md).
 """
 
 SOAK = "Soak: 50 Hz, clients that come and go, captures of all kinds"
@@ -53,6 +55,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Pointing at 1 bit: noise and line jitter, RMS in px": location_bits.table,
         "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
     },
+    "page": {"The page: what it weighs, how soon it is seen, what it costs": page.table},
     "reprocess": {"An archive measured again": reprocess.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""
@@ -61,7 +64,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
 def main() -> None:
     """Runs what is asked for, prints it, and writes it down where that is asked for."""
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument("what", nargs="?", default="all", choices=[*PARTS, "live", "soak", "all"])
+    parser.add_argument("what", nargs="?", default="all", choices=[*PARTS, "live", "several", "soak", "all"])
     parser.add_argument(
         "--seconds", type=float, default=60.0, help="length of the live capture, or of the soak"
     )
@@ -73,6 +76,9 @@ def main() -> None:
     tables = dict(_tables(options.what))
     if options.what in ("live", "all"):
         tables[f"Live, {options.seconds:.0f} s at 50 Hz"] = lambda: live.table(options.seconds)
+    if options.what in ("several", "all"):
+        title = f"Several: four devices at 50 Hz, {options.seconds:.0f} s"
+        tables[title] = lambda: several.table(options.seconds)
     for title, table in tables.items():
         text = table()
         print(f"## {title}\n\n{text}\n")

@@ -65,20 +65,27 @@ class Daemon(NamedTuple):
 @contextmanager
 def daemon(folder: Path) -> Iterator[Daemon]:
     """As `grabberd serve` runs it without a configuration; its captures go into the folder."""
-    sys.setswitchinterval(0.001)
-    keep_freed_memory()
     file = default_config_file()
     name, setup = next(iter(set_up(load_config(file), file).items()))
     timed = TimedGrabber(setup.grabber)
     object.__setattr__(setup, "grabber", timed)
     service = Service({name: setup}, folder)
+    with served(service) as port:
+        yield Daemon(service, timed, port)
+
+
+@contextmanager
+def served(service: Service) -> Iterator[int]:
+    """Any service, started, on the port that is given."""
+    sys.setswitchinterval(0.001)
+    keep_freed_memory()
     with socket.socket() as listening:
         listening.bind(("127.0.0.1", 0))
         server = uvicorn.Server(uvicorn.Config(create_app(service), log_level="warning"))
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, name="server")
         thread.start()
         try:
-            yield Daemon(service, timed, listening.getsockname()[1])
+            yield listening.getsockname()[1]
         finally:
             server.should_exit = True
             thread.join(30)

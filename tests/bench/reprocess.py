@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 
 from grabberd.acquisition import Ledger, Outcome, Slot
 from grabberd.acquisition.registry import create
@@ -18,19 +19,20 @@ from grabberd.storage import CaptureMeta, CaptureWriter
 from .daemon import resident_mb
 
 PERIOD, PERIOD_NS, THRESHOLD = 50, 20_000_000, 60
-MANY, SMALL = 200, 2
-SCALING, MEDIUM = 6, 100
+MANY, SMALL = 1000, 2
+SCALING, MEDIUM, ROUNDS = 16, 300, 3
 LONG = 1500
 
 
 @dataclass
 class Run:
-    """One data set's making: what it cost, and the highest memory."""
+    """One data set's making: what it cost, and the memory meanwhile."""
 
     summary: Summary
     processor_s: float
     parent_mb: list[float] = field(default_factory=list)
-    worker_mb: float = 0.0
+    workers_mb: list[float] = field(default_factory=list)
+    highest_mb: float = 0.0
 
 
 def table() -> str:
@@ -42,32 +44,40 @@ def table() -> str:
 def _rows(folder: Path) -> Iterator[str]:
     fields = _fields()
     _archive(folder / "medium", fields, SCALING, MEDIUM)
-    one, two = (_run(folder, "medium", workers) for workers in (1, 2))
-    yield f"{SCALING} captures of {MEDIUM} fields, 1 bit, doubled; processes at niceness 10.\n"
+    rounds = [(_run(folder, "medium", 1, n), _run(folder, "medium", 2, n)) for n in range(ROUNDS)]
+    yield f"{SCALING} captures of {MEDIUM} fields, 1 bit, doubled; processes at niceness 10."
+    yield f"Medians of {ROUNDS} rounds by turns, and from the least to the greatest.\n"
     yield "| processes | fields/s | fields a second of processor time | ratio | MB, each process at most |"
     yield "|---|---|---|---|---|"
-    for workers, run in ((1, one), (2, two)):
-        ratio = run.summary.fields_per_s / one.summary.fields_per_s
-        rates = f"{run.summary.fields_per_s:.0f} | {run.summary.fields / run.processor_s:.0f}"
-        yield f"| {workers} | {rates} | {ratio:.2f} | {run.worker_mb:.0f} |"
+    for place, workers in enumerate((1, 2)):
+        runs = [one[place] for one in rounds]
+        rates = _spread([run.summary.fields_per_s for run in runs], ".0f")
+        busy = _spread([run.summary.fields / run.processor_s for run in runs], ".0f")
+        ratios = [one[place].summary.fields_per_s / one[0].summary.fields_per_s for one in rounds]
+        highest = max(run.highest_mb for run in runs)
+        yield f"| {workers} | {rates} | {busy} | {_spread(ratios, '.2f')} | {highest:.0f} |"
     yield f"\nMB, one process: {MANY} captures of {SMALL} fields, and one of {LONG}.\n"
-    yield "| | it that asks, at a quarter / at the end | it that measures, at most | processor, ms a field |"
-    yield "|---|---|---|---|"
+    yield "| | it that asks, at a quarter / the end | it that measures | at most | processor, ms a field |"
+    yield "|---|---|---|---|---|"
     for words, name, captures, length in (
         (f"{MANY} captures", "many", MANY, SMALL),
         (f"{LONG} fields", "long", 1, LONG),
     ):
         _archive(folder / name, fields, captures, length)
-        run = _run(folder, name, 1)
-        quarter, end = run.parent_mb[len(run.parent_mb) // 4], run.parent_mb[-1]
+        run = _run(folder, name, 1, 0)
         cost_ms = 1000 * run.processor_s / run.summary.fields
-        yield f"| {words} | {quarter:.1f} / {end:.1f} | {run.worker_mb:.0f} | {cost_ms:.2f} |"
+        sizes = f"{_course(run.parent_mb)} | {_course(run.workers_mb)} | {run.highest_mb:.0f}"
+        yield f"| {words} | {sizes} | {cost_ms:.2f} |"
     yield f"\nThe machine's load meanwhile ({os.cpu_count()} processors): {os.getloadavg()[1]:.0f}."
 
 
-def _run(folder: Path, name: str, workers: int) -> Run:
+def _spread(values: list[float], form: str) -> str:
+    return f"{median(values):{form}} ({min(values):{form}} … {max(values):{form}})"
+
+
+def _run(folder: Path, name: str, workers: int, number: int) -> Run:
     configs = shipped_configs()
-    out = folder / f"{name}-{workers}"
+    out = folder / f"{name}-{workers}-{number}"
     request = Request(
         [str(folder / name)], out, configs / "fake.calibration.json", configs / "objects" / "liner.yaml"
     )
@@ -75,7 +85,10 @@ def _run(folder: Path, name: str, workers: int) -> Run:
 
     def look(_: Progress) -> None:
         run.parent_mb.append(resident_mb())
-        run.worker_mb = max([run.worker_mb, *_children_mb()])
+        now_mb = list(_children_mb("VmRSS"))
+        if now_mb:
+            run.workers_mb.append(max(now_mb))
+        run.highest_mb = max([run.highest_mb, *_children_mb("VmHWM")])
 
     before = _processor_s()
     run.summary = reprocess(request, lambda _: local_workers(workers), look)
@@ -84,19 +97,21 @@ def _run(folder: Path, name: str, workers: int) -> Run:
     return run
 
 
+def _course(sizes_mb: list[float]) -> str:
+    return f"{sizes_mb[len(sizes_mb) // 4]:.1f} / {sizes_mb[-1]:.1f}"
+
+
 def _processor_s() -> float:
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 
 
-def _children_mb() -> Iterator[float]:
+def _children_mb(name: str) -> Iterator[float]:
     for pid in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
         status = Path(f"/proc/{pid}/status")
         if status.exists():
-            highest = [
-                line.split()[1] for line in status.read_text().splitlines() if line.startswith("VmHWM")
-            ]
-            yield from (int(kib) * 1024 / 1e6 for kib in highest)
+            found = [line.split()[1] for line in status.read_text().splitlines() if line.startswith(name)]
+            yield from (int(kib) * 1024 / 1e6 for kib in found)
 
 
 def _fields() -> list[Field]:

@@ -1,0 +1,58 @@
+"""Our side: the whole way from packed fields to points, and location alone."""
+
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from tests.bench.peers.given import SETTLED, Given
+
+from grabberd.field import PackedField
+from grabberd.measurement import LocationSettings, measure
+from grabberd.processes.measure import measure_fields
+
+Array = NDArray[np.float64]
+
+
+class Points(NamedTuple):
+    """Of one field: the targets' ids (N,), where both views see them, (N, 2), and where they are, (N, 3)."""
+
+    target: NDArray[np.int32]
+    left_px: Array
+    right_px: Array
+    xyz_mm: Array
+
+
+def turn_us(given: Given, way: str) -> list[float]:
+    """Processor time of each settled field, from packed bits to points, as the worker does it."""
+    fields, times = given.packed[way], []
+    results = measure_fields(iter(fields), given.setup)
+    for _ in fields:
+        before = time.thread_time_ns()
+        next(results)
+        times.append((time.thread_time_ns() - before) / 1000)
+    return times[SETTLED:]
+
+
+def found(given: Given, way: str) -> tuple[list[Array], list[Points]]:
+    """Of each settled field the places (N, 2) in frame pixels, and the points."""
+    results = list(measure_fields(iter(given.packed[way]), given.setup))[SETTLED:]
+    places = [one.blobs.xy_px for one in results]
+    points = [one.points for one in results]
+    return places, [Points(of.target, of.image_px[:, 0], of.image_px[:, 1], of.xyz_mm) for of in points]
+
+
+def locating_us(packed: PackedField, times: int) -> list[float]:
+    """Processor time of location alone, so many times."""
+    return calls_us(lambda: measure(packed, None, LocationSettings()), times)
+
+
+def calls_us(call: Callable[[], object], times: int) -> list[float]:
+    """Processor time of each of so many calls."""
+    taken = []
+    for _ in range(times):
+        before = time.thread_time_ns()
+        call()
+        taken.append((time.thread_time_ns() - before) / 1000)
+    return taken
