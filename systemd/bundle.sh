@@ -15,7 +15,7 @@ version=$(basename "$wheel" | cut -d- -f2)
 name=$("$python" -c "import sys, platform as p; print('grabberd-$version-python%d.%d-' % sys.version_info[:2] + p.machine())")
 bundle=$work/$name
 mkdir "$bundle"
-"$python" -m pip download --quiet --only-binary=:all: --constraint "$root/constraints.txt" --dest "$bundle/wheels" "$@" "$wheel[report]"
+"$python" -m pip download --quiet --only-binary=:all: --constraint "$root/constraints.txt" --dest "$bundle/wheels" "$@" "$wheel[report,mqtt]"
 
 cp "$root/systemd/installer.sh" "$root/constraints.txt" "$root/docs/howto/install.md" "$bundle"
 "$python" -c 'import sys, platform as p; print("Python %d.%d on" % sys.version_info[:2], p.machine())' >"$bundle/made-for"

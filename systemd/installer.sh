@@ -60,7 +60,7 @@ install_packages() { # into $release
     source=$1 constraints=$2
     shift 2
     "$release/bin/python" -m pip install --quiet --disable-pip-version-check "$@" \
-        --constraint "$constraints" "$source[report]"
+        --constraint "$constraints" "$source[report,mqtt]"
     ln -s "$("$release/bin/python" -c 'import grabberd_v4l2 as d; print(d.__path__[0])' |
         sed "s|^$release/||")" "$release/driver"
     [ -z "$DESTDIR" ] || grep -rIl "$DESTDIR" "$release/bin" "$release/pyvenv.cfg" | xargs -r sed -i "s|$DESTDIR||g"

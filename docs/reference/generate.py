@@ -31,6 +31,10 @@ POINTS_AFTER = """
 told apart by the property `n`, or one field's with `?field=` (`--field`). It has no time of day, no
 pixels.
 
+**One axis of time** for captures that were made together: `time_s` and the capture's `first_field_s` (in its
+document; in the file, `time_ns` of its first field less `start_ns`) are the seconds since the common start;
+to a millisecond, so is `time_utc` less the group's `start_utc` ([several grabbers](../howto/several.md)).
+
 **Parquet** has every column; each one's metadata are `unit` and `description`. The file's own metadata
 `grabberd` are a JSON document: capture, run, calibration, version, and site, labels and note as they were
 recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the API
@@ -92,6 +96,8 @@ def _http(description: dict[str, Any]) -> Iterator[str]:
     schemas = description["components"]["schemas"]
     yield "\n## A capture as it is asked for\n"
     yield from _schema(schemas["CaptureOrder"])
+    yield "\n## Captures of several devices as they are asked for\n"
+    yield from _schema(schemas["CaptureGroupOrder"])
     yield "\n## A calibration as it is asked for\n"
     yield from _schema(schemas["CalibrationOrder"])
     yield "\nIts `options`:\n"

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
-from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_fake.clock import Clock, JumpingClock, RealClock
 from grabberd_fake.faults import (
     PERIOD_NS,
@@ -29,9 +29,9 @@ from grabberd_fake.world import World
 _NTSC_ROWS = 240
 _NEVER = 2**62
 _REFUSALS = {
-    "busy": ("another program has it", "end that program"),
-    "rights": ("it may not be opened", "add the user to the group that owns it"),
-    "bandwidth": ("the bus has no room for its stream", "plug it into a bus of its own"),
+    "busy": ("another program has it", "end that program", Cause.DEVICE_BUSY),
+    "rights": ("it may not be opened", "add the user to the group that owns it", Cause.NO_RIGHTS),
+    "bandwidth": ("the bus has no room for its stream", "plug it into a bus of its own", Cause.NO_BANDWIDTH),
 }
 _REPLUG = "plug the grabber in again; it is tried again by itself"
 
@@ -174,8 +174,8 @@ class FakeGrabber:
         refuse = self._script.at(self._number_now(), Refuse)
         if refuse is not None:
             self._let_pass(refuse)
-            words, hint = _REFUSALS[refuse.why]
-            raise DeviceRefused(f"the simulated grabber is refused: {words}", hint)
+            words, hint, cause = _REFUSALS[refuse.why]
+            raise DeviceRefused(f"the simulated grabber is refused: {words}", hint, cause)
 
     def _refuse_if_unplugged(self) -> None:
         unplug = self._script.at(self._number_now(), Unplug)

@@ -7,48 +7,58 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from grabberd.errors import DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
+from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 
 GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
 """What calls answer on a device that is not there."""
 
 
 class _Meaning(NamedTuple):
-    raised: type[DeviceError]
+    """What an answer means; without a cause the device does not answer as it should."""
+
+    cause: Cause | None
     what: str
     hint: str
 
+    def error(self, message: str, path: Path) -> DeviceError:
+        hint = self.hint.format(path=path)
+        return StreamFailed(message, hint) if self.cause is None else DeviceRefused(message, hint, self.cause)
+
 
 _RIGHTS = _Meaning(
-    DeviceRefused,
+    Cause.NO_RIGHTS,
     "may not be opened with these rights",
     "add the user that grabberd runs as to the group 'video', or install the driver's udev rule; then log in "
     "or start the service again",
 )
 _HUNG = _Meaning(
-    StreamFailed,
+    None,
     "does not answer as it should",
     "it is tried again; if it stays so, unplug it and plug it in",
 )
 _MEANINGS = {
     errno.EBUSY: _Meaning(
-        DeviceRefused, "is in use by another program", "end that program; 'fuser -v {path}' shows which it is"
+        Cause.DEVICE_BUSY,
+        "is in use by another program",
+        "end that program; 'fuser -v {path}' shows which it is",
     ),
     errno.EACCES: _RIGHTS,
     errno.EPERM: _RIGHTS,
-    errno.EISDIR: _Meaning(DeviceRefused, "is a directory", "name a node such as /dev/video0"),
+    errno.EISDIR: _Meaning(Cause.DEVICE_REFUSED, "is a directory", "name a node such as /dev/video0"),
     errno.ENOTTY: _Meaning(
-        DeviceRefused,
+        Cause.DEVICE_REFUSED,
         "is no video device, or one that cannot do what is needed",
         "'grabberd devices' lists those there are",
     ),
     errno.ENOSPC: _Meaning(
-        DeviceRefused,
+        Cause.NO_BANDWIDTH,
         "finds no bandwidth left on its USB bus",
         "PAL takes 20.7 MB/s: only one dongle a USB 2.0 bus, none at USB 1.1 speed; plug it into another bus",
     ),
     errno.ENOMEM: _Meaning(
-        DeviceRefused, "gets no memory for its buffers", "ask for fewer: option 'buffers'; 8 are enough"
+        Cause.DEVICE_REFUSED,
+        "gets no memory for its buffers",
+        "ask for fewer: option 'buffers'; 8 are enough",
     ),
     errno.EIO: _HUNG,
     errno.EPIPE: _HUNG,
@@ -56,7 +66,7 @@ _MEANINGS = {
     errno.ETIMEDOUT: _HUNG,
 }
 _OTHERWISE = _Meaning(
-    DeviceRefused, "refuses what is asked of it", "'v4l2-ctl -d {path} --all' and 'dmesg' tell more"
+    Cause.DEVICE_REFUSED, "refuses what is asked of it", "'v4l2-ctl -d {path} --all' and 'dmesg' tell more"
 )
 
 
@@ -72,7 +82,7 @@ def failure(error: OSError, path: Path, gone: type[DeviceError]) -> DeviceError:
     if error.errno in GONE:
         return gone(f"{path} is not there ({answer})", "plug the grabber in; it is tried again by itself")
     meaning = _MEANINGS.get(error.errno or 0, _OTHERWISE)
-    return meaning.raised(f"{path} {meaning.what} ({answer})", meaning.hint.format(path=path))
+    return meaning.error(f"{path} {meaning.what} ({answer})", path)
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from grabberd.acquisition.device import GrabbedField, Signal, StreamInfo
-from grabberd.errors import DeviceLost, DeviceRefused, StreamFailed
+from grabberd.errors import Cause, DeviceLost, DeviceRefused, StreamFailed
 from grabberd.field import Field
 from grabberd_v4l2 import abi
 from grabberd_v4l2.describing import remarks_on_place, stream_info
@@ -176,7 +176,7 @@ class V4l2Grabber:
 def _settled(node: Node, profile: Profile) -> Watch:
     watch = Watch(node, profile.signal_source)
     if watch.settle():
-        raise DeviceRefused(f"{node.path}: {watch.trouble}", _PAL)
+        raise DeviceRefused(f"{node.path}: {watch.trouble}", _PAL, Cause.WRONG_STANDARD)
     return watch
 
 

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from grabberd.errors import DeviceAbsent, DeviceRefused
+from grabberd.errors import Cause, DeviceAbsent, DeviceRefused
 from grabberd_v4l2.sysfs import SYSTEM, Roots, UsbPlace, VideoNode, usb_places, video_nodes
 
 VENDOR_PRODUCT = re.compile(r"[0-9a-f]{4}:[0-9a-f]{4}")
@@ -77,6 +77,7 @@ def find_node(identity: Identity, roots: Roots = SYSTEM) -> Path:
         raise DeviceRefused(
             f"{len(found)} grabbers are {identity}: {', '.join(map(str, found))}",
             f'add port: "{_port(found[0])}" (or another of these ports) to the device\'s options',
+            Cause.SEVERAL_DEVICES,
         )
     if not found:
         raise _absent_usb(identity, roots)

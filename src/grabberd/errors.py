@@ -17,6 +17,7 @@
     ├── NotFound                  no capture, run, field or job of that name
     ├── Conflict                  it cannot be done now
     │   ├── CaptureRunning        a capture is running: carries its id
+    │   ├── GroupRefused          captures cannot all begin together, so none does: carries why, by device
     │   └── NotReady              the device does not stream, or there is no calibration
     ├── RingOverrun               a reader that may miss nothing was overtaken: its capture ends
     ├── AccessExpired             a token has been good until a day that has passed
@@ -30,7 +31,8 @@ A class exists because somebody reacts differently to it. A message says what fa
 values; the hint says what to do.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from enum import StrEnum
 from typing import NamedTuple
 
 
@@ -67,32 +69,84 @@ class ConfigError(GrabberdError):
         self.problems = tuple(problems)
 
 
+class Cause(StrEnum):
+    """Why the instrument cannot do its work, in a word that programs and the page's texts go by."""
+
+    NOT_OPENED = "not_opened"
+    """The daemon has only just started."""
+    DRIVER_MISSING = "driver_missing"
+    DEVICE_ABSENT = "device_absent"
+    DEVICE_LOST = "device_lost"
+    STREAM_FAILED = "stream_failed"
+    DEVICE_BUSY = "device_busy"
+    """Another program has it."""
+    NO_RIGHTS = "no_rights"
+    NO_BANDWIDTH = "no_bandwidth"
+    """Its USB bus has no room for its stream."""
+    WRONG_STANDARD = "wrong_standard"
+    """What comes is no PAL."""
+    SEVERAL_DEVICES = "several_devices"
+    """More than one is what the configuration asks for."""
+    DEVICE_REFUSED = "device_refused"
+    """It says no for another reason."""
+    RECORDING_ENDED = "recording_ended"
+    RECORDING_DAMAGED = "recording_damaged"
+    FAULT = "fault"
+    """Of this program."""
+    NO_SIGNAL = "no_signal"
+    """The grabber says that there is no camera."""
+    NO_PICTURE = "no_picture"
+    """What comes is made up by the grabber."""
+    NO_CALIBRATION = "no_calibration"
+    NO_OBJECT = "no_object"
+    CALIBRATION_MISFIT = "calibration_misfit"
+    DISK_MISSING = "disk_missing"
+    DISK_READ_ONLY = "disk_read_only"
+    DISK_FAILED = "disk_failed"
+
+
 class DeviceError(GrabberdError):
-    """The grabber does not do what is asked of it."""
+    """The grabber does not do what is asked of it; `cause` is why."""
+
+    cause = Cause.DEVICE_REFUSED
 
 
 class DriverMissing(DeviceError):
     """No such driver, or what it needs is not installed."""
 
+    cause = Cause.DRIVER_MISSING
+
 
 class DeviceAbsent(DeviceError):
     """The grabber is not there (yet)."""
+
+    cause = Cause.DEVICE_ABSENT
 
 
 class DeviceLost(DeviceError):
     """The grabber went away while it streamed."""
 
+    cause = Cause.DEVICE_LOST
+
 
 class StreamFailed(DeviceError):
     """The grabber is there, but streams no more."""
+
+    cause = Cause.STREAM_FAILED
 
 
 class DeviceRefused(DeviceError):
     """The grabber is there and says no."""
 
+    def __init__(self, message: str, hint: str, cause: Cause = Cause.DEVICE_REFUSED) -> None:
+        super().__init__(message, hint)
+        self.cause = cause
+
 
 class StreamEnded(DeviceError):
     """A recording has no further field."""
+
+    cause = Cause.RECORDING_ENDED
 
 
 class InputError(GrabberdError):
@@ -131,6 +185,19 @@ class CaptureRunning(Conflict):
             f"capture {capture_id} is running", f"stop it first: POST /api/v1/captures/{capture_id}/stop"
         )
         self.capture_id = capture_id
+
+
+class GroupRefused(Conflict):
+    """Captures cannot all begin together, so none does; `refusals` says why, by device."""
+
+    def __init__(self, refusals: Mapping[str, GrabberdError]) -> None:
+        said = "; ".join(f"{device}: {error.message}" for device, error in refusals.items())
+        hints = dict.fromkeys(error.hint for error in refusals.values())
+        super().__init__(
+            f"they cannot all begin together, so none does: {said}",
+            f"{'; '.join(hints)}; or leave these devices out: {', '.join(refusals)}",
+        )
+        self.refusals = dict(refusals)
 
 
 class NotReady(Conflict):

@@ -26,13 +26,19 @@ class Daemon(NamedTuple):
 @contextmanager
 def serving(folder: Path, **options: object) -> Iterator[Daemon]:
     """On the simulated grabber."""
-    service = service_in(folder, **options)
+    with served(service_in(folder, **options)) as daemon:
+        wait_until_it_accepts(daemon.service)
+        yield daemon
+
+
+@contextmanager
+def served(service: Service) -> Iterator[Daemon]:
+    """Any service; its devices may not stream yet."""
     server = server_of(create_app(service), Front())
     sockets = bind("127.0.0.1", 0)
     thread = threading.Thread(target=server.run, args=(sockets,))
     thread.start()
     try:
-        wait_until_it_accepts(service)
         yield Daemon(f"http://127.0.0.1:{sockets[0].getsockname()[1]}", service)
     finally:
         server.should_exit = True

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.api.sockets import bind, check_private, describe, inherited, is_private
+from grabberd.api.sockets import GONE_AFTER_MS, bind, check_private, describe, inherited, is_private
 from grabberd.errors import ConfigError, Conflict
 
 FILE = Path("barn.yaml")
@@ -36,6 +36,16 @@ def test_so_it_is_with_ipv6() -> None:
             one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
             one.bind((host, 0))
             assert is_private(one) is private
+
+
+def test_what_is_accepted_sends_at_once_and_gives_up_who_is_gone() -> None:
+    [one] = bind("127.0.0.1", 0)
+    one.settimeout(10)
+    with closing(one), closing(socket.create_connection(one.getsockname())):
+        accepted, _ = one.accept()
+        with closing(accepted):
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+            assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == GONE_AFTER_MS
 
 
 @pytest.mark.parametrize(("mode", "private"), [(0o600, True), (0o660, True), (0o666, False), (0o602, False)])

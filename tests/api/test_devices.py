@@ -11,6 +11,7 @@ from api.conftest import service_in
 from api.gates import is_problem
 from grabberd.acquisition import Signal
 from grabberd.api import create_app
+from grabberd.errors import Cause
 from grabberd.service.instrument import Instrument
 from grabberd.service.states import DeviceState
 
@@ -76,7 +77,9 @@ def test_a_device_that_streams_with_signal_and_calibration_is_ready(idle: TestCl
 
 
 def test_one_that_is_away_is_not_and_says_why(still: TestClient) -> None:
-    instrument_of(still).board.enter(DeviceState.ABSENT, "the grabber is unplugged", "plug it in")
+    instrument_of(still).board.enter(
+        DeviceState.ABSENT, "the grabber is unplugged", "plug it in", Cause.DEVICE_LOST
+    )
     answer = still.get("/readyz")
     assert is_problem(answer, 503, "not-ready")
     assert answer.json()["lacks"] == [
@@ -85,8 +88,10 @@ def test_one_that_is_away_is_not_and_says_why(still: TestClient) -> None:
             "lacks": "device",
             "message": "it is absent: the grabber is unplugged",
             "hint": "plug it in",
+            "cause_code": "device_lost",
         }
     ]
+    assert still.get("/api/v1/devices/simulated").json()["cause_code"] == "device_lost"
 
 
 def test_nor_is_one_without_a_signal(still: TestClient) -> None:
@@ -101,10 +106,10 @@ def test_nor_is_one_without_a_signal(still: TestClient) -> None:
 def test_nor_is_one_without_a_calibration_or_an_object_model(fast: TestClient) -> None:
     instrument = instrument_of(fast)
     setup = instrument.setup
-    for missing in ("calibration", "object"):
+    for missing, code in (("calibration", "no_calibration"), ("object", "no_object")):
         instrument.setup = replace(setup, documents={**setup.documents, missing: None})
         lacks = fast.get("/readyz").json()["lacks"]
-        assert [lack["lacks"] for lack in lacks] == ["calibration"]
+        assert [(lack["lacks"], lack["cause_code"]) for lack in lacks] == [("calibration", code)]
         assert lacks[0]["hint"]
 
 

@@ -13,6 +13,7 @@ from simulated_time import SMALL, Run, SimulatedClock
 
 from grabberd.acquisition import GrabbedField, Outcome, Signal, StreamInfo
 from grabberd.errors import (
+    Cause,
     DeviceAbsent,
     DeviceError,
     DeviceLost,
@@ -54,10 +55,11 @@ def test_an_absent_device_is_absent_until_it_is_there_and_that_is_said_once(
 
 
 def test_a_device_that_says_no_has_failed_with_its_hint_and_is_tried_again() -> None:
-    one, grabber = run(*[DeviceRefused("busy", "end that program")] * 3, 10, end_s=2.0)
+    one, grabber = run(*[DeviceRefused("busy", "end that program", Cause.DEVICE_BUSY)] * 3, 10, end_s=2.0)
     assert one.states[:2] == [S.OPENING, S.FAILED]
     assert grabber.asked.count("open") == 3
-    assert (one.board.now.cause, one.board.now.hint) == ("busy", "end that program")
+    now = one.board.now
+    assert (now.cause, now.hint, now.code) == ("busy", "end that program", Cause.DEVICE_BUSY)
 
 
 def test_a_lost_device_is_closed_and_opened_again_but_not_restarted() -> None:

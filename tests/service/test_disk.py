@@ -1,6 +1,8 @@
 """Room on the disk: checked before a capture, watched while it runs, shown as minutes."""
 
-from collections.abc import Iterator
+import errno
+import os
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -9,7 +11,7 @@ from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
 from test_session import Rig, slot, wait_until_written
 
 from grabberd.config import default_config_file
-from grabberd.errors import StorageError
+from grabberd.errors import Cause, StorageError
 from grabberd.service.disk import GB, DiskGuard, bytes_per_field
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.service import Service
@@ -139,6 +141,18 @@ def test_the_state_says_how_many_minutes_are_left(tmp_path: Path) -> None:
         disk.free = -1
         assert service.state()["storage"]["minutes_left"] is None
         assert "no such device" in service.state()["storage"]["problem"]
+        assert service.state()["storage"]["cause_code"] == Cause.DISK_FAILED
+
+
+def test_a_disk_that_is_away_or_read_only_says_which(tmp_path: Path) -> None:
+    def free_of(number: int) -> Callable[[Path], int]:
+        def free(folder: Path) -> int:
+            raise OSError(number, os.strerror(number), str(folder))
+
+        return free
+
+    for number, code in ((errno.ENOENT, Cause.DISK_MISSING), (errno.EROFS, Cause.DISK_READ_ONLY)):
+        assert DiskGuard(free=free_of(number)).document(tmp_path, 1.0)["cause_code"] == code
 
 
 def test_a_running_capture_is_judged_by_what_it_really_writes(tmp_path: Path) -> None:

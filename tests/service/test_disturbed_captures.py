@@ -8,6 +8,7 @@ from running import PATIENCE_S, live, running
 
 from grabberd.acquisition import Outcome
 from grabberd.config import CaptureConfig, RingConfig
+from grabberd.errors import Cause
 from grabberd.service.readiness import lacks_of
 from grabberd.service.states import DeviceState
 from grabberd.storage import CaptureReader
@@ -55,7 +56,7 @@ def test_a_picture_that_the_grabber_makes_up_is_no_signal_whatever_its_driver_sa
         board = service.instrument(None).board
         with board.changed:
             assert board.changed.wait_for(lambda: board.state is DeviceState.NO_SIGNAL, PATIENCE_S)
-            assert board.now.cause == "no signal: a flat picture"
+            assert (board.now.cause, board.now.code) == ("no signal: a flat picture", Cause.NO_PICTURE)
             assert board.changed.wait_for(lambda: board.state is DeviceState.READY, PATIENCE_S)
         assert board.now.outcomes[Outcome.NO_SIGNAL] == 50
 

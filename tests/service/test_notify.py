@@ -168,6 +168,19 @@ def test_one_capture_thread_that_stands_still_is_enough_to_be_restarted(
     assert pulse.boards[device].name in caplog.text
 
 
+def test_a_restart_waits_until_no_other_device_records(ear: Ear) -> None:
+    pulse = Pulse(ear)
+    recording, frozen = pulse.boards
+    for board in pulse.boards:
+        for state in (DeviceState.OPENING, DeviceState.READY, DeviceState.CAPTURING):
+            board.enter(state)
+    pulse.run(200.0, frozen=frozen)
+    assert max(pulse.lived_s) > 200.0 - WATCHDOG_S / 2
+    recording.enter(DeviceState.READY)
+    pulse.run(100.0, frozen=frozen)
+    assert max(pulse.lived_s) < 200.0 + WATCHDOG_S / 2, "its own capture does not keep it from that"
+
+
 def test_a_capture_thread_that_stands_still_for_a_moment_is_forgiven(ear: Ear) -> None:
     pulse = Pulse(ear)
     pulse.run(20.0)

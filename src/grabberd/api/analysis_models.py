@@ -49,6 +49,7 @@ class AnalysisRow(Document):
     analysis: int = Field(description="Its number, from 1; nothing is overwritten.")
     created_utc: str | None = None
     version: str | None = None
+    device: str | None = Field(None, description="Name of the device that captured it.")
     run: int | None = Field(None, description="Whose points.")
     bursts: list[str] = Field(default_factory=list, description="Captures put together with it by phase.")
     inputs: JsonObject = Field(default_factory=dict, description="As they were given.")

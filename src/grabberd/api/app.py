@@ -14,6 +14,7 @@ from grabberd.api import (
     calibration_frames,
     calibrations,
     capture_contents,
+    capture_groups,
     captures,
     checks,
     devices,
@@ -76,6 +77,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.add_middleware(Gate, front=front, authenticator=authenticator)
     for part in (
         captures,
+        capture_groups,
         capture_contents,
         analyses,
         calibration_frames,

@@ -65,7 +65,7 @@ def activate_calibration(choice: CalibrationChoice, service: ServiceOf) -> objec
     runs.
     """
     service.activate_calibration(choice.id, choice.device)
-    return service.active.row(choice.id)
+    return service.active.row(choice.id, choice.device)
 
 
 @router.put(

@@ -21,15 +21,9 @@ from grabberd.api.named_types import (
 )
 
 
-class CaptureOrder(Document):
-    """A capture as it is asked for: so many fields, so many seconds, or until it is stopped."""
+class CaptureWish(Document):
+    """What is asked of a capture: so many fields, so many seconds, or until it is stopped."""
 
-    model_config = shown(
-        {"fields": 64, "labels": {"cow": "112", "teat": "front left"}, "note": "new liners"},
-        {"armed": True, "pre_trigger_fields": 25, "post_trigger_fields": 500, "bits": 8},
-    )
-
-    device: str | None = Field(None, description="Name of the device; not needed where there is one.")
     armed: bool = Field(False, description="It waits for its trigger: POST captures/{capture_id}/trigger.")
     fields: int | None = Field(
         None, ge=1, le=10_000_000, description="Length in fields of 20 ms, lost ones included."
@@ -77,6 +71,17 @@ class CaptureOrder(Document):
         return self
 
 
+class CaptureOrder(CaptureWish):
+    """A capture as it is asked for: so many fields, so many seconds, or until it is stopped."""
+
+    model_config = shown(
+        {"fields": 64, "labels": {"cow": "112", "teat": "front left"}, "note": "new liners"},
+        {"armed": True, "pre_trigger_fields": 25, "post_trigger_fields": 500, "bits": 8},
+    )
+
+    device: str | None = Field(None, description="Name of the device; not needed where there is one.")
+
+
 class CapturePatch(Document):
     """What changes of what is said of a capture; what is left out stays."""
 
@@ -115,6 +120,15 @@ class RunDocument(Document):
     state: str
 
 
+class GroupDocument(Document):
+    """The group of a capture that was made together with others."""
+
+    id: str
+    devices: list[str]
+    start_utc: str | None = Field(description="When all of them began; None while they are armed.")
+    start_ns: int | None = Field(description="The same moment by the computer's monotonic clock.")
+
+
 class CaptureDocument(Document):
     """A capture."""
 
@@ -132,6 +146,12 @@ class CaptureDocument(Document):
     created_utc: str = Field(description="When it began; of an armed one, since when it waits.")
     trigger_utc: str | None = Field(description="When it was asked for, or triggered; None of older ones.")
     pre_trigger_fields: int = Field(description="So many fields of it lie before that moment.")
+    group: GroupDocument | None = Field(None, description="None of a capture that was made alone.")
+    first_field_s: float | None = Field(
+        None,
+        description="From its start (`created_utc`), the same for all of a group, to its first field: a "
+        "point's `time_s` and this are its time on the group's axis. None before there is a field.",
+    )
     bits: int
     lines: str
     fields: int = Field(description="Fields that are in it.")

@@ -1,11 +1,18 @@
 """Captures: start, arm, trigger, stop, list, look, keep, measure again."""
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query, Request, Response, status
 
-from grabberd.api.capture_models import CaptureDocument, CaptureList, CaptureOrder, CapturePatch
+from grabberd.api.capture_models import (
+    CaptureDocument,
+    CaptureList,
+    CaptureOrder,
+    CapturePatch,
+    CaptureWish,
+)
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.models import JobDocument
 from grabberd.api.of_service import PROBLEMS, ServiceOf, job_document
@@ -32,7 +39,7 @@ def start_capture(order: CaptureOrder, service: ServiceOf, request: Request, res
     """Start a capture, or arm one that waits for its trigger; 409 with the other one's id while one is
     running or armed.
     """
-    wanted = _request_of(order, service.rate_hz(order.device))
+    wanted = request_of(order, service.rate_hz(order.device))
     begin = service.arm_capture if order.armed else service.start_capture
     capture_id = begin(order.device, wanted)
     response.headers["Location"] = str(request.url_for("get_capture", capture_id=capture_id))
@@ -93,10 +100,10 @@ def delete_capture(capture_id: CaptureId, service: ServiceOf) -> None:
     summary="Trigger an armed capture",
 )
 def trigger_capture(capture_id: CaptureId, service: ServiceOf) -> object:
-    """Have an armed capture record, with the fields before this moment that it wants; 409 if it is not
-    armed.
+    """Have an armed capture record, with the fields before this moment that it wants, and all others of its
+    group with it; 409 if it is not armed.
     """
-    service.trigger_capture(capture_id)
+    service.orders.trigger(capture_id)
     return service.archive.document(capture_id)
 
 
@@ -138,17 +145,18 @@ def _utc(since: datetime | None) -> str | None:
     return iso_utc(since.astimezone(UTC) if since.tzinfo else since.replace(tzinfo=UTC))
 
 
-def _request_of(order: CaptureOrder, rate_hz: float) -> CaptureRequest:
-    fields = order.post_trigger_fields if order.armed else order.fields
-    if order.duration_s is not None:
-        fields = max(1, round(order.duration_s * rate_hz))
+def request_of(wish: CaptureWish, rate_hz: float, labels: Mapping[str, str] | None = None) -> CaptureRequest:
+    """What is asked of a device; further labels go beside those of the wish, and before them."""
+    fields = wish.post_trigger_fields if wish.armed else wish.fields
+    if wish.duration_s is not None:
+        fields = max(1, round(wish.duration_s * rate_hz))
     return CaptureRequest(
         fields,
-        order.bits,
-        order.lines,
-        order.pre_trigger_fields,
-        order.overrun,
-        order.on_interruption,
-        order.note,
-        dict(order.labels),
+        wish.bits,
+        wish.lines,
+        wish.pre_trigger_fields,
+        wish.overrun,
+        wish.on_interruption,
+        wish.note,
+        {**wish.labels, **(labels or {})},
     )

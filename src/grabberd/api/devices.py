@@ -12,8 +12,11 @@ from grabberd.api.named_types import LackKind
 from grabberd.api.of_service import PROBLEMS, ServiceOf
 from grabberd.api.problems import Problem, problem
 from grabberd.api.state_models import DeviceDocument
+from grabberd.errors import Cause
+from grabberd.service.device_document import lack_document
 from grabberd.service.light import light_document
 from grabberd.service.live_document import newest_points, object_document
+from grabberd.service.pulsation import pulsation_document
 from grabberd.service.readiness import Lack, lacks_of
 from grabberd.service.service import Service
 
@@ -68,6 +71,14 @@ class LightDocument(Document):
     views: dict[str, ViewLightDocument]
 
 
+class PulsationDocument(Document):
+    """How fast the liner before a device pulsated last; nothing but None where that is not known."""
+
+    rate_per_min: float | None = Field(description="Pulsations a minute.")
+    capture: str | None = Field(description="The newest analysed capture of the device: it was found there.")
+    analysis: int | None = Field(description="The number of its analysis.")
+
+
 class LackDocument(Document):
     """What keeps a device from measuring."""
 
@@ -75,6 +86,7 @@ class LackDocument(Document):
     lacks: LackKind
     message: str
     hint: str
+    cause_code: Cause | None = Field(description="The same in a word.")
 
 
 class ReadyDocument(Document):
@@ -126,6 +138,17 @@ def get_object(name: DeviceName, service: ServiceOf) -> object:
 
 
 @router.get(
+    "/api/v1/devices/{name}/pulsation",
+    response_model=PulsationDocument,
+    responses=PROBLEMS,
+    summary="The pulsation that was measured last",
+)
+def get_pulsation(name: DeviceName, service: ServiceOf) -> object:
+    """Pulsations a minute, as the analysis of the device's newest analysed capture found them."""
+    return pulsation_document(service.analyses, service.instrument(name).name)
+
+
+@router.get(
     "/api/v1/devices/{name}/light",
     response_model=LightDocument,
     responses=PROBLEMS,
@@ -163,4 +186,10 @@ def _lacks(service: Service) -> list[Lack]:
 def _not_ready(lacks: list[Lack]) -> Response:
     detail = "; ".join(f"{lack.device}: {lack.message}" for lack in lacks)
     hint = "; ".join(dict.fromkeys(lack.hint for lack in lacks))
-    return problem(503, "not-ready", detail, hint, {"lacks": [lack._asdict() for lack in lacks]})
+    return problem(
+        503,
+        "not-ready",
+        detail,
+        hint,
+        {"lacks": [{"device": lack.device, **lack_document(lack)} for lack in lacks]},
+    )

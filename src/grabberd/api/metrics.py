@@ -73,6 +73,7 @@ class ServiceMetrics(Collector):
         yield from _device(instruments)
         yield from _points(instruments)
         yield from _captures(instruments, self._service)
+        yield from _mqtt(self._service)
         yield _gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
 
 
@@ -135,6 +136,22 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
     yield _counter("grabberd_captures", "Captures that have ended.", ("device", "verdict"), ended)
     yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
+
+
+def _mqtt(service: Service) -> Iterator[Metric]:
+    if service.publisher is None:
+        return
+    now = service.publisher.document()
+    yield _gauge("grabberd_mqtt_connected", "1 while the broker is.", (), [((), float(now["connected"]))])
+    waiting, acknowledged = now["waiting_captures"], now["acknowledged_captures"]
+    yield _gauge("grabberd_mqtt_waiting_captures", "Not acknowledged yet.", (), [((), waiting)])
+    yield _counter("grabberd_mqtt_acknowledged_captures", "Since the start.", (), [((), acknowledged)])
+    yield _counter(
+        "grabberd_mqtt_missed_captures",
+        "Deleted before they could be told.",
+        (),
+        [((), now["missed_captures"])],
+    )
 
 
 def _gauge(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:

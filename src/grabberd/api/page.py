@@ -37,7 +37,7 @@ async def get_page(request: Request, accept_language: Annotated[str, Header()] =
 
 
 @router.get("/static/{version}/{path:path}")
-def get_static(
+async def get_static(
     version: str,
     path: str,
     request: Request,
@@ -46,11 +46,13 @@ def get_static(
 ) -> Response:
     """One of the page's files; an address of before an upgrade gets the one of now, and must not keep it.
 
+    They are in memory, and a page asks for fifty at once: no thread is troubled for each.
+
     Raises:
         NotFound: there is none of that name.
     """
     files: Files = request.app.state.files
-    edition = files.edition
+    edition = files.edition if files.is_read else await run_in_threadpool(files.newest)
     found = edition.files.get(path)
     if found is None:
         raise NotFound(f"the page has no file {path!r}", "load the page anew")

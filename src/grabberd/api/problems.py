@@ -31,6 +31,10 @@ STATUS: dict[type[errors.GrabberdError], HTTPStatus] = {
 """The nearest class in an error's family decides."""
 
 
+KIND = "urn:grabberd:problem:"
+"""What every problem's type begins with."""
+
+
 class Problem(BaseModel):
     """A problem document; `hint` says what to do."""
 
@@ -72,7 +76,7 @@ def problem(
 ) -> ProblemResponse:
     """A problem document; name in kebab case."""
     document = Problem(
-        type=f"urn:grabberd:problem:{name}",
+        type=f"{KIND}{name}",
         title=name.replace("-", " "),
         status=status,
         detail=detail,
@@ -83,9 +87,25 @@ def problem(
 
 def _of_grabberd(_: Request, error: Exception) -> ProblemResponse:
     assert isinstance(error, errors.GrabberdError)
-    name = re.sub(r"(?<!^)(?=[A-Z])", "-", type(error).__name__).lower()
-    extra = {"capture_id": error.capture_id} if isinstance(error, errors.CaptureRunning) else {}
-    return problem(status_of(error), name, error.message, error.hint, extra)
+    return problem(status_of(error), _name(error), error.message, error.hint, _extra(error))
+
+
+def _name(error: errors.GrabberdError) -> str:
+    return re.sub(r"(?<!^)(?=[A-Z])", "-", type(error).__name__).lower()
+
+
+def _extra(error: errors.GrabberdError) -> dict[str, Any]:
+    """What a program has to know of it besides words."""
+    if isinstance(error, errors.CaptureRunning):
+        return {"capture_id": error.capture_id}
+    if isinstance(error, errors.GroupRefused):
+        return {"refusals": [_refusal(*pair) for pair in error.refusals.items()]}
+    return {}
+
+
+def _refusal(device: str, error: errors.GrabberdError) -> dict[str, Any]:
+    kind = f"{KIND}{_name(error)}"
+    return {"device": device, "type": kind, "detail": error.message, "hint": error.hint, **_extra(error)}
 
 
 def _of_request(_: Request, error: Exception) -> ProblemResponse:

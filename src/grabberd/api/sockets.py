@@ -135,3 +135,5 @@ def _prepare(one: socket.socket) -> None:
     one.setblocking(False)
     if one.family in (socket.AF_INET, socket.AF_INET6):  # what is accepted inherits it
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
+        # Head and body of an answer are written apart: the body must not wait until the head is acknowledged.
+        one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

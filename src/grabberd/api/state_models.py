@@ -13,6 +13,7 @@ from grabberd.api.named_types import (
     Latency,
     ViewCounts,
 )
+from grabberd.errors import Cause
 from grabberd.reconstruction.moved import RigVerdict
 from grabberd.service.recovery import Rung
 from grabberd.service.states import DeviceState
@@ -42,6 +43,7 @@ class DeviceLackDocument(Document):
     lacks: LackKind
     message: str
     hint: str
+    cause_code: Cause | None = Field(description="The same in a word.")
 
 
 class WidthDocument(Document):
@@ -91,6 +93,7 @@ class DeviceDocument(Document):
     since_utc: str
     cause: str | None
     hint: str | None = Field(description="What can be done about the cause.")
+    cause_code: Cause | None = Field(description="The cause in a word, the same for every driver.")
     driver: str
     stream: JsonObject | None
     signal: str
@@ -109,6 +112,7 @@ class DeviceDocument(Document):
     warnings: list[str] = Field(description="What a person has to know of it, in sentences.")
     capture_id: str | None = Field(description="The capture that is being recorded.")
     armed_capture_id: str | None = Field(description="The capture that waits for its trigger.")
+    group_id: str | None = Field(description="The group that either of them belongs to.")
     rig: RigDocument | None = Field(description="None before the first second of measuring.")
     live: LiveDocument | None
 
@@ -121,8 +125,20 @@ class StorageDocument(Document):
         description="So long all devices together can still capture, as their rings are now."
     )
     problem: str | None = Field(description="Why the disk cannot be asked.")
+    cause_code: Cause | None = Field(description="The problem in a word.")
     removed: int = Field(description="Captures that retention has removed since the daemon started.")
     removed_bytes: int
+
+
+class MqttDocument(Document):
+    """The broker that is told of devices and captures."""
+
+    connected: bool
+    since_utc: str
+    problem: str | None = Field(description="What went wrong last, and has not gone well since.")
+    waiting_captures: int = Field(description="Captures that have ended and are not acknowledged yet.")
+    acknowledged_captures: int = Field(description="Since the daemon started.")
+    missed_captures: int = Field(description="Deleted before their summaries could be kept.")
 
 
 class StateDocument(Document):
@@ -131,6 +147,7 @@ class StateDocument(Document):
     version: str
     devices: dict[str, DeviceDocument]
     storage: StorageDocument
+    mqtt: MqttDocument | None = Field(description="None where the configuration names no broker.")
 
 
 class HealthDocument(Document):

@@ -65,6 +65,13 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         int,
         typer.Option(min=0, help="Fields before the start, or trigger, that belong to it: from the ring."),
     ] = 0,
+    together: Annotated[
+        str | None,
+        typer.Option(
+            help="Devices of the daemon that begin together, A,B or all: a file of each, NAME-DEVICE.grab.",
+            metavar="DEVICES",
+        ),
+    ] = None,
     url: Annotated[
         str | None, typer.Option("--url", help="Let the daemon at this address do it.", envvar="GRABBERD_URL")
     ] = None,
@@ -78,6 +85,8 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     Example: grabberd capture --url http://127.0.0.1:8050 --duration-s 60 --label cow=112 --out 112.grab
 
     Example: grabberd capture --armed --pre-trigger 25 --fields 500 --out slip.grab
+
+    Example: grabberd capture --together left,right --duration-s 60 --out 112.grab
     """
     order = _order(
         {
@@ -92,6 +101,11 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     )
     if not out.parent.is_dir():
         raise StorageError(f"there is no folder {out.parent}", "make it, or name another file")
+    if together:
+        if device is not None:
+            raise typer.BadParameter("name the devices in one way, --device or --together")
+        _capture_together(url or DEFAULT_URL, together, order, out, token_file, json=json)
+        return
     if out.exists():
         raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
     if url or armed:
@@ -103,10 +117,28 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     if json:
         print_json(document)
     else:
-        words = document["ledger"]["in_words"]
-        if document["ended_because"] != "length reached":
-            words += f"; {document['ended_because']}"
-        typer.echo(f"{out}: {document['fields']} fields, {words}")
+        _say(out, document)
+
+
+def _say(out: Path, document: dict[str, Any]) -> None:
+    words = document["ledger"]["in_words"]
+    if document["ended_because"] != "length reached":
+        words += f"; {document['ended_because']}"
+    typer.echo(f"{out}: {document['fields']} fields, {words}")
+
+
+def _capture_together(
+    url: str, devices: str, order: dict[str, Any], out: Path, token_file: Path | None, *, json: bool
+) -> None:
+    from grabberd.cli.remote_group import capture_group_through, file_of  # noqa: PLC0415
+
+    names = "all" if devices == "all" else [name.strip() for name in devices.split(",") if name.strip()]
+    group = capture_group_through(url, {**order, "devices": names}, out, token_file)
+    if json:
+        print_json(group)
+        return
+    for document in group["captures"]:
+        _say(file_of(out, document["device"]), document)
 
 
 def _lengths(fields: int | None, duration_s: float | None, *, armed: bool) -> dict[str, Any]:

@@ -41,15 +41,17 @@ def capture_through(
 
 
 def armed_capture(url: str, device: str | None, token_file: Path | None) -> str:
-    """Id of the one capture that waits for its trigger.
+    """Id of the capture that waits for its trigger, or of one of those that wait for it together.
 
     Raises:
-        Conflict: none waits, or several do.
+        Conflict: none waits, or several do that have nothing to do with each other.
     """
     query = f"?limit=500&device={device}" if device else "?limit=500"
     captures = ask(url, CAPTURES + query, token_file=token_file)["captures"]
-    armed = [one["id"] for one in captures if one["state"] == "armed"]
-    if len(armed) > 1:
+    waiting = [one for one in captures if one["state"] == "armed"]
+    armed = [one["id"] for one in waiting]
+    groups = {one["group"] and one["group"]["id"] for one in waiting}
+    if len(armed) > 1 and (len(groups) > 1 or None in groups):
         raise Conflict(
             f"{len(armed)} captures are armed: {', '.join(armed)}", "name one of them, or --device"
         )

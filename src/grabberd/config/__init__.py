@@ -16,6 +16,7 @@ from grabberd.config.device import (
     RingConfig,
     ThresholdConfig,
 )
+from grabberd.config.mqtt import MqttConfig, MqttTlsConfig
 from grabberd.config.places import default_config_file, default_state_directory, shipped_configs
 from grabberd.config.reading import load_config
 
@@ -29,6 +30,8 @@ __all__ = [
     "HttpLimits",
     "Lines",
     "LocationConfig",
+    "MqttConfig",
+    "MqttTlsConfig",
     "OnInterruption",
     "RetentionConfig",
     "RigConfig",

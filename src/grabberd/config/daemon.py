@@ -6,6 +6,7 @@ from typing import Annotated, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from grabberd.config.device import DeviceConfig
+from grabberd.config.mqtt import MqttConfig
 from grabberd.config.places import default_state_directory
 from grabberd.config.section import ExistingFile, Section
 
@@ -84,6 +85,7 @@ class Config(Section):
     devices: dict[DeviceName, DeviceConfig] = Field(min_length=1)
     storage: StorageConfig = StorageConfig()
     http: HttpConfig = HttpConfig()
+    mqtt: MqttConfig | None = Field(None, description="without it, nothing is published")
 
     @property
     def state_directory(self) -> Path:

@@ -3,6 +3,7 @@
 import difflib
 from collections.abc import Hashable, Mapping
 from pathlib import Path
+from types import NoneType
 from typing import Any, get_args
 
 import yaml
@@ -77,17 +78,21 @@ def _known_keys(location: tuple[int | str, ...]) -> set[str]:
     section: Any = Config
     for part in location[:-1]:
         section = _descend(section, part)
-        if section is None:
-            return set()
     return set(getattr(section, "model_fields", ()))
 
 
 def _descend(section: Any, part: int | str) -> Any:
     if isinstance(section, type) and issubclass(section, BaseModel):
         found = section.model_fields.get(str(part))
-        return found.annotation if found else None
+        return _without_none(found.annotation) if found else None
     arguments = get_args(section)
-    return arguments[-1] if arguments else None
+    return _without_none(arguments[-1]) if arguments else None
+
+
+def _without_none(section: Any) -> Any:
+    """The section itself of one that may be left out."""
+    others = [one for one in get_args(section) if one is not NoneType]
+    return others[0] if len(others) < len(get_args(section)) else section
 
 
 UNITS = {"_mm": "millimetres", "_px": "pixels", "_ms": "milliseconds", "_s": "seconds", "_deg": "degrees"}

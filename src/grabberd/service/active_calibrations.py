@@ -1,7 +1,7 @@
 """Which calibration every device measures with."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -103,27 +103,28 @@ class ActiveCalibrations:
         """All calibrations as they are listed, the newest first; `active` where a device measures with it,
         `misfit` where its own device cannot.
         """
-        in_force, rejections = self.in_force(), self._rejections.all()
+        rows, rejections = self._calibrations.rows(), self._rejections.all()
+        measuring = self._measuring(rows)
         return [
             {
                 **row,
-                "active": row["id"] in in_force,
+                "active": (row["id"], row["device"]) in measuring,
                 "misfit": self._misfit(row),
                 "rejected": asdict(rejections[row["id"]]) if row["id"] in rejections else None,
             }
-            for row in self._calibrations.rows()
+            for row in rows
         ]
 
-    def row(self, calibration_id: str) -> dict[str, Any]:
-        """One calibration as it is listed.
+    def row(self, calibration_id: str, device: str | None = None) -> dict[str, Any]:
+        """One calibration as it is listed; where several devices have it, that of the one that is named.
 
         Raises:
             NotFound: there is none of that id.
         """
-        for row in self.rows():
-            if row["id"] == calibration_id:
-                return row
-        raise NotFound(f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists them")
+        rows = [row for row in self.rows() if row["id"] == calibration_id]
+        if not rows:
+            raise NotFound(f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists them")
+        return next((row for row in rows if row["device"] == device), rows[0])
 
     def document(self, instrument: Instrument) -> dict[str, Any] | None:
         """The calibration that a device measures with, and its age; None where it has none."""
@@ -149,6 +150,21 @@ class ActiveCalibrations:
             instrument.misfit,
         ]
         return [words for words in said if words]
+
+    def _measuring(self, rows: Sequence[Mapping[str, Any]]) -> set[tuple[str, str]]:
+        """Ids and devices of the rows that devices measure with: each with its own, or, where it has none of
+        that id, with that of another name.
+        """
+        owners: dict[str, set[str]] = {}
+        for row in rows:
+            owners.setdefault(row["id"], set()).add(row["device"])
+        measuring: set[tuple[str, str]] = set()
+        for instrument in self._instruments.values():
+            calibration_id = str((instrument.setup.documents.get("calibration") or {}).get("id"))
+            its_owners = owners.get(calibration_id, set())
+            named = {instrument.name} & its_owners or its_owners
+            measuring.update((calibration_id, name) for name in named)
+        return measuring
 
     def _misfit(self, row: Mapping[str, Any]) -> str | None:
         """Why a calibration is not one of its device as it now is; None too where there is no such device."""

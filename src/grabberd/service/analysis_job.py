@@ -102,6 +102,7 @@ def _write_all(folder: Path, made: "Analysed") -> dict[str, Any]:
     document = write_document(folder, made)
     record = {
         **{key: document[key] for key in ("created_utc", "version", "problems")},
+        "device": made.about["device"],
         "run": made.about["run"],
         "bursts": made.about["bursts"],
         "lacks": document["inputs"]["lacks"],

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
+from typing import NamedTuple
 
 from grabberd import __version__
 from grabberd.acquisition import RingReader, Slot, StreamInfo
@@ -11,12 +11,30 @@ from grabberd.service.backlog import Backlog
 from grabberd.service.capture_meta import capture_meta
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.disk import DiskGuard, bytes_per_field
+from grabberd.service.group import Moment
 from grabberd.service.intake import Intake
-from grabberd.service.recorder import CaptureRequest, Recorder
+from grabberd.service.planned import Planned
+from grabberd.service.recorder import Recorder
 from grabberd.service.session import CaptureSession
 from grabberd.service.setup import DeviceSetup
-from grabberd.service.waiting import WaitingCapture
 from grabberd.storage import CaptureWriter
+
+
+class Taken(NamedTuple):
+    """The fields of a capture that has no file yet: however long that takes to be made, none is missed.
+
+    Attributes:
+        reader: its place in the ring; `recorder`: takes them from there, `backlog`: to here.
+    """
+
+    reader: RingReader
+    recorder: Recorder
+    backlog: Backlog[Slot]
+
+    def give_up(self) -> None:
+        """Takes no more."""
+        self.recorder.stop("it could not begin")
+        self.reader.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,47 +57,44 @@ class Attaching:
     queue_s: float
     on_sealed: Callable[[CaptureSession], None]
 
+    def take(self, planned: Planned, stream: StreamInfo) -> Taken:
+        """Fields are taken from this moment on, or from the ring for a pre-trigger."""
+        request = planned.request
+        reader = self.intake.armed.ring.reader(request.overrun, back=request.pre_trigger_fields)
+        backlog: Backlog[Slot] = Backlog(capacity=round(self.queue_s * stream.rate_hz))
+        recorder = self._recorder(_length(planned, reader), backlog, stream)
+        recorder.start(reader, planned.id)
+        return Taken(reader, recorder, backlog)
+
     def attach(
-        self,
-        capture_id: str,
-        setup: DeviceSetup,
-        stream: StreamInfo,
-        request: CaptureRequest,
-        part: Path,
-        waiting: WaitingCapture | None = None,
+        self, planned: Planned, setup: DeviceSetup, stream: StreamInfo, taken: Taken, start: Moment
     ) -> CaptureSession:
-        """A capture that can be started; its first slot is determined at this moment.
+        """A capture that can be started.
+
+        Args:
+            planned: what is asked for.
+            setup: of the device.
+            stream: what its driver granted.
+            taken: its fields so far.
+            start: the moment from which on they are taken.
 
         Raises:
-            StorageError: the file cannot be created, or the disk has no room for the capture.
+            StorageError: the file cannot be created.
         """
-        armed = self.intake.armed
-        duration_s = request.fields / stream.rate_hz if request.fields else None
-        self.disk.check_fits(part.parent, stream.rate_hz * ring_bytes_per_field(setup, armed), duration_s)
-        # The reader comes before the file, whose creation takes its time.
-        reader = armed.ring.reader(request.overrun, back=request.pre_trigger_fields)
-        meta = capture_meta(
-            capture_id,
-            (setup.name, setup.config, stream),
-            request,
-            armed,
-            self.clock,
-            site=self.site,
-            trigger_n=reader.back_fields,
-            armed_utc=None if waiting is None else waiting.armed_utc,
-        )
-        writer = CaptureWriter.create(part, meta)
+        device, back_fields = (setup.name, setup.config, stream), taken.reader.back_fields
+        meta = capture_meta(planned, device, self.intake.armed, start, site=self.site, trigger_n=back_fields)
+        writer = CaptureWriter.create(planned.part, meta)
         if setup.measuring is not None:
             writer.begin_run(1, "live", iso_utc(self.clock.utc_now()), __version__, setup.made_with)
-        backlog: Backlog[Slot] = Backlog(capacity=round(self.queue_s * stream.rate_hz))
         return CaptureSession(
-            capture_id,
-            self._recorder(_length(request, reader, waiting), backlog, stream),
-            reader,
+            planned.id,
+            taken.recorder,
+            taken.reader,
             writer,
-            backlog,
+            taken.backlog,
             self.clock,
             measured=setup.measuring is not None,
+            group=planned.group,
             ends_when_interrupted=meta.extra["on_interruption"] == "end",
             shortage=self.disk.shortage,
             on_sealed=self.on_sealed,
@@ -104,8 +119,9 @@ def ring_bytes_per_field(setup: DeviceSetup, armed: Armed) -> float:
     return bytes_per_field(armed.bits, rows, rig.columns)
 
 
-def _length(request: CaptureRequest, reader: RingReader, waiting: WaitingCapture | None) -> int | None:
+def _length(planned: Planned, reader: RingReader) -> int | None:
     """Of a capture in fields; what is asked of an armed one counts from its trigger on."""
-    if request.fields is None or waiting is None:
-        return request.fields
-    return reader.back_fields + request.fields
+    fields = planned.request.fields
+    if fields is None or planned.armed_utc is None:
+        return fields
+    return reader.back_fields + fields

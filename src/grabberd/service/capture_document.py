@@ -36,6 +36,8 @@ def waiting_document(waiting: WaitingCapture) -> dict[str, Any]:
         "created_utc": waiting.armed_utc,
         "trigger_utc": None,
         "pre_trigger_fields": 0,
+        "group": waiting.group and waiting.group.document(None),
+        "first_field_s": None,
         "bits": waiting.bits,
         "lines": waiting.lines,
         "fields": 0,
@@ -85,6 +87,8 @@ def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
         "created_utc": meta.created_utc,
         "trigger_utc": trigger.get("utc"),
         "pre_trigger_fields": trigger.get("n", 0),
+        "group": meta.extra.get("group"),
+        "first_field_s": _first_field_s(reader),
         "bits": meta.bits,
         "lines": meta.lines,
         "fields": sum(counts[outcome] for outcome in IN_THE_FILE),
@@ -95,6 +99,14 @@ def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
         "size_bytes": reader.path.stat().st_size,
         "rig": meta.extra.get("rig"),
     }
+
+
+def _first_field_s(reader: CaptureReader) -> float | None:
+    """From its start to the middle of its first field's exposure; None for a recording played again."""
+    first_ns = reader.first_time_ns
+    if first_ns is None or not reader.meta.device.get("stream", {}).get("live", True):
+        return None
+    return (first_ns - reader.meta.start_ns) / 1e9
 
 
 def damaged_document(entry: IndexEntry, path: Path, reason: str) -> dict[str, Any]:
@@ -116,6 +128,8 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> dict[str, An
         "created_utc": entry.created_utc,
         "trigger_utc": None,
         "pre_trigger_fields": 0,
+        "group": None,
+        "first_field_s": None,
         "bits": 0,
         "lines": "",
         "fields": 0,

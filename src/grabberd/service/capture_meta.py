@@ -7,40 +7,36 @@ from grabberd import __version__
 from grabberd.acquisition.device import StreamInfo
 from grabberd.config import DeviceConfig
 from grabberd.service.armed import Armed
-from grabberd.service.clock import Clock, iso_utc
-from grabberd.service.recorder import CaptureRequest
+from grabberd.service.group import Moment
+from grabberd.service.planned import Planned
 from grabberd.storage import CaptureMeta
 
 
 def capture_meta(
-    capture_id: str,
+    planned: Planned,
     device: tuple[str, DeviceConfig, StreamInfo],
-    request: CaptureRequest,
     armed: Armed,
-    clock: Clock,
+    start: Moment,
     *,
     site: Mapping[str, str],
     trigger_n: int,
-    armed_utc: str | None,
 ) -> CaptureMeta:
-    """The meta data of a capture that begins at this moment.
+    """The meta data of a capture that begins.
 
     Args:
-        capture_id: of the capture.
+        planned: what is asked for.
         device: its name, its configuration, and what the driver granted.
-        request: what is asked for.
         armed: the ring.
-        clock: says when.
+        start: when it begins; the same for all captures of a group.
         site: of the configuration.
         trigger_n: how many fields lie before this moment, which is also the number of the first after it.
-        armed_utc: since when it waited for its trigger; None where it did not.
     """
     name, config, stream = device
-    now_utc = iso_utc(clock.utc_now())
+    request, group = planned.request, planned.group
     return CaptureMeta(
-        id=capture_id,
-        created_utc=now_utc,
-        start_ns=clock.now_ns(),
+        id=planned.id,
+        created_utc=start.utc,
+        start_ns=start.ns,
         device={"name": name, "driver": config.driver, "options": config.options, "stream": asdict(stream)},
         config=config.model_dump(mode="json"),
         site=site,
@@ -52,6 +48,7 @@ def capture_meta(
         version=__version__,
         extra={
             "on_interruption": request.on_interruption or config.capture.on_interruption,
-            "trigger": {"utc": now_utc, "n": trigger_n, "armed_utc": armed_utc},
+            "trigger": {"utc": start.utc, "n": trigger_n, "armed_utc": planned.armed_utc},
+            "group": None if group is None else group.document(start),
         },
     )

@@ -8,13 +8,21 @@ from dataclasses import dataclass
 
 from grabberd.acquisition.device import Grabber, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL
-from grabberd.errors import DeviceError, DeviceRefused, GrabberdError, PictureError, StreamEnded, StreamFailed
+from grabberd.errors import (
+    Cause,
+    DeviceError,
+    DeviceRefused,
+    GrabberdError,
+    PictureError,
+    StreamEnded,
+    StreamFailed,
+)
 from grabberd.service.clock import Clock
 from grabberd.service.flow import Flow
 from grabberd.service.intake import Intake
 from grabberd.service.recovery import Failure, Ladder, Rung, Step, reason_of, trouble_of
 from grabberd.service.states import DeviceState
-from grabberd.service.status import StatusBoard
+from grabberd.service.status import StatusBoard, cause_of
 
 log = logging.getLogger(__name__)
 
@@ -117,7 +125,7 @@ class CaptureThread(threading.Thread):
         if words != self._last_fault:
             self._last_fault = words
             log.exception("device %s: the capture thread failed", self.name)
-        return DeviceRefused(words, "please report this")
+        return DeviceRefused(words, "please report this", Cause.FAULT)
 
     def _prepare(self, step: Step, error: GrabberdError) -> None:
         self._interrupted(reason_of(error))
@@ -209,14 +217,18 @@ class CaptureThread(threading.Thread):
         self._board.saw_signal(self._signal)
 
     def _show_state(self) -> None:
-        no_signal = "no camera signal" if self._signal is Signal.ABSENT else self._intake.no_picture
-        self._board.enter(DeviceState.NO_SIGNAL if no_signal else self._state(), no_signal)
+        if self._signal is Signal.ABSENT:
+            self._board.enter(DeviceState.NO_SIGNAL, "no camera signal", None, Cause.NO_SIGNAL)
+        elif made_up := self._intake.no_picture:
+            self._board.enter(DeviceState.NO_SIGNAL, made_up, None, Cause.NO_PICTURE)
+        else:
+            self._board.enter(self._state())
 
     def _state(self) -> DeviceState:
         return DeviceState.CAPTURING if self._captures.running() else DeviceState.READY
 
     def _ended(self, error: GrabberdError) -> None:
-        self._board.enter(DeviceState.ENDED, error.message, error.hint)
+        self._board.enter(DeviceState.ENDED, error.message, error.hint, cause_of(error))
         self._captures.ended(error)
         self._wait(math.inf)
 

@@ -7,7 +7,7 @@ from grabberd.acquisition import Outcome
 from grabberd.service.active_calibrations import ActiveCalibrations
 from grabberd.service.instrument import Instrument
 from grabberd.service.live_document import live_document
-from grabberd.service.readiness import lacks_of
+from grabberd.service.readiness import Lack, lacks_of
 from grabberd.service.recovery import Rung
 
 
@@ -22,6 +22,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
         "since_utc": status.since_utc,
         "cause": status.cause,
         "hint": status.hint,
+        "cause_code": status.code,
         "driver": instrument.setup.config.driver,
         "stream": asdict(status.stream) if status.stream else None,
         "signal": status.signal,
@@ -41,12 +42,22 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
         },
         "views": instrument.setup.config.rig.views.model_dump(),
         "calibration": active.document(instrument),
-        "lacks": [
-            {"lacks": one.lacks, "message": one.message, "hint": one.hint} for one in lacks_of(instrument)
-        ],
+        "lacks": [lack_document(one) for one in lacks_of(instrument)],
         "warnings": [*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
         "capture_id": session.id if session else None,
         "armed_capture_id": instrument.waiting.id if instrument.waiting else None,
+        "group_id": _group_id(instrument),
         "rig": instrument.worker.rig.document,
         "live": live_document(instrument),
     }
+
+
+def lack_document(lack: Lack) -> dict[str, Any]:
+    """What keeps a device from measuring, without its name."""
+    return {"lacks": lack.lacks, "message": lack.message, "hint": lack.hint, "cause_code": lack.code}
+
+
+def _group_id(instrument: Instrument) -> str | None:
+    """Of the capture that is being recorded, or waits for its trigger."""
+    capture = instrument.running or instrument.waiting
+    return capture.group.id if capture is not None and capture.group is not None else None

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from grabberd.errors import StorageError
+from grabberd.errors import Cause, StorageError
 from grabberd.field.packed import packed_shape
 from grabberd.storage.schema import storage_errors
 
@@ -16,6 +16,11 @@ SHARE = {1: 0.06, 2: 0.06, 3: 0.12, 4: 0.21, 5: 0.36, 6: 0.5, 8: 0.6}
 """What compressing leaves of a packed field, by its bits; measured on pictures with 2 % noise, rounded up."""
 POINTS_BYTES = 8_000
 """The points of one field and the rows around them, with some seventy targets."""
+_CAUSES = {
+    errno.ENOENT: Cause.DISK_MISSING,
+    errno.ENOTDIR: Cause.DISK_MISSING,
+    errno.EROFS: Cause.DISK_READ_ONLY,
+}
 LEAST_S = 60.0
 """So long a capture without a length has to fit at the least."""
 
@@ -30,6 +35,13 @@ def free_bytes(folder: Path) -> int:
     if disk.f_flag & os.ST_RDONLY:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(folder))
     return disk.f_bavail * disk.f_frsize
+
+
+def cause_of(error: StorageError) -> Cause:
+    """Why the disk cannot be asked, in a word."""
+    said = error.__cause__
+    number = said.errno if isinstance(said, OSError) else None
+    return _CAUSES.get(number or 0, Cause.DISK_FAILED)
 
 
 def bytes_per_field(bits: int, rows: int, columns: int) -> float:
@@ -72,8 +84,10 @@ class DiskGuard:
         try:
             free, left_s = self.free_bytes(folder), self.seconds_left(folder, bytes_per_s)
         except StorageError as error:
-            return {"free_bytes": None, "minutes_left": None, "problem": error.message}
-        return {"free_bytes": free, "minutes_left": round(left_s / 60, 1), "problem": None}
+            said = {"problem": error.message, "cause_code": cause_of(error)}
+            return {"free_bytes": None, "minutes_left": None, **said}
+        left = {"free_bytes": free, "minutes_left": round(left_s / 60, 1)}
+        return {**left, "problem": None, "cause_code": None}
 
     def check_fits(self, folder: Path, bytes_per_s: float, duration_s: float | None) -> None:
         """Whether a capture of this length may begin; without a length, whether a minute of it fits.

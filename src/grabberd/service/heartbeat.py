@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterable
 
 from grabberd.service.notify import Notifier
+from grabberd.service.states import DeviceState
 from grabberd.service.status import StatusBoard
 
 log = logging.getLogger(__name__)
@@ -16,7 +17,7 @@ class Heartbeat:
 
     A capture thread that is silent for half the watchdog's time holds the words back, and systemd restarts
     the daemon. It beats in every state, whatever its device does: silence is a fault of the program or of the
-    kernel's driver.
+    kernel's driver. While another device records a capture, the restart waits for its end.
 
     Attributes:
         every_s: how often to call `beat`.
@@ -48,12 +49,17 @@ class Heartbeat:
         silent = tuple(board.name for board in self._boards if board.silent_s > limit_s)
         if silent and silent != self._silent:
             log.critical(
-                "the capture thread of %s has not beaten for %.0f s: the watchdog may restart the daemon",
+                "the capture thread of %s has not beaten for %.0f s: the watchdog may restart the daemon, "
+                "when no other device records",
                 " and ".join(silent),
                 limit_s,
             )
         self._silent = silent
-        return not silent
+        return not silent or self._another_records()
+
+    def _another_records(self) -> bool:
+        others = (board for board in self._boards if board.name not in self._silent)
+        return any(board.now.state is DeviceState.CAPTURING for board in others)
 
 
 def _in_words(board: StatusBoard) -> str:

@@ -3,6 +3,7 @@
 from typing import Literal, NamedTuple
 
 from grabberd.acquisition import Signal
+from grabberd.errors import Cause
 from grabberd.service.instrument import Instrument
 from grabberd.service.states import DeviceState
 from grabberd.service.status import DeviceStatus
@@ -11,12 +12,13 @@ STREAMING = frozenset({DeviceState.READY, DeviceState.NO_SIGNAL, DeviceState.CAP
 
 
 class Lack(NamedTuple):
-    """What keeps a device from measuring: of what kind, in a sentence, and what can be done about it."""
+    """What keeps a device from measuring: its kind, a sentence, what can be done, and why in a word."""
 
     device: str
     lacks: Literal["device", "signal", "calibration"]
     message: str
     hint: str
+    code: Cause | None
 
 
 def lacks_of(instrument: Instrument) -> list[Lack]:
@@ -26,25 +28,31 @@ def lacks_of(instrument: Instrument) -> list[Lack]:
     return [Lack(instrument.name, *words) for words in said if words]  # type: ignore[arg-type]
 
 
-def _device(status: DeviceStatus) -> tuple[str, str, str] | None:
+_Said = tuple[str, str, str, Cause | None]
+
+
+def _device(status: DeviceStatus) -> _Said | None:
     if status.state in STREAMING:
         return None
     words = f"it is {status.state}" + (f": {status.cause}" if status.cause else "")
-    return "device", words, status.hint or "wait; the daemon goes on trying"
+    return "device", words, status.hint or "wait; the daemon goes on trying", status.code
 
 
-def _signal(status: DeviceStatus) -> tuple[str, str, str] | None:
+def _signal(status: DeviceStatus) -> _Said | None:
     if status.state is not DeviceState.NO_SIGNAL and status.signal is not Signal.ABSENT:
         return None
-    return "signal", status.cause or "the camera gives no signal", status.hint or "check camera and cable"
+    words = status.cause or "the camera gives no signal"
+    return "signal", words, status.hint or "check camera and cable", status.code or Cause.NO_SIGNAL
 
 
-def _calibration(instrument: Instrument) -> tuple[str, str, str] | None:
+def _calibration(instrument: Instrument) -> _Said | None:
     documents = instrument.setup.documents
     if not documents.get("calibration"):
-        return "calibration", "it has no calibration", "calibrate, or activate a calibration"
+        words, hint = "it has no calibration", "calibrate, or activate a calibration"
+        return "calibration", words, hint, Cause.NO_CALIBRATION
     if not documents.get("object"):
-        return "calibration", "it has no object model", "name one in the configuration"
+        return "calibration", "it has no object model", "name one in the configuration", Cause.NO_OBJECT
     if instrument.misfit:
-        return "calibration", instrument.misfit, "check camera and standard, or calibrate with these pictures"
+        hint = "check camera and standard, or calibrate with these pictures"
+        return "calibration", instrument.misfit, hint, Cause.CALIBRATION_MISFIT
     return None

@@ -1,5 +1,6 @@
 """From the ring into the recorder's own queue, with the ledger of one capture."""
 
+import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -84,6 +85,13 @@ class Recorder:
         self._interruption = interruption
         self._start_ns = self._newest_ns = clock.now_ns()
         self._refused: tuple[LedgerEntry, ...] = ()
+        self._started = False
+
+    def start(self, reader: RingReader, name: str) -> None:
+        """Begins to run in a thread of its own; does nothing the second time."""
+        if not self._started:
+            self._started = True
+            threading.Thread(target=self.run, args=(reader,), name=f"recorder-{name}", daemon=True).start()
 
     @property
     def recording(self) -> bool:

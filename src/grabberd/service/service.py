@@ -7,7 +7,7 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.config import Config
-from grabberd.errors import Conflict, NotFound, StorageError
+from grabberd.errors import NotFound, StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.access import Access
 from grabberd.service.active_calibrations import ActiveCalibrations
@@ -23,11 +23,14 @@ from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import NOMINAL_RATE_HZ, Instrument
 from grabberd.service.jobs import JobRunner
 from grabberd.service.keeping import Keeping
+from grabberd.service.orders import Orders
+from grabberd.service.publishing import Publishes, publisher_of
 from grabberd.service.recorder import CaptureRequest
 from grabberd.service.retention import Policy, Retention
 from grabberd.service.session import CaptureSession
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
+from grabberd.service.turns import Turns
 from grabberd.service.waiting import WaitingCapture
 from grabberd.storage.analyses import AnalysisStore
 from grabberd.storage.annotations import AnnotationStore
@@ -42,7 +45,7 @@ class Service:
 
     Attributes:
         instruments: by the name of their device.
-        archive: the captures; `analyses`: of their points.
+        archive: the captures; `orders`: begins and ends them; `analyses`: of their points.
         calibrations: those that there are; `active`: which of them every device measures with.
         access: who may.
         settings: what was set in place of the configuration.
@@ -51,6 +54,7 @@ class Service:
         annotations: pins, notes and labels of captures.
         idempotency: orders that take effect once.
         keeping: pins, notes and labels of captures, and their end; `retention`: their end by themselves.
+        publisher: tells a broker of them; None where the configuration names none.
     """
 
     def __init__(
@@ -67,15 +71,23 @@ class Service:
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()
+        turns = Turns()
         self.instruments = {
             name: Instrument(
-                setup, self._clock, site=site, queue_s=queue_s, disk=self._disk, on_sealed=self._sealed
+                setup,
+                self._clock,
+                site=site,
+                queue_s=queue_s,
+                disk=self._disk,
+                on_sealed=self._sealed,
+                turns=turns,
             )
             for name, setup in setups.items()
         }
         self.annotations = AnnotationStore(directory / "state.sqlite")
         said = self.annotations
         self.archive = Archive(directory / "captures", self._sessions, self._waiting, said.get, said.all)
+        self.orders = Orders(self.instruments, self.archive, said, self._disk, self._clock)
         self.calibrations = Calibrations(directory / "calibrations", _configured(setups))
         self._state_store = StateStore(directory / "state.sqlite")
         self.access = Access(directory, self._clock)
@@ -95,6 +107,7 @@ class Service:
             self.keeping.spared,
             self.keeping.delete,
         )
+        self.publisher: Publishes | None = None
         self._started = False
 
     @property
@@ -114,6 +127,7 @@ class Service:
             retention=Policy.from_config(config.storage.retention),
         )
         service.configuration = without_secrets(config.model_dump(mode="json"))
+        service.publisher = publisher_of(config, service.archive, service.state, service.clock)
         return service
 
     def start(self) -> None:
@@ -130,6 +144,8 @@ class Service:
         self._started = True
         self.jobs.start()
         self.retention.start()
+        if self.publisher is not None:
+            self.publisher.start()
         for instrument in self.instruments.values():
             instrument.start()
 
@@ -149,8 +165,12 @@ class Service:
     def stop(self) -> None:
         """Ends and seals running captures, then stops everything."""
         self.retention.stop()
+        for session in self._sessions():
+            session.stop("the daemon stopped")  # all at the same moment, before any of them is waited for
         for instrument in self.instruments.values():
             instrument.stop()
+        if self.publisher is not None:
+            self.publisher.stop()
         self.jobs.stop()
         self.access.key.remove()
         self.archive.close()
@@ -173,55 +193,16 @@ class Service:
         return self.instrument(device).rate_hz
 
     def start_capture(self, device: str | None, request: CaptureRequest) -> str:
-        """Starts a capture and returns its id.
-
-        Raises:
-            NotFound, CaptureRunning, NotReady, StorageError: see `Instrument.start_capture`.
-        """
-        instrument = self.instrument(device)
-        capture_id = self._new_id(instrument)
-        instrument.start_capture(capture_id, request, self.archive.part_of(capture_id))
-        return capture_id
+        """Starts a capture of one device and returns its id; errors as `Orders.start`, and NotFound."""
+        return self.orders.start(self.instrument(device), request)
 
     def arm_capture(self, device: str | None, request: CaptureRequest) -> str:
-        """Arms a capture, whose `fields` count from its trigger on, and returns its id.
-
-        Raises:
-            NotFound, CaptureRunning, NotReady, InputError: see `Instrument.arm_capture`.
-        """
-        instrument = self.instrument(device)
-        capture_id = self._new_id(instrument)
-        instrument.arm_capture(capture_id, request)
-        return capture_id
-
-    def trigger_capture(self, capture_id: str) -> None:
-        """Has an armed capture begin.
-
-        Raises:
-            NotFound: there is none of that id.
-            Conflict, NotReady, StorageError: see `Instrument.trigger_capture`.
-        """
-        device = self.archive.document(capture_id)["device"]
-        self.instrument(device).trigger_capture(capture_id, self.archive.part_of(capture_id))
+        """Arms a capture of one device and returns its id; errors as `Orders.arm`, and NotFound."""
+        return self.orders.arm(self.instrument(device), request)
 
     def stop_capture(self, capture_id: str) -> None:
-        """Ends the recording of a running capture; of an armed one nothing is left.
-
-        Raises:
-            NotFound: there is none of that id.
-            Conflict: it is not running.
-        """
-        for waiting in self._waiting():
-            if waiting.id == capture_id:
-                self.instrument(waiting.device).disarm_capture(capture_id)
-                self.annotations.remove(capture_id)
-                return
-        for session in self._sessions():
-            if session.id == capture_id:
-                session.stop("stopped by the operator")
-                return
-        self.archive.index.get(capture_id)
-        raise Conflict(f"capture {capture_id} is not running", "it has ended already")
+        """Ends a running or armed capture; errors as `Orders.stop`."""
+        self.orders.stop(capture_id)
 
     def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
         """Stores a complete calibration that fits a device, and returns its id.
@@ -250,6 +231,7 @@ class Service:
             "version": __version__,
             "devices": {name: self.device_document(one) for name, one in self.instruments.items()},
             "storage": self.storage_document(),
+            "mqtt": self.publisher.document() if self.publisher else None,
         }
 
     def storage_document(self) -> dict[str, Any]:
@@ -261,10 +243,6 @@ class Service:
     def device_document(self, instrument: Instrument) -> dict[str, Any]:
         """A device as it is shown."""
         return device_document(instrument, self.active)
-
-    def _new_id(self, instrument: Instrument) -> str:
-        moment = self._clock.utc_now()
-        return f"{moment:%Y%m%dT%H%M%S}{moment.microsecond // 1000:03d}Z-{instrument.name}"
 
     def _waiting(self) -> list[WaitingCapture]:
         """The captures that are armed."""
@@ -288,6 +266,8 @@ class Service:
             self.archive.index.add(session.path)
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", session.id, error.message, error.hint)
+        if self.publisher is not None:
+            self.publisher.notice()
 
 
 def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:

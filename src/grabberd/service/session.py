@@ -11,6 +11,7 @@ from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField
 from grabberd.service.backlog import Backlog
 from grabberd.service.clock import Clock
+from grabberd.service.group import Group
 from grabberd.service.recorder import Recorder
 from grabberd.service.writing import Writing
 from grabberd.storage import CaptureReader, CaptureWriter
@@ -26,7 +27,7 @@ class CaptureSession:
     """A capture from its first field to its sealed file.
 
     Attributes:
-        id: of the capture.
+        id: of the capture; `group`: that it belongs to, or None.
         recorder: the fields and their ledger.
         writing: the file and its points.
         sealed: set when the file has been closed for good, or given up, and `on_sealed` has been told.
@@ -43,11 +44,13 @@ class CaptureSession:
         clock: Clock,
         *,
         measured: bool,
+        group: Group | None = None,
         ends_when_interrupted: bool = False,
         shortage: Callable[[Path], StorageError | None] = lambda _: None,
         on_sealed: Callable[["CaptureSession"], None],
     ) -> None:
         self.id = capture_id
+        self.group = group
         self.recorder = recorder
         self.sealed = threading.Event()
         self.writing = Writing(writer, backlog, clock, self._storage_failed, self._watch_disk)
@@ -65,13 +68,17 @@ class CaptureSession:
             self.writing.measuring_ended()
 
     def start(self) -> None:
-        """Starts recording and writing, each in a thread of its own."""
-        for name, work in (("recorder", lambda: self.recorder.run(self._reader)), ("writer", self._write)):
-            threading.Thread(target=work, name=f"{name}-{self.id}", daemon=True).start()
+        """Starts writing, and recording if that has not begun before, each in a thread of its own."""
+        self.recorder.start(self._reader, self.id)
+        threading.Thread(target=self._write, name=f"writer-{self.id}", daemon=True).start()
 
     def stop(self, because: str) -> None:
         """Ends the recording; returns at once, `sealed` says when the file is closed."""
         self.recorder.stop(because)
+
+    def discard(self) -> None:
+        """It is not to begin after all: nothing is left of its file."""
+        self._writer.discard()
 
     @property
     def path(self) -> Path:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.acquisition.device import Signal, StreamInfo
-from grabberd.errors import GrabberdError
+from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.recovery import Rung, Step
 from grabberd.service.states import DeviceState, may_follow
@@ -24,7 +24,7 @@ class DeviceStatus:
 
     Attributes:
         state: in a word; `since_utc`: since when.
-        cause: why, in a sentence, or None; `hint`: what can be done about it.
+        cause: why, in a sentence, or None; `hint`: what can be done about it; `code`: why, in a word.
         stream: what the driver granted last, or None before it did.
         signal: what the driver says of the camera's signal.
         outcomes: what became of every field since the daemon started.
@@ -38,6 +38,7 @@ class DeviceStatus:
     since_utc: str
     cause: str | None = None
     hint: str | None = None
+    code: Cause | None = None
     stream: StreamInfo | None = None
     signal: Signal = Signal.UNKNOWN
     outcomes: Counter[Outcome] = field(default_factory=Counter)
@@ -65,7 +66,9 @@ class StatusBoard:
         self.name = name
         self.changed = threading.Condition()
         self._clock = clock
-        self._status = DeviceStatus(DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet")
+        self._status = DeviceStatus(
+            DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet", code=Cause.NOT_OPENED
+        )
         self._told: tuple[DeviceState, str | None] | None = None
         self._beat_ns = clock.now_ns()
         self._arrivals_ns: deque[int] = deque(maxlen=RATE_FIELDS)
@@ -99,7 +102,13 @@ class StatusBoard:
             return None
         return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
 
-    def enter(self, state: DeviceState, cause: str | None = None, hint: str | None = None) -> None:
+    def enter(
+        self,
+        state: DeviceState,
+        cause: str | None = None,
+        hint: str | None = None,
+        code: Cause | None = None,
+    ) -> None:
         """Goes into a state that may follow the present one."""
         with self.changed:
             if not may_follow(self._status.state, state):
@@ -107,7 +116,9 @@ class StatusBoard:
             if (state, cause) == (self._status.state, self._status.cause):
                 return
             since = iso_utc(self._clock.utc_now())
-            self._status = replace(self._status, state=state, since_utc=since, cause=cause, hint=hint)
+            self._status = replace(
+                self._status, state=state, since_utc=since, cause=cause, hint=hint, code=code
+            )
             self.changed.notify_all()
         self._tell(state, cause, hint)
 
@@ -126,7 +137,7 @@ class StatusBoard:
             if error.message != self._status.last_failure:
                 since = iso_utc(self._clock.utc_now())
                 self._status = replace(self._status, last_failure=error.message, last_failure_utc=since)
-        self.enter(step.state, error.message, error.hint)
+        self.enter(step.state, error.message, error.hint, cause_of(error))
 
     def reset_refused(self, refusal: GrabberdError | None) -> None:
         """The device cannot be reset, and why; None: it can."""
@@ -162,6 +173,13 @@ class StatusBoard:
         for words in self._status.warnings:
             if words not in known:
                 log.warning("device %s: %s", self.name, words)
+
+
+def cause_of(error: GrabberdError) -> Cause | None:
+    """Why, in a word, where the error is a device's or a recording's."""
+    if isinstance(error, PictureError):
+        return Cause.RECORDING_DAMAGED
+    return error.cause if isinstance(error, DeviceError) else None
 
 
 def _level(state: DeviceState) -> int:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from grabberd.service.group import Group
 from grabberd.service.recorder import CaptureRequest
 
 
@@ -15,6 +16,7 @@ class WaitingCapture:
         armed_utc: since when it waits.
         request: its `fields` count from the trigger on.
         bits: of the ring; `lines`: of the ring.
+        group: it begins together with the others of it; None: alone.
     """
 
     id: str
@@ -23,3 +25,4 @@ class WaitingCapture:
     request: CaptureRequest
     bits: int
     lines: str
+    group: Group | None = None

@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import NamedTuple
 
 from grabberd.acquisition import Outcome, Policy
@@ -13,6 +14,7 @@ from grabberd.service.intake import ARRIVALS, Intake
 from grabberd.service.latency import Latency
 from grabberd.service.rig_light import RigLight
 from grabberd.service.session import CaptureSession
+from grabberd.service.turns import Turns
 
 log = logging.getLogger(__name__)
 
@@ -49,6 +51,7 @@ class Worker(threading.Thread):
         intake: Intake,
         session: Callable[[], CaptureSession | None],
         clock: Clock,
+        turns: Turns | None = None,
     ) -> None:
         super().__init__(name=f"worker-{name}", daemon=True)
         self.live: Live | None = None
@@ -59,6 +62,7 @@ class Worker(threading.Thread):
         self._intake = intake
         self._session = session
         self._clock = clock
+        self._turns = turns or Turns()
         self._stopping = threading.Event()
         self._done: CaptureSession | None = None
 
@@ -92,9 +96,10 @@ class Worker(threading.Thread):
         try:
             assert self._setup is not None, "a capture is measured only where there is a setup"
             self.rig.begin(self._setup, capture=True)
-            for measured in measure_fields(session.recorded(), self._setup):
-                session.add(measured)
-                self._publish(measured, first_n())
+            with closing(self._turns.of(session.recorded())) as fields:
+                for measured in measure_fields(fields, self._setup):
+                    session.add(measured)
+                    self._publish(measured, first_n())
             failure = None
         finally:
             self._done = session
@@ -109,8 +114,9 @@ class Worker(threading.Thread):
             self._stopping.wait(IDLE_S)
             return
         self.rig.begin(setup)
-        for measured in measure_fields(self._ring_fields(setup), setup):
-            self._publish(measured, 0)
+        with closing(self._turns.of(self._ring_fields(setup))) as fields:
+            for measured in measure_fields(fields, setup):
+                self._publish(measured, 0)
 
     def _ring_fields(self, setup: MeasureSetup) -> Iterator[NumberedField]:
         """The ring's good fields until a capture begins, ring or setup are exchanged, or the worker is

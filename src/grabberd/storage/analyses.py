@@ -67,6 +67,10 @@ class AnalysisStore:
             made.rename(home / str(number))
         return number
 
+    def captures(self) -> list[str]:
+        """Ids of the captures that have been analysed, the newest first."""
+        return sorted((path.name for path in self.directory.glob("[!.]*") if path.is_dir()), reverse=True)
+
     def numbers(self, capture_id: str) -> list[int]:
         """Of a capture's analyses, in order."""
         home = self.directory / capture_id

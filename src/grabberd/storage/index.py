@@ -112,6 +112,13 @@ class CaptureIndex:
             raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists the captures there are")
         return IndexEntry(*row)
 
+    def beginning_with(self, text: str) -> "builtins.list[IndexEntry]":
+        """The captures whose id begins so, by id."""
+        self._make_up_for()
+        query = "SELECT * FROM captures WHERE substr(id, 1, ?) = ? ORDER BY id"
+        with self._connected() as connection:
+            return [IndexEntry(*row) for row in connection.execute(query, (len(text), text))]
+
     def file_of(self, capture_id: str) -> Path:
         """Path of a capture's file.
 

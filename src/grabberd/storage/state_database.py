@@ -25,6 +25,10 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
             location TEXT, body BLOB NOT NULL DEFAULT x'') WITHOUT ROWID""",
     ),
     ("ALTER TABLE tokens ADD COLUMN expires_utc TEXT",),
+    (
+        "CREATE TABLE outbox (capture TEXT PRIMARY KEY, summary TEXT) WITHOUT ROWID",
+        "CREATE INDEX outbox_waiting ON outbox (capture) WHERE summary IS NOT NULL",
+    ),
 )
 """Entry n leads from version n to version n + 1; what is there stays as it is, new ones follow."""
 OWNER_ONLY = 0o600

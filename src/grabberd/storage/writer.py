@@ -13,7 +13,7 @@ from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.codec import encode_field, encode_points
 from grabberd.storage.meta import SEALED, CaptureMeta, read_meta, write_all_meta, write_meta
-from grabberd.storage.schema import create, sealed_path, storage_errors
+from grabberd.storage.schema import JOURNAL, create, sealed_path, storage_errors
 
 RUNNING = "running"
 DONE = "done"
@@ -119,6 +119,12 @@ class CaptureWriter:
     def close(self) -> None:
         """Lets go of the file without sealing it; what was not committed is lost."""
         self._connection.close()
+
+    def discard(self) -> None:
+        """Lets go of the file and deletes it."""
+        self.close()
+        for path in (self.path, self.path.with_name(self.path.name + JOURNAL)):
+            path.unlink(missing_ok=True)
 
     def _begin(self) -> None:
         if not self._connection.in_transaction:

@@ -6,7 +6,7 @@ import pytest
 
 from drivers.v4l2.bench import ALL_ORDERS, Bench, card_with, dongle, pci_card
 from grabberd.acquisition import FieldOrder
-from grabberd.errors import DeviceRefused
+from grabberd.errors import Cause, DeviceRefused
 from grabberd_v4l2 import abi
 from grabberd_v4l2.arrangement import Arrangement
 
@@ -244,27 +244,28 @@ def test_a_node_that_is_not_for_pictures_is_refused_by_what_it_is(bench, caps, s
 
 
 @pytest.mark.parametrize(
-    ("call", "answer", "said", "advice"),
+    ("call", "answer", "said", "advice", "cause"),
     [
-        ("open", errno.EBUSY, "in use", "fuser"),
-        ("open", errno.EACCES, "rights", "video"),
-        ("open", errno.EPERM, "rights", "udev"),
-        ("QUERYCAP", errno.ENOTTY, "no video device", "grabberd devices"),
-        ("S_STD", errno.EBUSY, "in use", "fuser"),
-        ("S_FMT", errno.EBUSY, "in use", "fuser"),
-        ("REQBUFS", errno.EBUSY, "in use", "fuser"),
-        ("REQBUFS", errno.ENOMEM, "memory", "buffers"),
-        ("STREAMON", errno.EBUSY, "in use", "fuser"),
-        ("STREAMON", errno.ENOSPC, "bandwidth", "one dongle"),
-        ("STREAMON", errno.EINVAL, "refuses", "v4l2-ctl"),
+        ("open", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
+        ("open", errno.EACCES, "rights", "video", Cause.NO_RIGHTS),
+        ("open", errno.EPERM, "rights", "udev", Cause.NO_RIGHTS),
+        ("QUERYCAP", errno.ENOTTY, "no video device", "grabberd devices", Cause.DEVICE_REFUSED),
+        ("S_STD", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
+        ("S_FMT", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
+        ("REQBUFS", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
+        ("REQBUFS", errno.ENOMEM, "memory", "buffers", Cause.DEVICE_REFUSED),
+        ("STREAMON", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
+        ("STREAMON", errno.ENOSPC, "bandwidth", "one dongle", Cause.NO_BANDWIDTH),
+        ("STREAMON", errno.EINVAL, "refuses", "v4l2-ctl", Cause.DEVICE_REFUSED),
     ],
 )
-def test_a_refusal_of_the_kernel_says_what_to_do(bench, call, answer, said, advice):
+def test_a_refusal_of_the_kernel_says_what_to_do(bench, call, answer, said, advice, cause):
     made = bench()
     made.card.answers[call].append(answer)
     told = refusal(made)
     assert said in told.message
     assert advice in told.hint
+    assert told.cause is cause
 
 
 def test_a_format_that_is_refused_outright_is_passed_over(bench):
