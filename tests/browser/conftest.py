@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -12,10 +13,11 @@ from browser.pages import PATIENCE_MS, TABLET, Watched
 
 CHROMIUM = os.environ.get("GRABBERD_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 HERE = Path(__file__).parent
-__all__ = ["CHROMIUM", "PHONE", "TABLET", "Open"]
+__all__ = ["CHROMIUM", "PHONE", "TABLET", "Open", "Start"]
 PHONE = {"width": 390, "height": 844}
 
 Open = Callable[..., Watched]
+Start = Callable[..., Daemon]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -58,7 +60,14 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
 
 
 @pytest.fixture
-def open_page(browser: object) -> Iterator[Open]:
+def start_daemon(tmp_path: Path) -> Iterator[Start]:
+    """Starts a daemon for one test: `start_daemon(scene="blank")`. It ends after the pages of the test."""
+    with ExitStack() as started:
+        yield lambda **options: started.enter_context(Daemon(tmp_path, **options))
+
+
+@pytest.fixture
+def open_page(browser: object, start_daemon: Start) -> Iterator[Open]:
     """Opens a page: `open_page(url, size=PHONE, look="dark", language="nb")`.
 
     At the end of the test none may have had an error, or asked anything of another host.

@@ -14,6 +14,7 @@ from typing import Any, Self
 
 HERE = Path(__file__).parent
 PATIENCE_S = 120.0
+LONG_S = 600.0
 LOOK_EVERY_S = 0.1
 ACCEPTING = ("ready", "no_signal", "capturing")
 
@@ -85,6 +86,15 @@ class Daemon:
             assert time.monotonic() < until_s, "the capture does not end"
             time.sleep(LOOK_EVERY_S)
         return capture_id
+
+    def analyse(self, capture_id: str, **inputs: Any) -> None:
+        """Analyses a capture, and returns once that is done."""
+        job = self.ask(f"/captures/{capture_id}/analysis", body={"inputs": inputs})["id"]
+        until_s = time.monotonic() + LONG_S
+        while (state := self.ask(f"/jobs/{job}")["state"]) in ("queued", "running"):
+            assert time.monotonic() < until_s, "the analysis does not end"
+            time.sleep(LOOK_EVERY_S)
+        assert state == "done", self.ask(f"/jobs/{job}")
 
     def wait_until_it_streams(self, token: str | None = None) -> None:
         """Until a capture can begin."""

@@ -21,7 +21,7 @@ class Watched:
 
     Attributes:
         page: playwright's.
-        errors: what its console said was wrong, and what was thrown.
+        errors: what its console said was wrong and at which address, and what was thrown.
         foreign: addresses of other hosts that it asked for.
     """
 
@@ -42,11 +42,11 @@ class Watched:
         self.context.add_cookies(cookies or [])
         self.context.set_default_timeout(PATIENCE_MS)
         self.page = self.context.new_page()
-        self.errors: list[str] = []
+        self.errors: list[tuple[str, str]] = []
         self.foreign: list[str] = []
-        self.expected: tuple[str, ...] = ("409", "503")  # a device that is still opening says so
+        self.expected: tuple[str, ...] = ()
         self._host = urlsplit(url).netloc
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("pageerror", lambda error: self.errors.append((str(error), "")))
         self.page.on("console", self._hear)
         self.page.on("request", self._see)
         self.page.goto(url)
@@ -57,16 +57,17 @@ class Watched:
         self.expected += parts
 
     def check(self) -> None:
-        """Nothing was wrong, and nobody else was asked."""
+        """Nothing was wrong, and nobody else was asked; all that was said is in the assertion's words."""
         assert self.foreign == []
-        assert [one for one in self.errors if not any(part in one for part in self.expected)] == []
+        wrong = [(text, at) for text, at in self.errors if not any(part in text for part in self.expected)]
+        assert not wrong, "\n".join(f"{text} {at}" for text, at in wrong)
 
     def close(self) -> None:
         self.context.close()
 
     def _hear(self, message: Any) -> None:
         if message.type == "error":
-            self.errors.append(message.text)
+            self.errors.append((message.text, message.location.get("url", "")))
 
     def _see(self, request: Any) -> None:
         place = urlsplit(request.url)

@@ -1,5 +1,7 @@
 """Analyses asked for and looked at; two captures compared."""
 
+import re
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -10,6 +12,9 @@ from browser.daemons import Daemon
 PATIENCE_MS = 200_000
 FIELDS = 12
 """Too few for a cycle, enough for strain field by field."""
+CYCLES = 160
+"""Three of them, and a little."""
+PER_MINUTE = re.compile(r"^(59|60)\.\d\d 1/min$")
 
 
 def ask(page: Page) -> None:
@@ -64,3 +69,40 @@ def test_two_captures_are_laid_over_each_other(daemon: Daemon, open_page: Open) 
     expect(page.get_by_text("analyse both first")).to_be_visible()
     page.get_by_role("radio", name="Width in the middle").check()
     expect(page.get_by_role("heading", name="Width of the middle section")).to_be_visible()
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_two_that_are_analysed_are_laid_over_each_other_by_the_cycle(daemon: Daemon, open_page: Open) -> None:
+    two = [daemon.capture(CYCLES) for _ in range(2)]
+    for one in two:
+        daemon.analyse(one, plane="symmetry")
+    page = open_page(f"{daemon.url}/#compare/{two[0]}/{two[1]}").page
+    expect(page.get_by_role("radio", name="Over the cycle")).to_be_checked()
+    expect(page.locator("[data-fact='rate'] td")).to_have_text([PER_MINUTE, PER_MINUTE])
+    expect(page.locator(".chart canvas")).to_be_visible()
+    expect(page.get_by_text("analyse both first")).to_have_count(0)
+    page.get_by_role("radio", name="Over time").check()
+    expect(page.locator(".chart canvas")).to_be_visible()
+    assert serious(page) == []
+
+    page.goto(f"{daemon.url}/#operate")
+    page.get_by_role("radio", name="Pulsations").check()
+    expect(page.locator("#length-rate-from")).to_have_text(f"As measured in capture {two[1]}.")
+    measured_per_min = float(page.get_by_label("Pulsations a minute").input_value())
+    assert abs(measured_per_min - 60.0) < 1.0
+    page.get_by_label("Pulsations a minute").fill("90")
+    expect(page.locator("#length-rate-from")).to_contain_text("As entered here. Measured last: ")
+    page.get_by_label("Pulsations a minute").fill("")
+    page.get_by_label("How many").focus()
+    expect(page.locator("#length-rate-from")).to_contain_text("As measured")
+
+
+@pytest.mark.slow
+def test_an_analysis_that_runs_is_cancelled(daemon: Daemon, open_page: Open) -> None:
+    page = open_page(f"{daemon.url}/#analysis/{daemon.capture(CYCLES)}").page
+    page.get_by_role("button", name="Analyse").click()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("Cancelled.")).to_be_visible()
+    expect(page.get_by_role("button", name="Analyse")).to_be_enabled()
+    assert daemon.ask("/jobs?limit=1")["jobs"][0]["state"] == "cancelled"

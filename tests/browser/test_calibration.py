@@ -1,7 +1,6 @@
 """The calibration panel: what is active, and the guided way from the calibration frame to an accepted one."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,7 +8,7 @@ import yaml
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import Open
+from browser.conftest import Open, Start
 from browser.daemons import Daemon
 from grabberd.config import shipped_configs
 
@@ -19,13 +18,12 @@ CONFIGURED = "fake-1-2"
 
 
 @pytest.fixture
-def before_the_frame(tmp_path: Path) -> Iterator[Daemon]:
+def before_the_frame(tmp_path: Path, start_daemon: Start) -> Daemon:
     """A daemon whose camera sees the calibration frame, and which has no calibration yet."""
     config = yaml.safe_load((shipped_configs() / "fake-calibration-frame.yaml").read_text())
     config["devices"]["simulated"]["location"] = {"method": "weighted"}  # half the time
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
-    with Daemon(tmp_path, config=str(tmp_path / "config.yaml")) as one:
-        yield one
+    return start_daemon(config=str(tmp_path / "config.yaml"))
 
 
 def step(page: Page) -> str:
@@ -150,11 +148,50 @@ def test_a_file_that_is_no_calibration_is_refused_in_words(
         expect(page.locator(".import .note.is-bad")).to_be_visible()
 
 
-def test_a_viewer_may_look_and_is_offered_nothing_to_do(open_page: Open, tmp_path: Path) -> None:
-    with Daemon(tmp_path) as daemon:
-        page = signed_in(daemon, open_page, "viewer", "calibration")
-        expect(page.locator(f"[data-calibration={CONFIGURED}]")).to_contain_text("In use")
-        assert page.locator("[data-do], input[type=file]").count() == 0
-        page.goto(f"{daemon.url}/#calibration/place")
-        expect(page.get_by_text("To calibrate, an operator's key is needed.")).to_be_visible()
-        expect(page.get_by_role("link", name="Next")).to_have_count(0)
+def test_a_viewer_may_look_and_is_offered_nothing_to_do(start_daemon: Start, open_page: Open) -> None:
+    fresh = start_daemon()
+    page = signed_in(fresh, open_page, "viewer", "calibration")
+    expect(page.locator(f"[data-calibration={CONFIGURED}]")).to_contain_text("In use")
+    assert page.locator("[data-do], input[type=file]").count() == 0
+    page.goto(f"{fresh.url}/#calibration/place")
+    expect(page.get_by_text("To calibrate, an operator's key is needed.")).to_be_visible()
+    expect(page.get_by_role("link", name="Next")).to_have_count(0)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_the_ten_second_check_says_whether_the_calibration_fits_and_can_be_cancelled(
+    start_daemon: Start, open_page: Open
+) -> None:
+    daemon = start_daemon(scene="calibration_frame")
+    daemon.wait_until_it_streams()
+    page = open_page(f"{daemon.url}/#calibration").page
+    check = page.get_by_role("button", name="Check", exact=True)
+    check.click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("Cancelled.")).to_be_visible()
+    expect(check).to_be_enabled()
+    given_up = daemon.ask("/captures?limit=1")["captures"][0]
+    assert given_up["fields"] < 500
+
+    check.click()
+    expect(page.locator("[data-check]")).to_have_attribute("data-check", "fits", timeout=LONG_MS)
+    expect(page.get_by_text("108 of 108 targets")).to_be_visible()
+    page.reload()
+    expect(page.locator("[data-check]")).to_have_attribute("data-check", "fits")
+    assert serious(page) == []
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_computing_a_calibration_can_be_cancelled(start_daemon: Start, open_page: Open) -> None:
+    daemon = start_daemon(scene="calibration_frame")
+    capture = daemon.capture(fields=50, bits=8)
+    page = open_page(f"{daemon.url}/#calibration/adjust/{capture}").page
+    page.get_by_role("button", name="Compute").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_text("Cancelled.")).to_be_visible()
+    expect(page.get_by_role("button", name="Compute")).to_be_enabled()
+    assert len(daemon.ask("/calibrations")["calibrations"]) == 1

@@ -7,7 +7,7 @@ from typing import Any
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import PHONE, Open
+from browser.conftest import PHONE, Open, Start
 from browser.daemons import Daemon
 
 PATIENCE_MS = 60_000
@@ -98,22 +98,22 @@ def test_a_capture_is_measured_again(daemon: Daemon, open_page: Open) -> None:
     assert serious(page) == []
 
 
-def test_a_viewer_reads_what_was_lost_and_is_offered_no_change(tmp_path: Path, open_page: Open) -> None:
-    with Daemon(tmp_path, faults=LOSSES) as guarded:
-        tokens = {role: guarded.add_token(role, role) for role in ("viewer", "operator")}
-        order = {"fields": 200, "labels": {"cow": "9"}}
-        guarded.wait_until_it_streams(tokens["operator"])
-        one = guarded.ask("/captures", tokens["operator"], order)["id"]
-        watched = open_page(f"{guarded.url}/#captures/{one}")
-        watched.expect_errors("401")
-        page = watched.page
-        page.get_by_label("Token").fill(tokens["viewer"])
-        page.get_by_role("button", name="Sign in").click()
-        verdict(page, "incomplete")
-        expect(page.locator(".capture-ledger")).to_contain_text("3 fields lost at")
-        for name in ("Delete", "Pin", "Save", "Measure again", "Stop"):
-            expect(page.get_by_role("button", name=name, exact=True)).to_have_count(0)
-        first = guarded.ask(f"/captures/{one}", tokens["viewer"])["ledger"]["entries"][0]["first_n"]
-        page.locator(".strip-list button").first.click()
-        expect(page.get_by_text(f"Field {first},")).to_contain_text("lost")
-        expect(page.locator(".picture-missing")).to_contain_text("This field never came")
+def test_a_viewer_reads_what_was_lost_and_is_offered_no_change(start_daemon: Start, open_page: Open) -> None:
+    guarded = start_daemon(faults=LOSSES)
+    tokens = {role: guarded.add_token(role, role) for role in ("viewer", "operator")}
+    order = {"fields": 200, "labels": {"cow": "9"}}
+    guarded.wait_until_it_streams(tokens["operator"])
+    one = guarded.ask("/captures", tokens["operator"], order)["id"]
+    watched = open_page(f"{guarded.url}/#captures/{one}")
+    watched.expect_errors("401")
+    page = watched.page
+    page.get_by_label("Token").fill(tokens["viewer"])
+    page.get_by_role("button", name="Sign in").click()
+    verdict(page, "incomplete")
+    expect(page.locator(".capture-ledger")).to_contain_text("3 fields lost at")
+    for name in ("Delete", "Pin", "Save", "Measure again", "Stop"):
+        expect(page.get_by_role("button", name=name, exact=True)).to_have_count(0)
+    first = guarded.ask(f"/captures/{one}", tokens["viewer"])["ledger"]["entries"][0]["first_n"]
+    page.locator(".strip-list button").first.click()
+    expect(page.get_by_text(f"Field {first},")).to_contain_text("lost")
+    expect(page.locator(".picture-missing")).to_contain_text("This field never came")

@@ -1,38 +1,36 @@
 """The daemon goes and comes back; the page stays."""
 
-from pathlib import Path
-
 from playwright.sync_api import expect
 
-from browser.conftest import Open
+from browser.conftest import Open, Start
 from browser.daemons import Daemon
 
 RETURN_MS = 30_000
 
 
 def test_the_page_survives_a_restart_of_the_daemon_without_being_loaded_anew(
-    tmp_path: Path, open_page: Open
+    start_daemon: Start, open_page: Open
 ) -> None:
-    with Daemon(tmp_path) as daemon:
-        watched = open_page(daemon.url)
-        watched.expect_errors(
-            "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED", "ERR_EMPTY_RESPONSE", "WebSocket"
-        )
-        page = watched.page
-        page.evaluate("window.still = true")
-        page.get_by_role("button", name="Start").wait_for()
-        daemon.stop()
-        expect(page.locator(".banner")).to_contain_text("No connection", timeout=RETURN_MS)
-        expect(page.locator(".state")).to_have_attribute("data-state", "away")
-        expect(page.get_by_role("button", name="Start")).to_be_disabled()
-        expect(page.locator("#start-why")).to_contain_text("has to wait")
-        expect(page.locator(".veil")).to_contain_text("more than a second old")
-        daemon.start()
-        expect(page.locator(".banner")).to_be_hidden(timeout=RETURN_MS)
-        expect(page.locator(".state")).to_have_attribute("data-state", "ready", timeout=RETURN_MS)
-        expect(page.get_by_role("button", name="Start")).to_be_enabled()
-        expect(page.locator(".veil")).to_be_hidden(timeout=RETURN_MS)
-        assert page.evaluate("window.still")
+    daemon = start_daemon()
+    watched = open_page(daemon.url)
+    watched.expect_errors(
+        "ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED", "ERR_EMPTY_RESPONSE", "WebSocket"
+    )
+    page = watched.page
+    page.evaluate("window.still = true")
+    page.get_by_role("button", name="Start").wait_for()
+    daemon.stop()
+    expect(page.locator(".banner")).to_contain_text("No connection", timeout=RETURN_MS)
+    expect(page.locator(".state")).to_have_attribute("data-state", "away")
+    expect(page.get_by_role("button", name="Start")).to_be_disabled()
+    expect(page.locator("#start-why")).to_contain_text("has to wait")
+    expect(page.locator(".veil")).to_contain_text("more than a second old")
+    daemon.start()
+    expect(page.locator(".banner")).to_be_hidden(timeout=RETURN_MS)
+    expect(page.locator(".state")).to_have_attribute("data-state", "ready", timeout=RETURN_MS)
+    expect(page.get_by_role("button", name="Start")).to_be_enabled()
+    expect(page.locator(".veil")).to_be_hidden(timeout=RETURN_MS)
+    assert page.evaluate("window.still")
 
 
 def test_two_tablets_see_the_same_and_either_may_stop(daemon: Daemon, open_page: Open) -> None:

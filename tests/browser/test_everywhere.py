@@ -5,10 +5,13 @@ from typing import Any
 import pytest
 
 from browser.axe import serious
-from browser.conftest import PHONE, TABLET, Open
+from browser.conftest import PHONE, TABLET, Open, Start
 from browser.daemons import Daemon
 
 PANELS = ["operate", "live", "shape", "plots", "captures", "compare", "calibration", "calibration/place"]
+LOOKED_AGAIN_MS = 1500
+"""Within which every panel has asked again for what it follows."""
+IDS = {"calibration/place": "calibration-step"}
 SMALLEST_PX = 44
 """WCAG 2.5.5; links inside sentences are as high as their line."""
 
@@ -19,6 +22,24 @@ CUT_OFF = """() => [...document.querySelectorAll('main *')]
         return box.width > 1 && (box.right > innerWidth + 1 || box.left < -1);
     })
     .map((one) => `${one.tagName} ${one.className} ${one.textContent.slice(0, 40)}`)"""
+OUT_OF_PLACE = """() => [
+    ...(document.scrollingElement.scrollWidth > innerWidth ? ['the page scrolls sideways'] : []),
+    ...[...document.querySelectorAll('.nav-link')].filter((link) => {
+        const [word, room] = [link.lastElementChild.getBoundingClientRect(), link.getBoundingClientRect()];
+        return word.left < room.left || word.right > room.right || room.right > innerWidth;
+    }).map((link) => link.textContent),
+    ...[...document.querySelectorAll('main *')]
+        .filter((one) => one.checkVisibility() && !one.closest('.scroll, .visually-hidden, svg, .picture'))
+        .filter((one) => ['hidden', 'clip'].includes(getComputedStyle(one).overflowX))
+        .filter((one) => one.clientWidth > 1 && one.scrollWidth > one.clientWidth + 1)
+        .map((one) => `${one.tagName} ${one.className} ${one.textContent.slice(0, 40)}`),
+]"""
+SIZES = {
+    "a small phone": {"width": 320, "height": 640},
+    "a phone": {"width": 360, "height": 740},
+    "a tablet on its side": TABLET,
+    "a screen": {"width": 1920, "height": 1080},
+}
 TOO_SMALL = """(least) => [...document.querySelectorAll('button, select, summary, .button, .choices label')]
     .filter((one) => one.checkVisibility() && !one.classList.contains('skip'))
     .filter((one) => one.getBoundingClientRect().height > 0)
@@ -45,6 +66,26 @@ def test_nothing_is_cut_off_or_too_small_to_touch(
     page = open_page(at(daemon, panel), size=size, language="nb").page
     assert page.evaluate(CUT_OFF) == []
     assert page.evaluate(TOO_SMALL, SMALLEST_PX) == []
+
+
+@pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
+def test_every_panel_fits_from_a_small_phone_to_a_screen(
+    daemon: Daemon, open_page: Open, size: dict[str, int]
+) -> None:
+    page = open_page(at(daemon, PANELS[0]), size=size, language="nb").page
+    for panel in PANELS:
+        page.goto(at(daemon, panel))
+        page.wait_for_selector(f"[data-panel={IDS.get(panel, panel)}]")
+        assert (panel, page.evaluate(OUT_OF_PLACE)) == (panel, [])
+
+
+def test_nothing_is_asked_of_a_device_that_is_not_there(start_daemon: Start, open_page: Open) -> None:
+    away = start_daemon(faults=[{"kind": "unplug", "at_s": 0.0, "back_after_s": 600.0}])
+    page = open_page(at(away, PANELS[0])).page
+    for panel in PANELS:
+        page.goto(at(away, panel))
+        page.wait_for_selector(f"[data-panel={IDS.get(panel, panel)}]")
+        page.wait_for_timeout(LOOKED_AGAIN_MS)
 
 
 def test_the_language_is_the_browsers_until_another_is_chosen(daemon: Daemon, open_page: Open) -> None:

@@ -1,12 +1,10 @@
 """The lights: what is well, and what to do where it is not."""
 
-from collections.abc import Iterator
-
 import pytest
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import Open
+from browser.conftest import Open, Start
 from browser.daemons import Daemon
 
 ALL = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"]
@@ -18,11 +16,10 @@ def has_level(page: Page, light: str, level: str) -> None:
 
 
 @pytest.fixture
-def unplugged(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+def unplugged(start_daemon: Start) -> Daemon:
     """A daemon whose grabber is pulled out after a second."""
     faults = [{"kind": "unplug", "at_s": 1.0, "back_after_s": 600.0}]
-    with Daemon(tmp_path_factory.mktemp("unplugged"), faults=faults) as one:
-        yield one
+    return start_daemon(faults=faults)
 
 
 def test_every_light_has_a_word_and_what_is_well_is_green(daemon: Daemon, open_page: Open) -> None:
@@ -53,6 +50,22 @@ def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
     expect(light).to_contain_text("its plug is loose")
     expect(light).to_contain_text("Push the plug in firmly")
     assert serious(page) == []
+
+
+@pytest.mark.parametrize(
+    ("language", "what"),
+    [("en", "Another program uses the grabber."), ("nb", "Et annet program bruker bildefangeren.")],
+)
+def test_what_the_daemon_finds_wrong_is_said_in_the_language_of_the_page(
+    start_daemon: Start, open_page: Open, language: str, what: str
+) -> None:
+    busy = start_daemon(faults=[{"kind": "refuse", "at_s": 0.0, "duration_s": 600.0, "why": "busy"}])
+    page = open_page(busy.url, language=language).page
+    has_level(page, "grabber", "bad")
+    light = page.locator('[data-light="grabber"]')
+    light.locator("summary").click()
+    expect(light).to_contain_text(what)
+    expect(light).not_to_contain_text("simulated")
 
 
 def test_a_tablet_with_a_wrong_clock_is_told(daemon: Daemon, open_page: Open) -> None:

@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from browser.axe import serious
-from browser.conftest import PHONE, Open
+from browser.conftest import PHONE, Open, Start
 from browser.daemons import Daemon
 from browser.pages import until
 
@@ -98,7 +98,7 @@ def test_colours_stand_for_what_is_chosen(
     daemon: Daemon, capture: str, open_page: Open, tmp_path: Path
 ) -> None:
     page = opened(open_page, f"{daemon.url}/#shape/{capture}")
-    expect(page.locator(".scene-legend-title")).to_have_text("Displacement from the nominal place, mm")
+    expect(page.locator(".scene-legend-title")).to_have_text("Displacement from nominal, mm")
     slider = page.get_by_role("slider", name="Moment")
     coloured = max(colours_at(page, slider, moment, tmp_path) for moment in (0, 12, 25, 37))
     assert coloured > 0
@@ -190,7 +190,7 @@ def test_a_long_capture_is_played_part_by_part(daemon: Daemon, open_page: Open) 
     expect(page.locator(".scene-when")).to_have_text("Field 250, 5.00 s")
 
 
-def test_where_no_target_was_seen_it_says_so(open_page: Open, tmp_path: Path) -> None:
-    with Daemon(tmp_path, scene="blank") as other:
-        page = opened(open_page, f"{other.url}/#shape/{other.capture(fields=10)}")
-        assert summary(page).startswith("0 of 108 targets of liner.")
+def test_where_no_target_was_seen_it_says_so(open_page: Open, start_daemon: Start) -> None:
+    other = start_daemon(scene="blank")
+    page = opened(open_page, f"{other.url}/#shape/{other.capture(fields=10)}")
+    assert summary(page).startswith("0 of 108 targets of liner.")

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from grabberd.errors import Cause
 from grabberd.web.files import LANGUAGES, STATIC
 
 CALL = re.compile(r"""\bt[nl]?\(\s*(?P<quote>["'`])(?P<key>[a-z]\w*\.(?:(?!(?P=quote)).)+)(?P=quote)""")
@@ -55,6 +56,13 @@ def test_both_languages_have_the_same_keys() -> None:
 def test_both_languages_fill_in_the_same_places() -> None:
     differing = {key for key, text in TEXTS["en"].items() if places(text) != places(TEXTS["nb"][key])}
     assert differing == set()
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_cause_of_the_daemon_has_what_it_is_why_it_may_be_and_what_to_try(language: str) -> None:
+    known = catalogue(language)["causes"]
+    assert sorted(known) == sorted(Cause)
+    assert all(set(texts) == {"what", "why", "try"} for texts in known.values())
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -69,9 +69,14 @@ class Files:
         self._edition = Edition("", {})
 
     @property
+    def is_read(self) -> bool:
+        """Whether they have been looked at."""
+        return bool(self._stamp)
+
+    @property
     def edition(self) -> Edition:
         """All files as they were when they were last looked at."""
-        return self._edition if self._stamp else self.newest()
+        return self._edition if self.is_read else self.newest()
 
     def newest(self) -> Edition:
         """All files as they are now."""

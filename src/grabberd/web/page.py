@@ -15,7 +15,16 @@ POLICY = (
     "frame-ancestors 'self'"
 )
 """The page's content security policy: nothing from another host, no script or style inside the page."""
-AT_ONCE = ("js/core/", "js/shell/", "js/operate/", "js/lights/", "js/live/", "js/panels/operate.js")
+AT_ONCE = (
+    "js/core/",
+    "js/shell/",
+    "js/operate/",
+    "js/lights/",
+    "js/live/",
+    "js/captures/words.js",
+    "js/panels/index.js",
+    "js/panels/operate.js",
+)
 """Modules that the first sight takes: asked for before the first of them has been read."""
 
 

@@ -2,6 +2,7 @@
 import { el, fill, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { addressOf, note, way } from "./steps.js";
+import { lackIn } from "../lights/words.js";
 import { ageOf } from "./words.js";
 
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", moved: "bad", unmatched: "warn", unknown: "idle" });
@@ -17,14 +18,14 @@ export function createActive(context, rows) {
   function show() {
     const device = deviceOf(store.get());
     const lack = device?.lacks.find((/** @type {any} */ one) => one.lacks === "calibration");
-    if (!device?.calibration) return fill(now, note("bad", el("strong", {}, t("calibration.active.none")), el("p", {}, t("calibration.active.noneText"))), lack && el("p", { class: "small muted" }, lack.message));
+    if (!device?.calibration) return fill(now, note("bad", el("strong", {}, t("calibration.active.none")), el("p", {}, t("calibration.active.noneText"))));
     const { id, created_utc, activated_utc } = device.calibration;
     const row = rows().find((one) => one.id === id);
-    fill(now, lack ? note("bad", el("strong", {}, t("calibration.is.misfit")), el("p", {}, lack.message)) : note("good", t("calibration.active.fits")),
+    fill(now, lack ? note("bad", el("strong", {}, t("calibration.is.misfit")), el("p", {}, lackIn(context, lack))) : note("good", t("calibration.active.fits")),
       el("dl", { class: "facts" },
         el("dt", {}, t("calibration.active.made")), el("dd", {}, `${format.moment(created_utc)} · ${ageOf(context, created_utc)}`),
         el("dt", {}, t("calibration.active.since")), el("dd", {}, activated_utc ? format.moment(activated_utc) : t("calibration.active.always")),
-        el("dt", {}, t("calibration.sigma0")), el("dd", {}, row?.sigma0_px ? t("live.aid.px", { px: format.number(row.sigma0_px, 3) }) : "–"),
+        row?.sigma0_px ? [el("dt", {}, t("calibration.sigma0")), el("dd", {}, t("live.aid.px", { px: format.number(row.sigma0_px, 3) }))] : null,
         el("dt", {}, t("calibration.active.name")), el("dd", { class: "long" }, id)),
       el("div", { class: "row" }, way(addressOf("review", id), t("calibration.open"))));
   }

@@ -11,7 +11,7 @@ const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: 
 /** @param {import("../core/context.js").Context} context */
 export function createCheck(context) {
   const { t, store, api, format, may } = context;
-  const job = createJob(context, { title: t("calibration.check.running"), done: show, busy });
+  const job = createJob(context, { title: t("calibration.check.running"), done: show, busy, cancelled });
   const result = el("div", { class: "stack", role: "status" });
   const inPlace = el("input", { type: "checkbox" });
   const start = el("button", { class: "button", type: "button", data: { do: "check" }, "aria-describedby": "check-why", on: { click: order } }, symbol("camera"), t("calibration.check.start"));
@@ -23,7 +23,7 @@ export function createCheck(context) {
 
   async function open() {
     const device = context.device()?.name;
-    const known = await latestJob(context, "check", (subject) => subject.endsWith(`-${device}`));
+    const known = await latestJob(context, "check", (subject) => subject.replace(/^[^-]*-/, "") === device);
     if (known && !ended) job.follow(known);
   }
 
@@ -38,6 +38,11 @@ export function createCheck(context) {
       context.refused(problem);
       busy(false);
     }
+  }
+
+  /** Its capture is of no use then. @param {any} job */
+  function cancelled({ subject }) {
+    if (context.device()?.capture_id === subject) api.post(`/captures/${encodeURIComponent(subject)}/stop`).catch(context.refused);
   }
 
   /** @param {boolean} on */

@@ -1,12 +1,13 @@
 // Step 1: the calibration frame where both views see it, well lit.
 import { el, fill, symbol } from "../core/dom.js";
-import { deviceOf } from "../core/store.js";
+import { delivers, deviceOf } from "../core/store.js";
 import { createPicture } from "../live/picture.js";
 import { adviceFor, isEnough } from "./advice.js";
 import { chosenFrame, createFrameChoice, knownFrames } from "./frames.js";
 import { addressOf, note, way } from "./steps.js";
 
 const EVERY_MS = 1000;
+const SOON = new Set(["opening", "ready", "capturing"]);
 
 /** @param {import("../core/context.js").Context} context */
 export function createPlace(context) {
@@ -33,15 +34,23 @@ export function createPlace(context) {
 
   async function look() {
     const device = deviceOf(store.get());
-    if (device && store.get().connection.online && document.visibilityState === "visible") await ask(device.name);
+    if (!delivers(device)) showNone(device);
+    else if (store.get().connection.online && document.visibilityState === "visible") await ask(device);
     if (!ended) timer = setTimeout(look, EVERY_MS);
   }
 
-  /** @param {string} device */
+  /** @param {any} device */
   async function ask(device) {
-    const light = await api.get(`/devices/${encodeURIComponent(device)}/light`).catch(() => null);
-    if (!ended && light) show(light);
-    else if (!ended) fill(words, note("bad", t("calibration.advice.away")));
+    const light = await api.get(`/devices/${encodeURIComponent(device.name)}/light`).catch(() => null);
+    if (ended) return;
+    if (light) show(light);
+    else showNone(null);
+  }
+
+  /** @param {any} device */
+  function showNone(device) {
+    fill(counts);
+    say([SOON.has(device?.state) ? note("busy", t("calibration.advice.soon")) : note("bad", t("calibration.advice.away"))]);
   }
 
   /** @param {any} light */
@@ -49,10 +58,15 @@ export function createPlace(context) {
     const of = frame?.targets ?? 0;
     fill(counts, ...Object.entries(light.views).map(([view, shown]) => count(view, shown, of)));
     const advice = adviceFor(light, of);
-    const said = JSON.stringify(advice);
+    say(advice.length ? advice.map(({ key, view }) => note("warn", el("strong", {}, t(`live.view.${view}`)), " – ", t(`calibration.advice.${key}`))) : [note("good", t("calibration.advice.good"))]);
+  }
+
+  /** What is said already is not read aloud again. @param {HTMLElement[]} notes */
+  function say(notes) {
+    const said = notes.map((one) => one.textContent).join();
     if (said === words.dataset.said) return;
     words.dataset.said = said;
-    fill(words, ...(advice.length ? advice.map(({ key, view }) => note("warn", el("strong", {}, t(`live.view.${view}`)), " – ", t(`calibration.advice.${key}`))) : [note("good", t("calibration.advice.good"))]));
+    fill(words, ...notes);
   }
 
   /** @param {string} view @param {any} shown @param {number} of */

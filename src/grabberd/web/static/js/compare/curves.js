@@ -6,6 +6,8 @@ import { createTargetPicker } from "../plots/target_picker.js";
 import { middleOf, overPhase, overTime } from "./course.js";
 import { courseOf } from "./side.js";
 
+const DASH = [7, 4];
+
 /**
  * @param {import("../core/context.js").Context} context
  * @param {import("./side.js").Side[]} sides
@@ -50,7 +52,7 @@ export function createCurves(context, sides, phases, first) {
     const byPhase = over.chosen() === "phase";
     const title = what.chosen() === "width" ? t("compare.width") : t("compare.depth", { id: picker.chosen() });
     const when = (/** @type {number} */ x) => (byPhase ? `${format.number(x * 100, 0)} %` : `${format.number(x, 1)} s`);
-    const lines = sides.map(({ capture }, i) => ({ label: format.time(capture.created_utc), ink: /** @type {any} */ (String(i + 1)) }));
+    const lines = sides.map(({ capture }, i) => ({ label: format.time(capture.created_utc), ink: /** @type {any} */ (String(i + 1)), dash: i ? DASH : undefined }));
     chart = createChart(context, { title, unit: "mm", digits: 2, when, lines });
     fill(place, chart.element);
     chart.set(byPhase ? overPhase(courses, /** @type {Map<number, number>[]} */ (phases)) : overTime(courses, FIELD_S), title);

@@ -24,7 +24,7 @@ export function createFacts(context, sides, courses) {
     sigma: ({ sample }) => measured(sample?.sigma_mm, 3, "mm"),
     calibration: ({ calibration }) => calibration?.id ?? "–",
   };
-  const heads = sides.map(({ capture }, i) => el("th", { scope: "col" }, el("span", { class: `chart-swatch plot-${i + 1}`, "aria-hidden": "true" }), " ", el("a", { href: `#captures/${encodeURIComponent(capture.id)}` }, format.moment(capture.created_utc))));
+  const heads = sides.map(({ capture }, i) => el("th", { scope: "col" }, el("span", { class: `chart-swatch plot-${i + 1}`, "aria-hidden": "true" }), " ", el("a", { href: `#captures/${encodeURIComponent(capture.id)}` }, `${format.day(capture.created_utc)}, ${format.time(capture.created_utc)}`)));
   const lines = Object.entries(rows).map(([name, pick]) => el("tr", { data: { fact: name } }, el("th", { scope: "row" }, t(`compare.fact.${name}`)), sides.map((side, i) => el("td", {}, pick(side, i)))));
   return el("div", { class: "scroll" }, el("table", { class: "table compare-facts" }, el("thead", {}, el("tr", {}, el("td", {}), heads)), el("tbody", {}, lines)));
 }

@@ -52,6 +52,18 @@ export function deviceOf(known) {
   return devices[known.device ?? ""] ?? Object.values(devices)[0] ?? null;
 }
 
+const STREAMING = new Set(["ready", "no_signal", "capturing"]);
+
+/** Whether a device is open and at work, so far as is known. @param {any} device its document, or null */
+export function streams(device) {
+  return STREAMING.has(device?.state);
+}
+
+/** Whether fields come from it: before that there is nothing to be asked of them. @param {any} device its document, or null */
+export function delivers(device) {
+  return streams(device) && device.rate_hz !== null;
+}
+
 /**
  * A document with a change (RFC 7396, but null stays null); parts that did not change are the same objects.
  * @param {any} document

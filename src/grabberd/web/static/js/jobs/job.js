@@ -8,6 +8,7 @@ const ENDED = new Set(["done", "failed", "cancelled"]);
  * @typedef {object} Hooks
  * @property {string} title what is being done
  * @property {(job: any) => void} done it has ended well
+ * @property {(job: any) => void} [cancelled] it has been cancelled here
  * @property {(busy: boolean) => void} [busy] it runs, or does no more
  */
 
@@ -57,7 +58,9 @@ export function createJob(context, hooks) {
 
   async function end() {
     try {
-      show(await api.delete(`/jobs/${id}`));
+      const job = await api.delete(`/jobs/${id}`);
+      show(job);
+      if (job.state === "cancelled") hooks.cancelled?.(job);
     } catch (problem) {
       context.refused(problem);
     }

@@ -1,5 +1,5 @@
 // What each light shows: a level, a word, and when it is wrong, why that may be. Nothing here touches the page.
-import { deviceOf } from "../core/store.js";
+import { deviceOf, streams as isStreaming } from "../core/store.js";
 
 /**
  * @typedef {object} Light
@@ -7,12 +7,12 @@ import { deviceOf } from "../core/store.js";
  * @property {"good" | "warn" | "bad" | "idle"} level
  * @property {string} word key of lights.ID.words
  * @property {Record<string, any>} [values] of that word
- * @property {string} [cause] key of lights.ID.causes; without one nothing is wrong
+ * @property {string} [cause] key of lights.ID.causes: what the page itself finds wrong
+ * @property {string | null} [code] key of causes: what the daemon says is wrong
+ * @property {string[]} [said] the same in its own words; without a cause and without these nothing is wrong
  * @property {string | null} [since] where the daemon knows it
- * @property {string[]} [said] what the daemon itself says of it
  */
 
-const STREAMING = new Set(["ready", "no_signal", "capturing"]);
 const CLOCK_MS = 5000;
 const MANY_LOST = 0.01;
 
@@ -24,7 +24,7 @@ const MANY_LOST = 0.01;
 export function judge(known, history) {
   const device = deviceOf(known);
   if (!known.connection.online || !device) return IDS.map((id) => idle(id));
-  const streams = STREAMING.has(device.state);
+  const streams = isStreaming(device);
   return [
     grabber(device),
     signal(device, streams),
@@ -47,13 +47,11 @@ function idle(id) {
 
 /** @param {any} device @returns {Light} */
 function grabber(device) {
-  const said = [device.cause, device.hint].filter(Boolean);
-  const about = { id: "grabber", since: device.since_utc, said };
-  if (STREAMING.has(device.state)) return { ...about, level: "good", word: "good", since: null, said: [] };
+  if (isStreaming(device)) return { id: "grabber", level: "good", word: "good" };
+  const about = { id: "grabber", since: device.since_utc, code: device.cause_code, said: [device.cause, device.hint].filter(Boolean) };
   if (device.state === "ended") return { ...about, level: "idle", word: "ended" };
-  if (device.state === "opening") return { ...about, level: "idle", word: "opening" };
-  const level = device.state === "recovering" ? "warn" : "bad";
-  return { ...about, level, word: device.state, cause: device.state };
+  if (device.state === "opening" || device.cause_code === "not_opened") return { ...about, level: "idle", word: "opening" };
+  return { ...about, level: device.state === "recovering" ? "warn" : "bad", word: device.state };
 }
 
 /** @param {any} device @param {boolean} streams @returns {Light} */
@@ -61,7 +59,8 @@ function signal(device, streams) {
   if (!streams) return idle("signal");
   const isAway = device.state === "no_signal" || device.signal === "absent";
   if (!isAway) return { id: "signal", level: "good", word: "good" };
-  return { id: "signal", level: "bad", word: "absent", cause: "absent", since: device.since_utc, said: [device.cause].filter(Boolean) };
+  const code = device.cause_code ?? "no_signal";
+  return { id: "signal", level: "bad", word: "absent", code, since: device.since_utc, said: [device.cause].filter(Boolean) };
 }
 
 /** @param {any} device @returns {Light} */
@@ -95,9 +94,10 @@ function ring(device) {
 function calibration(device) {
   const lack = device.lacks.find((/** @type {any} */ one) => one.lacks === "calibration");
   const said = lack ? [lack.message, lack.hint] : [];
-  if (!device.calibration) return { id: "calibration", level: "bad", word: "none", cause: "none", said };
+  const wrong = { code: lack?.cause_code, said };
+  if (!device.calibration) return { id: "calibration", level: "bad", word: "none", ...wrong };
   const values = { id: device.calibration.id, days: device.calibration.age_days };
-  if (lack) return { id: "calibration", level: "bad", word: "misfit", values, cause: "misfit", said };
+  if (lack) return { id: "calibration", level: "bad", word: lack.cause_code === "no_object" ? "noObject" : "misfit", values, ...wrong };
   return { id: "calibration", level: "good", word: "good", values };
 }
 
@@ -113,7 +113,7 @@ function rig(device) {
 /** @param {any} storage @returns {Light} */
 function disk(storage) {
   const minutes = storage.minutes_left;
-  if (minutes === null) return { id: "disk", level: "bad", word: "broken", cause: "broken", said: [storage.problem].filter(Boolean) };
+  if (minutes === null) return { id: "disk", level: "bad", word: "broken", code: storage.cause_code, said: [storage.problem].filter(Boolean) };
   const values = { minutes };
   if (minutes >= 60) return { id: "disk", level: "good", word: "good", values };
   return { id: "disk", level: minutes < 10 ? "bad" : "warn", word: minutes > 0 ? "short" : "full", values, cause: "full" };

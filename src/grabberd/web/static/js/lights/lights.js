@@ -4,7 +4,7 @@ import { deviceOf } from "../core/store.js";
 import { createHistory } from "./history.js";
 import { createAlerts } from "./alerts.js";
 import { judge } from "./judge.js";
-import { wordsOf } from "./words.js";
+import { isKnown, wordsOf } from "./words.js";
 
 const SYMBOLS = { good: "ok", warn: "warn", bad: "bad", idle: "unknown" };
 const EVERY_MS = 1000;
@@ -70,7 +70,7 @@ function createLight(context, id) {
       setSymbol(sign, SYMBOLS[light.level]);
     }
     setText(word, wordsOf(context, light));
-    const about = JSON.stringify([light.cause, light.said, light.since]);
+    const about = JSON.stringify([light.cause, light.code, light.said, light.since]);
     if (about === shown) return;
     shown = about;
     fill(help, helpOf(context, light, light.since ? Date.parse(light.since) : began));
@@ -86,16 +86,18 @@ function createLight(context, id) {
 }
 
 /** @param {import("../core/context.js").Context} context @param {import("./judge.js").Light} light @param {number} since */
-function helpOf({ t, tl, format }, light, since) {
+function helpOf(context, light, since) {
+  const { t, tl, format } = context;
   const about = el("p", {}, t(`lights.${light.id}.about`));
-  if (!light.cause) return [about];
-  return [
-    about,
-    el("p", { class: "light-since" }, t("lights.since", { time: format.time(since) })),
-    light.said?.length ? el("p", {}, el("strong", {}, t("lights.said")), " ", light.said.join(" – ")) : null,
-    el("h3", {}, t("lights.reasons")),
-    el("ul", {}, tl(`lights.${light.id}.causes.${light.cause}.why`).map((one) => el("li", {}, one))),
-    el("h3", {}, t("lights.try")),
-    el("ol", {}, tl(`lights.${light.id}.causes.${light.cause}.try`).map((one) => el("li", {}, one))),
-  ];
+  const begun = el("p", { class: "light-since" }, t("lights.since", { time: format.time(since) }));
+  if (isKnown(context, light.code)) return [about, begun, el("p", {}, t(`causes.${light.code}.what`)), advice(context, tl(`causes.${light.code}.why`), tl(`causes.${light.code}.try`))];
+  if (light.cause) return [about, begun, advice(context, tl(`lights.${light.id}.causes.${light.cause}.why`), tl(`lights.${light.id}.causes.${light.cause}.try`))];
+  if (light.said?.length) return [about, begun, el("p", {}, el("strong", {}, t("lights.said")), " ", light.said.join(" – "))];
+  return [about];
+}
+
+/** @param {import("../core/context.js").Context} context @param {string[]} reasons @param {string[]} attempts */
+function advice({ t }, reasons, attempts) {
+  const items = (/** @type {string[]} */ texts) => texts.map((one) => el("li", {}, one));
+  return [el("h3", {}, t("lights.reasons")), el("ul", {}, items(reasons)), el("h3", {}, t("lights.try")), el("ol", {}, items(attempts))];
 }

@@ -1,4 +1,14 @@
-// A light's word in full, with its numbers as people read them.
+// A light's word in full, with its numbers as people read them; the daemon's causes in words.
+
+/** Whether there are words for a cause of the daemon. @param {import("../core/context.js").Context} context @param {string | null | undefined} code */
+export function isKnown({ texts }, code) {
+  return Boolean(code) && texts.has(`causes.${code}.what`);
+}
+
+/** What is wrong; what the daemon says itself only where there are no words for it. @param {import("../core/context.js").Context} context @param {{cause_code: string | null, message: string}} lack */
+export function lackIn(context, lack) {
+  return isKnown(context, lack.cause_code) ? context.t(`causes.${lack.cause_code}.what`) : lack.message;
+}
 
 /** @param {import("../core/context.js").Context} context @param {import("./judge.js").Light} light */
 export function wordsOf({ t, tn, format }, light) {

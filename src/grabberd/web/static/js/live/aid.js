@@ -1,6 +1,6 @@
 // For who sets lamp and lens: the threshold, and what each view shows at it.
 import { el, setText } from "../core/dom.js";
-import { deviceOf } from "../core/store.js";
+import { delivers, deviceOf } from "../core/store.js";
 import { createHistogram } from "./histogram.js";
 import { createThreshold } from "./threshold.js";
 
@@ -20,7 +20,8 @@ export function createAid(context) {
 
   async function look() {
     const device = deviceOf(store.get());
-    if (device && store.get().connection.online && document.visibilityState === "visible") await ask(device.name);
+    if (!delivers(device)) showNone();
+    else if (store.get().connection.online && document.visibilityState === "visible") await ask(device.name);
     if (!ended) timer = setTimeout(look, EVERY_MS);
   }
 
@@ -31,8 +32,13 @@ export function createAid(context) {
       for (const [name, view] of Object.entries(views)) view.show(light.views[name], light.threshold);
       threshold.show(light.threshold);
     } catch {
-      for (const view of Object.values(views)) view.show(null, 0); // the lights say why
+      showNone();
     }
+  }
+
+  /** The lights say why. */
+  function showNone() {
+    for (const view of Object.values(views)) view.show(null, 0);
   }
 
   look();

@@ -4,6 +4,7 @@ import { keep, kept } from "../core/kept.js";
 import { deviceOf } from "../core/store.js";
 import { USUAL, isSound, lengthOf, orderOf } from "./order.js";
 import { createLabels } from "./labels.js";
+import { createRate } from "./rate.js";
 
 const KINDS = ["stop", "seconds", "cycles", "fields"];
 const STEPS = { seconds: 5, cycles: 5, fields: 50 };
@@ -20,12 +21,17 @@ export function createForm(context, changed) {
   const is = el("p", { class: "field-hint", id: "length-is" });
   const value = number("length-value", (n) => set(wish.kind, n));
   const stepper = el("div", { class: "stepper" }, step(-1, t("operate.length.less"), "−"), value, step(+1, t("operate.length.more"), "+"));
-  const perMinute = number("length-rate", (n) => set("perMinute", n));
-  const rateField = field(t("operate.length.rate"), perMinute);
+  const perMinute = createRate(context, wish, set, () => {
+    show();
+    changed();
+  });
   const valueField = el("div", { class: "field" }, el("label", { class: "field-label", for: "length-value" }, t("operate.length.value")), stepper);
   const before = el("input", { class: "slider", type: "range", id: "before", min: 0, step: 1, on: { input: () => set("before", Number(before.value)) } });
   const beforeWords = el("p", { class: "field-hint" });
   const wait = el("input", { type: "checkbox", checked: wish.wait, on: { change: () => set("wait", wait.checked) } });
+  const all = el("input", { type: "checkbox", checked: wish.all, data: { wish: "all" }, on: { change: () => set("all", all.checked) } });
+  const allField = el("label", { class: "check", hidden: true }, all, t("operate.all"));
+  const isForAll = () => wish.all && isSeveral(store.get());
   const labels = createLabels(context, wish, set);
 
   /** @param {string} name @param {any} given */
@@ -49,9 +55,9 @@ export function createForm(context, changed) {
   function show() {
     const given = /** @type {any} */ (wish)[wish.kind];
     valueField.hidden = wish.kind === "stop";
-    rateField.hidden = wish.kind !== "cycles";
+    perMinute.show();
+    wish.perMinute = perMinute.value();
     if (document.activeElement !== value) value.value = given ?? "";
-    if (document.activeElement !== perMinute) perMinute.value = String(wish.perMinute);
     const length = lengthOf(wish, rate());
     is.hidden = length === null || !isSound(wish, rate());
     if (length !== null) setText(is, t("operate.length.is", { seconds: format.number(length / rate(), 2), fields: format.number(length) }));
@@ -71,9 +77,10 @@ export function createForm(context, changed) {
   const element = el("section", { class: "card operate-form" },
     el("fieldset", { class: "field" }, el("legend", { class: "field-label" }, t("operate.length.title")),
       el("div", { class: "choices" }, KINDS.map((kind) => choice(kind)))),
-    el("div", { class: "length-row" }, valueField, rateField), is,
+    el("div", { class: "length-row" }, valueField, perMinute.element), is,
     el("div", { class: "field" }, el("label", { class: "field-label", for: "before" }, t("operate.before.title")), before, beforeWords),
     el("label", { class: "check" }, wait, t("operate.wait")),
+    allField,
     labels,
   );
 
@@ -84,17 +91,26 @@ export function createForm(context, changed) {
   }
 
   const stop = store.subscribe((known) => deviceOf(known)?.stream?.rate_hz, show);
+  const count = store.subscribe(isSeveral, (several) => (allField.hidden = !several));
   const follow = store.subscribe((known) => known.session?.role, () => (element.hidden = !context.may("operator")));
   return {
     element,
-    order: () => orderOf(wish, context.device().name, rate()),
+    order: () => orderOf(wish, isForAll() ? { devices: "all" } : { device: context.device().name }, rate()),
+    isForAll,
     isSound: () => isSound(wish, rate()),
     waits: () => wish.wait,
     unmount() {
       stop();
+      count();
       follow();
+      perMinute.unmount();
     },
   };
+}
+
+/** Whether there is more than one grabber. @param {any} known */
+function isSeveral(known) {
+  return Object.keys(known.state?.devices ?? {}).length > 1;
 }
 
 /** @param {string} id @param {(n: number) => void} given */
@@ -102,9 +118,4 @@ function number(id, given) {
   const input = el("input", { class: "input number", id, type: "number", inputmode: "decimal", min: 1, step: "any", "aria-describedby": "length-is" });
   input.addEventListener("input", () => given(input.valueAsNumber));
   return input;
-}
-
-/** @param {string} label @param {any} input */
-function field(label, input) {
-  return el("label", { class: "field" }, el("span", { class: "field-label" }, label), input);
 }

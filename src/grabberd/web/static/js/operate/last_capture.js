@@ -1,5 +1,6 @@
 // The capture that runs, second by second, or how the last one ended.
 import { el, fill, symbol } from "../core/dom.js";
+import { ledgerIn } from "../captures/words.js";
 import { deviceOf } from "../core/store.js";
 
 const EVERY_MS = 1000;
@@ -16,7 +17,7 @@ export function createLastCapture(context) {
     clearTimeout(timer);
     if (ended) return;
     try {
-      const { captures } = await api.get("/captures?limit=1");
+      const { captures } = await api.get(`/captures?limit=1&${new URLSearchParams({ device: context.device()?.name ?? "" })}`);
       fill(element, words(context, captures[0]));
       if (captures[0] && !atRest(captures[0])) timer = setTimeout(look, EVERY_MS);
     } catch {
@@ -51,7 +52,7 @@ function words(context, capture) {
   return [
     el("div", { class: "row between" }, el("h2", {}, title), verdict(context, capture)),
     el("div", { class: "row between" },
-      el("p", { class: "last-facts" }, el("span", {}, format.moment(capture.created_utc)), " · ", context.tn("operate.last.fields", capture.fields), said(capture)),
+      el("p", { class: "last-facts" }, el("span", {}, format.moment(capture.created_utc)), " · ", context.tn("operate.last.fields", capture.fields), said(context, capture)),
       capture.verdict && open),
   ];
 }
@@ -64,7 +65,7 @@ function verdict({ t }, capture) {
   return el("span", { class: `badge is-${level}` }, symbol(sign), t(`operate.last.${capture.verdict ?? "sealing"}`));
 }
 
-/** What its ledger says, where the verdict does not say it all. @param {any} capture */
-function said(capture) {
-  return capture.ledger.complete ? "" : ` · ${capture.ledger.in_words}`;
+/** What its ledger says, where the verdict does not say it all. @param {import("../core/context.js").Context} context @param {any} capture */
+function said(context, capture) {
+  return capture.ledger.complete ? "" : ` · ${ledgerIn(context, capture)}`;
 }

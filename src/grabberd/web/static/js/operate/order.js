@@ -7,15 +7,17 @@
  * @property {number} cycles
  * @property {number} fields
  * @property {number} perMinute pulsations a minute
+ * @property {number | null} ownPerMinute the same as entered on this tablet; null: as measured last
  * @property {number} before fields before the start that belong to it
  * @property {boolean} wait arm first
+ * @property {boolean} all of all grabbers together
  * @property {Record<string, string>} labels
  * @property {string} note
  */
 
 /** @type {Wish} */
 export const USUAL = {
-  kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, before: 0, wait: false, labels: {}, note: "",
+  kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, ownPerMinute: null, before: 0, wait: false, all: false, labels: {}, note: "",
 };
 
 /** The length in fields, those before the start left out; null: until it is stopped. @param {Wish} wish @param {number} rate_hz */
@@ -32,11 +34,11 @@ export function isSound(wish, rate_hz) {
   return length === null || (Number.isFinite(length) && length >= 1 && length <= 10_000_000);
 }
 
-/** The order: POST captures. @param {Wish} wish @param {string} device @param {number} rate_hz */
-export function orderOf(wish, device, rate_hz) {
+/** The order: POST captures, or capture-groups. @param {Wish} wish @param {{device: string} | {devices: string}} of @param {number} rate_hz */
+export function orderOf(wish, of, rate_hz) {
   const length = lengthOf(wish, rate_hz);
   const labels = Object.fromEntries(Object.entries(wish.labels).filter(([, text]) => text.trim() !== ""));
-  const common = { device, pre_trigger_fields: wish.before, labels, note: wish.note.trim() };
+  const common = { ...of, pre_trigger_fields: wish.before, labels, note: wish.note.trim() };
   if (wish.wait) return { ...common, armed: true, post_trigger_fields: length };
   return { ...common, fields: length === null ? null : length + wish.before };
 }

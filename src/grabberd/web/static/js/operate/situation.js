@@ -20,6 +20,7 @@ const REFUSING = new Set(["absent", "opening", "recovering", "failed", "ended"])
  * @property {string | number | null} since
  * @property {string | null} running id of the capture that is being recorded
  * @property {string | null} armed id of the one that waits
+ * @property {string | null} group id of the group that either of them belongs to
  * @property {string | null} why key of operate.why: what keeps Start from being offered
  */
 
@@ -34,6 +35,7 @@ export function situationOf(known, mayOperate) {
     since: word === "away" ? known.connection.since + known.clockOffset_ms : device?.since_utc ?? null,
     running: device?.capture_id ?? null,
     armed: device?.armed_capture_id ?? null,
+    group: device?.group_id ?? null,
     why: whyNot(known, device, mayOperate),
   };
 }

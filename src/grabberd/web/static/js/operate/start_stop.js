@@ -5,7 +5,7 @@ import { situationOf } from "./situation.js";
 
 /**
  * @param {import("../core/context.js").Context} context
- * @param {{order: () => any, isSound: () => boolean, waits: () => boolean}} form
+ * @param {{order: () => any, isForAll: () => boolean, isSound: () => boolean, waits: () => boolean}} form
  */
 export function createStartStop(context, form) {
   const { t, store, may } = context;
@@ -28,7 +28,7 @@ export function createStartStop(context, form) {
     setBusy("start");
     try {
       const waits = form.waits();
-      await context.api.post("/captures", { body: form.order(), key });
+      await context.api.post(form.isForAll() ? "/capture-groups" : "/captures", { body: form.order(), key });
       key = newKey();
       context.announce(t(waits ? "operate.armedNow" : "operate.started"), { kind: "good" });
     } catch (problem) {
@@ -38,14 +38,14 @@ export function createStartStop(context, form) {
     setBusy("");
   }
 
-  /** @param {"stop" | "trigger"} what */
+  /** What was begun together is triggered and stopped together. @param {"stop" | "trigger"} what */
   async function act(what) {
-    const { running, armed } = situationOf(store.get(), may("operator"));
+    const { running, armed, group } = situationOf(store.get(), may("operator"));
     const id = running ?? armed;
     if (!id || (busy && what !== "stop")) return;
     setBusy(what);
     try {
-      await context.api.post(`/captures/${id}/${what}`);
+      await context.api.post(group ? `/capture-groups/${group}/${what}` : `/captures/${id}/${what}`);
       if (what === "stop") context.announce(t("operate.stopped"), { kind: "good" });
     } catch (problem) {
       context.refused(problem);

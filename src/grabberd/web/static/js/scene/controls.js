@@ -58,8 +58,8 @@ export function createControls({ t }, look, quantities, on) {
   const picture = el("button", { class: "button", type: "button", data: { do: "picture" }, on: { click: on.picture } }, symbol("download"), t("shape.picture"));
   const element = el(
     "div", { class: "scene-controls" },
-    el("fieldset", { class: "field" }, el("legend", { class: "field-label" }, t("shape.seenFrom")), el("div", { class: "row" }, views)),
-    el("fieldset", { class: "field" }, el("legend", { class: "field-label" }, t("shape.turn")), el("div", { class: "row scene-steps" }, steps)),
+    el("fieldset", { class: "field" }, el("legend", { class: "field-label" }, t("shape.seenFrom")), el("div", { class: "scene-views" }, views)),
+    el("fieldset", { class: "field" }, el("legend", { class: "field-label" }, t("shape.turn")), el("div", { class: "scene-steps" }, steps)),
     el("fieldset", { class: "field" }, el("legend", { class: "field-label" }, t("shape.shown")), el("div", { class: "scene-parts" }, PARTS.map(part))),
     el("div", { class: "stack" }, colours(), picture),
   );

@@ -14,7 +14,7 @@ export const MEASURED = ["displacement_mm", "sigma_mm", "residual_px"];
 export async function openLive(context) {
   const { api, store } = context;
   const device = context.device();
-  if (!device?.live) return null;
+  if (!device?.live?.views) return null; // views: it has a calibration and an object model
   const path = `/devices/${encodeURIComponent(device.name)}`;
   const [object, calibration] = await Promise.all([api.get(`${path}/object`), calibrationOf(api, device)]);
   const grid = gridOf(object);

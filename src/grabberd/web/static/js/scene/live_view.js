@@ -40,7 +40,7 @@ export function createLiveView(context, body) {
   }
 
   fill(body, waiting);
-  const stopWaiting = store.subscribe((known) => known.state?.devices && Boolean(context.device()?.live), (is) => is && setTimeout(open));
+  const stopWaiting = store.subscribe((known) => known.state?.devices && Boolean(context.device()?.live?.views), (is) => is && setTimeout(open));
   ends.push(stopWaiting);
   return {
     end() {

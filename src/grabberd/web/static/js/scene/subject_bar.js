@@ -1,4 +1,5 @@
 // What is looked at, live or a capture, and how: in space or over time.
+import { labelsIn } from "../captures/words.js";
 import { el, fill } from "../core/dom.js";
 
 const LISTED = 50;
@@ -35,7 +36,8 @@ export function createSubjectBar(context, way, id) {
 }
 
 /** A capture in a line. @param {import("../core/context.js").Context} context @param {any} capture */
-export function nameOf({ format }, capture) {
-  const said = [...Object.values(capture.labels), capture.note].filter(Boolean).join(", ");
+export function nameOf(context, capture) {
+  const { format } = context;
+  const said = [labelsIn(context, capture), capture.note].filter(Boolean).join(", ");
   return [capture.created_utc ? format.moment(capture.created_utc) : capture.id, said].filter(Boolean).join(" · ");
 }

@@ -50,7 +50,7 @@ function devices({ t, store }) {
   const present = deviceOf(store.get())?.name;
   return choice(t("core.device"), Object.fromEntries(names.map((name) => [name, name])), present, (name) => {
     keep("device", name);
-    store.set({ device: name });
+    location.reload(); // nothing of the other one stays on the page
   });
 }
 

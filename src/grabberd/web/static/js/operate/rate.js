@@ -1,0 +1,60 @@
+// Pulsations a minute, for a length in pulsations: as entered here, else as measured last; and which of these it is.
+import { el, setText } from "../core/dom.js";
+import { deviceOf } from "../core/store.js";
+import { USUAL } from "./order.js";
+
+const DIGITS = 1;
+
+/**
+ * @param {import("../core/context.js").Context} context
+ * @param {import("./order.js").Wish} wish
+ * @param {(name: string, value: any) => void} set
+ * @param {() => void} changed it is another one than before
+ */
+export function createRate(context, wish, set, changed) {
+  const { t, api, store, format } = context;
+  const input = el("input", { class: "input number", id: "length-rate", type: "number", inputmode: "decimal", min: 1, step: "any", "aria-describedby": "length-rate-from" });
+  const from = el("span", { class: "field-hint", id: "length-rate-from" });
+  const element = el("label", { class: "field", for: "length-rate" }, el("span", { class: "field-label" }, t("operate.length.rate")), input, from);
+  /** @type {any} */
+  let measured = null;
+  let asked = "";
+  let ended = false;
+  input.addEventListener("input", () => set("ownPerMinute", Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null));
+  input.addEventListener("blur", show);
+
+  /** What the device's newest analysis has found. @param {string} device */
+  async function ask(device) {
+    asked = device;
+    measured = null;
+    const found = await api.get(`/devices/${encodeURIComponent(device)}/pulsation`).catch(() => null);
+    if (ended || asked !== device || !found?.rate_per_min) return;
+    measured = found;
+    show();
+    changed();
+  }
+
+  const value = () => wish.ownPerMinute ?? measured?.rate_per_min ?? USUAL.perMinute;
+
+  function show() {
+    element.hidden = wish.kind !== "cycles";
+    const device = deviceOf(store.get())?.name;
+    if (!element.hidden && device && device !== asked) ask(device);
+    if (document.activeElement !== input) input.value = value().toFixed(wish.ownPerMinute === null && measured ? DIGITS : 0).replace(/^NaN$/, "");
+    setText(from, words());
+  }
+
+  function words() {
+    if (wish.ownPerMinute !== null) return measured ? t("operate.length.rateOwnMeasured", { rate: format.number(measured.rate_per_min, DIGITS) }) : t("operate.length.rateOwn");
+    return measured ? t("operate.length.rateMeasured", { id: measured.capture }) : t("operate.length.rateUsual");
+  }
+
+  const end = store.subscribe((known) => deviceOf(known)?.name, show);
+  return {
+    element, value, show,
+    unmount() {
+      ended = true;
+      end();
+    },
+  };
+}
