@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from yaml import safe_load
 
-from grabberd.acquisition import create
 from grabberd.field import Field, NumberedField, quantise
 from grabberd.geometry import Calibration
 from grabberd.processes.accuracy import (
@@ -21,10 +20,13 @@ from grabberd.processes.accuracy import (
 from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.accuracy import PAPER_PRECISION, PAPER_RMSE
-from grabberd_fake import FakeOptions, truth_at
+from grabberd_fake import FakeGrabber, FakeOptions, truth_at
+from grabberd_fake.clock import JumpingClock
 from grabberd_fake.documents import calibration_document, object_document
 
 FIELDS = 64
+START_NS = 10_000_000_000
+"""On the simulator's clock: what moves is the same in every run."""
 ANY_THRESHOLD = 76
 """Of the 8-bit fields; each number of bits chooses its own."""
 VARIANTS = (("1 bit, doubled", 1, True), ("1 bit, 288 lines", 1, False), ("8 bit, 288 lines", 8, False))
@@ -114,7 +116,7 @@ class Scene:
 
 
 def _grabbed(options: dict[str, Any], count: int) -> Iterator[NumberedField]:
-    grabber = create("fake", {**options, "pace": "free"})
+    grabber = FakeGrabber(clock=JumpingClock(START_NS), **{**options, "pace": "free"})
     grabber.open()
     n = 0
     while n < count:
