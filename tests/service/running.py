@@ -50,15 +50,20 @@ def running(folder: Path, options: Mapping[str, Any] | None = None, **changes: A
         yield service
 
 
-@contextmanager
-def live(folder: Path, options: Mapping[str, Any] | None = None, **changes: Any) -> Iterator[Service]:
-    """A started service at the camera's pace but without the computer's delays: every field comes in time."""
+def patient(folder: Path, options: Mapping[str, Any] | None = None, **changes: Any) -> Service:
+    """A service at the camera's pace but without the computer's delays: every field comes in time."""
     config = configuration({"pace": "real", **(options or {})}, **changes)
     clock = PatientClock()
     setups = set_up(config, default_config_file())
     grabber = FakeGrabber(clock=clock, **config.devices["simulated"].options)
     setups["simulated"] = replace(setups["simulated"], grabber=grabber)
-    with started(Service(setups, folder, clock=clock)) as service:
+    return Service(setups, folder, clock=clock)
+
+
+@contextmanager
+def live(folder: Path, options: Mapping[str, Any] | None = None, **changes: Any) -> Iterator[Service]:
+    """A patient service that has started."""
+    with started(patient(folder, options, **changes)) as service:
         yield service
 
 
