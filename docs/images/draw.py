@@ -15,15 +15,15 @@ from grabberd.acquisition import create
 from grabberd.analysis import Grid, Surface, TimedPoints
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
-from grabberd.processes import render
-from grabberd.processes.analyse import FieldPoints, analyse
-from grabberd.processes.analysis_document import analysis_document
-from grabberd.processes.analysis_inputs import read_inputs
-from grabberd.processes.analysis_tables import tables
+from grabberd.processes.analysis.analyse import FieldPoints, analyse
+from grabberd.processes.analysis.analysis_document import analysis_document
+from grabberd.processes.analysis.inputs import read_inputs
+from grabberd.processes.analysis.tables import tables
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
-from grabberd.processes.model_pictures import Gallery, Modelling
-from grabberd.processes.stand import SIDES
-from grabberd.processes.wire_model import Look
+from grabberd.render import synthetic_view
+from grabberd.render.model_pictures import Gallery, Modelling
+from grabberd.render.viewpoint import SIDES
+from grabberd.render.wire_model import Look
 from grabberd.reports.chapters.shape import curves, shape
 from grabberd.service.setup import read_yaml, set_up
 
@@ -62,8 +62,8 @@ def model(modelling: Modelling, measured: list[MeasuredField]) -> NDArray[np.uin
 
 def laid_over(surface: Surface, setup: MeasureSetup, field: Field) -> NDArray[np.uint8]:
     """Parts of both synthetic views over the camera's, side by side and enlarged."""
-    pair = render.synthetic_pair(surface, setup.calibration, field, fitted=False)
-    over = render.laid_over(render.frame_of(pair, setup.calibration), field)
+    pair = synthetic_view.synthetic_pair(surface, setup.calibration, field, fitted=False)
+    over = synthetic_view.laid_over(synthetic_view.frame_of(pair, setup.calibration), field)
     parts = np.concatenate([over[LINES, LEFT], over[LINES, RIGHT]], axis=1)
     return np.asarray(cv2.resize(parts, None, fx=3, fy=3, interpolation=cv2.INTER_CUBIC), np.uint8)
 

@@ -11,11 +11,11 @@ from pydantic_core import PydanticUndefined
 
 from grabberd.api import create_app
 from grabberd.config import Config, default_config_file, load_config
-from grabberd.processes.analysis_columns import TABLES, TableDefinition
+from grabberd.processes.analysis.columns import TABLES, TableDefinition
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
-from grabberd.storage.export_columns import COLUMNS
-from grabberd.storage.export_points import PLY_COLUMNS, PLY_NAMES, PLY_TYPES
+from grabberd.storage.export.columns import COLUMNS
+from grabberd.storage.export.csv_ply import PLY_COLUMNS, PLY_NAMES, PLY_TYPES
 
 HERE = Path(__file__).parent
 PARQUET_TYPES = {"i4": "int32", "f4": "float32", "f8": "float64", "M8[ms]": "timestamp, ms, UTC"}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grabberd.acquisition.content import ContentCheck
+from grabberd.acquisition.checks.content_check import ContentCheck
 from grabberd.acquisition.device import GrabbedField
 from grabberd.field import Field
 from grabberd_fake.options import FakeOptions

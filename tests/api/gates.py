@@ -9,10 +9,10 @@ from starlette.responses import JSONResponse
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from grabberd.api.auth import Authenticator
-from grabberd.api.auth_attempts import Attempts
-from grabberd.api.front import Front
-from grabberd.api.gate import Gate
+from grabberd.api.guard.authentication import Authenticator
+from grabberd.api.guard.failed_attempts import Attempts
+from grabberd.api.guard.front import Front
+from grabberd.api.guard.gate import Gate
 from grabberd.service.access import Access
 from grabberd.service.roles import Role
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from running import PATIENCE_S, wait_until_it_accepts
 
 from grabberd.api import create_app
-from grabberd.api.front import Front
+from grabberd.api.guard.front import Front
 from grabberd.api.serving import server_of
 from grabberd.api.sockets import bind
 from grabberd.config import HttpLimits

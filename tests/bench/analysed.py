@@ -11,8 +11,8 @@ from tests.bench.accuracy import Scene
 
 from grabberd.analysis import Grid, TimedPoints
 from grabberd.processes.accuracy import requantised
-from grabberd.processes.analyse import Analysis, FieldPoints, analyse
-from grabberd.processes.analysis_inputs import read_inputs
+from grabberd.processes.analysis.analyse import Analysis, FieldPoints, analyse
+from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.processes.measure import measure_fields
 from grabberd_fake import FakeOptions
 from grabberd_fake.liner import closure, profile

@@ -21,7 +21,7 @@ from grabberd.analysis import (
     wall_at,
 )
 from grabberd.analysis.surface.nominal_shape import NominalShape
-from grabberd.processes.wall_state import WallState
+from grabberd.processes.analysis.wall_state import WallState
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from tests.bench.accuracy import FIELDS, PICTURE, VARIANTS, Scene
 from yaml import safe_load
 
 from grabberd.geometry import NominalRig
-from grabberd.processes.calibrate import calibrate
+from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.reconstruction import ObjectModel
 from grabberd_fake import FakeOptions
 from grabberd_fake.documents import object_document

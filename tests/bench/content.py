@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tests.bench.content_found import lost
 
-from grabberd.acquisition.content import ContentCheck
+from grabberd.acquisition.checks.content_check import ContentCheck
 from grabberd.acquisition.device import GrabbedField
 from grabberd.acquisition.registry import create
 from grabberd.field import Field

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition.content import Content, ContentCheck
+from grabberd.acquisition.checks.content_check import Content, ContentCheck
 from grabberd.acquisition.device import GrabbedField
 from grabberd.field import Field
 from grabberd_fake.options import FakeOptions

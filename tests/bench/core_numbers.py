@@ -11,7 +11,7 @@ from grabberd.field import Field, PackedField, quantise
 from grabberd.geometry import Rig, project
 from grabberd.measurement import LocationSettings, measure
 from grabberd.reconstruction import ImageNoise, ObjectModel, ViewBlobs
-from grabberd.reconstruction.correspondence import Correspondence
+from grabberd.reconstruction.correspondence.correspondence import Correspondence
 
 REPEATED = 40
 PICTURES = ((54, 1), (216, 1), (1000, 1), (5000, 1), (216, 4), (216, 16))

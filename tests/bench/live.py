@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.service.recorder import CaptureRequest
+from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.storage import CaptureReader
 
 from .daemon import Cost, Daemon, daemon, resident_mb

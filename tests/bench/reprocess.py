@@ -12,8 +12,8 @@ from grabberd.acquisition import Ledger, Outcome, Slot
 from grabberd.acquisition.registry import create
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, double_lines, quantise
-from grabberd.service.executors import local_workers
-from grabberd.service.reprocess import Progress, Request, Summary, reprocess
+from grabberd.service.reprocess.executors import local_workers
+from grabberd.service.reprocess.reprocess import Progress, Request, Summary, reprocess
 from grabberd.storage import CaptureMeta, CaptureWriter
 
 from .daemon import resident_mb

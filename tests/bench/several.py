@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import default_config_file, load_config
-from grabberd.service.instrument import Instrument
-from grabberd.service.recorder import CaptureRequest
+from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.recording import Recording
+from grabberd.service.device.instrument import Instrument
 from grabberd.service.service import Service
-from grabberd.service.session import CaptureSession
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
 
@@ -87,7 +87,7 @@ def _run(
     return rows, [*_costs(_by_kind(shares)), *_about(service, group_id, watching, highest_mb)]
 
 
-def _row(service: Service, instrument: Instrument, session: CaptureSession) -> tuple[str, ...]:
+def _row(service: Service, instrument: Instrument, session: Recording) -> tuple[str, ...]:
     with CaptureReader(service.archive.path(session.id)) as reader:
         ledger, points = reader.ledger, sum(len(one) for _, one in reader.points())
     latency = instrument.worker.latency.milliseconds(ledger.total)

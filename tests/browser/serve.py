@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.api import create_app, serving, sockets
-from grabberd.api.front import Front
+from grabberd.api.guard.front import Front
 from grabberd.config import default_config_file, load_config
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up

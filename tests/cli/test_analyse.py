@@ -23,7 +23,7 @@ from grabberd.errors import (
     NotReady,
     StorageError,
 )
-from grabberd.processes.analysis_columns import TABLES
+from grabberd.processes.analysis.columns import TABLES
 from processes.milking import CONSTANT, MATERIAL, PERIOD_S, changed, field, grid, log, still
 from storage.milkings import milking, object_document
 

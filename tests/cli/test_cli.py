@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.storage import CaptureReader
-from grabberd.storage.lock import DirectoryLock
+from grabberd.storage.capture.directory_lock import DirectoryLock
 
 FAST = """
 devices:

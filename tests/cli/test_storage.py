@@ -13,9 +13,9 @@ from grabberd.cli.app import app
 from grabberd.cli.status import disk_words
 from grabberd.errors import StorageError
 from grabberd.storage import CaptureWriter
-from grabberd.storage.annotations import Annotation, AnnotationStore
-from grabberd.storage.lock import DirectoryLock
-from grabberd.storage.state import StateStore
+from grabberd.storage.capture.directory_lock import DirectoryLock
+from grabberd.storage.state.annotation_store import Annotation, AnnotationStore
+from grabberd.storage.state.state_store import StateStore
 from storage.captures import meta, slots, write
 
 

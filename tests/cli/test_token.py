@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
-from grabberd.cli.remote import ask, download
+from grabberd.cli.remote.client import ask, download
 from grabberd.errors import GrabberdError, InputError
 from grabberd.service.access import Access, Identity
 from grabberd.service.roles import Role

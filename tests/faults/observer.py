@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NamedTuple
 
-from grabberd.service.changes import merged
+from grabberd.service.live.state_changes import merged
 
 from .daemon import PATIENCE_S
 

@@ -7,8 +7,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from grabberd.acquisition import Outcome
-from grabberd.service.recovery import Rung
-from grabberd.service.states import DeviceState
+from grabberd.service.device.device_state import DeviceState
+from grabberd.service.device.recovery import Rung
 from grabberd_fake import FakeOptions
 from grabberd_fake.faults import FOREVER_S, Fault, Mendable
 

@@ -6,12 +6,12 @@ from geometry.rigs import calibration
 from grabberd.field import PackedField
 from grabberd.geometry import Rig
 from grabberd.kernel import load
-from grabberd.measurement.compiled import measure_compiled
-from grabberd.measurement.compiled_grey import measure_grey, takes_grey
-from grabberd.measurement.grey import GREY
+from grabberd.measurement.compiled.binary import measure_compiled
+from grabberd.measurement.compiled.grey import measure_grey, takes_grey
 from grabberd.measurement.location import LocationSettings
+from grabberd.measurement.locators.grey import GREY
 from grabberd.reconstruction import ImageNoise, ViewBlobs
-from grabberd.reconstruction.correspondence import Correspondence
+from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from reconstruction.liners import model
 from reconstruction.many import grid
 

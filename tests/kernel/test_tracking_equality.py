@@ -4,15 +4,15 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from reconstruction.test_tracking import deflection_mm, wall
 
 from geometry.rigs import calibration
 from grabberd.geometry import LocalField, Rig
 from grabberd.kernel import KERNEL
 from grabberd.reconstruction import ImageNoise, Tracker
-from grabberd.reconstruction.correspondence import Correspondence
+from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from reconstruction import many
 from reconstruction.liners import model, see
-from reconstruction.test_tracking import deflection_mm, wall
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,

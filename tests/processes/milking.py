@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 from grabberd.analysis import Grid, TimedPoints
-from grabberd.processes.analyse import FieldPoints, analyse
-from grabberd.processes.analysis_inputs import read_inputs
+from grabberd.processes.analysis.analyse import FieldPoints, analyse
+from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.reconstruction import ObjectModel, Points
 from grabberd_fake import FakeOptions, truth_of_wall
 from grabberd_fake.liner import Liner

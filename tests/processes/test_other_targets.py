@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from grabberd.errors import AnalysisError
-from grabberd.processes.analyse import analyse
-from grabberd.processes.analysis_inputs import read_inputs
-from grabberd.processes.analysis_tables import tables
-from grabberd.processes.model_pictures import Modelling
+from grabberd.processes.analysis.analyse import analyse
+from grabberd.processes.analysis.inputs import read_inputs
+from grabberd.processes.analysis.tables import tables
+from grabberd.render.model_pictures import Modelling
 from processes.milking import CLOSED_S, CONSTANT, MATERIAL, OPEN_S, analysed, changed, field, grid, model
 
 MOMENTS_S = (OPEN_S, 0.4, CLOSED_S)

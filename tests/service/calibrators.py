@@ -7,9 +7,9 @@ from typing import Any
 
 from grabberd.config import shipped_configs
 from grabberd.errors import MeasurementError
-from grabberd.service.jobs import Progress
+from grabberd.service.jobs.job_runner import Progress
 from grabberd.storage import CaptureReader
-from grabberd.storage.calibrations import CalibrationStore
+from grabberd.storage.state.calibration_store import CalibrationStore
 
 Document = dict[str, Any]
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from running import configuration, sealed
 
 from grabberd.config import ThresholdConfig, default_config_file
-from grabberd.service.recorder import CaptureRequest
+from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader

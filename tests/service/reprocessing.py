@@ -13,8 +13,8 @@ import pyarrow.dataset
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.config import shipped_configs
-from grabberd.service.executors import Workers
-from grabberd.service.reprocess import Request, Summary, Tell, reprocess
+from grabberd.service.reprocess.executors import Workers
+from grabberd.service.reprocess.reprocess import Request, Summary, Tell, reprocess
 from processes.fake_scene import Scene, take_scene
 from storage.captures import write
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import Config, default_config_file, load_config
+from grabberd.service.capture.recording import Recording
 from grabberd.service.clock import SystemClock
 from grabberd.service.service import Service
-from grabberd.service.session import CaptureSession
 from grabberd.service.setup import set_up
 from grabberd_fake import FakeGrabber
 
@@ -85,7 +85,7 @@ def wait_until_it_accepts(service: Service) -> None:
         assert board.changed.wait_for(lambda: service.instrument(None).accepts, PATIENCE_S), board.now
 
 
-def sealed(service: Service) -> CaptureSession:
+def sealed(service: Service) -> Recording:
     """The last capture, once its file is sealed."""
     session = service.instrument(None).session
     assert session is not None

@@ -13,7 +13,7 @@ from grabberd.errors import (
     StreamFailed,
 )
 from grabberd.field import Field
-from grabberd.service.states import DeviceState
+from grabberd.service.device.device_state import DeviceState
 
 S = DeviceState
 

@@ -9,7 +9,7 @@ from typing import Any
 from running import PATIENCE_S, PatientClock, configuration
 
 from grabberd.config import LocationConfig, default_config_file
-from grabberd.service.disk import DiskGuard
+from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd_fake import FakeGrabber

@@ -9,10 +9,10 @@ from grabberd.acquisition import LedgerEntry, Slot
 from grabberd.acquisition.device import Grabber
 from grabberd.config import DeviceConfig
 from grabberd.errors import GrabberdError
-from grabberd.service.capture_thread import Captures, CaptureThread
-from grabberd.service.intake import Intake
-from grabberd.service.states import DeviceState
-from grabberd.service.status import StatusBoard
+from grabberd.service.device.capture_thread import Captures, CaptureThread
+from grabberd.service.device.device_state import DeviceState
+from grabberd.service.device.field_pipeline import FieldPipeline
+from grabberd.service.device.status_board import StatusBoard
 
 START_NS = 1_000_000_000
 SMALL = DeviceConfig(driver="test", threshold={"kind": "fixed", "value": 60}, ring={"lines": "field"})
@@ -76,7 +76,7 @@ class Run:
         interrupted: Callable[[GrabberdError], None] = lambda _: None,
     ) -> None:
         self.clock = clock
-        self.intake = Intake(SMALL)
+        self.intake = FieldPipeline(SMALL)
         self.board = StatusBoard("test", clock)
         self.seen: list[Seen] = []
         self.ended: list[GrabberdError] = []

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from running import running, sealed
 
+from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.diagnostics import bundle, daemon_parts, machine_parts
 from grabberd.service.journal import last_lines
-from grabberd.service.recorder import CaptureRequest
 from grabberd.service.roles import Role
 
 

@@ -15,10 +15,10 @@ from several import sealed_all, service_of, several, wait_until_they_accept
 from grabberd.acquisition import GrabbedField, Signal, StreamInfo
 from grabberd.config import default_config_file
 from grabberd.errors import ConfigError, DeviceRefused
-from grabberd.service.recorder import CaptureRequest
+from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.device.device_state import DeviceState
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
-from grabberd.service.states import DeviceState
 from grabberd.storage import CaptureReader, CaptureWriter
 
 FIELDS = 60

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated_time import SimulatedClock
 
+from grabberd.service.device.device_state import DeviceState
+from grabberd.service.device.status_board import StatusBoard
 from grabberd.service.heartbeat import Heartbeat
 from grabberd.service.notify import Notifier
-from grabberd.service.states import DeviceState
-from grabberd.service.status import StatusBoard
 
 WATCHDOG_S = 30.0
 

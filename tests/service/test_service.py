@@ -9,7 +9,7 @@ from running import PATIENCE_S, configuration, running, sealed
 
 from grabberd.config import default_config_file
 from grabberd.errors import CaptureRunning, Conflict, NotFound
-from grabberd.service.recorder import CaptureRequest
+from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -99,7 +99,9 @@ def test_a_full_disk_ends_the_capture_and_what_is_on_it_can_be_read(
     from grabberd.storage import schema  # noqa: PLC0415
 
     create = schema.create
-    monkeypatch.setattr("grabberd.storage.writer.create", lambda path, _=None: create(path, max_pages=600))
+    monkeypatch.setattr(
+        "grabberd.storage.capture.writer.create", lambda path, _=None: create(path, max_pages=600)
+    )
     with running(tmp_path, {"pace": "real"}) as service:
         path = capture(service)
         session = service.instrument(None).session

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grabberd.storage.codec import POINT
-from grabberd.storage.export import MANIFEST_COLUMNS, POINT_COLUMNS
-from grabberd.storage.schema import APPLICATION_ID, VERSION
+from grabberd.storage.capture.codec import POINT
+from grabberd.storage.capture.schema import APPLICATION_ID, VERSION
+from grabberd.storage.export.export import MANIFEST_COLUMNS, POINT_COLUMNS
 from storage.captures import points, slots, write
 
 TEXT = (Path(__file__).parents[2] / "docs" / "reference" / "capture-file.md").read_text(encoding="utf-8")

@@ -8,8 +8,8 @@ which can hold up the capture; the `ledger` accounts for every field that should
 started here.
 """
 
+from grabberd.acquisition.checks.content_check import Content, ContentCheck
 from grabberd.acquisition.clock import Clock, SystemClock
-from grabberd.acquisition.content import Content, ContentCheck
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Grabber, Signal, StreamInfo
 from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
 from grabberd.acquisition.ledger import Ledger, LedgerEntry, Outcome

@@ -1,10 +1,10 @@
 """From points to shape, strain, tension and pressure (paper 3.8)."""
 
-from grabberd.analysis.contact.pressure import ChamberVacuum, PressureMap, Shares
-from grabberd.analysis.contact.pressure_model import PressureModel
-from grabberd.analysis.contact.touch import FreeWall, Touch, above_place, first_touch, free_wall, since_touch
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap, Shares
+from grabberd.analysis.load.pressure_model import PressureModel
+from grabberd.analysis.load.touch import FreeWall, Touch, above_place, first_touch, free_wall, since_touch
 from grabberd.analysis.pulsation.gaps import Gap, gaps
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average

@@ -9,7 +9,17 @@ from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
-from grabberd.api import (
+from grabberd.api import problems
+from grabberd.api.docs.openapi import describe
+from grabberd.api.guard.authentication import Authenticator
+from grabberd.api.guard.failed_attempts import Attempts
+from grabberd.api.guard.front import Front
+from grabberd.api.guard.gate import Gate
+from grabberd.api.guard.limits import Streams
+from grabberd.api.guard.refusals import Refusal, answer_refusal
+from grabberd.api.guard.roles import check_declared
+from grabberd.api.head import HeadAsGet
+from grabberd.api.routes import (
     analyses,
     calibration_frames,
     calibrations,
@@ -20,26 +30,15 @@ from grabberd.api import (
     devices,
     diagnostics,
     docs,
-    events,
     jobs,
     metrics,
     page,
-    preview,
-    problems,
     sessions,
     settings,
     system,
 )
-from grabberd.api.auth import Authenticator
-from grabberd.api.auth_attempts import Attempts
-from grabberd.api.description import describe
-from grabberd.api.front import Front
-from grabberd.api.gate import Gate
-from grabberd.api.head import HeadAsGet
-from grabberd.api.limits import Streams
-from grabberd.api.live import Live
-from grabberd.api.refusals import Refusal, answer_refusal
-from grabberd.api.roles import check_declared
+from grabberd.api.streams import events, preview_routes
+from grabberd.api.streams.feeds import Live
 from grabberd.service.service import Service
 from grabberd.web import Files
 
@@ -87,7 +86,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
         jobs,
         sessions,
         events,
-        preview,
+        preview_routes,
         settings,
     ):
         app.include_router(part.router, prefix="/api/v1")

@@ -16,10 +16,10 @@ from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
-from grabberd.api.refusals import Refusal
+from grabberd.api.guard.refusals import Refusal
 from grabberd.errors import GrabberdError, StorageError
 from grabberd.service.idempotency import Idempotency
-from grabberd.storage.idempotency import KeptAnswer
+from grabberd.storage.state.idempotency_store import KeptAnswer
 
 log = logging.getLogger(__name__)
 

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 
 from grabberd import errors
-from grabberd.api.examples import PROBLEM
+from grabberd.api.docs.examples import PROBLEM
 
 log = logging.getLogger(__name__)
 

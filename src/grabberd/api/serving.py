@@ -10,10 +10,10 @@ from pathlib import Path
 import uvicorn
 from fastapi import FastAPI
 
-from grabberd.api.connections import connection_class
-from grabberd.api.front import Front
-from grabberd.api.live import Live
+from grabberd.api.guard.connections import connection_class
+from grabberd.api.guard.front import Front
 from grabberd.api.sockets import describe
+from grabberd.api.streams.feeds import Live
 from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
 from grabberd.service.heartbeat import Heartbeat

@@ -4,9 +4,14 @@ A `Network` says which blob is which target in which view and how well each is k
 views' parameters are sought, held, shared or tied; `adjust` finds them. Any number of views and targets.
 """
 
-from grabberd.calibration.adjustment import Adjustment, adjust
-from grabberd.calibration.blunders import Blunder, without_blunders
-from grabberd.calibration.comparison import Difference, compare
+from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
+from grabberd.calibration.adjustment.iteration import AdjustmentSettings
+from grabberd.calibration.adjustment.network import Network
+from grabberd.calibration.adjustment.propagation import Propagated, intersect_network, propagate
+from grabberd.calibration.adjustment.rank import NullVector, check_depth, check_rank, null_vectors
+from grabberd.calibration.adjustment.resection import Resection, resect
+from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
+from grabberd.calibration.adjustment.unmodelled import with_unmodelled
 from grabberd.calibration.glass import with_glass
 from grabberd.calibration.identification import (
     Identification,
@@ -16,19 +21,14 @@ from grabberd.calibration.identification import (
     identify_by_hand,
     identify_frame,
 )
-from grabberd.calibration.iteration import AdjustmentSettings
-from grabberd.calibration.local_field import LocalFieldSettings, LocalFieldTrial, try_local_fields
+from grabberd.calibration.local_field.local_field import LocalFieldSettings, LocalFieldTrial, try_local_fields
 from grabberd.calibration.means import FieldImages, MeanImages, MeansSettings, mean_images
-from grabberd.calibration.network import Network
-from grabberd.calibration.normality import Normality, normality
-from grabberd.calibration.propagation import Propagated, intersect_network, propagate
-from grabberd.calibration.rank import NullVector, check_depth, check_rank, null_vectors
-from grabberd.calibration.resection import Resection, resect
-from grabberd.calibration.significance import Elimination, FTest, eliminate, f_tests
-from grabberd.calibration.unknowns import LENS, Unknowns
-from grabberd.calibration.unmodelled import with_unmodelled
-from grabberd.calibration.validation import Validation, cross_validate, spatial_blocks
-from grabberd.calibration.volume import VolumeSigma, volume_sigma
+from grabberd.calibration.statistics.blunders import Blunder, without_blunders
+from grabberd.calibration.statistics.normality import Normality, normality
+from grabberd.calibration.statistics.significance import Elimination, FTest, eliminate, f_tests
+from grabberd.calibration.statistics.validation import Validation, cross_validate, spatial_blocks
+from grabberd.calibration.statistics.view_comparison import Difference, compare
+from grabberd.calibration.statistics.volume import VolumeSigma, volume_sigma
 
 __all__ = [
     "LENS",

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.adjustment import adjust
-from grabberd.calibration.network import Network
-from grabberd.calibration.unknowns import Unknowns
+from grabberd.calibration.adjustment.adjustment import adjust
+from grabberd.calibration.adjustment.network import Network
+from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.geometry import Calibration, Plate, project_through
 
 

@@ -9,10 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 from grabberd.processes.accuracy import Axes, Compared, Investigation
-from grabberd.reconstruction.accuracy import PAPER_PRECISION, PAPER_RMSE
-from grabberd.reconstruction.lengths import LengthErrors
-from grabberd.reconstruction.pointing import PAPER_PX, PointingPrecision
-from grabberd.reconstruction.rigid import RigidMotion
+from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE
+from grabberd.reconstruction.accuracy.lengths import LengthErrors
+from grabberd.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
+from grabberd.reconstruction.accuracy.rigid import RigidMotion
 
 MUCH_CHI2 = 4.0
 """Above it the σ given are less than half of the errors."""

@@ -12,7 +12,7 @@ from grabberd.cli.options import JsonOption, console, print_json, progress_conso
 from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
-    from grabberd.service.analysing import Analysed
+    from grabberd.service.jobs.analyse_file import Analysed
 
 _SHOWN = (
     "period_s",
@@ -62,10 +62,10 @@ def analyse(
 
     Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
     """
-    from grabberd.service.analysing import analyse_file  # noqa: PLC0415
+    from grabberd.service.jobs.analyse_file import analyse_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
-    from grabberd.storage.analysis_export import check_formats, write_analysis  # noqa: PLC0415
-    from grabberd.storage.folders import new_folder  # noqa: PLC0415
+    from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
+    from grabberd.storage.export.folders import new_folder  # noqa: PLC0415
 
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
@@ -96,8 +96,8 @@ def analyse(
 
 
 def _report(out: Path, made: "Analysed") -> list[Path]:
-    from grabberd.service.analysis_report import write_document, write_page  # noqa: PLC0415
-    from grabberd.storage.analyses import DOCUMENT  # noqa: PLC0415
+    from grabberd.service.jobs.analysis_report import write_document, write_page  # noqa: PLC0415
+    from grabberd.storage.state.analysis_store import DOCUMENT  # noqa: PLC0415
 
     document = write_document(out, made)
     try:

@@ -28,7 +28,7 @@ def backup(
     Example: grabberd backup --config /etc/grabberd/grabberd.yaml barn-2026-03-01.zip
     """
     from grabberd.service.clock import iso_utc  # noqa: PLC0415
-    from grabberd.storage.backup import back_up  # noqa: PLC0415
+    from grabberd.storage.state.backup import back_up  # noqa: PLC0415
 
     info = back_up(load(config).state_directory, out, iso_utc(datetime.now(UTC)), __version__)
     if json:
@@ -48,7 +48,7 @@ def restore(
 
     Example: grabberd restore --config /etc/grabberd/grabberd.yaml barn-2026-03-01.zip
     """
-    from grabberd.storage.backup import restore as put_back  # noqa: PLC0415
+    from grabberd.storage.state.backup import restore as put_back  # noqa: PLC0415
 
     now = f"{datetime.now(UTC):%Y%m%dT%H%M%S%fZ}"
     info, replaced = put_back(load(config).state_directory, file, now)

@@ -21,7 +21,7 @@ from grabberd.config import RigConfig
 from grabberd.errors import StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.calibrating import Calibrated
+    from grabberd.service.jobs.calibrate_file import Calibrated
 
 
 def register(app: typer.Typer) -> None:
@@ -111,7 +111,7 @@ def _calibrated(
     identifications: Path | None,
 ) -> "Calibrated":
     """With a progress bar."""
-    from grabberd.service.calibrating import calibrate_file  # noqa: PLC0415
+    from grabberd.service.jobs.calibrate_file import calibrate_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
     from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
 

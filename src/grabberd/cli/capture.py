@@ -24,9 +24,9 @@ from grabberd.config import Config, default_config_file
 from grabberd.errors import DeviceAbsent, StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.instrument import Instrument
-    from grabberd.service.recorder import CaptureRequest
-    from grabberd.service.session import CaptureSession
+    from grabberd.service.capture.recorder import CaptureRequest
+    from grabberd.service.capture.recording import Recording
+    from grabberd.service.device.instrument import Instrument
 
 POLL_S = 0.05
 FIELD_S = 0.02
@@ -109,7 +109,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     if out.exists():
         raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
     if url or armed:
-        from grabberd.cli.remote_capture import capture_through  # noqa: PLC0415
+        from grabberd.cli.remote.remote_capture import capture_through  # noqa: PLC0415
 
         document = capture_through(url or DEFAULT_URL, device, order, out, token_file)
     else:
@@ -130,7 +130,7 @@ def _say(out: Path, document: dict[str, Any]) -> None:
 def _capture_together(
     url: str, devices: str, order: dict[str, Any], out: Path, token_file: Path | None, *, json: bool
 ) -> None:
-    from grabberd.cli.remote_group import capture_group_through, file_of  # noqa: PLC0415
+    from grabberd.cli.remote.remote_group import capture_group_through, file_of  # noqa: PLC0415
 
     names = "all" if devices == "all" else [name.strip() for name in devices.split(",") if name.strip()]
     group = capture_group_through(url, {**order, "devices": names}, out, token_file)
@@ -156,7 +156,7 @@ def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
     """The capture as the API takes it, with what is wrong said in the command line's words."""
     from pydantic import ValidationError  # noqa: PLC0415
 
-    from grabberd.api.capture_models import CaptureOrder  # noqa: PLC0415
+    from grabberd.api.routes.capture_models import CaptureOrder  # noqa: PLC0415
 
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
@@ -175,11 +175,11 @@ def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
 def _capture_here(
     config: Config, file: Path | None, device: str | None, order: dict[str, Any], out: Path
 ) -> dict[str, Any]:
-    from grabberd.service.capture_document import describe  # noqa: PLC0415
+    from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
-    from grabberd.service.instrument import Instrument  # noqa: PLC0415
+    from grabberd.service.device.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
-    from grabberd.storage.leftovers import leftovers, recording_folder  # noqa: PLC0415
+    from grabberd.storage.capture.leftovers import leftovers, recording_folder  # noqa: PLC0415
 
     warn(
         f"{part} was left by a capture that was cut off; 'grabberd storage seal {part}' saves it"
@@ -207,7 +207,7 @@ def _capture_here(
 
 
 def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
-    from grabberd.service.recorder import CaptureRequest  # noqa: PLC0415
+    from grabberd.service.capture.recorder import CaptureRequest  # noqa: PLC0415
 
     values = dict(order)
     values.pop("armed", None)  # here it begins at once
@@ -218,7 +218,7 @@ def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
 
 
 def _wait_until_it_accepts(instrument: "Instrument") -> None:
-    from grabberd.service.states import DeviceState  # noqa: PLC0415
+    from grabberd.service.device.device_state import DeviceState  # noqa: PLC0415
 
     board = instrument.board
     with board.changed:
@@ -232,7 +232,7 @@ def _wait_until_it_accepts(instrument: "Instrument") -> None:
         )
 
 
-def _follow(session: "CaptureSession", order: dict[str, Any], rate_hz: float) -> None:
+def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None:
     """Shows how far the capture is until its file is sealed; Ctrl-C ends the recording."""
     wanted = order.get("fields") or round(order.get("duration_s", 0) * rate_hz) or None
     columns = (
@@ -251,7 +251,7 @@ def _follow(session: "CaptureSession", order: dict[str, Any], rate_hz: float) ->
             session.stop("stopped by the operator")
 
 
-def _keep(session: "CaptureSession", out: Path) -> None:
+def _keep(session: "Recording", out: Path) -> None:
     """Gives the file its name, whole or not; what kept it from being whole is raised."""
     session.path.rename(out)
     if session.failure is not None:

@@ -78,8 +78,8 @@ def _frame(path: Path | None) -> dict[str, Any] | None:
 def _of_file(
     capture: Path, calibration: Path | None, frame: dict[str, Any] | None, *, in_place: bool
 ) -> dict[str, Any]:
-    from grabberd.service.calibration_frames import frame_document  # noqa: PLC0415
-    from grabberd.service.check_job import check_file  # noqa: PLC0415
+    from grabberd.service.calibrations.calibration_frames import frame_document  # noqa: PLC0415
+    from grabberd.service.jobs.check_job import check_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents  # noqa: PLC0415
 
     document = read_documents(calibration, None)["calibration"]
@@ -97,7 +97,7 @@ def _of_file(
 def _through_daemon(
     url: str, device: str | None, frame: dict[str, Any] | None, token_file: Path | None, *, in_place: bool
 ) -> dict[str, Any]:
-    from grabberd.cli.remote import ask  # noqa: PLC0415
+    from grabberd.cli.remote.client import ask  # noqa: PLC0415
 
     name = device or _only(ask(url, "/api/v1/devices", token_file=token_file)["devices"])
     order = {"calibration_frame": frame, "in_place": in_place}

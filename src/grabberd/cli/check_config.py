@@ -21,7 +21,7 @@ def check_config(
 
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.service.publishing import check_publishing  # noqa: PLC0415
+    from grabberd.service.mqtt.publishing import check_publishing  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
     config = load_config(file)

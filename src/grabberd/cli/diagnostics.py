@@ -39,7 +39,7 @@ def diagnostics(
 
     Example: sudo grabberd diagnostics --config /etc/grabberd/grabberd.yaml --out barn.zip
     """
-    from grabberd.cli.remote import download  # noqa: PLC0415
+    from grabberd.cli.remote.client import download  # noqa: PLC0415
     from grabberd.service.diagnostics import bundle, machine_parts  # noqa: PLC0415
 
     if out.exists():

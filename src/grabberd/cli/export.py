@@ -37,7 +37,7 @@ def export(
 
     Example: grabberd export liner.grab --format ply --field 25 --out open-liner
     """
-    from grabberd.storage import export as exports  # noqa: PLC0415
+    from grabberd.storage.export import export as exports  # noqa: PLC0415
 
     if field is not None and format is not Format.PLY:
         raise typer.BadParameter("one field is for ply alone", param_hint="--field")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from grabberd.geometry import NominalRig, Rig
     from grabberd.processes.plan import Plan, PlannedPlace, PlanSettings
     from grabberd.reconstruction import ObjectModel
-    from grabberd.reconstruction.accuracy import Axes
+    from grabberd.reconstruction.accuracy.accuracy import Axes
 
 COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
 USUAL_FRAME = "calibration-frames/paper-108.yaml"

@@ -15,15 +15,15 @@ from grabberd.analysis import Agreement
 from grabberd.cli.options import print_json, progress_console
 from grabberd.errors import InputError, NotFound, NotReady
 from grabberd.field import Field, unpack
-from grabberd.processes import render
 from grabberd.processes.measure import MeasureSetup
-from grabberd.processes.model_pictures import Gallery, Modelling
-from grabberd.processes.stand import SIDES
-from grabberd.processes.wire_model import Look
 from grabberd.reconstruction import Points
+from grabberd.render import synthetic_view
+from grabberd.render.model_pictures import Gallery, Modelling
+from grabberd.render.viewpoint import SIDES
+from grabberd.render.wire_model import Look
 from grabberd.service.setup import measure_setup
 from grabberd.storage import CaptureReader
-from grabberd.storage.pictures import MOST_PER_S, write_animation, write_pictures
+from grabberd.storage.export.pictures import MOST_PER_S, write_animation, write_pictures
 
 Picture = NDArray[np.uint8]
 Direction = tuple[float, float]
@@ -92,20 +92,20 @@ class Rendering:
         """The synthetic view of one field from anywhere."""
         n = self._field(field)
         surface = self._modelling().surface(self.points[n])
-        view = render.free_view(surface, self.setup.calibration, self._grey(n), *direction, self.size)
-        self._write({f"synthetic-{n}-free": render.see_through(view.grey)}, {"field": n})
+        view = synthetic_view.free_view(surface, self.setup.calibration, self._grey(n), *direction, self.size)
+        self._write({f"synthetic-{n}-free": synthetic_view.see_through(view.grey)}, {"field": n})
 
     def views(self, field: int | None, *, over: bool) -> None:
         """Both synthetic views of one field, alone or laid over the camera's picture, and how they fit."""
         n = self._field(field)
         grey, calibration = self._grey(n), self.setup.calibration
-        pair = render.synthetic_pair(self._modelling().surface(self.points[n]), calibration, grey)
-        frame = render.frame_of(pair, calibration)
-        pictures = {f"synthetic-{n}": render.see_through(frame)}
+        pair = synthetic_view.synthetic_pair(self._modelling().surface(self.points[n]), calibration, grey)
+        frame = synthetic_view.frame_of(pair, calibration)
+        pictures = {f"synthetic-{n}": synthetic_view.see_through(frame)}
         if over:
             pictures = {
-                f"overlay-{n}": render.laid_over(frame, grey),
-                f"difference-{n}": render.difference(frame, grey),
+                f"overlay-{n}": synthetic_view.laid_over(frame, grey),
+                f"difference-{n}": synthetic_view.difference(frame, grey),
             }
         fits = {name: _fit(fit) for name, fit in zip(_VIEWS, pair.fit, strict=True)}
         self._write(pictures, {"field": n, "fit": fits, "problems": list(pair.problems)})
@@ -191,8 +191,10 @@ class Rendering:
         if n not in self.points:
             return np.zeros((calibration.lines, calibration.columns, 3), np.uint8)
         grey = self._grey(n)
-        pair = render.synthetic_pair(modelling.surface(self.points[n]), calibration, grey, fitted=False)
-        return render.laid_over(render.frame_of(pair, calibration), grey)
+        pair = synthetic_view.synthetic_pair(
+            modelling.surface(self.points[n]), calibration, grey, fitted=False
+        )
+        return synthetic_view.laid_over(synthetic_view.frame_of(pair, calibration), grey)
 
     def _caption(self, n: int) -> str:
         return f"field {n}   {n / self.reader.meta.rate_hz:.2f} s"

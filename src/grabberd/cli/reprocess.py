@@ -12,8 +12,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from grabberd.cli.options import JsonOption, print_json, progress_console, warn
 
 if TYPE_CHECKING:
-    from grabberd.service.reprocess import Progress as Far
-    from grabberd.service.reprocess import Summary
+    from grabberd.service.reprocess.reprocess import Progress as Far
+    from grabberd.service.reprocess.reprocess import Summary
 
 INTERRUPTED = 130
 RATE_OVER_S = 600
@@ -59,9 +59,9 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd reprocess 'archive/**/2026-03-*.grab' --calibration rig.json --out points --scheduler
     tcp://10.0.0.5:8786
     """
-    from grabberd.service.executors import cluster_workers, local_workers  # noqa: PLC0415
-    from grabberd.service.reprocess import Request  # noqa: PLC0415
-    from grabberd.service.reprocess import reprocess as measure_again  # noqa: PLC0415
+    from grabberd.service.reprocess.executors import cluster_workers, local_workers  # noqa: PLC0415
+    from grabberd.service.reprocess.reprocess import Request  # noqa: PLC0415
+    from grabberd.service.reprocess.reprocess import reprocess as measure_again  # noqa: PLC0415
 
     if scheduler and workers:
         raise typer.BadParameter("the cluster has workers of its own", param_hint="--workers")

@@ -36,12 +36,12 @@ def serve(
     Example: grabberd serve --config /etc/grabberd/grabberd.yaml
     """
     from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
-    from grabberd.api.front import Front  # noqa: PLC0415
+    from grabberd.api.guard.front import Front  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
     from grabberd.service.memory import keep_freed_memory  # noqa: PLC0415
+    from grabberd.service.mqtt.publishing import check_publishing  # noqa: PLC0415
     from grabberd.service.notify import Notifier  # noqa: PLC0415
-    from grabberd.service.publishing import check_publishing  # noqa: PLC0415
     from grabberd.service.service import Service  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 

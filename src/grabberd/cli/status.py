@@ -21,7 +21,7 @@ def status(
 
     Example: grabberd status --url http://127.0.0.1:8050
     """
-    from grabberd.cli.remote import ask  # noqa: PLC0415
+    from grabberd.cli.remote.client import ask  # noqa: PLC0415
 
     state = ask(url, "/api/v1/state", token_file=token_file)
     if json:

@@ -30,7 +30,7 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
 
     Example: grabberd storage index --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.service.archive import Archive  # noqa: PLC0415
+    from grabberd.service.archive.archive import Archive  # noqa: PLC0415
 
     archive = Archive(load(config).state_directory / "captures", list)
     archive.open()
@@ -53,11 +53,11 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
 
     Example: grabberd storage retention --config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.service.disk import GB, free_bytes  # noqa: PLC0415
-    from grabberd.service.retention import Policy, candidates, removals  # noqa: PLC0415
-    from grabberd.storage.annotations import AnnotationStore  # noqa: PLC0415
-    from grabberd.storage.index import entry_of  # noqa: PLC0415
-    from grabberd.storage.schema import SUFFIX, storage_errors  # noqa: PLC0415
+    from grabberd.service.archive.retention import Policy, candidates, removals  # noqa: PLC0415
+    from grabberd.service.capture.disk_guard import GB, free_bytes  # noqa: PLC0415
+    from grabberd.storage.capture.schema import SUFFIX, storage_errors  # noqa: PLC0415
+    from grabberd.storage.state.annotation_store import AnnotationStore  # noqa: PLC0415
+    from grabberd.storage.state.capture_index import entry_of  # noqa: PLC0415
 
     settings = load(config)
     state, folder = settings.state_directory / "state.sqlite", settings.state_directory / "captures"
@@ -91,8 +91,8 @@ def seal(
 
     Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
     """
-    from grabberd.service.capture_document import describe  # noqa: PLC0415
-    from grabberd.storage.leftovers import seal as seal_part  # noqa: PLC0415
+    from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
+    from grabberd.storage.capture.leftovers import seal as seal_part  # noqa: PLC0415
 
     path = seal_part(part)
     document = describe(path)

@@ -27,7 +27,7 @@ def trigger(
 
     Example: grabberd trigger --device north --url http://barn.local:8050 --token-file token
     """
-    from grabberd.cli import remote_capture as remote  # noqa: PLC0415
+    from grabberd.cli.remote import remote_capture as remote  # noqa: PLC0415
 
     document = remote.trigger(url, capture or remote.armed_capture(url, device, token_file), token_file)
     if json:

@@ -17,7 +17,7 @@ from grabberd.config.device import (
     ThresholdConfig,
 )
 from grabberd.config.mqtt import MqttConfig, MqttTlsConfig
-from grabberd.config.places import default_config_file, default_state_directory, shipped_configs
+from grabberd.config.paths import default_config_file, default_state_directory, shipped_configs
 from grabberd.config.reading import load_config
 
 __all__ = [

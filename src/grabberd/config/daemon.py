@@ -7,7 +7,7 @@ from pydantic import Field, StringConstraints, model_validator
 
 from grabberd.config.device import DeviceConfig
 from grabberd.config.mqtt import MqttConfig
-from grabberd.config.places import default_state_directory
+from grabberd.config.paths import default_state_directory
 from grabberd.config.section import ExistingFile, Section
 
 DeviceName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,31}$")]

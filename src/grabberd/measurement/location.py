@@ -10,21 +10,21 @@ from numpy.typing import NDArray
 from grabberd.field import PackedField
 from grabberd.kernel import KERNEL
 from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.centroid import locate_by_centroid
-from grabberd.measurement.compiled import measure_compiled, takes
-from grabberd.measurement.compiled_grey import measure_grey, takes_grey
-from grabberd.measurement.correlation import locate_by_correlation
-from grabberd.measurement.edge import locate_by_edge
-from grabberd.measurement.interpolation import locate_by_tian_huhns, locate_by_vernier
-from grabberd.measurement.labels import by_component
-from grabberd.measurement.line_jitter import Steadied, steadied
-from grabberd.measurement.locale import locate_by_locale
-from grabberd.measurement.locator import Located, Locator, Seen
-from grabberd.measurement.mask import target_bits
-from grabberd.measurement.runs import find_runs
-from grabberd.measurement.shapes import shapes_of
-from grabberd.measurement.template import locate_by_template
-from grabberd.measurement.weighted import locate_by_weighted
+from grabberd.measurement.compiled.binary import measure_compiled, takes
+from grabberd.measurement.compiled.grey import measure_grey, takes_grey
+from grabberd.measurement.labelling.labels import by_component
+from grabberd.measurement.labelling.mask import target_bits
+from grabberd.measurement.labelling.runs import find_runs
+from grabberd.measurement.labelling.shapes import shapes_of
+from grabberd.measurement.line_shifts.line_jitter import Steadied, steadied
+from grabberd.measurement.locale.locale import locate_by_locale
+from grabberd.measurement.locators.centroid import locate_by_centroid
+from grabberd.measurement.locators.correlation import locate_by_correlation
+from grabberd.measurement.locators.edge import locate_by_edge
+from grabberd.measurement.locators.interpolation import locate_by_tian_huhns, locate_by_vernier
+from grabberd.measurement.locators.locator import Located, Locator, Seen
+from grabberd.measurement.locators.template import locate_by_template
+from grabberd.measurement.locators.weighted import locate_by_weighted
 
 
 def _locate_by_the_best(seen: Seen) -> Located:

@@ -10,14 +10,14 @@ from grabberd.errors import InputError, MeasurementError
 from grabberd.field import BIT_DEPTHS, Field, NumberedField, PackedField, double_lines, quantise, unpack
 from grabberd.measurement import ThresholdRule
 from grabberd.processes.thresholds import field_threshold
-from grabberd.reconstruction.accuracy import WRONG_BEYOND_MM, Accuracy, Axes, accuracy
-from grabberd.reconstruction.comparison import Coordinates, Truth, true_places
-from grabberd.reconstruction.lengths import LengthErrors, length_errors
-from grabberd.reconstruction.pointing import PointingPrecision, pointing_precision
+from grabberd.reconstruction.accuracy.accuracy import WRONG_BEYOND_MM, Accuracy, Axes, accuracy
+from grabberd.reconstruction.accuracy.comparison import Coordinates, Truth, true_places
+from grabberd.reconstruction.accuracy.lengths import LengthErrors, length_errors
+from grabberd.reconstruction.accuracy.pointing import PointingPrecision, pointing_precision
+from grabberd.reconstruction.accuracy.rigid import RigidMotion
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.rigid import RigidMotion
 from grabberd.reconstruction.series import PointSeries
-from grabberd.reconstruction.smoothing import Smoothed, SmoothingSettings, smooth
+from grabberd.reconstruction.smoothing.smoothing import Smoothed, SmoothingSettings, smooth
 
 __all__ = [
     "Accuracy",

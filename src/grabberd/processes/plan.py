@@ -13,7 +13,7 @@ from grabberd.errors import InputError
 from grabberd.geometry import Calibration, NominalRig, Rig, View, linearise, project_all
 from grabberd.measurement.sigma import binary_sigma_px
 from grabberd.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
-from grabberd.reconstruction.accuracy import Axes
+from grabberd.reconstruction.accuracy.accuracy import Axes
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from grabberd.errors import AccessExpired, Conflict, InputError
 from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.machine_key import PREFIX, MachineKey
 from grabberd.service.roles import Role
-from grabberd.storage.tokens import Holder, TokenRow, TokenStore
+from grabberd.storage.state.token_store import Holder, TokenRow, TokenStore
 
 SECRET_BYTES = 32
 SESSION_LIFE = timedelta(days=30)

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 from grabberd import __version__
 from grabberd.acquisition import available, discover
 from grabberd.service.clock import SystemClock, iso_utc
-from grabberd.service.configuration import without_secrets
 from grabberd.service.journal import last_lines
 from grabberd.service.journal import without_secrets as text_without_secrets
+from grabberd.service.secrets import without_secrets
 
 if TYPE_CHECKING:
     from grabberd.service.service import Service

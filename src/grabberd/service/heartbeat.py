@@ -3,9 +3,9 @@
 import logging
 from collections.abc import Iterable
 
+from grabberd.service.device.device_state import DeviceState
+from grabberd.service.device.status_board import StatusBoard
 from grabberd.service.notify import Notifier
-from grabberd.service.states import DeviceState
-from grabberd.service.status import StatusBoard
 
 log = logging.getLogger(__name__)
 

@@ -4,7 +4,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from grabberd.service.clock import Clock, iso_utc
-from grabberd.storage.idempotency import IdempotencyStore, KeptAnswer
+from grabberd.storage.state.idempotency_store import IdempotencyStore, KeptAnswer
 
 KEPT = timedelta(days=1)
 

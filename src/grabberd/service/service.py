@@ -10,32 +10,32 @@ from grabberd.config import Config
 from grabberd.errors import NotFound, StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.access import Access
-from grabberd.service.active_calibrations import ActiveCalibrations
-from grabberd.service.archive import Archive
-from grabberd.service.calibrating import calibrate_capture
-from grabberd.service.calibration_job import Calibrator
-from grabberd.service.calibrations import Calibrations
+from grabberd.service.archive.annotations import CaptureAnnotations
+from grabberd.service.archive.archive import Archive
+from grabberd.service.archive.retention import Policy, Retention
+from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
+from grabberd.service.calibrations.catalog import CalibrationCatalog
+from grabberd.service.capture.armed_capture import ArmedCapture
+from grabberd.service.capture.capture_control import CaptureControl
+from grabberd.service.capture.disk_guard import GB, DiskGuard
+from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.recording import Recording
 from grabberd.service.clock import Clock, SystemClock, iso_utc
-from grabberd.service.configuration import without_secrets
-from grabberd.service.device_document import device_document
-from grabberd.service.disk import GB, DiskGuard
+from grabberd.service.device.fair_lock import FairLock
+from grabberd.service.device.instrument import NOMINAL_RATE_HZ, Instrument
 from grabberd.service.idempotency import Idempotency
-from grabberd.service.instrument import NOMINAL_RATE_HZ, Instrument
-from grabberd.service.jobs import JobRunner
-from grabberd.service.keeping import Keeping
-from grabberd.service.orders import Orders
-from grabberd.service.publishing import Publishes, publisher_of
-from grabberd.service.recorder import CaptureRequest
-from grabberd.service.retention import Policy, Retention
-from grabberd.service.session import CaptureSession
+from grabberd.service.jobs.calibrate_file import calibrate_capture
+from grabberd.service.jobs.calibration_job import Calibrator
+from grabberd.service.jobs.job_runner import JobRunner
+from grabberd.service.live.device_document import device_document
+from grabberd.service.mqtt.publishing import Publishes, publisher_of
+from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
-from grabberd.service.turns import Turns
-from grabberd.service.waiting import WaitingCapture
-from grabberd.storage.analyses import AnalysisStore
-from grabberd.storage.annotations import AnnotationStore
-from grabberd.storage.calibrations import CalibrationRecord
-from grabberd.storage.state import StateStore
+from grabberd.storage.state.analysis_store import AnalysisStore
+from grabberd.storage.state.annotation_store import AnnotationStore
+from grabberd.storage.state.calibration_store import CalibrationRecord
+from grabberd.storage.state.state_store import StateStore
 
 log = logging.getLogger(__name__)
 
@@ -71,7 +71,7 @@ class Service:
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()
-        turns = Turns()
+        turns = FairLock()
         self.instruments = {
             name: Instrument(
                 setup,
@@ -87,8 +87,8 @@ class Service:
         self.annotations = AnnotationStore(directory / "state.sqlite")
         said = self.annotations
         self.archive = Archive(directory / "captures", self._sessions, self._waiting, said.get, said.all)
-        self.orders = Orders(self.instruments, self.archive, said, self._disk, self._clock)
-        self.calibrations = Calibrations(directory / "calibrations", _configured(setups))
+        self.orders = CaptureControl(self.instruments, self.archive, said, self._disk, self._clock)
+        self.calibrations = CalibrationCatalog(directory / "calibrations", _configured(setups))
         self._state_store = StateStore(directory / "state.sqlite")
         self.access = Access(directory, self._clock)
         self.settings = Settings(self._state_store, self.instruments)
@@ -97,7 +97,7 @@ class Service:
         self.calibrator = calibrator
         self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
-        self.keeping = Keeping(self.archive, self.annotations, self.jobs, self.analyses)
+        self.keeping = CaptureAnnotations(self.archive, self.annotations, self.jobs, self.analyses)
         self.idempotency = Idempotency(directory, self._clock)
         self.retention = Retention(
             self.archive,
@@ -193,15 +193,15 @@ class Service:
         return self.instrument(device).rate_hz
 
     def start_capture(self, device: str | None, request: CaptureRequest) -> str:
-        """Starts a capture of one device and returns its id; errors as `Orders.start`, and NotFound."""
+        """Starts a capture of one device and returns its id; see `CaptureControl.start`."""
         return self.orders.start(self.instrument(device), request)
 
     def arm_capture(self, device: str | None, request: CaptureRequest) -> str:
-        """Arms a capture of one device and returns its id; errors as `Orders.arm`, and NotFound."""
+        """Arms a capture of one device and returns its id; errors as `CaptureControl.arm`, and NotFound."""
         return self.orders.arm(self.instrument(device), request)
 
     def stop_capture(self, capture_id: str) -> None:
-        """Ends a running or armed capture; errors as `Orders.stop`."""
+        """Ends a running or armed capture; errors as `CaptureControl.stop`."""
         self.orders.stop(capture_id)
 
     def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
@@ -244,23 +244,23 @@ class Service:
         """A device as it is shown."""
         return device_document(instrument, self.active)
 
-    def _waiting(self) -> list[WaitingCapture]:
+    def _waiting(self) -> list[ArmedCapture]:
         """The captures that are armed."""
         return [one.waiting for one in self.instruments.values() if one.waiting is not None]
 
-    def _sessions(self) -> list[CaptureSession]:
+    def _sessions(self) -> list[Recording]:
         """The captures that are being recorded or sealed, or could not be sealed."""
         sessions = (instrument.session for instrument in self.instruments.values())
         return [session for session in sessions if session is not None and not session.is_sealed]
 
-    def _sealed(self, session: CaptureSession) -> None:
+    def _sealed(self, session: Recording) -> None:
         self._enter_in_index(session)
         if session.failure is not None:
             log.error("capture %s: %s; %s", session.id, session.failure.message, session.failure.hint)
         words = session.recorder.ledger.in_words(NOMINAL_RATE_HZ)
         log.info("capture %s has ended, %s; received: %s", session.id, session.verdict, words)
 
-    def _enter_in_index(self, session: CaptureSession) -> None:
+    def _enter_in_index(self, session: Recording) -> None:
         """A disk that lets nobody write has no say in whether the capture has ended."""
         try:
             self.archive.index.add(session.path)

@@ -8,8 +8,8 @@ from pydantic import ValidationError
 
 from grabberd.config import DeviceConfig, ThresholdConfig
 from grabberd.errors import InputError
-from grabberd.service.instrument import Instrument
-from grabberd.storage.state import StateStore
+from grabberd.service.device.instrument import Instrument
+from grabberd.storage.state.state_store import StateStore
 
 log = logging.getLogger(__name__)
 

@@ -4,8 +4,14 @@ A capture file is crash-safe and readable from anything that reads SQLite; `docs
 describes it. It is `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
 """
 
-from grabberd.storage.codec import decode_points, encode_points
-from grabberd.storage.export import (
+from grabberd.storage.capture.codec import decode_points, encode_points
+from grabberd.storage.capture.crash_recovery import recover
+from grabberd.storage.capture.metadata import CaptureMeta
+from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.capture.rows import RecordedField, RunInfo
+from grabberd.storage.capture.runs import append_run
+from grabberd.storage.capture.writer import CaptureWriter
+from grabberd.storage.export.export import (
     export_csv,
     export_parquet,
     export_ply,
@@ -14,13 +20,7 @@ from grabberd.storage.export import (
     points_csv,
     points_ply,
 )
-from grabberd.storage.index import CaptureIndex
-from grabberd.storage.meta import CaptureMeta
-from grabberd.storage.reader import CaptureReader
-from grabberd.storage.recover import recover
-from grabberd.storage.rows import RecordedField, RunInfo
-from grabberd.storage.runs import append_run
-from grabberd.storage.writer import CaptureWriter
+from grabberd.storage.state.capture_index import CaptureIndex
 
 __all__ = [
     "CaptureIndex",

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import load_config
-from grabberd.service.recorder import CaptureRequest
+from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.recording import Recording
+from grabberd.service.device.device_state import DeviceState
 from grabberd.service.service import Service
-from grabberd.service.session import CaptureSession
 from grabberd.service.setup import set_up
-from grabberd.service.states import DeviceState
 from vm.guest import vivid
 from vm.guest.shell import wait_for
 
@@ -131,7 +131,7 @@ def capture_through(
 class _Watched:
     """What a capture's device and ledger say while time goes by."""
 
-    def __init__(self, service: Service, session: CaptureSession) -> None:
+    def __init__(self, service: Service, session: Recording) -> None:
         self._board = service.instrument(None).board
         self._session = session
         self.states: list[str] = []

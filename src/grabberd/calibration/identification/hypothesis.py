@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.calibration.adjustment.resection import resect
 from grabberd.calibration.identification.growth import Half
-from grabberd.calibration.resection import resect
 from grabberd.geometry import View, project, rotation_matrix
 
 Array = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""The API's description: OpenAPI completed, and the page drawn from it."""

@@ -1,0 +1,145 @@
+"""What every request passes before a route sees it: plain ASGI, so that streams stay streams."""
+
+import time
+from collections.abc import Awaitable, Callable
+
+from starlette.datastructures import MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from grabberd.api.guard.authentication import Authenticator, check_role
+from grabberd.api.guard.front import Front
+from grabberd.api.guard.hosts import check_host, check_page, check_page_is_named
+from grabberd.api.guard.limits import LimitedBody, check_length
+from grabberd.api.guard.refusals import Refusal
+from grabberd.api.guard.roles import least_role
+from grabberd.service.access import Identity
+from grabberd.service.roles import Role
+
+RECHECK_S = 10.0
+"""A removed token ends what still streams to it within this time."""
+POLICY_VIOLATION = 1008
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "SAMEORIGIN",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "same-origin",
+}
+"""No page of another site shows or includes what the daemon answers."""
+
+
+class Gate:
+    """Checks name, page, token, role and length, in this order; what is refused reaches no route."""
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        front: Front,
+        authenticator: Authenticator,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._app = app
+        self._front = front
+        self._authenticator = authenticator
+        self._now_s = now_s
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request, or one WebSocket."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        answer = _Answer(send)
+        try:
+            await self._serve(scope, receive, answer)
+        except Refusal as refusal:
+            await answer.refuse(refusal, scope, receive)
+        except _AccessEnded:
+            await answer.end(scope)
+
+    async def _serve(self, scope: Scope, receive: Receive, answer: "_Answer") -> None:
+        least = await self._admit(scope)
+        if least is not None:
+            answer.watch(_Watch(lambda: self._authenticator.still_is(scope, least), self._now_s))
+        if scope["type"] == "http":
+            check_length(scope, self._front.limits)
+            receive = LimitedBody(receive, self._front.limits)
+        await self._app(scope, receive, answer)
+
+    async def _admit(self, scope: Scope) -> Role | None:
+        """Lets a request in and notes who sends it; returns the role that it takes."""
+        check_host(scope, self._front)
+        check_page(scope, self._front)
+        least = least_role(scope)
+        if least is not None:
+            identity = await self._identify(scope)
+            check_role(identity, least)
+            scope.setdefault("state", {})["identity"] = identity
+        return least
+
+    async def _identify(self, scope: Scope) -> Identity:
+        identity = await self._authenticator.identify(scope)
+        if identity.by == "session":
+            check_page_is_named(scope)
+        return identity
+
+
+class _AccessEnded(Exception):
+    """A token was removed while something still streamed to it."""
+
+
+class _Answer:
+    """A `send` that knows whether it has begun, adds the headers, and in a long answer asks again who may."""
+
+    def __init__(self, send: Send) -> None:
+        self._send = send
+        self._begun = False
+        self._watch: _Watch | None = None
+
+    def watch(self, watch: "_Watch") -> None:
+        """Has the answer end when the access does."""
+        self._watch = watch
+
+    async def __call__(self, message: Message) -> None:
+        """The next message."""
+        self._begun = True
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
+            headers = MutableHeaders(scope=message)
+            for name, value in HEADERS.items():
+                headers.setdefault(name, value)
+        elif self._watch is not None:
+            await self._watch.check()
+        await self._send(message)
+
+    async def refuse(self, refusal: Refusal, scope: Scope, receive: Receive) -> None:
+        """Answers with the refusal, unless an answer has begun; then the server cuts it off."""
+        if self._begun:
+            return
+        if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
+            await self._send({"type": "websocket.close", "code": POLICY_VIOLATION})
+            return
+        await refusal.response()(scope, receive, self)
+
+    async def end(self, scope: Scope) -> None:
+        """Ends what has begun: a WebSocket says so, the server cuts off the rest."""
+        if scope["type"] == "websocket":
+            await self._send({"type": "websocket.close", "code": POLICY_VIOLATION})
+
+
+class _Watch:
+    """Asks once in a while whether somebody still may."""
+
+    def __init__(self, still: Callable[[], Awaitable[bool]], now_s: Callable[[], float]) -> None:
+        self._still = still
+        self._now_s = now_s
+        self._next_s = now_s() + RECHECK_S
+
+    async def check(self) -> None:
+        """Asks, where it is time to.
+
+        Raises:
+            _AccessEnded: they may no more.
+        """
+        if self._now_s() < self._next_s:
+            return
+        self._next_s = self._now_s() + RECHECK_S
+        if not await self._still():
+            raise _AccessEnded

@@ -1,0 +1,120 @@
+"""The least role for every route: one table, read from above; None is open to everybody."""
+
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from fastapi.requests import HTTPConnection
+from starlette.routing import compile_path
+from starlette.types import Scope
+
+from grabberd.api.guard.refusals import Refusal
+from grabberd.service.access import Identity
+from grabberd.service.roles import Role
+
+LEAST_ROLE: Mapping[str, Role | None] = {
+    "GET /": None,
+    "GET /static/{version}/{path:path}": None,
+    "GET /healthz": None,
+    "GET /readyz": Role.VIEWER,
+    "GET /metrics": Role.VIEWER,
+    "GET /docs": Role.VIEWER,
+    "GET /api/v1/openapi.json": Role.VIEWER,
+    "GET /api/v1/session": Role.VIEWER,
+    "POST /api/v1/session": Role.VIEWER,
+    "DELETE /api/v1/session": Role.VIEWER,
+    "GET /api/v1/state": Role.VIEWER,
+    "GET /api/v1/events": Role.VIEWER,
+    "WEBSOCKET /api/v1/preview": Role.VIEWER,
+    "GET /api/v1/preview.png": Role.VIEWER,
+    "GET /api/v1/devices": Role.VIEWER,
+    "GET /api/v1/devices/{name}": Role.VIEWER,
+    "GET /api/v1/devices/{name}/points": Role.VIEWER,
+    "GET /api/v1/devices/{name}/light": Role.VIEWER,
+    "GET /api/v1/devices/{name}/object": Role.VIEWER,
+    "GET /api/v1/devices/{name}/pulsation": Role.VIEWER,
+    "POST /api/v1/devices/{name}/check": Role.OPERATOR,
+    "GET /api/v1/captures": Role.VIEWER,
+    "POST /api/v1/captures": Role.OPERATOR,
+    "GET /api/v1/captures/{capture_id}": Role.VIEWER,
+    "PATCH /api/v1/captures/{capture_id}": Role.OPERATOR,
+    "DELETE /api/v1/captures/{capture_id}": Role.OPERATOR,
+    "POST /api/v1/captures/{capture_id}/stop": Role.OPERATOR,
+    "POST /api/v1/captures/{capture_id}/trigger": Role.OPERATOR,
+    "POST /api/v1/captures/{capture_id}/measure": Role.OPERATOR,
+    "POST /api/v1/capture-groups": Role.OPERATOR,
+    "GET /api/v1/capture-groups/{group_id}": Role.VIEWER,
+    "POST /api/v1/capture-groups/{group_id}/stop": Role.OPERATOR,
+    "POST /api/v1/capture-groups/{group_id}/trigger": Role.OPERATOR,
+    "GET /api/v1/captures/{capture_id}/file": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/runs/{run}": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points.csv": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points.ply": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/points.parquet": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/fields/{n}.png": Role.VIEWER,
+    "POST /api/v1/captures/{capture_id}/analysis": Role.OPERATOR,
+    "GET /api/v1/captures/{capture_id}/analyses": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/analyses/{number}": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/analyses/{number}/maps": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/analyses/{number}/report": Role.VIEWER,
+    "GET /api/v1/captures/{capture_id}/analyses/{number}/{table}.csv": Role.VIEWER,
+    "GET /api/v1/calibrations": Role.VIEWER,
+    "POST /api/v1/calibrations": Role.OPERATOR,
+    "PUT /api/v1/calibrations/active": Role.OPERATOR,
+    "PUT /api/v1/calibrations/{calibration_id}/rejection": Role.OPERATOR,
+    "GET /api/v1/calibrations/{calibration_id}": Role.VIEWER,
+    "GET /api/v1/calibrations/{calibration_id}/report": Role.VIEWER,
+    "GET /api/v1/calibrations/{calibration_id}/report.json": Role.VIEWER,
+    "GET /api/v1/calibration-frames": Role.VIEWER,
+    "POST /api/v1/captures/{capture_id}/identification": Role.OPERATOR,
+    "GET /api/v1/jobs": Role.VIEWER,
+    "GET /api/v1/jobs/{job_id}": Role.VIEWER,
+    "DELETE /api/v1/jobs/{job_id}": Role.OPERATOR,
+    "GET /api/v1/settings": Role.VIEWER,
+    "PUT /api/v1/settings": Role.OPERATOR,
+    "GET /api/v1/config": Role.ADMIN,
+    "GET /api/v1/diagnostics": Role.ADMIN,
+}
+
+
+class _Row(NamedTuple):
+    method: str
+    path: re.Pattern[str]
+    least: Role | None
+
+
+def _row(key: str, least: Role | None) -> _Row:
+    method, _, template = key.partition(" ")
+    return _Row(method, compile_path(template)[0], least)
+
+
+_ROWS = tuple(_row(key, least) for key, least in LEAST_ROLE.items())
+
+
+def _find(scope: Scope) -> _Row | None:
+    method = "WEBSOCKET" if scope["type"] == "websocket" else scope["method"]
+    asked = "GET" if method == "HEAD" else method
+    return next((row for row in _ROWS if row.method == asked and row.path.match(scope["path"])), None)
+
+
+def least_role(scope: Scope) -> Role | None:
+    """What a request takes; what there is not, a viewer may know."""
+    row = _find(scope)
+    return Role.VIEWER if row is None else row.least
+
+
+def check_declared(connection: HTTPConnection) -> None:
+    """Every route's dependency: one that the table has forgotten is for an admin alone.
+
+    Raises:
+        Refusal: 403.
+    """
+    identity: Identity | None = getattr(connection.state, "identity", None)
+    if _find(connection.scope) is None and (identity is None or not identity.role.covers(Role.ADMIN)):
+        raise Refusal(
+            403,
+            "undeclared-route",
+            f"no role is declared for {connection.url.path}",
+            "this is a fault of the program, please report it",
+        )

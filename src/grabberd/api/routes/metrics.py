@@ -1,0 +1,170 @@
+"""Numbers for Prometheus: read off counters that the daemon keeps anyway, when they are asked for."""
+
+from collections.abc import Callable, Iterable, Iterator
+
+from fastapi import APIRouter, Request, Response
+from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+from prometheus_client.metrics_core import (
+    CounterMetricFamily,
+    GaugeMetricFamily,
+    HistogramMetricFamily,
+    InfoMetricFamily,
+    Metric,
+)
+from prometheus_client.registry import Collector
+
+from grabberd import __version__
+from grabberd.acquisition import Outcome, Signal
+from grabberd.service.device.device_state import DeviceState
+from grabberd.service.device.instrument import Instrument
+from grabberd.service.device.latency import BOUNDS_S
+from grabberd.service.device.recovery import Rung
+from grabberd.service.service import Service
+
+router = APIRouter(tags=["system"])
+
+Samples = Iterable[tuple[tuple[str, ...], float]]
+"""Values of labels, and a number."""
+
+
+@router.get(
+    "/metrics",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {}}}},
+    summary="Numbers for Prometheus",
+)
+def get_metrics(request: Request) -> Response:
+    """Counters and gauges in Prometheus' text format."""
+    registry: CollectorRegistry = request.app.state.metrics
+    return Response(generate_latest(registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+
+def registry_of(service: Service, streams: Callable[[], int]) -> CollectorRegistry:
+    """What is known of a service and of this process.
+
+    Args:
+        service: whose devices they are.
+        streams: how many live streams there are to clients.
+    """
+    registry = CollectorRegistry()
+    registry.register(ServiceMetrics(service, streams))
+    ProcessCollector(registry=registry)
+    return registry
+
+
+class ServiceMetrics(Collector):
+    """Reads the service's counters; makes nothing and counts nothing itself."""
+
+    def __init__(self, service: Service, streams: Callable[[], int]) -> None:
+        self._service = service
+        self._streams = streams
+
+    def describe(self) -> Iterable[Metric]:
+        """Nothing before the first answer: the service may not have been started yet."""
+        return []
+
+    def collect(self) -> Iterator[Metric]:
+        """Every number at this moment."""
+        instruments = list(self._service.instruments.values())
+        yield InfoMetricFamily("grabberd", "The program.", {"version": __version__})
+        yield from _fields(instruments)
+        yield from _ring(instruments)
+        yield from _device(instruments)
+        yield from _points(instruments)
+        yield from _captures(instruments, self._service)
+        yield from _mqtt(self._service)
+        yield _gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
+
+
+def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
+    counts = [(one.name, one.board.now.outcomes) for one in instruments]
+    samples = (((name, outcome), count[outcome]) for name, count in counts for outcome in Outcome)
+    yield _counter("grabberd_fields", "By what became of them.", ("device", "outcome"), samples)
+
+
+def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
+    rings = [(one.name, one.intake.armed.ring) for one in instruments]
+    slots = (((name,), ring.slots) for name, ring in rings)
+    waiting = (((name,), ring.waiting) for name, ring in rings)
+    deepest = (((name,), ring.deepest) for name, ring in rings)
+    yield _gauge("grabberd_ring_slots", "Slots of the ring in use.", ("device",), slots)
+    yield _gauge("grabberd_ring_waiting_slots", "Not read yet by its slowest reader.", ("device",), waiting)
+    yield _gauge("grabberd_ring_deepest_slots", "The most that ever were.", ("device",), deepest)
+
+
+def _device(instruments: list[Instrument]) -> Iterator[Metric]:
+    boards = [(one.name, one.board.now) for one in instruments]
+    states = (((name, s), float(board.state is s)) for name, board in boards for s in DeviceState)
+    signals = (((name, s), float(board.signal is s)) for name, board in boards for s in Signal)
+    openings = (((name,), board.openings) for name, board in boards)
+    steps = (((name, rung), board.recoveries[rung]) for name, board in boards for rung in Rung)
+    yield _gauge("grabberd_device_state", "1 for the state that it is in.", ("device", "state"), states)
+    yield _gauge("grabberd_device_signal", "1 for what is known of it.", ("device", "signal"), signals)
+    yield _counter("grabberd_device_openings", "How often it was opened.", ("device",), openings)
+    yield _counter("grabberd_device_recoveries", "Steps to have it deliver.", ("device", "step"), steps)
+
+
+def _points(instruments: list[Instrument]) -> Iterator[Metric]:
+    lives = [(one.name, live) for one in instruments if (live := one.worker.live) is not None]
+    points = (((name,), len(live.measured.points)) for name, live in lives)
+    yield _gauge("grabberd_live_points", "Points of the newest measured field.", ("device",), points)
+    yield _latency(instruments)
+
+
+def _latency(instruments: list[Instrument]) -> Metric:
+    family = HistogramMetricFamily(
+        "grabberd_latency_seconds", "From a field's arrival until its points.", labels=("device",)
+    )
+    for one in instruments:
+        histogram = one.worker.latency.histogram
+        family.add_metric((one.name,), list(_cumulative(histogram.counts)), histogram.sum_s)
+    return family
+
+
+def _cumulative(counts: tuple[int, ...]) -> Iterator[tuple[str, float]]:
+    total = 0
+    for bound, count in zip((*map(str, BOUNDS_S), "+Inf"), counts, strict=True):
+        total += count
+        yield bound, total
+
+
+def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metric]:
+    running = (((one.name,), float(one.running is not None)) for one in instruments)
+    ended = (((one.name, v), one.ended[v]) for one in instruments for v in ("complete", "incomplete"))
+    free = service.storage_document()["free_bytes"]
+    yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
+    yield _counter("grabberd_captures", "Captures that have ended.", ("device", "verdict"), ended)
+    yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
+
+
+def _mqtt(service: Service) -> Iterator[Metric]:
+    if service.publisher is None:
+        return
+    now = service.publisher.document()
+    yield _gauge("grabberd_mqtt_connected", "1 while the broker is.", (), [((), float(now["connected"]))])
+    waiting, acknowledged = now["waiting_captures"], now["acknowledged_captures"]
+    yield _gauge("grabberd_mqtt_waiting_captures", "Not acknowledged yet.", (), [((), waiting)])
+    yield _counter("grabberd_mqtt_acknowledged_captures", "Since the start.", (), [((), acknowledged)])
+    yield _counter(
+        "grabberd_mqtt_missed_captures",
+        "Deleted before they could be told.",
+        (),
+        [((), now["missed_captures"])],
+    )
+
+
+def _gauge(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
+    return _filled(GaugeMetricFamily(name, words, labels=labels), samples)
+
+
+def _counter(name: str, words: str, labels: tuple[str, ...], samples: Samples) -> Metric:
+    return _filled(CounterMetricFamily(name, words, labels=labels), samples)
+
+
+def _filled(
+    family: GaugeMetricFamily | CounterMetricFamily, samples: Samples
+) -> GaugeMetricFamily | CounterMetricFamily:
+    for labels, value in samples:
+        family.add_metric(labels, value)
+    return family

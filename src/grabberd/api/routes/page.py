@@ -1,0 +1,90 @@
+"""The operator's page: open to everybody; what it shows of the daemon only to who may see it."""
+
+from dataclasses import asdict
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Request, Response
+from fastapi.responses import HTMLResponse
+from starlette.concurrency import run_in_threadpool
+
+from grabberd import __version__
+from grabberd.api.guard.authentication import Authenticator
+from grabberd.api.guard.refusals import Refusal
+from grabberd.api.routes.state_models import StateDocument
+from grabberd.errors import NotFound
+from grabberd.service.access import Identity
+from grabberd.service.clock import iso_utc
+from grabberd.service.service import Service
+from grabberd.web import POLICY, Files, StaticFile, language_of, render
+
+FOREVER = "public, max-age=31536000, immutable"
+"""The address has the version in it."""
+
+router = APIRouter(tags=["system"], include_in_schema=False)
+
+
+@router.get("/")
+async def get_page(request: Request, accept_language: Annotated[str, Header()] = "") -> HTMLResponse:
+    """The page, with the state of this moment inside."""
+    identity, headers = await _who_asks(request)
+    first = await run_in_threadpool(_first, request.app.state.service, identity)
+    files: Files = request.app.state.files
+    content = await run_in_threadpool(render, files.newest(), language_of(accept_language), first)
+    return HTMLResponse(
+        content,
+        headers={"Content-Security-Policy": POLICY, "Cache-Control": "no-store", "Vary": "Cookie", **headers},
+    )
+
+
+@router.get("/static/{version}/{path:path}")
+async def get_static(
+    version: str,
+    path: str,
+    request: Request,
+    accept_encoding: Annotated[str, Header()] = "",
+    if_none_match: Annotated[str, Header()] = "",
+) -> Response:
+    """One of the page's files; an address of before an upgrade gets the one of now, and must not keep it.
+
+    They are in memory, and a page asks for fifty at once: no thread is troubled for each.
+
+    Raises:
+        NotFound: there is none of that name.
+    """
+    files: Files = request.app.state.files
+    edition = files.edition if files.is_read else await run_in_threadpool(files.newest)
+    found = edition.files.get(path)
+    if found is None:
+        raise NotFound(f"the page has no file {path!r}", "load the page anew")
+    kept = FOREVER if version == edition.version else "no-cache"
+    headers = {"ETag": found.etag, "Cache-Control": kept, "Vary": "Accept-Encoding"}
+    if found.etag in if_none_match:
+        return Response(status_code=304, headers=headers)
+    return _whole(found, headers, "gzip" in accept_encoding)
+
+
+def _whole(found: StaticFile, headers: dict[str, str], compressed: bool) -> Response:
+    if not compressed:
+        return Response(found.content, media_type=found.media_type, headers=headers)
+    return Response(
+        found.compressed, media_type=found.media_type, headers={**headers, "Content-Encoding": "gzip"}
+    )
+
+
+async def _who_asks(request: Request) -> tuple[Identity | None, dict[str, str]]:
+    """Who asks, if the daemon knows; and what the browser is to forget."""
+    authenticator: Authenticator = request.app.state.authenticator
+    try:
+        return await authenticator.identify(request.scope), {}
+    except Refusal as refusal:
+        kept = {name: words for name, words in (refusal.headers or {}).items() if name == "Set-Cookie"}
+        return None, kept
+
+
+def _first(service: Service, identity: Identity | None) -> dict[str, Any]:
+    """What the page shows before it has asked for anything."""
+    seen = {"version": __version__, "now_utc": iso_utc(service.clock.utc_now())}
+    if identity is None:
+        return {**seen, "session": None, "state": None}
+    state = StateDocument.model_validate(service.state()).model_dump(mode="json")
+    return {**seen, "session": asdict(identity), "state": state}

@@ -1,0 +1,42 @@
+"""Everything that streams to clients, of one service."""
+
+from grabberd.api.streams.broadcast import Broadcast
+from grabberd.api.streams.events import EventFeed
+from grabberd.service.live.preview import Preview
+from grabberd.service.live.preview_picture import PreviewPicture
+from grabberd.service.service import Service
+
+PREVIEW_EVERY_S = 1 / 12
+
+
+class Live:
+    """The feeds of a service.
+
+    Attributes:
+        events: of its state.
+        pictures: of the newest fields, by device.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self.events = EventFeed(service)
+        self._service = service
+        self._previews = {
+            name: Broadcast(Preview(one, service.clock).make, PREVIEW_EVERY_S)
+            for name, one in service.instruments.items()
+        }
+
+        self.pictures = {name: PreviewPicture(one) for name, one in service.instruments.items()}
+
+    def preview(self, device: str | None) -> Broadcast[bytes]:
+        """The preview of a device, whose name may be left out where there is one.
+
+        Raises:
+            NotFound: there is none of that name, or the name is needed.
+        """
+        return self._previews[self._service.instrument(device).name]
+
+    def close(self) -> None:
+        """Ends every stream: the server waits for answers to end before it stops."""
+        self.events.broadcast.close()
+        for preview in self._previews.values():
+            preview.close()

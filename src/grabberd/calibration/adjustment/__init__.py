@@ -1,0 +1,1 @@
+"""The bundle adjustment (paper 3.6): network, unknowns, normal equations, iteration, propagation."""

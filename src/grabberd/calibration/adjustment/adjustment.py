@@ -1,0 +1,204 @@
+"""The bundle adjustment: least squares for the views' parameters and the targets' places (paper 3.6).
+
+Levenberg–Marquardt on analytic derivatives. The places are eliminated target by target, so the cost grows
+with the number of targets and with the cube of the few parameters only; the full covariance comes from the
+same elimination.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.adjustment.iteration import AdjustmentSettings, Minimum, minimise
+from grabberd.calibration.adjustment.network import Network
+from grabberd.calibration.adjustment.normals import Linear, Problem, Reduced, reduced
+from grabberd.calibration.adjustment.unknowns import Unknowns
+from grabberd.errors import RankDeficient
+from grabberd.geometry import View
+
+Array = NDArray[np.float64]
+
+_MOST_INFLATION = 1e13
+"""Of a variance, by the other unknowns: above it, the normal matrix is singular to double precision."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Adjustment:
+    """What least squares make of a network.
+
+    Attributes:
+        network: what was given; `unknowns`: what was sought.
+        views: the views as adjusted.
+        xyz_mm: (T, 3) the targets' places as adjusted.
+        covariance: (U, U) of the unknowns, scaled with the estimated variance of unit weight.
+        place_covariance_mm2: (T, 3, 3) of the places, likewise; infinite for a target that nobody saw and of
+            which nothing is known.
+        place_coupling: (T, 3, U) covariance of places and unknowns, likewise.
+        residual_px: (M, 2) observed minus computed.
+        redundancy: (M, 2) share of an observation's error that its residual shows.
+        sigma0: standard deviation of unit weight: 1 where the given σ are true.
+        freedom: degrees of freedom.
+        sum_of_squares: of all whitened residuals, places' included.
+        steps: of the iteration.
+    """
+
+    network: Network
+    unknowns: Unknowns
+    views: tuple[View, ...]
+    xyz_mm: Array
+    covariance: Array
+    place_covariance_mm2: Array
+    place_coupling: Array
+    residual_px: Array
+    redundancy: Array
+    sigma0: float
+    freedom: int
+    sum_of_squares: float
+    steps: int
+
+    @property
+    def values(self) -> Array:
+        """(U,) the unknowns as adjusted."""
+        return self.unknowns.values(self.views)
+
+    @property
+    def sigma(self) -> Array:
+        """(U,) standard deviations of the unknowns."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def correlation(self) -> Array:
+        """(U, U) of the unknowns."""
+        return self.covariance / np.outer(self.sigma, self.sigma)
+
+    @property
+    def sigma0_px(self) -> float:
+        """Standard deviation of an image coordinate of mean weight."""
+        return self.sigma0 / float(np.sqrt(np.mean(self.network.sigma_px**-2.0)))
+
+    @property
+    def standardised(self) -> Array:
+        """(M, 2) residuals over their own estimated σ; NaN where nothing controls an observation."""
+        controlled = np.where(self.redundancy > 1e-9, self.redundancy, np.nan)
+        return self.residual_px / (self.sigma0 * self.network.sigma_px * np.sqrt(controlled))
+
+    @property
+    def place_redundancy(self) -> Array:
+        """(T, 3) redundancy of the given places: with that of the image points it sums to the freedom."""
+        sigma = self.network.target_sigma_mm
+        weighted = (sigma > 0) & np.isfinite(sigma)
+        variance = np.einsum("tkk->tk", self.place_covariance_mm2) / self.sigma0**2
+        left = np.zeros_like(sigma)
+        left[weighted] = 1.0 - variance[weighted] / sigma[weighted] ** 2
+        return left
+
+    @property
+    def parameter_covariance(self) -> Array:
+        """(18 V, 18 V) of all views' `PARAMETERS`, zero where held."""
+        selection = self.unknowns.selection
+        full: Array = selection @ self.covariance @ selection.T
+        return full
+
+    @property
+    def full_covariance(self) -> Array:
+        """(U + 3 T, U + 3 T) of the unknowns, then of X, Y, Z of target after target."""
+        targets, unknowns = len(self.xyz_mm), len(self.unknowns)
+        coupling = self.place_coupling.reshape(3 * targets, unknowns)
+        scale = 1.0 / self.sigma
+        between = scale[:, np.newaxis] * np.linalg.solve(self.correlation, (coupling * scale).T)
+        full = np.empty((unknowns + 3 * targets, unknowns + 3 * targets))
+        full[:unknowns, :unknowns], full[unknowns:, :unknowns] = self.covariance, coupling
+        full[:unknowns, unknowns:], full[unknowns:, unknowns:] = coupling.T, coupling @ between
+        blocks = full[unknowns:, unknowns:].reshape(targets, 3, targets, 3)
+        blocks[range(targets), :, range(targets)] = self.place_covariance_mm2
+        return full
+
+
+def adjust(network: Network, unknowns: Unknowns, settings: AdjustmentSettings | None = None) -> Adjustment:
+    """The least squares solution of a network.
+
+    Args:
+        network: image points, targets, and the views to start from.
+        unknowns: which parameters are sought.
+        settings: when it has converged.
+
+    Raises:
+        MeasurementError: fewer observations than unknowns, targets seen too rarely, a start behind a camera,
+            or no convergence; the message says which.
+        RankDeficient: the image points do not determine the unknowns apart.
+    """
+    problem = Problem(network, unknowns)
+    problem.check()
+    return _result(problem, minimise(problem, settings or AdjustmentSettings()))
+
+
+def _result(problem: Problem, minimum: Minimum) -> Adjustment:
+    linear, without = minimum.linear, reduced(minimum.normals)
+    cofactor = _cofactor(problem, minimum, without)
+    variance = linear.omega / problem.freedom
+    coupling, place = _places(problem, without, cofactor)
+    return Adjustment(
+        network=problem.network,
+        unknowns=problem.unknowns,
+        views=minimum.state.views,
+        xyz_mm=minimum.state.xyz_mm,
+        covariance=variance * cofactor,
+        place_covariance_mm2=variance * place,
+        place_coupling=variance * coupling,
+        residual_px=problem.residuals_px(linear),
+        redundancy=_redundancy(problem, linear, without, cofactor),
+        sigma0=variance**0.5,
+        freedom=problem.freedom,
+        sum_of_squares=linear.omega,
+        steps=minimum.steps,
+    )
+
+
+def _cofactor(problem: Problem, minimum: Minimum, without: Reduced) -> Array:
+    scale = 1.0 / np.sqrt(np.diag(minimum.normals.matrix))
+    try:
+        inverse = np.asarray(np.linalg.inv(without.matrix * scale * scale[:, np.newaxis]), np.float64)
+    except np.linalg.LinAlgError:
+        raise _singular(problem.unknowns.names) from None
+    inflation = np.diag(inverse)
+    loose = ~((inflation > 0) & (inflation < _MOST_INFLATION))
+    if loose.any():
+        raise _singular([problem.unknowns.names[index] for index in np.flatnonzero(loose)])
+    return inverse * scale * scale[:, np.newaxis]
+
+
+def _singular(names: tuple[str, ...] | list[str]) -> RankDeficient:
+    return RankDeficient(
+        f"the image points do not determine {', '.join(names)} together",
+        "hold some of them, or use a calibration frame with more depth",
+        names,
+    )
+
+
+def _places(problem: Problem, without: Reduced, cofactor: Array) -> tuple[Array, Array]:
+    """Cofactors of places and unknowns (T, 3, U), and of the places (T, 3, 3)."""
+    network, moving = problem.network, problem.moving
+    coupling = np.zeros((*network.target_mm.shape, len(problem.unknowns)))
+    place = np.zeros((*network.target_mm.shape, 3))
+    place[:, range(3), range(3)] = network.target_sigma_mm**2
+    follows = without.coupling.transpose(1, 0, 2)
+    coupling[moving] = -(follows @ cofactor)
+    free = problem.loose[:, np.newaxis] & problem.loose
+    own: Array = np.where(free, without.inverse, 0.0).transpose(2, 0, 1)
+    place[moving] = own - coupling[moving] @ follows.swapaxes(1, 2)
+    return coupling, place
+
+
+def _redundancy(problem: Problem, linear: Linear, without: Reduced, cofactor: Array) -> Array:
+    """(M, 2) 1 − A·Q·Aᵀ of each whitened observation: the row less what its place absorbs, and that."""
+    network, moving = problem.network, problem.moving
+    rows = problem.whitened_rows(linear)
+    used = np.zeros(rows.shape[:3])
+    if len(moving):
+        places = problem.by_place(linear)
+        rows[:, :, moving] -= np.einsum("cvkp,kpu->cvpu", places, without.coupling)
+        used[:, :, moving] = np.einsum("cvkp,klp,cvlp->cvp", places, without.inverse, places, optimize=True)
+    used += ((rows @ cofactor) * rows).sum(axis=3)
+    redundancy: Array = 1.0 - used[:, network.view, network.target].T
+    return redundancy

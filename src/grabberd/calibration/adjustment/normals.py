@@ -1,0 +1,212 @@
+"""The normal equations of a network, with the targets' places eliminated (Schur's complement)."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.adjustment.network import Network
+from grabberd.calibration.adjustment.unknowns import Unknowns
+from grabberd.errors import MeasurementError
+from grabberd.geometry import PARAMETERS, Rig, View, linearise_parameters
+from grabberd.geometry.symmetric import DIAGONAL, FIRST, SECOND, inverse_symmetric
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_CENTER = slice(PARAMETERS.index("X0_mm"), PARAMETERS.index("Z0_mm") + 1)
+# A symmetric 3x3 matrix is kept as its six elements 00 01 02 11 12 22.
+
+
+class State(NamedTuple):
+    """Values of all unknowns: the views, and the targets' places (T, 3) in mm."""
+
+    views: tuple[View, ...]
+    xyz_mm: Array
+
+
+class Linear(NamedTuple):
+    """A network linearised at a state; all is whitened, and zero where a target was not seen.
+
+    Attributes:
+        image: (2, V, T) misclosures of the image points; NaN behind a camera.
+        offset: (3, P) misclosures of the places that move.
+        slopes: (2, V, 18, T) of the image points by the parameters of their view.
+        omega: sum of the squared misclosures; infinite where one is not a number.
+    """
+
+    image: Array
+    offset: Array
+    slopes: Array
+    omega: float
+
+
+class Normals(NamedTuple):
+    """The normal equations of U parameters and P places.
+
+    Attributes:
+        matrix: (U, U) of the parameters alone; `right`: (U,).
+        own: (6, P) of each place, its upper triangle; `own_right`: (3, P).
+        cross: (3, P, U) of place and parameters.
+    """
+
+    matrix: Array
+    right: Array
+    own: Array
+    own_right: Array
+    cross: Array
+
+
+class Reduced(NamedTuple):
+    """Normal equations without the places.
+
+    Attributes:
+        matrix: (U, U); `right`: (U,).
+        inverse: (3, 3, P) own⁻¹ of each place.
+        coupling: (3, P, U) own⁻¹·cross: by how much a place follows the parameters, with the other sign.
+    """
+
+    matrix: Array
+    right: Array
+    inverse: Array
+    coupling: Array
+
+
+class Problem:
+    """A network laid out with one column a target in every view: what a view does not see weighs nothing.
+
+    Attributes:
+        network: what is given; `unknowns`: what is sought.
+        selection: (18 V, U) parameters' changes from the unknowns'.
+        moving: (P,) intp, the targets whose place is sought: not held, and seen at all.
+        loose: (3, P) bool, their coordinates that are not held; `prior`: (3, P) 1/σ, 0 if unknown.
+        freedom: degrees of freedom.
+    """
+
+    def __init__(self, network: Network, unknowns: Unknowns) -> None:
+        self.network = network
+        self.unknowns = unknowns
+        self.selection = unknowns.selection
+        self._blocks = self.selection.reshape(len(network.views), len(PARAMETERS), -1)
+        shape = (2, len(network.views), len(network.target_mm))
+        self._observed, self._weight = np.zeros(shape), np.zeros(shape)
+        place = (slice(None), network.view, network.target)
+        self._observed[place], self._weight[place] = network.xy_px.T, 1.0 / network.sigma_px.T
+        self._unseen: Mask | None = None if self._weight.all() else self._weight == 0
+        self.moving = np.flatnonzero((network.target_sigma_mm > 0).any(axis=1) & (network.sightings > 0))
+        sigma = network.target_sigma_mm[self.moving].T
+        self.loose: Mask = sigma > 0
+        self.prior = np.divide(1.0, sigma, out=np.zeros_like(sigma), where=self.loose)
+        self._own_prior = np.where(self.loose, self.prior**2, 1.0)
+        self.freedom = 2 * len(network) - len(unknowns) - int(np.isinf(sigma).sum())
+
+    def check(self) -> None:
+        """Whether there are enough observations at all.
+
+        Raises:
+            MeasurementError: fewer than unknowns, or targets seen too rarely.
+        """
+        self.check_places()
+        if self.freedom < 1:
+            raise MeasurementError(
+                f"{len(self.network)} image points do not determine {len(self.unknowns)} parameters",
+                "more targets have to be seen, or more parameters held",
+            )
+
+    def check_places(self) -> None:
+        """Whether every target that was seen was seen often enough.
+
+        Raises:
+            MeasurementError: it was not; the message names the targets.
+        """
+        if rare := np.flatnonzero(self.network.undetermined).tolist():
+            raise MeasurementError(
+                f"targets {', '.join(map(str, rare))} have too few image points for their unknown places",
+                "leave out targets that one view alone sees, or give their places with a standard deviation",
+            )
+
+    @property
+    def start(self) -> State:
+        """The values to start from; parameters that share an unknown start from their mean."""
+        unknowns, views = self.unknowns, self.network.views
+        return State(unknowns.with_values(views, unknowns.values(views)), self.network.target_mm)
+
+    def moved(self, state: State, step: Array, places: Array) -> State:
+        """The state after a step (U,) of the unknowns and (3, P) of the places."""
+        views = self.unknowns.moved(state.views, step)
+        if not len(self.moving):
+            return State(views, state.xyz_mm)
+        xyz = state.xyz_mm.copy()
+        xyz[self.moving] += np.where(self.loose, places, 0.0).T
+        return State(views, xyz)
+
+    def at(self, state: State) -> Linear:
+        """The network linearised at a state."""
+        computed, slopes = linearise_parameters(Rig.of_views(state.views), state.xyz_mm)
+        image = (self._observed - computed) * self._weight
+        slopes *= self._weight[:, :, np.newaxis]
+        if self._unseen is not None:
+            image[self._unseen] = 0.0
+            slopes.swapaxes(2, 3)[self._unseen] = 0.0
+        offset = (self.network.target_mm - state.xyz_mm)[self.moving].T * self.prior
+        omega = float(np.vdot(image, image) + np.vdot(offset, offset))
+        return Linear(image, offset, slopes, omega if np.isfinite(omega) else np.inf)
+
+    def normals(self, linear: Linear) -> Normals:
+        """The normal equations of a linearised network."""
+        matrix, right = self._of_parameters(linear)
+        if not len(self.moving):
+            nothing = np.empty((6, 0))
+            return Normals(matrix, right, nothing, nothing[:3], np.empty((3, 0, len(right))))
+        places = self.by_place(linear)
+        own = (places[:, :, FIRST] * places[:, :, SECOND]).sum(axis=(0, 1))
+        own[DIAGONAL, :] += self._own_prior
+        own_right = (places * linear.image[:, :, np.newaxis, self.moving]).sum(axis=(0, 1))
+        own_right += linear.offset * self.prior
+        return Normals(matrix, right, own, own_right, self._cross(places, linear.slopes))
+
+    def by_place(self, linear: Linear) -> Array:
+        """(2, V, 3, P) whitened slopes by the places: by the projection centre with the other sign."""
+        slopes: Array = -linear.slopes[:, :, _CENTER][..., self.moving] * self.loose
+        return slopes
+
+    def whitened_rows(self, linear: Linear) -> Array:
+        """(2, V, T, U) whitened slopes of the image points by the unknowns."""
+        rows: Array = linear.slopes.swapaxes(2, 3) @ self._blocks
+        return rows
+
+    def residuals_px(self, linear: Linear) -> Array:
+        """(M, 2) misclosures of the image points in px."""
+        network = self.network
+        residuals: Array = linear.image[:, network.view, network.target].T * network.sigma_px
+        return residuals
+
+    def _of_parameters(self, linear: Linear) -> tuple[Array, Array]:
+        """Views do not share slopes, so the matrix is one block a view, folded onto the unknowns."""
+        slopes, folding = linear.slopes, self._blocks.swapaxes(1, 2)
+        matrix = folding @ (slopes @ slopes.swapaxes(2, 3)).sum(axis=0) @ self._blocks
+        right = folding @ (slopes @ linear.image[..., np.newaxis]).sum(axis=0)
+        return matrix.sum(axis=0), right.sum(axis=0)[:, 0]
+
+    def _cross(self, places: Array, slopes: Array) -> Array:
+        _, views, parameters, _ = slopes.shape
+        moving = len(self.moving)
+        products = places[:, :, :, np.newaxis] * slopes[:, :, np.newaxis][..., self.moving]
+        flat = products.sum(axis=0).transpose(1, 3, 0, 2).reshape(3 * moving, views * parameters)
+        cross: Array = (flat @ self.selection).reshape(3, moving, -1)
+        return cross
+
+
+def reduced(normals: Normals, damping: float = 0.0) -> Reduced:
+    """The places eliminated; `damping` is Marquardt's on their own diagonals."""
+    count, unknowns = normals.cross.shape[1:]
+    if not count:
+        return Reduced(normals.matrix, normals.right, np.empty((3, 3, 0)), normals.cross)
+    own = normals.own.copy()
+    own[DIAGONAL, :] *= 1.0 + damping
+    inverse = inverse_symmetric(own)
+    coupling = np.einsum("klp,lpu->kpu", inverse, normals.cross)
+    flat = coupling.reshape(3 * count, unknowns)
+    matrix = normals.matrix - normals.cross.reshape(3 * count, unknowns).T @ flat
+    right = normals.right - normals.own_right.reshape(3 * count) @ flat
+    return Reduced(matrix, right, inverse, coupling)

@@ -1,0 +1,161 @@
+"""Whether a network determines its unknowns at all, and if not, which of them it confounds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.adjustment.network import Network
+from grabberd.calibration.adjustment.normals import Problem, reduced
+from grabberd.calibration.adjustment.unknowns import Unknowns
+from grabberd.errors import MeasurementError, RankDeficient
+from grabberd.geometry import PARAMETERS
+
+Array = NDArray[np.float64]
+
+THRESHOLD = 1e-4
+"""A singular value under this share of the largest is none; good calibration frames have 2e-4 and more."""
+LEAST_DEPTH = 0.02
+"""Of the targets, as a share of their largest extent."""
+_INTERIOR, _POSE = PARAMETERS[:3], PARAMETERS[3:9]
+_NAMED = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class NullVector:
+    """A change of several parameters at once that the image points do not show.
+
+    Attributes:
+        parameters: names of those that share in it, the greatest share first.
+        shares: what they contribute to the unit vector, each parameter in units of its own effect.
+        singular: the singular value, as a share of the largest.
+    """
+
+    parameters: tuple[str, ...]
+    shares: tuple[float, ...]
+    singular: float
+
+    def __str__(self) -> str:
+        return " + ".join(
+            f"{share:.2f} {name}" for name, share in zip(self.parameters, self.shares, strict=True)
+        )
+
+
+def null_vectors(
+    jacobian: Array, names: Sequence[str], threshold: float = THRESHOLD
+) -> tuple[NullVector, ...]:
+    """The null vectors of any Jacobian, its columns brought to the same length first.
+
+    Args:
+        jacobian: (M, U) derivatives of M observations of equal weight.
+        names: of the U parameters.
+        threshold: singular values under this share of the largest count as zero.
+    """
+    matrix = jacobian.T @ jacobian
+    return _null_vectors(matrix, np.diag(matrix), names, threshold)
+
+
+def check_rank(network: Network, unknowns: Unknowns) -> None:
+    """Whether a network determines its unknowns: to be asked before it is adjusted.
+
+    The Jacobian is judged with equal weights and known places held, for the geometry is in question, and
+    without distortion: with it, a planar frame's smallest singular value is no longer zero, though as little
+    can be learnt from it. So the targets' depth is tested by itself too, for all views whose focal length or
+    principal point is sought.
+
+    Raises:
+        RankDeficient: it does not; the message names the parameters of every null vector.
+        MeasurementError: too few observations, or a start behind a camera.
+    """
+    flat = replace(
+        network,
+        views=tuple(replace(view, b=(0.0,) * 9) for view in network.views),
+        sigma_px=np.full_like(network.sigma_px, np.sqrt(np.mean(network.sigma_px**2))),
+        target_sigma_mm=np.where(np.isfinite(network.target_sigma_mm), 0.0, np.inf),
+    )
+    problem = Problem(flat, unknowns)
+    problem.check()
+    linear = problem.at(problem.start)
+    if not np.isfinite(linear.omega):
+        raise MeasurementError(
+            "a target lies behind a camera where the adjustment would start",
+            "check the rig's nominal geometry and the calibration frame's file",
+        )
+    normals = problem.normals(linear)
+    found = _null_vectors(reduced(normals).matrix, np.diag(normals.matrix), unknowns.names, THRESHOLD)
+    if found:
+        raise _deficient(found)
+    _check_depth(network, unknowns)
+
+
+def _null_vectors(
+    matrix: Array, diagonal: Array, names: Sequence[str], threshold: float
+) -> tuple[NullVector, ...]:
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    squares, vectors = np.linalg.eigh(matrix * scale * scale[:, np.newaxis])
+    if not len(squares):
+        return ()
+    null = squares <= threshold**2 * max(squares[-1], 0.0)
+    singular = float(np.sqrt(max(squares[0], 0.0) / squares[-1])) if squares[-1] > 0 else 0.0
+    return tuple(_named(vector, names, singular) for vector in _plain(vectors[:, null]).T)
+
+
+def _plain(basis: Array) -> Array:
+    """(U, K) another basis of the same space, whose vectors have each as few parameters as may be."""
+    basis = basis.copy()
+    for column in range(basis.shape[1]):
+        row, other = divmod(int(np.abs(basis[:, column:]).argmax()), basis.shape[1] - column)
+        basis[:, [column, column + other]] = basis[:, [column + other, column]]
+        basis[:, column] /= basis[row, column]
+        rest = np.arange(basis.shape[1]) != column
+        basis[:, rest] -= np.outer(basis[:, column], basis[row, rest])
+    plain: Array = basis / np.sqrt((basis * basis).sum(axis=0))
+    return plain
+
+
+def _named(vector: Array, names: Sequence[str], singular: float) -> NullVector:
+    order = [index for index in np.argsort(-np.abs(vector)) if abs(vector[index]) >= _NAMED]
+    return NullVector(tuple(names[i] for i in order), tuple(float(vector[i]) for i in order), singular)
+
+
+def _deficient(found: Sequence[NullVector]) -> RankDeficient:
+    names = list(dict.fromkeys(name for vector in found for name in vector.parameters))
+    return RankDeficient(
+        f"the image points do not determine {', '.join(names)} apart from one another; they do not show "
+        + "; nor ".join(str(vector) for vector in found),
+        "hold some of these parameters, or use a calibration frame with more depth",
+        names,
+    )
+
+
+def _check_depth(network: Network, unknowns: Unknowns) -> None:
+    for index, view in enumerate(network.views):
+        sought = [
+            name for name, number in zip(PARAMETERS, unknowns.number[index], strict=True) if number >= 0
+        ]
+        names = [f"{view.name}.{name}" for name in sought if name in _INTERIOR + _POSE]
+        if set(sought) & set(_INTERIOR):
+            places = network.target_mm[network.target[network.view == index]]
+            check_depth(places, names, f"the targets in view {view.name}")
+
+
+def check_depth(places_mm: Array, names: Sequence[str], what: str) -> None:
+    """Whether places (N, 3) have the depth that an interior orientation needs.
+
+    Args:
+        places_mm: of the targets.
+        names: of the parameters that they are to determine.
+        what: the places are, for people.
+
+    Raises:
+        RankDeficient: they lie in a plane.
+    """
+    extents = np.linalg.svd(places_mm - places_mm.mean(axis=0), compute_uv=False)
+    if extents[-1] < LEAST_DEPTH * extents[0]:
+        raise RankDeficient(
+            f"{what} lie in a plane (depth {extents[-1] / extents[0]:.1%} of their extent), which does not "
+            f"determine {', '.join(names)} together",
+            "use a calibration frame with depth, ±8 mm is enough, or hold f_mm, x0_px and y0_px",
+            names,
+        )

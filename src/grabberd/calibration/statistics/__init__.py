@@ -1,0 +1,1 @@
+"""What an adjustment is worth: significance, blunders, normality, validation, acceptance."""

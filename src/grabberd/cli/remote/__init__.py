@@ -1,0 +1,1 @@
+"""Commands that a running daemon carries out for the command line, over HTTP."""

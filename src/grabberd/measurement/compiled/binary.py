@@ -1,0 +1,161 @@
+"""Location at 1 bit by the compiled kernel: numpy's blobs in a small part of its time.
+
+The kernel finds components, sizes and places in one call. What it lacks a table for, it says; tables are made
+by the same functions as numpy's, and kept.
+"""
+
+import ctypes
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+from grabberd.field import PackedField
+from grabberd.kernel import DONE, MORE_ROOM, NO_FULLNESS, NO_MEMORY, NO_TABLE, Kernel
+from grabberd.measurement.blobs import Blobs
+from grabberd.measurement.compiled.structs import Fullness, Settings, Table
+from grabberd.measurement.locale.locale import NOISES
+from grabberd.measurement.locale.locale_model import Appearance
+from grabberd.measurement.locale.locale_patterns import ROUNDED_PX as KIND_PX
+from grabberd.measurement.locale.locale_sizes import ROUNDED_PX, fullness
+from grabberd.measurement.locale.locale_table import TABLES, table
+
+if TYPE_CHECKING:
+    from grabberd.measurement.location import LocationSettings
+
+BY_KERNEL = ("automatic", "locale", "centroid")
+COLUMNS = 9
+ROOM = 256
+MOST_TABLES, MOST_FULLNESS = TABLES // len(NOISES), 64
+"""So many sizes are kept from field to field; then it begins anew."""
+
+
+class _Kept:
+    """Settings and the tables that they point to; never changed, so that threads may share them."""
+
+    def __init__(self, known: "_Known", tables: tuple[Table, ...], fullnesses: tuple[Fullness, ...]) -> None:
+        self.tables, self.fullnesses = tables, fullnesses
+        self._arrays = (Table * len(tables))(*tables), (Fullness * len(fullnesses))(*fullnesses)
+        first, second = (ctypes.addressof(one) for one in self._arrays)
+        self.settings = Settings(
+            known.least_px,
+            known.greatest_px,
+            known.jitter_px,
+            known.spread_px is not None,
+            first,
+            len(tables),
+            second,
+            len(fullnesses),
+        )
+
+
+class _Known:
+    """What the kernel is told beside the picture, and the tables that were made for it so far."""
+
+    def __init__(
+        self, least_px: float, greatest_px: float, jitter_px: float, spread_px: float | None, y_step: int
+    ) -> None:
+        self.least_px, self.greatest_px, self.jitter_px = least_px, greatest_px, jitter_px
+        self.spread_px, self.y_step = spread_px, y_step
+        self.kept = _Kept(self, (), ())
+
+    def add_table(self, kept: _Kept, wide: float, high: float, fraction: float) -> _Kept:
+        assert self.spread_px is not None
+        half_axes = KIND_PX[0] * wide, KIND_PX[1] * high
+        look = Appearance(*half_axes, fraction, NOISES[0], self.spread_px, self.jitter_px, self.y_step)
+        made = [table(look._replace(noise=noise)) for noise in NOISES]
+        windows = [one.windows for one in made]
+        addresses = (ctypes.c_void_p * len(NOISES))(*(one.ctypes.data for one in windows))
+        grid = made[0].grid
+        own = Table(
+            addresses, _floats(windows[0]), int(grid.columns), int(grid.rows), int(wide), int(high), fraction
+        )
+        own.windows = windows  # what is at the addresses has to stay
+        self.kept = _Kept(self, (*kept.tables, own), kept.fullnesses)
+        return self.kept
+
+    def add_fullness(self, kept: _Kept, wide: float, high: float) -> _Kept:
+        assert self.spread_px is not None
+        ratios = fullness((ROUNDED_PX * int(wide), ROUNDED_PX * int(high)), self.spread_px)
+        own = Fullness(wide, high, (ctypes.c_double * len(ratios))(*ratios))
+        self.kept = _Kept(self, kept.tables, (*kept.fullnesses, own))
+        return self.kept
+
+    def begin(self) -> _Kept:
+        """What is kept, for a field; emptied between fields alone, however many sizes one of them shows."""
+        if len(self.kept.tables) > MOST_TABLES or len(self.kept.fullnesses) > MOST_FULLNESS:
+            self.kept = _Kept(self, (), ())
+        return self.kept
+
+
+def _floats(windows: NDArray[np.float32]) -> int:
+    """How many there are, of which windows overlap."""
+    last = zip(windows.shape, windows.strides, strict=True)
+    return 1 + sum(int((size - 1) * stride // windows.itemsize) for size, stride in last)
+
+
+_known = lru_cache(maxsize=16)(_Known)
+
+
+def takes(packed: PackedField, settings: "LocationSettings") -> bool:
+    """Whether the kernel has been taught to do this."""
+    return (
+        packed.bits == 1
+        and settings.method in BY_KERNEL
+        and not (settings.line_shifts and settings.line_jitter_px)
+        and packed.y_step in (1, 2)
+    )
+
+
+def measure_compiled(kernel: Kernel, packed: PackedField, settings: "LocationSettings") -> Blobs:
+    """As `location.measure` without windows, of what the kernel takes.
+
+    Raises:
+        MeasurementError: there is no memory, or the kernel finds something wrong with the picture.
+    """
+    known = _known(
+        settings.min_diameter_px,
+        settings.max_diameter_px,
+        settings.line_jitter_px,
+        None if settings.method == "centroid" else settings.spread_px,
+        packed.y_step,
+    )
+    data = np.ascontiguousarray(packed.data)
+    _, rows, stride = data.shape
+    picture = (rows, stride, packed.columns, packed.parity, packed.y0, packed.y_step)
+    room, kept = ROOM, known.begin()
+    while True:
+        out = np.empty(COLUMNS * room)
+        status, count, reach_px, *missing = kernel.locate(data, picture, kept.settings, out)
+        if status == DONE:
+            return blobs_of(out.reshape(COLUMNS, room), count, reach_px)
+        if status == MORE_ROOM:
+            room = count
+        elif status == NO_TABLE:
+            kept = known.add_table(kept, *missing)
+        elif status == NO_FULLNESS:
+            kept = known.add_fullness(kept, *missing[:2])
+        else:
+            fail(status, packed)
+
+
+def blobs_of(out: NDArray[np.float64], count: int, reach_px: float, jitter_px: float | None = None) -> Blobs:
+    """What the kernel wrote of so many blobs (COLUMNS, room)."""
+    xy, sigma = (out[first : first + 2].reshape(-1)[: 2 * count].reshape(count, 2) for first in (0, 2))
+    common, area, width, height, at_border = out[4:, :count]
+    return Blobs(xy, sigma, common, area, width, height, at_border != 0.0, reach_px, jitter_px)
+
+
+def fail(status: int, packed: PackedField) -> None:
+    """Say what the kernel ended with.
+
+    Raises:
+        MeasurementError: always.
+    """
+    what = "no memory is left" if status == NO_MEMORY else "the compiled kernel refused the picture"
+    raise MeasurementError(
+        f"{what}: {packed.rows} rows of {packed.columns} columns at {packed.bits} bit",
+        "report it, with the picture" if status != NO_MEMORY else "give the computer more memory",
+    )

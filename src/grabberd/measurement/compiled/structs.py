@@ -1,0 +1,62 @@
+"""The structures of kernel.h and grey.h that location fills in and reads, member by member."""
+
+import ctypes
+from typing import Any
+
+from grabberd.measurement.locale.locale import NOISES
+from grabberd.measurement.locale.locale_sizes import FRACTIONS
+
+_WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+
+
+class Table(ctypes.Structure):
+    """The tables of one size of target and one threshold: one for each noise."""
+
+    _fields_ = (
+        ("values", _ADDRESS * len(NOISES)),
+        ("length", _WHOLE),
+        ("columns", _WHOLE),
+        ("rows", _WHOLE),
+        ("wide", ctypes.c_int32),
+        ("high", ctypes.c_int32),
+        ("fraction", _REAL),
+    )
+    windows: Any
+
+
+class Fullness(ctypes.Structure):
+    """How full interpolated rows are, for one size of target."""
+
+    _fields_ = (("half_width_px", _REAL), ("half_height_px", _REAL), ("ratio", _REAL * len(FRACTIONS)))
+
+
+class GreySettings(ctypes.Structure):
+    """What location with more than 1 bit is made with, beside the picture."""
+
+    _fields_ = (
+        ("min_diameter_px", _REAL),
+        ("max_diameter_px", _REAL),
+        ("line_jitter_px", _REAL),
+        ("spread_px", _REAL),
+        ("noise_levels", _REAL),
+        ("shifts_solved", _WHOLE),
+        ("jitter_known", _WHOLE),
+        ("edge", _ADDRESS),
+        ("edge_values", _WHOLE),
+    )
+    edge_values_kept: Any
+
+
+class Settings(ctypes.Structure):
+    """What location is made with, beside the picture."""
+
+    _fields_ = (
+        ("min_diameter_px", _REAL),
+        ("max_diameter_px", _REAL),
+        ("line_jitter_px", _REAL),
+        ("locale", _WHOLE),
+        ("tables", _ADDRESS),
+        ("table_count", _WHOLE),
+        ("fullness", _ADDRESS),
+        ("fullness_count", _WHOLE),
+    )

@@ -1,0 +1,73 @@
+"""What line jitter does to the located places, and what of it can be undone."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.measurement.line_shifts.line_shifts import LineShifts, line_shifts, unsolved
+from grabberd.measurement.locators.chords import Shares, binary_chords, binary_shares, grey_chords
+from grabberd.measurement.locators.grey import noise_of
+from grabberd.measurement.locators.locator import Chords, Located, Seen
+from grabberd.measurement.locators.windows import LINES_APART, line_of_row, lines_of
+
+Array = NDArray[np.float64]
+
+
+class Steadied(NamedTuple):
+    """The components of a field, as if its lines had not been shifted, as far as that can be known.
+
+    Attributes:
+        centres: (N, 2) float64, in the field's own columns and rows.
+        common_px: (N,) float64, standard deviation of the error in x that all on the same lines share.
+        common_reach_px: how far that reaches, frame lines.
+        line_jitter_px: standard deviation of a line's shift in this field; None where it was not estimated.
+    """
+
+    centres: Array
+    common_px: Array
+    common_reach_px: float
+    line_jitter_px: float | None
+
+
+def steadied(seen: Seen, located: Located) -> Steadied:
+    """Solves for the shifts of the lines, or where the settings forbid it says how much they do."""
+    expected_px = seen.settings.line_jitter_px
+    if expected_px == 0 or not seen.of_size.any():
+        return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
+    wanted = seen.settings.line_shifts
+    if not (seen.packed.bits > 1 if wanted is None else wanted):
+        return _unsolved(seen, located)
+    chords = _chords(seen) if located.chords is None else located.chords
+    if not (chords.weight > 0).any():
+        return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
+    line = line_of_row(seen.packed, located.centres[chords.blob, 1])
+    known = seen.settings.line_jitter_known
+    found = line_shifts(chords, line, lines_of(seen.packed), expected_px, known=known)
+    steady = _corrected(located.centres, chords.blob, found)
+    return steady._replace(line_jitter_px=None) if known else steady
+
+
+def _unsolved(seen: Seen, located: Located) -> Steadied:
+    """The places as they are, and how much line jitter does to each."""
+    expected_px = seen.settings.line_jitter_px
+    shares = _shares(seen) if located.chords is None else located.chords
+    if not len(shares.blob):
+        return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
+    found = unsolved(shares.share, expected_px)
+    return _corrected(located.centres, shares.blob, found)._replace(line_jitter_px=None)
+
+
+def _corrected(centres: Array, blob: NDArray[np.int64], found: LineShifts) -> Steadied:
+    steady, common = centres.copy(), np.full(len(centres), found.line_jitter_px)
+    steady[blob, 0] -= found.x_px
+    common[blob] = found.common_px
+    return Steadied(steady, common, found.common_reach_px, found.line_jitter_px)
+
+
+def _shares(seen: Seen) -> Shares | Chords:
+    return binary_shares(seen) if seen.packed.bits == 1 else grey_chords(seen, noise_of(seen))
+
+
+def _chords(seen: Seen) -> Chords:
+    return binary_chords(seen) if seen.packed.bits == 1 else grey_chords(seen, noise_of(seen))

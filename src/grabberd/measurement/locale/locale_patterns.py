@@ -1,0 +1,150 @@
+"""The bits of blobs, ready to be compared with what targets of their size would show."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.measurement.labelling.labels import short
+from grabberd.measurement.locale.locale_sizes import (
+    NOMINAL_FRACTION,
+    Sizes,
+    is_delivered,
+    moments_of,
+    sizes_of,
+    threshold_fraction,
+)
+from grabberd.measurement.locale.locale_table import STEPS_X, STEPS_Y
+from grabberd.measurement.locators.locator import Seen
+from grabberd.measurement.locators.windows import first_row
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+
+HALF = STEPS_X / 2
+ROUNDED_PX = (0.5, 0.25)
+"""Half axes are rounded to these, so that few tables are needed; blobs are stretched to that."""
+
+
+class Kind(NamedTuple):
+    """What blobs have to share in order to share a table.
+
+    Attributes:
+        half_width_px: half axes of what lies above the threshold; `half_height_px`: likewise.
+    """
+
+    half_width_px: float
+    half_height_px: float
+
+
+class Cuts(NamedTuple):
+    """The R rows of M blobs, blob by blob, in steps of the fine grid from the place in the blob's middle.
+
+    Attributes:
+        first: (M,) int64, where each blob's rows begin; they follow each other without a gap.
+        interpolated: (R,) int64, 1 where the row is an interpolated one.
+        row: (R,) int64; `start`: (R,) of the first pixel, `end`: (R,) of the one after the last.
+        phase: (M,) int64, to any pixel.
+    """
+
+    first: Whole
+    interpolated: Whole
+    row: Whole
+    start: Whole
+    end: Whole
+    phase: Whole
+
+
+class Patterns(NamedTuple):
+    """All blobs of a field that may be targets, those of a kind together.
+
+    Attributes:
+        blob: (M,) int64, their components.
+        middle: (M, 2) float64, columns and rows: the place of the fine grid next to each centroid.
+        stretched: (M, 2) float64, by how much in x and y.
+        kinds: theirs, the most frequent one first; `blobs`: how many are of each.
+        cuts: their rows.
+        fraction: the threshold's share of the contrast.
+    """
+
+    blob: Whole
+    middle: Array
+    stretched: Array
+    kinds: list[Kind]
+    blobs: list[int]
+    cuts: Cuts
+    fraction: float
+
+
+def patterns_of(seen: Seen, centres: Array) -> Patterns:
+    """The patterns of all blobs of a field that lie in it as a whole and are of a target's size.
+
+    Args:
+        seen: a field of 1 bit.
+        centres: (N, 2) float64, the centroids of its N components, columns and rows.
+    """
+    packed = seen.packed
+    whole = seen.low & ~seen.shapes.touch_border(packed.rows, packed.columns)
+    moments = moments_of(packed, seen.runs, seen.label, centres)
+    sizes = sizes_of(moments, whole, centres, packed)
+    fraction = NOMINAL_FRACTION
+    if packed.y_step == 1:
+        fraction = threshold_fraction(seen.shapes.pixels, moments, sizes, whole, seen.settings.spread_px)
+    blob, kinds, count = _by_kind(whole.nonzero()[0], sizes)
+    steps = np.array([STEPS_X, STEPS_Y * packed.y_step])
+    before = np.array([0, first_row(packed)])
+    middle = np.rint((centres[blob] - before) * steps).astype(np.int64)
+    wanted = np.repeat(kinds, count, axis=0).reshape(-1, 2)
+    stretched = wanted / np.array(sizes[:2]).T[blob]
+    cuts = _cuts(seen, blob, middle, stretched, sizes.lean[blob])
+    return Patterns(blob, middle / steps + before, stretched, kinds, count, cuts, fraction)
+
+
+def _by_kind(blob: Whole, sizes: Sizes) -> tuple[Whole, list[Kind], list[int]]:
+    """The blobs with those of a kind together, the kinds, and how many blobs each has."""
+    width, height = (
+        np.rint(axis[blob] / rounded_px).astype(np.int64)
+        for axis, rounded_px in zip(sizes[:2], ROUNDED_PX, strict=True)
+    )
+    heights = int(height.max(initial=0)) + 1
+    code = width * heights + height
+    count = np.bincount(code)
+    by_count = np.argsort(-count, kind="stable")[: np.count_nonzero(count)]
+    rank = np.empty(len(count), np.int64)
+    rank[by_count] = np.arange(len(by_count))
+    wide, high = np.divmod(by_count, heights)
+    half_axes = zip((ROUNDED_PX[0] * wide).tolist(), (ROUNDED_PX[1] * high).tolist(), strict=True)
+    kinds = [Kind(*one) for one in half_axes]
+    order = short(rank[code], len(by_count)).argsort(kind="stable")
+    return blob[order], kinds, count[by_count].tolist()
+
+
+def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array) -> Cuts:
+    """Of the blobs wanted, from the middle of each, (M, 2) steps of x and y; stretched and set upright."""
+    number = np.full(len(seen.shapes), len(blob))
+    number[blob] = np.arange(len(blob))
+    of_run = number[seen.label]
+    run = short(of_run, len(blob) + 1).argsort(kind="stable")[: np.count_nonzero(of_run < len(blob))]
+    of, row, first, last = of_run[run], seen.runs.row[run], seen.runs.first[run], seen.runs.last[run]
+    # What is empty between two runs of a row is taken for set: no target has such rows.
+    same = (of[1:] == of[:-1]) & (row[1:] == row[:-1])
+    if same.any():
+        new = np.flatnonzero(np.append(True, ~same))
+        of, row, first, last = of[new], row[new], first[new], last[np.append(new[1:] - 1, -1)]
+    begin = np.cumsum(np.bincount(of, minlength=len(blob)))
+    x, y, wider, higher, leaning = np.array([*middle.T, *stretched.T, lean])[:, of]
+    down = (row - first_row(seen.packed)) * (seen.packed.y_step * STEPS_Y) - y
+    origin = x + HALF + leaning * down * (STEPS_X / STEPS_Y)
+    # A pixel's own place is a whole number; what is stretched is its edge, half a pixel before.
+    start, end = (
+        np.rint((edge * STEPS_X - origin) * wider + HALF).astype(np.int64) for edge in (first, last + 1)
+    )
+    return Cuts(
+        first=np.append(0, begin[:-1])[: len(blob)],
+        interpolated=1 - is_delivered(seen.packed, row).astype(np.int64),
+        row=np.rint(down * higher).astype(np.int64),
+        start=start,
+        end=end,
+        phase=-middle[:, 0],
+    )

@@ -1,0 +1,126 @@
+"""The error to expect at 1 bit, for a size of target and a threshold: what the threshold is chosen by.
+
+A blob's height and width in rows and columns decide how well its place is known; a target half-integer rows
+high is bad. So the best threshold depends on the size that is seen.
+"""
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.measurement.locale.locale import NOISES
+from grabberd.measurement.locale.locale_model import Appearance, light, log_odds
+from grabberd.measurement.locale.locale_patterns import Cuts
+from grabberd.measurement.locale.locale_posterior import Entries, Posterior, likelihoods
+from grabberd.measurement.locale.locale_table import STEPS_X, STEPS_Y, new_table
+
+Array = NDArray[np.float64]
+
+FRACTIONS = (0.12, 0.16, 0.2, 0.24, 0.28, 0.33, 0.4, 0.5)
+"""Thresholds to choose from, in contrasts."""
+SIZES = (0.97, 1.03)
+"""Targets of one picture differ in size; the error is the mean over these."""
+PARALLAX = 3.0
+"""An error in x counts so many times one in y: x has the parallax, and most of the error is in depth."""
+EVERY_X, EVERY_Y = 2, 1
+"""The error is predicted for one place of the table's in so many, each way."""
+
+
+class Scene(NamedTuple):
+    """What decides the error at 1 bit beside the threshold.
+
+    Attributes:
+        target_px: the discs' diameter, frame pixels.
+        spread_px: standard deviation of the spread function.
+        noise: standard deviation of a pixel, in contrasts.
+        jitter_px: standard deviation of a line's shift.
+        y_step: frame lines from row to row.
+    """
+
+    target_px: float
+    spread_px: float
+    noise: float
+    jitter_px: float
+    y_step: int
+
+
+def best_fraction(scene: Scene, least: float = 0.0) -> float:
+    """The threshold with the least predicted error in space, in contrasts.
+
+    Args:
+        scene: size and noise are rounded, so that few predictions are made.
+        least: thresholds lower than this are too near to the noise.
+    """
+    noise = min(NOISES, key=lambda one: abs(math.log(one / max(scene.noise, 1e-6))))
+    errors = _errors(scene._replace(noise=noise, target_px=round(5 * scene.target_px) / 5))
+    allowed = [pair for pair in zip(errors, FRACTIONS, strict=True) if pair[1] >= least]
+    return min(allowed)[1] if allowed else max(least, FRACTIONS[-1])
+
+
+@lru_cache(maxsize=32)
+def _errors(scene: Scene) -> tuple[float, ...]:
+    """Predicted error of x and y together at each of `FRACTIONS`."""
+    predicted = (predicted_sigma_px(scene, fraction) for fraction in FRACTIONS)
+    return tuple(math.hypot(PARALLAX * x, y) for x, y in predicted)
+
+
+def predicted_sigma_px(scene: Scene, fraction: float) -> tuple[float, float]:
+    """Predicted standard deviation of x and y by locale decoding, line jitter included in x.
+
+    What is seen without noise is decoded for places all over a pixel and a row; the mean variance is the
+    error.
+    """
+    variance = np.mean([_variance(scene, fraction, scene.target_px * size) for size in SIZES], axis=0)
+    return math.sqrt(variance[0]), math.sqrt(variance[1])
+
+
+def _variance(scene: Scene, fraction: float, diameter_px: float) -> Array:
+    seen = _appearance(scene, fraction, diameter_px)
+    one, cuts = new_table(seen), _cuts(seen)
+    blobs = [len(cuts.first)]
+    found = Posterior.of(likelihoods([one], blobs, Entries.of(cuts, [one.grid], blobs)), scene.y_step)
+    mean: Array = found.variance_px2.mean(axis=0)
+    return mean
+
+
+def _appearance(scene: Scene, fraction: float, diameter_px: float) -> Appearance:
+    """What of a disc lies above the threshold: nothing of one that is too small for it."""
+    unknown = Appearance(1.0, 1.0, fraction, scene.noise, scene.spread_px, scene.jitter_px, scene.y_step)
+    out, origin = np.linspace(0.0, diameter_px, 200), np.zeros(1)
+    half = (diameter_px / 2, diameter_px / 2)
+    right = light(half, unknown.blur_px, out, origin)[0]
+    below = light(half, unknown.blur_px, origin, out)[:, 0]
+    width, height = (float(np.interp(-fraction, -profile, out)) for profile in (right, below))
+    return unknown._replace(half_width_px=round(width, 2), half_height_px=round(height, 2))
+
+
+def _cuts(seen: Appearance) -> Cuts:
+    """The runs seen without noise from places all over two lines and a pixel; one pixel at least."""
+    y, x = np.mgrid[0 : 2 * STEPS_Y : EVERY_Y, 0:STEPS_X:EVERY_X].reshape(2, -1, 1, 1)
+    row = _pixels(seen.half_height_px, seen.y_step * STEPS_Y)[:, np.newaxis]
+    column = _pixels(seen.half_width_px, STEPS_X)
+    u, v = np.arange(column[0] - STEPS_X, column[-1] + 1), np.arange(row[0, 0] - 2 * STEPS_Y, row[-1, 0] + 1)
+    odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))
+    interpolated = row // STEPS_Y % 2
+    of_pixels = odds[interpolated, row - y - v[0], column - x - u[0]]
+    is_set = of_pixels >= np.minimum(of_pixels.max(axis=(1, 2), keepdims=True), 0.0)
+    blob, at_row = np.nonzero(is_set.any(axis=2))
+    start = is_set[blob, at_row].argmax(axis=1)
+    end = start + np.count_nonzero(is_set[blob, at_row], axis=1)
+    return Cuts(
+        first=np.searchsorted(blob, np.arange(len(is_set))),
+        interpolated=interpolated[at_row, 0],
+        row=row[at_row, 0] - y[blob, 0, 0],
+        start=column[0] + start * STEPS_X - x[blob, 0, 0],
+        end=column[0] + end * STEPS_X - x[blob, 0, 0],
+        phase=-x[:, 0, 0],
+    )
+
+
+def _pixels(half_px: float, step: int) -> NDArray[np.int64]:
+    """Those that may be set, wherever the target's place in a pixel."""
+    beside = math.ceil((half_px + 1) * max(STEPS_X, STEPS_Y) / step) + 1
+    return np.arange(-beside, beside + 1) * step

@@ -1,0 +1,194 @@
+"""Log likelihoods of every place of a target, to be summed over the runs that are seen of it.
+
+The bits of a blob are independent of each other but for its place, so the log likelihood of a place is a sum
+over pixels: one constant for an empty picture, and for each run the log odds of its pixels. These are
+cumulated along the rows, so that a run needs only its two ends. Places are those of a fine grid through the
+whole picture, so a table depends on nothing but where an end is relative to the target.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import as_strided
+from numpy.typing import NDArray
+
+from grabberd.measurement.locale.locale_model import Appearance, log_odds
+
+Array = NDArray[np.float64]
+Single = NDArray[np.float32]
+Whole = NDArray[np.int64]
+
+STEPS_X = 10
+"""Places looked at in a pixel of x; `STEPS_Y`: in a frame line of y."""
+STEPS_Y = 8
+REACH_X = 4
+"""Places are looked at so many steps either side of the centroid; by `y_step`, `REACH_Y` likewise."""
+REACH_Y = {1: 4, 2: 6}
+BEYOND_PX = 4
+"""A table reaches so far beyond the half axes: pixels further away are not looked at."""
+CAPS = STEPS_X + 2 * REACH_X
+"""Steps of x in the parts of what is above and below, which repeat pixel by pixel."""
+TABLES = 192
+"""So many are kept, of some 300 kB each: sizes, noise and threshold of the liner's fields need a hundred."""
+
+
+@lru_cache(maxsize=2)
+def moments(y_step: int) -> Single:
+    """(G, 5) 1, x, y, x², y² of the places that are looked at, relative to the middle one, frame pixels.
+
+    They are in the order of the windows of a `Table`: from the right and from below.
+    """
+    x, y = np.mgrid[-REACH_X : REACH_X + 1, -REACH_Y[y_step] : REACH_Y[y_step] + 1].reshape(2, -1)
+    places = np.stack([-x / STEPS_X, -y / STEPS_Y]).astype(np.float32)
+    return np.concatenate([np.ones_like(places[:1]), places, places * places]).T
+
+
+class Table(NamedTuple):
+    """Log likelihoods of w · h places about a middle one, as windows into fine grids.
+
+    One number, which the grid gives, says which window. The half of a row that lies to the left of a target
+    is decided by the run's start, the other by its end.
+
+    Attributes:
+        windows: (entries, w, h) float32, all of the same memory.
+        grid: where in it what is.
+    """
+
+    windows: Single
+    grid: "Grid"
+
+
+class Extent(NamedTuple):
+    """How far tables reach from the middle, columns and frame lines."""
+
+    columns: int
+    lines: int
+
+    @classmethod
+    def around(cls, half_width_px: float, half_height_px: float) -> "Extent":
+        """Enough for targets of these half axes."""
+        return cls(math.ceil(half_width_px) + BEYOND_PX, math.ceil(half_height_px) + BEYOND_PX)
+
+
+class Grid(NamedTuple):
+    """How the entries of tables are counted, of one or of many alike: by parts, columns, rows.
+
+    The parts are a row's start and end, each for delivered and then for interpolated rows, and likewise what
+    is above and below.
+
+    Attributes:
+        columns: steps of x in the parts of starts and ends; `rows`: steps of y in all parts.
+        right: which step of x is at the place 0; `down`: of y.
+        ahead_x: how many windows begin in a part, one step of x after the other; `ahead_y`: of y.
+        empty: the last entry, which is nothing but zeros.
+    """
+
+    columns: Whole | int
+    rows: Whole | int
+    right: Whole | int
+    down: Whole | int
+    ahead_x: Whole | int
+    ahead_y: Whole | int
+    empty: Whole | int
+
+    @classmethod
+    @lru_cache(maxsize=TABLES)
+    def of(cls, half_width_px: float, half_height_px: float, y_step: int) -> "Grid":
+        """The grid of all tables of targets of these half axes."""
+        extent = Extent.around(half_width_px, half_height_px)
+        columns, rows = 2 * extent.columns * STEPS_X, 2 * extent.lines * STEPS_Y
+        return cls(
+            columns,
+            rows,
+            right=REACH_X - columns // 2,
+            down=REACH_Y[y_step] - rows // 2,
+            ahead_x=columns - 2 * REACH_X,
+            ahead_y=rows - 2 * REACH_Y[y_step],
+            empty=4 * (columns + CAPS) * rows,
+        )
+
+    def entry_of_cut(self, part: int, interpolated: Whole, x: Whole, row: Whole) -> Whole:
+        """Of a row's start (part 0) or end (1), steps of x from the middle; `row` as of `row_of`."""
+        column = np.minimum(np.maximum(x - self.right, 0), self.ahead_x - 1)
+        entry: Whole = ((2 * part + interpolated) * self.columns + column) * self.rows + row
+        return entry
+
+    def entry_of_cap(self, part: int, interpolated: Whole, phase: Whole, row: Whole) -> Whole:
+        """Of what is above (part 0) an upmost row or below (1) a lowest one, by the steps to any pixel."""
+        column = 4 * self.columns + (2 * part + interpolated) * CAPS + (phase - self.right) % STEPS_X
+        return np.asarray(column * self.rows + row, np.int64)
+
+    def row_of(self, y: Whole) -> Whole:
+        """Of rows so many steps below the middle."""
+        return np.asarray(np.minimum(np.maximum(y - self.down, 0), self.ahead_y - 1), np.int64)
+
+
+@lru_cache(maxsize=TABLES)
+def table(seen: Appearance) -> Table:
+    """The table of an appearance, kept for the next field."""
+    return new_table(seen)
+
+
+def new_table(seen: Appearance) -> Table:
+    """The table of an appearance that will hardly be asked for again."""
+    extent = Extent.around(seen.half_width_px, seen.half_height_px)
+    columns, lines = extent
+    u = np.arange(-columns * STEPS_X, columns * STEPS_X)
+    v = np.arange(-lines * STEPS_Y, lines * STEPS_Y)
+    odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))
+    unset = -np.log1p(np.exp(odds))
+    right = (u / STEPS_X + 0.5).clip(0.0, 1.0)
+    starts = _starts(odds * (1.0 - right), unset * (1.0 - right))
+    ends = _ends(odds * right, unset * right)
+    beyond = ((0, 0), (0, 0), (0, CAPS - STEPS_X))
+    caps = (np.pad(one, beyond, mode="wrap") for one in _caps(unset, seen.y_step))
+    size = 2 * REACH_X + 1, 2 * REACH_Y[seen.y_step] + 1
+    return Table(
+        _windows((starts, ends, *caps), len(v), size),
+        Grid.of(seen.half_width_px, seen.half_height_px, seen.y_step),
+    )
+
+
+def _windows(parts: Sequence[Array], rows: int, size: tuple[int, int]) -> Single:
+    """All windows of parts that are ordered by columns: they are higher than wide, and long pieces fast."""
+    span = (size[0] - 1) * rows + size[1]
+    values = np.concatenate(
+        [*(one.swapaxes(1, 2).ravel() for one in parts), np.zeros(span)], dtype=np.float32
+    )
+    shape, strides = (len(values) - span + 1, *size), (4, 4 * rows, 4)
+    return as_strided(values, shape, strides, writeable=False)
+
+
+def _ends(odds: Array, unset: Array) -> Array:
+    """(2, V, U) of all pixels of a row that lie whole pixels from a run's end; those to the left are set."""
+    of_pixels, of_unset = _by_pixel(odds), _by_pixel(unset)
+    left = np.cumsum(of_pixels, axis=2) - of_pixels
+    found: Array = (left + of_unset.sum(axis=2, keepdims=True)).reshape(odds.shape)
+    return found
+
+
+def _starts(odds: Array, unset: Array) -> Array:
+    """Likewise of its start; those to the right, and that at the start, are set."""
+    all_set = np.tile(_by_pixel(odds).sum(axis=2), odds.shape[2] // STEPS_X)
+    found: Array = _ends(-odds, unset) + all_set
+    return found
+
+
+def _by_pixel(values: Array) -> Array:
+    return values.reshape(*values.shape[:2], -1, STEPS_X)
+
+
+def _caps(unset: Array, y_step: int) -> tuple[Array, Array]:
+    """(2, V, `STEPS_X`) of all rows above one, and of all below; interpolated ones are every other."""
+    of_rows = _by_pixel(unset).sum(axis=2).reshape(2, -1, STEPS_Y, STEPS_X)
+    of_rows[1] *= y_step == 1
+    odd = np.arange(of_rows.shape[1]) % 2 == 1
+    mixed = np.where(odd[:, np.newaxis, np.newaxis], of_rows[::-1], of_rows)
+    until = np.cumsum(mixed, axis=1)
+    both = until - mixed, until[:, -1:] - until
+    shape = 2, unset.shape[1], STEPS_X
+    above, below = (np.where(odd[:, np.newaxis, np.newaxis], one[::-1], one).reshape(shape) for one in both)
+    return above, below

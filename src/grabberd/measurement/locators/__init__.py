@@ -1,0 +1,1 @@
+"""The locators that the paper compares (3.5), and those that came after, one file each."""

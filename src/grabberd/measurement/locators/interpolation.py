@@ -1,0 +1,136 @@
+"""Location by interpolation between samples (paper 3.5): Vernier, and Tian and Huhns; for any number of bits.
+
+Both use the grey values of the lines that the camera delivered. Neither has a model of the target, so neither
+reaches what a centroid of grey values does: they are here to be compared.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.measurement.locators.centroid import background_in
+from grabberd.measurement.locators.locator import Located, Seen
+from grabberd.measurement.locators.windows import LINES_APART, Windows, windows_of
+from grabberd.measurement.sigma import binary_sigma_px
+from grabberd.measurement.threshold.background import LEAST_NOISE
+
+Array = NDArray[np.float64]
+
+VERNIER_CURVED = (0.02, 0.06)
+"""What a straight line between two samples of a curved edge costs in x, y: frame pixels, measured."""
+PARABOLA_CURVED = (0.02, 0.03)
+"""What a parabola through three samples of a peak that is none costs in x, y: frame pixels, measured."""
+PARABOLA_NOISE = 1.3
+"""Noise of the correlation's peak, in units of the Cramér–Rao bound."""
+
+
+def locate_by_vernier(seen: Seen) -> Located:
+    """Half way between the two places where a blob's profile crosses half its height.
+
+    The profile along x is the sum over a window's lines, that along y the sum over its columns. The crossings
+    are interpolated linearly.
+    """
+    windows = windows_of(seen)
+    signal = _signal(windows)
+    noise = _noise_levels(seen)
+    x = _crossings(signal.sum(axis=1), noise * signal.shape[1] ** 0.5)
+    y = _crossings(signal.sum(axis=2), noise * signal.shape[2] ** 0.5)
+    sigma = np.hypot(np.stack([x.sigma, y.sigma * LINES_APART], axis=1), VERNIER_CURVED)
+    return _located(seen, windows, np.stack([x.middle, y.middle * LINES_APART], axis=1), sigma)
+
+
+def locate_by_tian_huhns(seen: Seen) -> Located:
+    """The peak of a blob's correlation with its own point reflection, interpolated by parabolas.
+
+    A disc is its own reflection about its centre, so the peak lies at twice the centre and no template is
+    needed. Parabolas through the highest sample and its two neighbours give its place between the samples.
+    """
+    windows = windows_of(seen)
+    signal = _signal(windows)
+    twice = _peaks(_self_convolved(signal))
+    places = twice / 2 * (1.0, LINES_APART)
+    height = np.maximum(signal.max(axis=(1, 2), initial=1.0), 1.0)
+    radius = np.sqrt(seen.area_px[windows.blob] / np.pi)
+    spread = seen.settings.spread_px
+    bound = _noise_levels(seen) / height * np.sqrt(2 * spread * LINES_APART / (np.pi**0.5 * radius))
+    sigma = np.hypot(PARABOLA_NOISE * bound[:, np.newaxis], PARABOLA_CURVED)
+    return _located(seen, windows, places, sigma)
+
+
+def _located(seen: Seen, windows: Windows, places: Array, sigma: Array) -> Located:
+    """At 1 bit there is no noise to speak of: quantisation decides."""
+    if seen.packed.bits == 1:
+        sigma = binary_sigma_px(seen.area_px[windows.blob], LINES_APART)
+    centres, sigma_px = windows.located(seen, places[:, 0], places[:, 1], sigma)
+    return Located(centres, sigma_px)
+
+
+def _signal(windows: Windows) -> Array:
+    """Grey values above each window's background."""
+    above = windows.grey - windows.background[:, np.newaxis, np.newaxis]
+    signal: Array = above.astype(np.float64)
+    return signal
+
+
+def _noise_levels(seen: Seen) -> float:
+    """Standard deviation of a pixel in grey values, rounding to its levels included."""
+    rounding = LEAST_NOISE * (256 >> seen.packed.bits)
+    known = seen.settings.noise_levels
+    if seen.packed.bits == 1:
+        return rounding
+    return float(np.hypot(background_in(seen.packed).noise if known is None else known, rounding))
+
+
+class _Crossings(NamedTuple):
+    """Of N profiles: the middle between their crossings, and its standard deviation, in samples."""
+
+    middle: Array
+    sigma: Array
+
+
+def _crossings(profile: Array, noise: float) -> _Crossings:
+    """Profiles (N, n), whose samples have this noise, at half their heights."""
+    count, last = profile.shape[0], profile.shape[1] - 1
+    half = profile.max(axis=1, initial=0.0) / 2
+    above = profile > half[:, np.newaxis]
+    first = above.argmax(axis=1).clip(1, last)
+    end = (last - above[:, ::-1].argmax(axis=1)).clip(0, last - 1)
+    which = np.arange(count)
+    left = _crossing(profile[which, first - 1], profile[which, first], half)
+    right = _crossing(profile[which, end + 1], profile[which, end], half)
+    middle = (first - left[0] + end + right[0]) / 2
+    return _Crossings(middle, noise / 2 * np.hypot(left[1], right[1]))
+
+
+def _crossing(outer: Array, inner: Array, half: Array) -> tuple[Array, Array]:
+    """How far outside the inner sample the crossing lies, and its σ for a noise of 1."""
+    rise = np.maximum(inner - outer, 1e-9)
+    share = ((inner - half) / rise).clip(0.0, 1.0)
+    return share, np.hypot(share, 1 - share) / rise
+
+
+def _self_convolved(signal: Array) -> Array:
+    """(N, 2h − 1, 2w − 1) of windows (N, h, w): what two of their places add up to."""
+    size = (2 * signal.shape[1] - 1, 2 * signal.shape[2] - 1)
+    transformed = np.fft.rfft2(signal, size)
+    found: Array = np.fft.irfft2(transformed * transformed, size)
+    return found
+
+
+def _peaks(correlation: Array) -> Array:
+    """(N, 2) x, y of the highest samples, refined by parabolas; those on an edge are left as they are."""
+    count, rows, columns = correlation.shape
+    highest = correlation.reshape(count, rows * columns).argmax(axis=1)
+    y, x = np.divmod(highest, columns)
+    which, inner_y, inner_x = np.arange(count), y.clip(1, rows - 2), x.clip(1, columns - 2)
+    along = [correlation[which, inner_y, inner_x + step] for step in (-1, 0, 1)]
+    down = [correlation[which, inner_y + step, inner_x] for step in (-1, 0, 1)]
+    return np.stack([inner_x + _vertex(*along), inner_y + _vertex(*down)], axis=1)
+
+
+def _vertex(before: Array, here: Array, after: Array) -> Array:
+    """Where the parabola through three even samples is highest, from the middle one."""
+    bend = 2 * here - before - after
+    vertex: Array = np.where(bend > 0, (after - before) / np.where(bend > 0, 2 * bend, 1.0), 0.0)
+    return vertex.clip(-1.0, 1.0)

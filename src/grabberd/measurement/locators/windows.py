@@ -1,0 +1,146 @@
+"""The grey values around each blob, all of the same size, from the lines that the camera delivered.
+
+A doubled field has the same windows as the intact one: interpolated rows know nothing of their own.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.field import PackedField
+from grabberd.measurement.labelling.mask import greys_at
+from grabberd.measurement.locators.centroid import background_in
+from grabberd.measurement.locators.locator import Seen
+
+LINES_APART = 2
+"""Frame lines from one field line to the next, whatever a packed field's rows are."""
+BEYOND_PX = (1.2, 3.9)
+"""A window reaches so far beyond the pixels above the threshold of all but the largest blobs; and by so much
+more if the threshold is all of their height, since it then leaves more of them out."""
+LARGEST_SHARE = 0.5
+ALL_BUT_THE_LARGEST = 0.9
+
+Array = NDArray[np.float32]
+
+
+class Windows(NamedTuple):
+    """Windows of N blobs, each of `h` field lines and `w` columns, all within the field.
+
+    Attributes:
+        blob: (N,) int64, the component that each window belongs to.
+        grey: (N, h, w) float32, grey values.
+        background: (N,) float32, the median of each window: more than half of it is no target.
+        line: (N,) int64, the field line of the first row, counted as the camera delivered them.
+        column: (N,) int64, the first column.
+        middle: (N, 2) float32, where in the window the blob's centroid is: columns, frame lines.
+    """
+
+    blob: NDArray[np.int64]
+    grey: Array
+    background: Array
+    line: NDArray[np.int64]
+    column: NDArray[np.int64]
+    middle: Array
+
+    @property
+    def x_px(self) -> Array:
+        """(w,) columns from the first."""
+        return np.arange(self.grey.shape[2], dtype=np.float32)
+
+    @property
+    def y_px(self) -> Array:
+        """(h,) frame lines from the first."""
+        return np.arange(self.grey.shape[1], dtype=np.float32) * np.float32(LINES_APART)
+
+    def located(
+        self,
+        seen: Seen,
+        x_px: NDArray[np.floating],
+        y_px: NDArray[np.floating],
+        sigma_px: NDArray[np.floating],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Centres and standard deviations of all components, from places (N,) and (N, 2) in the windows.
+
+        A component without a window, which is too small or too large for a target, keeps its centroid,
+        and how well is not known (NaN).
+        """
+        centres, sigma = seen.centroids.copy(), np.full((len(seen.shapes), 2), np.nan)
+        line = self.line + y_px.astype(np.float64) / LINES_APART
+        centres[self.blob, 0] = self.column + x_px.astype(np.float64)
+        centres[self.blob, 1] = row_of_line(seen.packed, line)
+        sigma[self.blob] = sigma_px
+        return centres, sigma
+
+
+def windows_of(seen: Seen) -> Windows:
+    """The windows around those components that have the size of a target; off their middle at an edge."""
+    blob = np.flatnonzero(seen.of_size)
+    shapes, packed = seen.shapes, seen.packed
+    # Noise moves centroids less than it does the middle of an extent.
+    x, row = seen.centroids[blob].T
+    beyond = _beyond_px(packed, x, row)
+    columns = _size(shapes.last_column[blob] - shapes.first_column[blob] + 1, beyond, 1, packed.columns)
+    extent = (shapes.last_row[blob] - shapes.first_row[blob] + 1) * packed.y_step
+    lines = _size(extent, beyond, LINES_APART, lines_of(packed))
+    y = line_of_row(packed, row)
+    column, line = _first(x, columns, packed.columns), _first(y, lines, lines_of(packed))
+    middle = np.stack([x - column, LINES_APART * (y - line)], axis=1).astype(np.float32)
+    grey = _gathered(packed, line, lines, column, columns)
+    half = lines * columns // 2
+    background = np.partition(grey.reshape(len(grey), lines * columns), half, axis=1)[:, half]
+    return Windows(blob, grey, background, line, column, middle)
+
+
+def lines_of(packed: PackedField) -> int:
+    """How many lines the camera delivered."""
+    return packed.rows * packed.y_step // LINES_APART
+
+
+def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.float64]) -> float:
+    """How far windows reach beyond the pixels above the threshold."""
+    if not len(x):
+        return BEYOND_PX[0]
+    stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
+    place = row.astype(np.int64) * stride + x.astype(np.int64)
+    background = background_in(packed).level
+    height = max(float(np.median(greys_at(packed, place))) - background, 1.0)
+    share = (packed.threshold - background) / height
+    return BEYOND_PX[0] + BEYOND_PX[1] * min(max(share, 0.0), LARGEST_SHARE)
+
+
+def _size(extent: NDArray[np.int64], beyond_px: float, step: int, most: int) -> int:
+    """A window's size in steps of so many pixels: odd, unless the field has not so many."""
+    large = int(ALL_BUT_THE_LARGEST * len(extent))
+    reach = float(np.partition(extent, large)[large]) / 2 + beyond_px if len(extent) else 1.0
+    return min(2 * math.ceil(reach / step - 0.01) + 1, most)
+
+
+def _first(middle: NDArray[np.float64], size: int, end: int) -> NDArray[np.int64]:
+    return (np.rint(middle).astype(np.int64) - size // 2).clip(0, end - size)
+
+
+def _gathered(
+    packed: PackedField, line: NDArray[np.int64], lines: int, column: NDArray[np.int64], columns: int
+) -> Array:
+    stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
+    first = (line * (LINES_APART // packed.y_step) + first_row(packed)) * stride + column
+    within = np.arange(lines)[:, np.newaxis] * (LINES_APART // packed.y_step * stride) + np.arange(columns)
+    place = first[:, np.newaxis, np.newaxis] + within
+    return greys_at(packed, place.ravel()).reshape(place.shape).astype(np.float32)
+
+
+def first_row(packed: PackedField) -> int:
+    """The row of the first line that the camera delivered."""
+    return packed.parity if packed.y_step == 1 else 0
+
+
+def line_of_row(packed: PackedField, row: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The line that the camera delivered at a row of the field, fractions included."""
+    return (row - first_row(packed)) * packed.y_step / LINES_APART
+
+
+def row_of_line(packed: PackedField, line: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where in the field such a line is."""
+    return line * LINES_APART / packed.y_step + first_row(packed)

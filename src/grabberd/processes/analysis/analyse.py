@@ -1,0 +1,300 @@
+"""From a capture's points to shape, strain, tension, pressure: by field and of the mean cycle (paper 3.8)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis import (
+    ChamberVacuum,
+    FreeWall,
+    Gap,
+    Grid,
+    Jets,
+    Movement,
+    PhaseAverage,
+    Phases,
+    PressureModel,
+    Pulsation,
+    Surface,
+    TimedPoints,
+    Touch,
+    Variation,
+    first_movement,
+    first_touch,
+    fit_pulsation,
+    fit_surface,
+    free_shape,
+    free_wall,
+    gaps,
+    phase_average,
+    variation,
+    wall_phases,
+)
+from grabberd.analysis.surface.nominal_shape import NominalShape
+from grabberd.errors import AnalysisError, InputError
+from grabberd.processes.analysis.inputs import AnalysisInputs, Reference
+from grabberd.processes.analysis.problems import Problems
+from grabberd.processes.analysis.smoothings import Smoothings
+from grabberd.processes.analysis.vacuum_inputs import Vacuum, read_vacuum
+from grabberd.processes.analysis.wall_series import WallSeries
+from grabberd.processes.analysis.wall_state import Question, WallState
+from grabberd.reconstruction import Points
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+
+class FieldPoints(NamedTuple):
+    """The points of one field; `time_s` from the capture's first field."""
+
+    n: int
+    timed: TimedPoints
+
+
+class Cycle(NamedTuple):
+    """What is periodic in a capture, and in the bursts that belong to it.
+
+    Attributes:
+        wall: phases by the wall's movement; None where it has no plain ones.
+        vacuum: ISO's phases, where the vacuum is known as a curve.
+    """
+
+    pulsation: Pulsation
+    variation: Variation
+    gaps: tuple[Gap, ...]
+    wall: Phases | None
+    vacuum: Phases | None
+    average: PhaseAverage | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Analysis:
+    """All that was found.
+
+    Attributes:
+        grid: of the targets; `inputs`: what was told; `lacks`: what was not, and what there is not therefore.
+        fields: those that could be analysed; `movement`: of all fields, or None where nothing moves together.
+        states: one for each of `fields`; `phases`: of the mean cycle, at `phase` (P,).
+        vacuum: of each of `fields`; empty where it was not given. `phase_vacuum`: of the phases.
+        source: where the vacuum is known from, and the offset of its clock.
+        touch: where pressure begins, among `fields`; `free`: the self-check of each of `fields`.
+        problems: what was survived, in words.
+        numbers: (F,) of all fields of the capture that have points.
+        reference: the state that strain counts from, as in `Question`.
+    """
+
+    grid: Grid
+    inputs: AnalysisInputs
+    fields: tuple[FieldPoints, ...]
+    movement: Movement | None
+    cycle: Cycle | None
+    states: tuple[WallState, ...]
+    phases: tuple[WallState, ...]
+    phase: Array
+    vacuum: tuple[ChamberVacuum, ...]
+    phase_vacuum: tuple[ChamberVacuum, ...]
+    source: Vacuum | None
+    touch: Touch | None
+    free: tuple[FreeWall | None, ...]
+    problems: tuple[str, ...]
+    numbers: NDArray[np.int64]
+    reference: Surface | Jets | None
+
+
+def analyse(
+    captures: Sequence[Sequence[FieldPoints]],
+    grid: Grid,
+    inputs: AnalysisInputs,
+    progress: Progress | None = None,
+) -> Analysis:
+    """Analyses a capture.
+
+    Args:
+        captures: the capture's fields, and after them those of bursts that are put together with it by phase.
+        grid: of the object model.
+        inputs: what is known beside the points.
+        progress: is told how many of how many states are done.
+
+    Raises:
+        AnalysisError: no field makes a surface, or the reference state is none.
+        InputError: an input cannot be used with this capture.
+    """
+    if not captures or not any(len(field.timed.points) for field in captures[0]):
+        raise AnalysisError(
+            "the capture has no points", "measure it first; its fields have to show the object"
+        )
+    work = _Work(captures, grid, inputs, progress or (lambda done, of: None))
+    return work.whole()
+
+
+class _Work:
+    """One analysis while it is made."""
+
+    def __init__(
+        self,
+        captures: Sequence[Sequence[FieldPoints]],
+        grid: Grid,
+        inputs: AnalysisInputs,
+        progress: Progress,
+    ) -> None:
+        self._grid, self._inputs, self._progress = grid, inputs, progress
+        self._timed = [[field.timed for field in capture] for capture in captures]
+        self._fields = tuple(captures[0])
+        self._time_s = np.array([field.timed.time_s for field in captures[0]])
+        self._problems = Problems([field.n for field in self._fields])
+        self._done = 0
+
+    def whole(self) -> Analysis:
+        """All of it, in the order in which one thing follows from another."""
+        homologous = self._grid.homologous
+        movements = self._problems.survived(lambda: first_movement(self._timed)) if homologous else None
+        pulsation = self._problems.survived(lambda: fit_pulsation(movements)) if movements else None
+        average = self._average(pulsation)
+        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s) if homologous else None
+        fields_points = [timed.points for timed in self._timed[0]]
+        smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
+        question = self._question(smoothings, average)
+        of_fields = vacuum.at(self._time_s) if vacuum else []
+        of_phases = self._of_phases(vacuum, average, pulsation)
+        self._of = len(self._fields) + (len(average.points) if average else 0)
+        named = [f"field {field.n}" for field in self._fields]
+        fields = self._states(fields_points, named, question, smoothings, of_fields)
+        named = [f"phase {phase:g}" for phase in average.phase] if average else []
+        phases = self._states(list(average.points) if average else [], named, question, smoothings, of_phases)
+        if not fields:
+            raise AnalysisError(
+                f"none of {len(self._fields)} fields has a surface: {self._problems.most_frequent}",
+                "look at the capture's points: are they of this object model?",
+            )
+        states = tuple(state for _, state in fields)
+        return Analysis(
+            grid=self._grid,
+            inputs=self._inputs,
+            fields=tuple(self._fields[k] for k, _ in fields),
+            movement=movements[0] if movements else None,
+            cycle=self._cycle(movements, pulsation, average, vacuum),
+            states=states,
+            phases=tuple(state for _, state in phases),
+            phase=average.phase[[k for k, _ in phases]] if average else np.empty(0),
+            vacuum=tuple(of_fields[k] for k, _ in fields) if of_fields else (),
+            phase_vacuum=tuple(of_phases[k] for k, _ in phases) if of_phases else (),
+            source=vacuum,
+            touch=self._touch(states),
+            free=tuple(self._free(state) for state in states),
+            problems=self._problems.all(),
+            numbers=np.array([field.n for field in self._fields], np.int64),
+            reference=question.reference,
+        )
+
+    def _of_phases(
+        self, vacuum: Vacuum | None, average: PhaseAverage | None, pulsation: Pulsation | None
+    ) -> Sequence[ChamberVacuum]:
+        if vacuum is None or average is None or pulsation is None:
+            return ()
+        try:
+            return vacuum.at(_phase_times(average, pulsation))
+        except InputError as error:  # a burst is shorter than the cycle, and so may be its log
+            self._problems.add(f"the mean cycle has no pressure: {error.message}")
+            return ()
+
+    def _average(self, pulsation: Pulsation | None) -> PhaseAverage | None:
+        if pulsation is None:
+            return None
+        phases = {k / self._inputs.phases for k in range(self._inputs.phases)}
+        reference = self._inputs.reference
+        if reference and reference.kind == "phase":
+            phases.add(reference.value)
+        return self._problems.survived(
+            lambda: phase_average(self._timed, pulsation, np.array(sorted(phases)))
+        )
+
+    def _question(self, smoothings: Smoothings | None, average: PhaseAverage | None) -> Question:
+        inputs, grid = self._inputs, self._grid
+        if smoothings is None:
+            return Question(grid, inputs.heights_mm, inputs.plane, over=free_shape(grid))
+        reference = self._reference(smoothings, average) if inputs.reference else None
+        pressure = None
+        if reference is not None and inputs.zones and inputs.sought_kpa is not None:
+            places = grid.u_mm, grid.v_mm
+            pressure = PressureModel.of(inputs.zones, places, reference, grid.outward, inputs.sought_kpa)
+        return Question(grid, inputs.heights_mm, inputs.plane, reference, inputs.zones, pressure)
+
+    def _reference(self, smoothings: Smoothings, average: PhaseAverage | None) -> Surface | Jets:
+        reference = self._inputs.reference
+        assert reference is not None
+        if reference.kind == "nominal":
+            return NominalShape.of(self._grid).jets(self._grid.u_mm, self._grid.v_mm)
+        points = self._reference_points(reference, average)
+        return fit_surface(self._grid, points, smoothings.for_points(points))
+
+    def _reference_points(self, reference: Reference, average: PhaseAverage | None) -> Points:
+        if reference.kind == "phase":
+            if average is None:
+                raise InputError(
+                    f"the reference state is to be {reference}: there is none: {self._problems.latest}",
+                    "choose a field, or the object model's nominal shape",
+                )
+            return average.points[int(np.argmin(np.abs(average.phase - reference.value)))]
+        for field in self._fields:
+            if field.n == reference.value:
+                return field.timed.points
+        numbers = f"{self._fields[0].n} to {self._fields[-1].n}"
+        raise InputError(
+            f"the reference state is to be {reference}, which has no points", f"choose one of {numbers}"
+        )
+
+    def _states(
+        self,
+        points: Sequence[Points],
+        names: Sequence[str],
+        question: Question,
+        smoothings: Smoothings | None,
+        vacuum: Sequence[ChamberVacuum],
+    ) -> list[tuple[int, WallState]]:
+        return WallSeries(question, smoothings, self._problems.note, self._told).states(points, names, vacuum)
+
+    def _told(self) -> None:
+        self._done += 1
+        self._progress(self._done, self._of)
+
+    def _cycle(
+        self,
+        movements: list[Movement] | None,
+        pulsation: Pulsation | None,
+        average: PhaseAverage | None,
+        vacuum: Vacuum | None,
+    ) -> Cycle | None:
+        if pulsation is None or movements is None:
+            return None
+        return Cycle(
+            pulsation=pulsation,
+            variation=variation(movements, pulsation),
+            gaps=gaps(self._time_s, pulsation),
+            wall=self._problems.survived(lambda: wall_phases(pulsation)),
+            vacuum=vacuum.phases if vacuum else None,
+            average=average,
+        )
+
+    def _touch(self, states: Sequence[WallState]) -> Touch | None:
+        maps = [(k, state.pressure) for k, state in enumerate(states) if state.pressure]
+        if not maps:
+            return None
+        touch = self._problems.survived(lambda: first_touch([one for _, one in maps]))
+        return touch and touch._replace(field=maps[touch.field][0])
+
+    def _free(self, state: WallState) -> FreeWall | None:
+        rows, pressure = self._inputs.free_rows, state.pressure
+        if rows is None or pressure is None:
+            return None
+        free = (self._grid.row >= rows[0]) & (self._grid.row <= rows[1])
+        return self._problems.survived(lambda: free_wall(pressure, free))
+
+
+def _phase_times(average: PhaseAverage, pulsation: Pulsation) -> Array:
+    """When the capture first was at the phases of the mean cycle."""
+    run = pulsation.runs[0]
+    times: Array = run.start_s + average.phase * pulsation.period_s
+    return times + pulsation.period_s * (times < run.first_s)

@@ -1,0 +1,139 @@
+"""An analysis as one JSON document, which its report is drawn from and which the page shows."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis import Phases
+from grabberd.processes.analysis.analyse import Analysis
+from grabberd.processes.analysis.tables import AnalysisTables, Table
+
+SCHEMA = "grabberd/analysis-report/1"
+WHOLE = ("summary", "fields", "sections", "phases", "phase_sections", "cycles", "gaps")
+"""Tables that are in the document; the others have a row for each target, and are files of their own."""
+GRID = ("target", "row", "column", "u_mm", "v_mm", "triangles")
+"""What is told of the target grid; a triangle's corners are places in `target`, counted from 0."""
+
+_WALL_PHASES = {"a": "opening", "b": "open", "c": "closing", "d": "closed"}
+_STATES = 4
+
+
+class _Chosen(NamedTuple):
+    """A state whose maps are in the document: `key` column of the `table` with that value."""
+
+    name: str
+    table: str
+    key: str
+    value: float
+
+
+def analysis_document(analysis: Analysis, tables: AnalysisTables, about: Mapping[str, Any]) -> dict[str, Any]:
+    """The document: inputs, problems, tables, and the targets of four states.
+
+    Args:
+        analysis: as it was made.
+        tables: of it.
+        about: id (the capture's), created_utc, version, and what else is known of the origin: run, device,
+            captured_utc, bits, note, object, calibration, bursts, and sources, by the name of an input.
+    """
+    return {
+        "schema": SCHEMA,
+        **{key: about.get(key) for key in ("id", "created_utc", "version")},
+        "about": {key: about[key] for key in about if key not in ("id", "created_utc", "version", "sources")},
+        "inputs": _inputs(analysis, about.get("sources") or {}),
+        "problems": list(analysis.problems),
+        "grid": {name: getattr(analysis.grid, name).tolist() for name in GRID},
+        "wall_phases": _bounds(analysis),
+        "tables": {name: table_document(tables[name]) for name in WHOLE},
+        "states": [_state(analysis, tables[one.table], one) for one in _chosen(analysis)],
+    }
+
+
+def table_document(table: Table, rows: NDArray[Any] | None = None) -> dict[str, Any]:
+    """A table, or some rows of it; numbers that are not known are null."""
+    use = slice(None) if rows is None else rows
+    return {
+        "meaning": table.meaning,
+        "columns": [
+            {
+                "name": column.name,
+                "unit": column.unit,
+                "meaning": column.meaning,
+                "values": listed(column.values[use]),
+            }
+            for column in table.columns
+        ],
+    }
+
+
+def listed(values: NDArray[Any]) -> list[Any]:
+    """A column's values as JSON and CSV have them: None where there is no number."""
+    if values.dtype.kind != "f":
+        return [*map(str, values)] if values.dtype.kind in "UO" else values.tolist()
+    shown = values.astype(object)
+    shown[~np.isfinite(values)] = None
+    return list(shown.tolist())
+
+
+def _inputs(analysis: Analysis, sources: Mapping[str, str]) -> dict[str, Any]:
+    reference = analysis.inputs.reference
+    return {
+        "given": _without_log(analysis.inputs.given),
+        "reference": None if reference is None else str(reference),
+        "heights_mm": list(analysis.inputs.heights_mm),
+        "phases": analysis.inputs.phases,
+        "lacks": list(analysis.inputs.lacks),
+        "sources": dict(sources),
+    }
+
+
+def _without_log(given: Mapping[str, Any]) -> dict[str, Any]:
+    """A logger's file is said to be there; its curve is in the tables."""
+    vacuum = given.get("vacuum")
+    if not isinstance(vacuum, Mapping) or not isinstance(vacuum.get("log"), str):
+        return dict(given)
+    lines = vacuum["log"].splitlines()
+    said = f"{len(lines)} lines, the first of them: {lines[0] if lines else ''}"
+    return {**given, "vacuum": {**vacuum, "log": said}}
+
+
+def _wall_phases(analysis: Analysis) -> Phases | None:
+    return analysis.cycle.wall if analysis.cycle else None
+
+
+def _bounds(analysis: Analysis) -> list[dict[str, Any]] | None:
+    """Where in the mean cycle each wall phase lies, from 0 to 1; None where there are none."""
+    phases = _wall_phases(analysis)
+    if phases is None:
+        return None
+    share = phases.durations_s.value / phases.durations_s.value.sum()
+    ends = np.cumsum(share)
+    return [
+        {"phase": letter, "name": name, "first": float(end - part), "end": float(end)}
+        for (letter, name), end, part in zip(_WALL_PHASES.items(), ends, share, strict=True)
+    ]
+
+
+def _chosen(analysis: Analysis) -> list[_Chosen]:
+    """The middle of each wall phase; without phases, fields spread evenly over the capture."""
+    bounds = _bounds(analysis)
+    if bounds and len(analysis.phase):
+        return [_in_the_middle(analysis, bound) for bound in bounds]
+    count = len(analysis.fields)
+    places = np.unique(np.linspace(0, count - 1, min(_STATES, count)).round().astype(int))
+    numbers = [analysis.fields[place].n for place in places]
+    return [_Chosen(f"field {n}", "targets", "n", n) for n in numbers]
+
+
+def _in_the_middle(analysis: Analysis, bound: Mapping[str, Any]) -> _Chosen:
+    middle = (bound["first"] + bound["end"]) / 2
+    apart = np.abs((analysis.phase - middle + 0.5) % 1 - 0.5)
+    nearest = float(analysis.phase[np.argmin(apart)])
+    return _Chosen(f"{bound['name']} ({bound['phase']})", "phase_targets", "phase", nearest)
+
+
+def _state(analysis: Analysis, table: Table, chosen: _Chosen) -> dict[str, Any]:
+    rows = np.flatnonzero(table.column(chosen.key) == chosen.value)
+    return {"name": chosen.name, chosen.key: chosen.value, "targets": table_document(table, rows)}

@@ -1,0 +1,54 @@
+"""The maps of an analysis one by one, as the page asks for them: the columns of the targets in one state."""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis import Grid
+from grabberd.processes.analysis.analysis_document import listed
+from grabberd.processes.analysis.tables import AnalysisTables, Table
+
+_KINDS = (("field", "targets", "n"), ("phase", "phase_targets", "phase"))
+_DIGITS = 6
+
+
+class TargetMap(NamedTuple):
+    """One state: `kind` is `field` or `phase`, `value` the field's number or the phase."""
+
+    kind: str
+    value: float
+    columns: dict[str, list[Any]]
+
+
+def target_maps(tables: AnalysisTables, grid: Grid) -> Iterator[TargetMap]:
+    """The maps of all fields, then of all phases; numbers to six digits."""
+    for kind, name, key in _KINDS:
+        table = tables[name]
+        for first in range(0, len(table), len(grid)):
+            rows = slice(first, first + len(grid))
+            yield TargetMap(kind, float(table.column(key)[first]), _columns(table, rows, key))
+
+
+def map_units(tables: AnalysisTables) -> dict[str, str]:
+    """The unit of every column of a map."""
+    return {column.name: column.unit for column in tables["targets"].columns}
+
+
+def _columns(table: Table, rows: slice, key: str) -> dict[str, list[Any]]:
+    return {
+        column.name: listed(_rounded(column.values[rows]))
+        for column in table.columns
+        if column.name not in (key, "time_s")
+    }
+
+
+def _rounded(values: NDArray[Any]) -> NDArray[Any]:
+    """To six significant digits."""
+    if values.dtype.kind != "f":
+        return values
+    size = np.where(np.isfinite(values) & (values != 0), np.abs(values), 1.0)
+    scale = 10.0 ** (_DIGITS - 1 - np.floor(np.log10(size)))
+    rounded: NDArray[Any] = np.round(values * scale) / scale
+    return rounded

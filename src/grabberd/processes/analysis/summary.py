@@ -1,0 +1,72 @@
+"""The one row that sums an analysis up, and the gaps of its capture."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis import Estimate, Phases
+from grabberd.processes.analysis.analyse import Analysis, Cycle
+
+_UNKNOWN = Estimate(np.asarray(np.nan), np.asarray(np.nan))
+_PHASES = "abcd"
+
+
+def summary_values(analysis: Analysis) -> dict[str, Any]:
+    """By the name of the column; NaN where it is not known."""
+    cycle, touch = analysis.cycle, analysis.touch
+    offset = analysis.source.offset if analysis.source else None
+    return {
+        "fields": len(analysis.numbers),
+        "analysed": len(analysis.fields),
+        "missing": int(gap_values(analysis)["missing"].sum()),
+        **_pulsation(cycle),
+        **_phases("wall", cycle.wall if cycle else None),
+        **_phases("iso", analysis.source.phases if analysis.source else None),
+        "offset_s": Estimate(np.asarray(offset.offset_s), np.asarray(offset.sigma_s)) if offset else _UNKNOWN,
+        "touch_n": analysis.fields[touch.field].n if touch else np.nan,
+        "touch_target": analysis.grid.target[touch.place] if touch else np.nan,
+    }
+
+
+def _pulsation(cycle: Cycle | None) -> dict[str, Any]:
+    if cycle is None:
+        unknown = ("stroke_mm", "residual_mm", "expected_mm", "period_spread_s", "stroke_spread")
+        return {
+            "cycles": np.nan,
+            "period_s": _UNKNOWN,
+            "rate_per_min": _UNKNOWN,
+            **dict.fromkeys(unknown, np.nan),
+        }
+    found = cycle.pulsation
+    return {
+        "cycles": found.cycles,
+        "period_s": Estimate(np.asarray(found.period_s), np.asarray(found.period_sigma_s)),
+        "rate_per_min": found.rate_per_min,
+        "stroke_mm": found.stroke_mm,
+        "residual_mm": found.residual_mm,
+        "expected_mm": found.expected_mm,
+        "period_spread_s": _spread(cycle.variation.lengths_s.value),
+        "stroke_spread": _spread(cycle.variation.stroke.value),
+    }
+
+
+def _spread(values: NDArray[np.float64]) -> float:
+    return float(np.std(values, ddof=1)) if len(values) > 1 else np.nan
+
+
+def _phases(before: str, phases: Phases | None) -> dict[str, Estimate]:
+    names = [f"{before}_{phase}_s" for phase in _PHASES]
+    if phases is None:
+        return dict.fromkeys([*names, f"{before}_ratio"], _UNKNOWN)
+    value, sigma = phases.durations_s
+    each = {name: Estimate(value[k], sigma[k]) for k, name in enumerate(names)}
+    return each | {f"{before}_ratio": phases.ratio}
+
+
+def gap_values(analysis: Analysis) -> dict[str, NDArray[np.int64]]:
+    """Fields without points, between those that have some."""
+    n = analysis.numbers
+    missing = np.diff(n) - 1
+    at = np.flatnonzero(missing)
+    return {"after_n": n[at], "until_n": n[at + 1], "missing": missing[at]}

@@ -1,0 +1,276 @@
+"""An analysis as tables: columns of numbers with names, units and meanings, as they leave the program."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis import ChamberVacuum, Estimate, PressureMap, Section, since_touch
+from grabberd.processes.analysis.analyse import Analysis
+from grabberd.processes.analysis.columns import TABLES, Definition
+from grabberd.processes.analysis.strain_tables import strain_tables
+from grabberd.processes.analysis.summary import gap_values, summary_values
+from grabberd.processes.analysis.wall_state import WallState
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Any]
+"""By the name of a column: an array, or an estimate where the column is measured."""
+
+
+class Column(NamedTuple):
+    """One column: numbers (NaN where there is none) or words, all tables' rows long."""
+
+    name: str
+    unit: str
+    meaning: str
+    values: NDArray[Any]
+
+
+class Table(NamedTuple):
+    """One table."""
+
+    name: str
+    meaning: str
+    columns: tuple[Column, ...]
+
+    def __len__(self) -> int:
+        return len(self.columns[0].values)
+
+    def column(self, name: str) -> NDArray[Any]:
+        """The values of one column."""
+        return next(column.values for column in self.columns if column.name == name)
+
+
+AnalysisTables = Mapping[str, Table]
+"""By name, in the order of `TABLES`; docs/reference/analysis.md says what each has."""
+
+
+def tables(analysis: Analysis) -> AnalysisTables:
+    """All tables of an analysis; those of what there is not have no rows."""
+    fields = _Series(analysis.states, _field_keys(analysis), analysis.vacuum)
+    phases = _Series(analysis.phases, {"phase": analysis.phase}, analysis.phase_vacuum)
+    since = {"since_touch_kpa": _since(analysis, fields)}
+    values: dict[str, Values] = {
+        "summary": summary_values(analysis),
+        "fields": fields.keys | _of_fields(analysis, fields) | _wall(analysis, fields, analysis.free),
+        "sections": _sections(fields),
+        "targets": _targets(analysis, fields) | since,
+        "phases": phases.keys | _wall(analysis, phases, (None,) * len(phases.states)),
+        "phase_sections": _sections(phases),
+        "phase_targets": _targets(analysis, phases),
+        "cycles": _cycles(analysis),
+        "gaps": gap_values(analysis),
+        **strain_tables(analysis, fields.keys),
+    }
+    return {name: _table(name, values[name]) for name in TABLES}
+
+
+def _table(name: str, values: Values) -> Table:
+    definition = TABLES[name]
+    columns = [
+        column for one in (*definition.key, *definition.values) for column in _columns(one, values[one.name])
+    ]
+    return Table(name, definition.meaning, tuple(columns))
+
+
+def _columns(definition: Definition, values: Any) -> list[Column]:
+    parts = values if definition.measured else (values,)
+    return [
+        Column(one.name, one.unit, one.meaning, np.atleast_1d(part).ravel())
+        for one, part in zip(definition.columns(), parts, strict=True)
+    ]
+
+
+class _Series(NamedTuple):
+    """States of the fields or of the phases, with what says which they are, and the vacuum of each."""
+
+    states: tuple[WallState, ...]
+    keys: dict[str, NDArray[Any]]
+    vacuum: tuple[ChamberVacuum, ...]
+
+    @property
+    def maps(self) -> list[PressureMap | None]:
+        return [state.pressure for state in self.states]
+
+    def repeated(self, counts: int | Sequence[int]) -> dict[str, NDArray[Any]]:
+        """The keys, each as often as its state has rows."""
+        return {name: np.repeat(values, counts) for name, values in self.keys.items()}
+
+
+def _field_keys(analysis: Analysis) -> dict[str, NDArray[Any]]:
+    return {
+        "n": np.array([field.n for field in analysis.fields], np.int64),
+        "time_s": np.array([field.timed.time_s for field in analysis.fields]),
+    }
+
+
+def _of_fields(analysis: Analysis, fields: _Series) -> dict[str, Any]:
+    time_s = fields.keys["time_s"]
+    cycle, phase = np.full(len(time_s), np.nan), np.full(len(time_s), np.nan)
+    if analysis.cycle is not None:
+        moment = analysis.cycle.pulsation.at(time_s)
+        cycle, phase = np.where(moment.run >= 0, moment.cycle, np.nan), moment.phase
+    return {"cycle": cycle, "phase": phase, "movement_mm": _movement(analysis, time_s)}
+
+
+def _movement(analysis: Analysis, time_s: Array) -> Estimate:
+    """At these times; NaN where it is not known."""
+    known = analysis.movement
+    if known is None:
+        return _none(len(time_s))
+    place = np.minimum(np.searchsorted(known.time_s, time_s), len(known.time_s) - 1)
+    there = known.time_s[place] == time_s
+    return Estimate(*(np.where(there, part[place], np.nan) for part in (known.value_mm, known.sigma_mm)))
+
+
+def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str, Any]:
+    maps, states = series.maps, series.states
+    greatest = [_greatest(one) for one in maps]
+    return {
+        "area_mm2": _each([state.area.area_mm2 for state in states]),
+        "covered": np.array([state.area.covered for state in states]),
+        "volume_mm3": _each([state.volume_mm3 for state in states]),
+        **_vacuum(series),
+        "mean_contact_kpa": _each([_mean_contact(one) for one in maps]),
+        "greatest_contact_kpa": _each([_at(one, place) for one, place in zip(maps, greatest, strict=True)]),
+        "greatest_contact_target": np.array(
+            [np.nan if place is None else analysis.grid.target[place] for place in greatest]
+        ),
+        "determined": np.array([int(one.usable.sum()) if one else 0 for one in maps], np.int64),
+        "free_residual_kpa": _each([one and one.residual_kpa for one in free]),
+        "free_misfit": np.array([one.misfit if one else np.nan for one in free]),
+        "misfit": np.array([state.surface.misfit for state in states]),
+    }
+
+
+def _vacuum(series: _Series) -> dict[str, Estimate]:
+    """σ of the clocks' offset is in it, by how fast the vacuum changes."""
+    if not series.vacuum:
+        return {f"{name}_vacuum_kpa": _none(len(series.states)) for name in ("pulsation", "liner")}
+    known = {name: np.array([getattr(one, name) for one in series.vacuum]) for name in ChamberVacuum._fields}
+    return {
+        f"{name}_vacuum_kpa": Estimate(
+            known[f"{name}_kpa"],
+            np.hypot(known[f"{name}_sigma_kpa"], known[f"{name}_slope_kpa_per_s"] * known["time_sigma_s"]),
+        )
+        for name in ("pulsation", "liner")
+    }
+
+
+def _mean_contact(one: PressureMap | None) -> Estimate | None:
+    """Places share points: their own parts of σ are taken for wholly dependent, no less than the truth's."""
+    if one is None or not one.usable.any():
+        return None
+    use = one.usable
+    common = one.shares.common_kpa[:, use].mean(axis=1)
+    sigma = np.sqrt(one.shares.points_kpa[use].mean() ** 2 + (common**2).sum())
+    return Estimate(one.contact_kpa.value[use].mean(), sigma)
+
+
+def _greatest(one: PressureMap | None) -> int | None:
+    if one is None or not one.usable.any():
+        return None
+    return int(np.argmax(np.where(one.usable, one.contact_kpa.value, -np.inf)))
+
+
+def _at(one: PressureMap | None, place: int | None) -> Estimate | None:
+    if one is None or place is None:
+        return None
+    return Estimate(one.contact_kpa.value[place], one.contact_kpa.sigma[place])
+
+
+def _sections(series: _Series) -> dict[str, Any]:
+    all_of_them = [section for state in series.states for section in state.sections]
+    measured = ("distance_mm", "area_mm2", "length_mm", "chord_mm", "least_width_mm", "opposite_mm")
+    return {
+        **series.repeated([len(state.sections) for state in series.states]),
+        "height_mm": np.array([section.x_mm for section in all_of_them]),
+        **{name: _each([_of_section(section, name) for section in all_of_them]) for name in measured},
+    }
+
+
+def _of_section(section: Section, name: str) -> Estimate | None:
+    found: Estimate | None = getattr(section, name)
+    return found
+
+
+def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
+    grid, states, maps = analysis.grid, series.states, series.maps
+    count = len(grid)
+
+    def stacked(pick: Callable[[WallState], Estimate | None], columns: int) -> list[Estimate]:
+        return _stacked([pick(state) for state in states], count, columns)
+
+    x, y, z = stacked(lambda state: state.xyz_mm, 3)
+    kappa1, kappa2 = stacked(lambda state: state.curvature_per_m, 2)
+    strain1, strain2 = stacked(lambda state: state.strain, 2)
+    tension1, tension2 = stacked(lambda state: state.tension_n_per_m, 2)
+    return {
+        **series.repeated(count),
+        **{name: np.tile(getattr(grid, name), len(states)) for name in ("target", "row", "column")},
+        "x_mm": x,
+        "y_mm": y,
+        "z_mm": z,
+        "kappa1_per_m": kappa1,
+        "kappa2_per_m": kappa2,
+        "strain1": strain1,
+        "strain2": strain2,
+        "tension1_n_per_m": tension1,
+        "tension2_n_per_m": tension2,
+        "contact_kpa": _stacked([one and _usable(one, one.contact_kpa) for one in maps], count)[0],
+        "overpressure_kpa": _stacked([one and _usable(one, one.overpressure_kpa) for one in maps], count)[0],
+        "wall_kpa": _places([one and (one, one.wall_kpa) for one in maps], count),
+        "points_sigma_kpa": _places([one and (one, one.shares.points_kpa) for one in maps], count),
+        "reason": np.array([reason for one in maps for reason in (one.reason if one else ("",) * count)]),
+    }
+
+
+def _usable(one: PressureMap, pressure: Estimate) -> Estimate:
+    """A place that has a reason to say nothing says nothing."""
+    return Estimate(*(np.where(one.usable, part, np.nan) for part in pressure))
+
+
+def _places(parts: Sequence[tuple[PressureMap, Array] | None], count: int) -> Array:
+    empty = np.full(count, np.nan)
+    return _rows([np.where(part[0].usable, part[1], np.nan) if part else empty for part in parts])
+
+
+def _since(analysis: Analysis, fields: _Series) -> Estimate:
+    maps = fields.maps
+    touch = analysis.touch and maps[analysis.touch.field]
+    since = [one and touch and _usable(touch, _usable(one, since_touch(one, touch))) for one in maps]
+    return _stacked(since, len(analysis.grid))[0]
+
+
+def _cycles(analysis: Analysis) -> dict[str, Estimate]:
+    if analysis.cycle is None:
+        return {"start_s": _none(0), "stroke": _none(0)}
+    found = analysis.cycle.variation
+    return {"start_s": found.start_s, "stroke": found.stroke}
+
+
+def _none(count: int) -> Estimate:
+    return Estimate(np.full(count, np.nan), np.full(count, np.nan))
+
+
+def _each(estimates: Sequence[Estimate | None]) -> Estimate:
+    """(S,) of single values."""
+    rows = [(np.nan, np.nan) if one is None else (float(one.value), float(one.sigma)) for one in estimates]
+    return Estimate(*np.array(rows).reshape(-1, 2).T)
+
+
+def _stacked(estimates: Sequence[Estimate | None], count: int, columns: int = 1) -> list[Estimate]:
+    """As many estimates (S · N,) as columns, from those (N,) or (N, columns) of S states."""
+    empty = np.full((count, columns), np.nan)
+    values, sigmas = (
+        _rows([empty if one is None else one[part].reshape(count, columns) for one in estimates])
+        for part in (0, 1)
+    )
+    return [
+        Estimate(values.reshape(-1, columns)[:, k], sigmas.reshape(-1, columns)[:, k]) for k in range(columns)
+    ]
+
+
+def _rows(parts: Sequence[Array]) -> Array:
+    return np.concatenate(parts) if len(parts) else np.empty(0)

@@ -1,0 +1,175 @@
+"""The vacuum on both sides of the wall at the fields' times, from what the inputs say of it."""
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis import ChamberVacuum, Phases, Pulsation, iso_phases
+from grabberd.analysis.vacuum.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
+from grabberd.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
+from grabberd.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
+from grabberd.errors import InputError
+from grabberd.geometry import Reading
+from grabberd.processes.analysis.inputs import missing
+
+Array = NDArray[np.float64]
+
+_SLOPE_S = 0.002
+_WAVE_KEYS = tuple(field.name for field in fields(PulsatorWave))
+
+
+class Vacuum(NamedTuple):
+    """Both chambers' vacuum.
+
+    Attributes:
+        pulsation: the source; `liner`: of the other side.
+        time_sigma_s: σ of the offset between the clocks; 0 where there is one clock.
+        offset: as it was found from the wall's movement, or None.
+        phases: ISO's phases a, b, c, d, where the chamber's vacuum is known as a curve.
+    """
+
+    pulsation: VacuumSource
+    liner: VacuumSource
+    time_sigma_s: float
+    offset: Offset | None
+    phases: Phases | None
+
+    def at(self, time_s: Array) -> list[ChamberVacuum]:
+        """Of every field; the offset's share of σ is kept apart (`time_sigma_s`), as it is common to all.
+
+        Raises:
+            InputError: a log does not cover the fields.
+        """
+        pulsation, liner = self.pulsation.at(time_s), self.liner.at(time_s)
+        slopes = [self._slope(source, time_s) for source in (self.pulsation, self.liner)]
+        columns = (pulsation.value, liner.value, pulsation.sigma, liner.sigma, *slopes)
+        rows = np.column_stack([*columns, np.full(len(time_s), self.time_sigma_s)])
+        return [ChamberVacuum(*map(float, row)) for row in rows]
+
+    def _slope(self, source: VacuumSource, time_s: Array) -> Array:
+        """(F,) kPa/s, over as long as the offset is uncertain by; one-sided at the first and last of them."""
+        reach_s = max(self.time_sigma_s, _SLOPE_S)
+        ahead, behind = (np.clip(time_s + way * reach_s, time_s.min(), time_s.max()) for way in (1, -1))
+        slope: Array = (source.at(ahead).value - source.at(behind).value) / np.maximum(ahead - behind, 1e-9)
+        return slope
+
+
+def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s: Array) -> Vacuum | None:
+    """The vacuum that the inputs describe; None where they lack one of the chambers.
+
+    Raises:
+        InputError, AnalysisError: it cannot be used, or does not belong to this capture.
+    """
+    if not {"pulsation", "liner"} <= set(document):
+        return None
+    log = read_vacuum_log(document["log"]) if "log" in document else None
+    wave = _wave(document["pulsation"])
+    offset = _found_offset(document, log, wave, pulsation)
+    clock = _clock(document, log, wave, offset)
+    return Vacuum(
+        pulsation=_begun(wave, clock) if wave else _source("pulsation", document["pulsation"], log, clock),
+        liner=_source("liner", document["liner"], log, clock),
+        time_sigma_s=clock[1] if clock else 0.0,
+        offset=offset,
+        phases=_phases(log, wave, time_s),
+    )
+
+
+def _begun(wave: PulsatorWave, clock: tuple[float, float] | None) -> PulsatorWave:
+    """The wave, begun on the camera's clock."""
+    start_s = clock[0] if clock else wave.start_s
+    return replace(wave, start_s=start_s, start_sigma_s=0.0)
+
+
+def _wave(value: object) -> PulsatorWave | None:
+    if not isinstance(value, Mapping) or "rate_per_min" not in value:
+        return None
+    reading = Reading("vacuum.pulsation")
+    reading.keys("", value, _WAVE_KEYS)
+    needed = _WAVE_KEYS[:-2]
+    numbers = {key: reading.number(value, key) for key in _WAVE_KEYS if key in needed or key in value}
+    reading.finish("give all of the pulsator's settings, from its test report")
+    return PulsatorWave(**numbers)
+
+
+def _source(
+    name: str, value: object, log: VacuumLog | None, clock: tuple[float, float] | None
+) -> VacuumSource:
+    if value == "log":
+        return _logged(name, log, clock)
+    if not isinstance(value, Mapping):
+        raise InputError(
+            f"vacuum.{name} is {value!r}", "give {kpa: …, sigma_kpa: …}, a pulsator's settings, or log"
+        )
+    reading = Reading(f"vacuum.{name}")
+    reading.keys("", value, ("kpa", "sigma_kpa"))
+    kpa, sigma = reading.number(value, "kpa"), reading.number(value, "sigma_kpa")
+    reading.finish("a constant vacuum has kpa below atmosphere and sigma_kpa")
+    return ConstantVacuum(kpa, sigma)
+
+
+def _logged(name: str, log: VacuumLog | None, clock: tuple[float, float] | None) -> LoggedVacuum:
+    if log is None:
+        raise missing(f"vacuum.log, which vacuum.{name} refers to", "add the logger's file")
+    if clock is None:
+        raise missing("vacuum.offset or vacuum.lag", "the logger's clock has to be set to the camera's")
+    kpa = log.pulsation_kpa if name == "pulsation" else log.liner_kpa
+    if kpa is None:
+        raise InputError(f"the vacuum log has no column for vacuum.{name}", "give it as a constant")
+    return LoggedVacuum(log, kpa, clock[0], 0.0)
+
+
+def _clock(
+    document: Mapping[str, Any], log: VacuumLog | None, wave: PulsatorWave | None, offset: Offset | None
+) -> tuple[float, float] | None:
+    """Camera's time less the other clock's, or the time at which a wave begins; with σ."""
+    if offset is not None:
+        return offset.offset_s + (wave.start_s if wave else 0.0), offset.sigma_s
+    if wave is not None:
+        return wave.start_s, wave.start_sigma_s
+    if log is None or "offset" not in document:
+        return None
+    reading = Reading("vacuum.offset")
+    given = reading.mapping(document, "offset")
+    reading.keys("", given, ("s", "sigma_s"))
+    clock = reading.number(given, "s"), reading.number(given, "sigma_s")
+    reading.finish("the camera's time less the logger's, in s, with its σ")
+    return clock
+
+
+def _found_offset(
+    document: Mapping[str, Any],
+    log: VacuumLog | None,
+    wave: PulsatorWave | None,
+    pulsation: Pulsation | None,
+) -> Offset | None:
+    """From the wall's movement, where its lag behind the vacuum is given."""
+    if "lag" not in document or (log is None and wave is None):
+        return None
+    if pulsation is None:
+        raise missing("a pulsation in the capture", "the offset cannot be found without; give vacuum.offset")
+    reading = Reading("vacuum.lag")
+    given = reading.mapping(document, "lag")
+    reading.keys("", given, (*WallLag._fields, "near_s"))
+    lag = WallLag(*(reading.number(given, key) for key in WallLag._fields))
+    near_s = reading.number(given, "near_s")
+    reading.finish("how long the wall follows the vacuum, with σ, and about what the clocks differ by")
+    curve = log or _as_log(wave, pulsation, near_s)
+    return find_offset(curve, pulsation, lag, near_s)
+
+
+def _as_log(wave: PulsatorWave | None, pulsation: Pulsation, near_s: float) -> VacuumLog:
+    assert wave is not None
+    first = min(run.first_s for run in pulsation.runs) - near_s - wave.period_s
+    return wave.log(first, max(run.last_s for run in pulsation.runs) - near_s + wave.period_s)
+
+
+def _phases(log: VacuumLog | None, wave: PulsatorWave | None, time_s: Array) -> Phases | None:
+    if log is not None:
+        return iso_phases(log)
+    if wave is None:
+        return None
+    return iso_phases(wave.log(float(time_s[0]), float(time_s[0]) + 3 * wave.period_s))

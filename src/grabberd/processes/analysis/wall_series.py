@@ -1,0 +1,62 @@
+"""The wall at many fields or phases, several of them at a time."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+from grabberd.analysis import ChamberVacuum, Surface, fit_free_surface, fit_surface
+from grabberd.errors import AnalysisError
+from grabberd.processes.analysis.smoothings import Smoothings
+from grabberd.processes.analysis.wall_state import Question, WallState, wall_states
+from grabberd.reconstruction import Points
+
+_TOGETHER = 8
+"""Fields that are looked at together: more are no quicker."""
+
+Note = Callable[[str, Iterable[str]], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WallSeries:
+    """How the states of a capture are made.
+
+    Attributes:
+        question: what is asked of each.
+        smoothings: by the wall's departure; None where targets are others in every field, and each field has
+            a choice of its own.
+        note: is told the name of a state and what it survived; `done`: that one more has been looked at.
+    """
+
+    question: Question
+    smoothings: Smoothings | None
+    note: Note
+    done: Callable[[], None]
+
+    def states(
+        self, points: Sequence[Points], names: Sequence[str], vacuum: Sequence[ChamberVacuum]
+    ) -> list[tuple[int, WallState]]:
+        """Of those points that make a surface, with their places in the series; `vacuum` of all or none."""
+        found: list[tuple[int, WallState]] = []
+        for start in range(0, len(points), _TOGETHER):
+            some = range(start, min(start + _TOGETHER, len(points)))
+            fitted = [(k, self._surface(points[k], names[k])) for k in some]
+            made = {k: surface for k, surface in fitted if surface}
+            chambers = [vacuum[k] for k in made] if vacuum else ()
+            states = wall_states(list(made.values()), self.question, chambers)
+            found += zip(made, states, strict=True)
+            for k, state in zip(made, states, strict=True):
+                self.note(names[k], state.problems)
+            for _ in some:
+                self.done()
+        return found
+
+    def _surface(self, points: Points, name: str) -> Surface | None:
+        """Of one field or phase; None, with a note, where its points make none."""
+        question = self.question
+        try:
+            if question.over is not None:
+                return fit_free_surface(points.xyz_mm, points.covariance_mm2, question.over)
+            smoothing = self.smoothings.for_points(points) if self.smoothings else None
+            return fit_surface(question.grid, points, smoothing)
+        except AnalysisError as error:
+            self.note(name, [error.message])
+            return None

@@ -1,0 +1,274 @@
+"""Fields of the calibration frame in, both virtual cameras out (paper 3.6, figure 8)."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration import (
+    Adjustment,
+    Blunder,
+    Elimination,
+    FieldImages,
+    Identification,
+    IdentificationSettings,
+    LocalFieldTrial,
+    Mark,
+    MeanImages,
+    Network,
+    Unknowns,
+    Validation,
+    VolumeSigma,
+    check_depth,
+    check_rank,
+    compare,
+    cross_validate,
+    eliminate,
+    identify_by_hand,
+    identify_frame,
+    mean_images,
+    normality,
+    try_local_fields,
+    volume_sigma,
+    with_unmodelled,
+    without_blunders,
+)
+from grabberd.errors import MeasurementError
+from grabberd.field import NumberedField
+from grabberd.geometry import PARAMETERS, NominalRig, View
+from grabberd.measurement import LocationSettings, measure
+from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
+from grabberd.processes.measure import whole
+from grabberd.reconstruction import ObjectModel
+
+Array = NDArray[np.float64]
+
+INTERIOR = PARAMETERS[:3]
+ENOUGH_SEEN = 0.9
+ENOUGH_FIELDS = 16
+MOST_BLUNDERS = 0.1
+MOST_UNMODELLED_PX = 1.0
+MUCH_UNMODELLED_PX = 0.15
+"""Where a person should be told; uneven mirrors have .06 px."""
+BLOCKS = 6
+"""Targets are held out in so many blocks."""
+
+
+def calibrate(
+    fields: Iterable[NumberedField],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    settings: CalibrateSettings | None = None,
+    by_hand: Sequence[Mark] | None = None,
+) -> CalibrateResult:
+    """Calibrates both virtual cameras from fields of the calibration frame, which stands still.
+
+    Args:
+        fields: any number, of both parities.
+        nominal: the rig as it was built, each number to ten per cent.
+        frame: the calibration frame's targets.
+        settings: how.
+        by_hand: identifications made by hand, in place of automatic ones.
+
+    Raises:
+        MeasurementError: no fields, a calibration frame that moves, too few targets, a planar calibration
+            frame, an unclear identification, or no convergence; the message says which.
+    """
+    settings = settings or CalibrateSettings()
+    _check_depth(frame, settings)
+    seen, bits, y_step = located(fields, nominal, settings.location)
+    images = (mean_images(seen[0]), mean_images(seen[1]))
+    identification = _identify(nominal, frame, images, settings, by_hand)
+    network = network_of(images, identification, frame, settings)
+    network = network.starting_from([*_held_as_built(network.views, nominal, settings)])
+    done = _adjusted(network, settings)
+    local = _local(done, nominal, settings)
+    validation, unvalidated = _validated(done.adjustment)
+    pointing_px = _pointing_px(images)
+    return CalibrateResult(
+        frame=frame,
+        nominal=nominal,
+        settings=settings,
+        bits=bits,
+        y_step=y_step,
+        images=images,
+        identification=identification,
+        adjustment=done.adjustment,
+        elimination=done.elimination,
+        blunders=done.blunders,
+        unmodelled_px=done.unmodelled_px,
+        local=local,
+        differences=compare(done.adjustment),
+        normality=normality(done.adjustment),
+        validation=validation,
+        volume=_volume(done, local, pointing_px),
+        pointing_px=pointing_px,
+        warnings=(*_warnings(images, done, frame), *unvalidated),
+    )
+
+
+def _check_depth(frame: ObjectModel, settings: CalibrateSettings) -> None:
+    """Interior parameters need targets that are not all in a plane."""
+    if interior := [name for name in settings.free if name.rpartition(".")[2] in INTERIOR]:
+        check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
+
+
+def located(
+    fields: Iterable[NumberedField], nominal: NominalRig, location: LocationSettings
+) -> tuple[tuple[list[FieldImages], list[FieldImages]], int, int]:
+    """Every field's whole blobs by view, with bits and line step of the fields."""
+    sides: tuple[list[FieldImages], list[FieldImages]] = ([], [])
+    packed = None
+    for numbered in fields:
+        packed = numbered.packed
+        blobs = measure(packed, None, location)
+        for side, half in zip(sides, (nominal.left, nominal.right), strict=True):
+            own = whole(blobs, *half)
+            side.append(
+                FieldImages(blobs.xy_px[own], blobs.sigma_px[own], packed.parity, blobs.common_px[own])
+            )
+    if packed is None:
+        raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
+    return sides, packed.bits, packed.y_step
+
+
+def _identify(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    images: tuple[MeanImages, MeanImages],
+    settings: CalibrateSettings,
+    by_hand: Sequence[Mark] | None,
+) -> Identification:
+    believed = IdentificationSettings(handedness=(settings.handedness, settings.handedness))
+    left, right = (side.xy_px for side in images)
+    if by_hand is None:
+        return identify_frame(nominal, frame, left, right, believed)
+    return identify_by_hand(nominal, frame, left, right, by_hand, believed)
+
+
+def network_of(
+    images: tuple[MeanImages, MeanImages],
+    identification: Identification,
+    frame: ObjectModel,
+    settings: CalibrateSettings,
+) -> Network:
+    """The identified images of both views as an adjustment takes them."""
+    targets = [side.target for side in (identification.left, identification.right)]
+    known = [target >= 0 for target in targets]
+    sigma = np.concatenate([side.sigma_px[own] for side, own in zip(images, known, strict=True)])
+    if settings.equal_weights:
+        sigma = np.full_like(sigma, np.sqrt(np.mean(sigma**2)))
+    place_sigma = 0.0 if settings.held else frame.sigma_mm
+    return Network(
+        views=identification.views,
+        view=np.repeat([0, 1], [int(own.sum()) for own in known]),
+        target=np.concatenate([target[own] for target, own in zip(targets, known, strict=True)]),
+        xy_px=np.concatenate([side.xy_px[own] for side, own in zip(images, known, strict=True)]),
+        sigma_px=sigma,
+        target_mm=frame.xyz_mm,
+        target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
+    )
+
+
+def _held_as_built(
+    views: tuple[View, ...], nominal: NominalRig, settings: CalibrateSettings
+) -> Iterator[View]:
+    """The views with those interior parameters as the rig was built that are not adjusted."""
+    handedness = views[0].handedness, views[1].handedness
+    for view, built in zip(views, nominal.views(handedness), strict=True):
+        free = [name in settings.free or f"{view.name}.{name}" in settings.free for name in PARAMETERS]
+        own = np.array(free) | np.isin(PARAMETERS, PARAMETERS[3:9])
+        yield view.with_vector(np.where(own, view.vector(), built.vector()))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Adjusted:
+    """The functional model adjusted, and how it came about."""
+
+    adjustment: Adjustment
+    blunders: tuple[Blunder, ...]
+    elimination: Elimination | None
+    unmodelled_px: float
+
+
+def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
+    unknowns = Unknowns.of(network.views, settings.free, shared=settings.shared, tied=settings.tied)
+    check_rank(network, unknowns)
+    adjustment, blunders, unmodelled_px = _sound(network, unknowns)
+    if unmodelled_px > MOST_UNMODELLED_PX:
+        raise MeasurementError(
+            f"the image points are off by {unmodelled_px:.2f} px from any rig of this model",
+            "adjust more parameters, and check which target is which and the calibration frame's file",
+        )
+    elimination = None
+    if settings.alpha is not None:
+        clean = adjustment.network.starting_from(adjustment.views)
+        elimination = eliminate(clean, unknowns, settings.alpha)
+        adjustment = elimination.adjustment
+    return _Adjusted(adjustment, blunders, elimination, unmodelled_px)
+
+
+def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blunder, ...], float]:
+    """Without blunders, and weighted by what the others are off: each is judged with the other known."""
+    blunders: tuple[Blunder, ...] = ()
+    while True:
+        weighted, unmodelled_px = with_unmodelled(network, unknowns)
+        adjustment, more = without_blunders(weighted, unknowns)
+        blunders += more
+        if not more or len(blunders) > MOST_BLUNDERS * len(weighted):
+            return adjustment, blunders, unmodelled_px
+        network = network.select(_kept(network, adjustment.network)).starting_from(adjustment.views)
+
+
+def _kept(network: Network, part: Network) -> NDArray[np.bool_]:
+    """(M,) which image points of a network are in a part of it."""
+    count = len(network.target_mm)
+    return np.isin(network.view * count + network.target, part.view * count + part.target)
+
+
+def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) -> LocalFieldTrial | None:
+    if not settings.local_field:
+        return None
+    return try_local_fields(done.adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
+
+
+def _volume(done: _Adjusted, local: LocalFieldTrial | None, pointing_px: tuple[float, float]) -> VolumeSigma:
+    """What the calibration that will be used is worth over the volume."""
+    if local is None:
+        return volume_sigma(done.adjustment, pointing_px)
+    return volume_sigma(local.adjustment, pointing_px, local_fields=local.fields)
+
+
+def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:
+    """σ of one field's image coordinates in x and y: its scatter, and what no repetition shows."""
+    variance = [np.nan_to_num(side.scatter_px) ** 2 + side.sigma_px**2 for side in images]
+    x, y = np.sqrt(np.concatenate(variance).mean(axis=0)).tolist()
+    return x, y
+
+
+def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ...]]:
+    """Held-out targets of the global model, or why there are none: too few may be left without a block."""
+    network = adjustment.network.starting_from(adjustment.views)
+    try:
+        return cross_validate(network, adjustment.unknowns, BLOCKS), ()
+    except MeasurementError as error:
+        return None, (f"no targets could be held out to validate it: {error.message}",)
+
+
+def _warnings(images: tuple[MeanImages, MeanImages], done: _Adjusted, frame: ObjectModel) -> Iterable[str]:
+    adjustment = done.adjustment
+    if done.blunders:
+        which = ", ".join(f"{one.view} {frame.target[one.target]}" for one in done.blunders)
+        yield f"{len(done.blunders)} image points contradicted the others and were left out: {which}"
+    for index, view in enumerate(adjustment.views):
+        found = int((adjustment.network.view == index).sum())
+        if found < ENOUGH_SEEN * len(frame):
+            yield f"the {view.name} view shows {found} of {len(frame)} targets"
+    if (count := images[0].of_fields) < ENOUGH_FIELDS:
+        yield f"only {count} fields: noise and line jitter are hardly averaged"
+    if done.unmodelled_px > MUCH_UNMODELLED_PX:
+        yield (
+            f"the image points are off by {done.unmodelled_px:.2f} px beyond their own σ: dirty or bent "
+            "mirrors, a calibration frame that is not as its file says, or terms that were held"
+        )

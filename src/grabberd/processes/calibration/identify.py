@@ -1,0 +1,80 @@
+"""Which targets of the calibration frame a capture shows, before anything is adjusted."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration import (
+    Identification,
+    MeanImages,
+    ViewIdentification,
+    identify_frame,
+    mean_images,
+)
+from grabberd.errors import MeasurementError
+from grabberd.field import NumberedField
+from grabberd.geometry import NominalRig
+from grabberd.measurement import LocationSettings
+from grabberd.processes.calibration.calibrate import located
+from grabberd.reconstruction import ObjectModel
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenFrame:
+    """What a capture shows of a calibration frame.
+
+    Attributes:
+        images: mean images of the left and of the right view, targets and others.
+        identification: which target each of them is; None where that is not clear.
+        refusal: why it is not, or None.
+        moved: what is seen moves; the images are then those of the first field.
+    """
+
+    images: tuple[MeanImages, MeanImages]
+    identification: Identification | None
+    refusal: MeasurementError | None = None
+    moved: bool = False
+
+    @property
+    def target(self) -> tuple[Indices, Indices]:
+        """(B,) of each view: index of each image's target in the calibration frame, −1 where it has none."""
+        if self.identification is None:
+            left, right = (np.full(len(side), -1, np.intp) for side in self.images)
+            return left, right
+        sides: tuple[ViewIdentification, ViewIdentification] = (
+            self.identification.left,
+            self.identification.right,
+        )
+        return sides[0].target, sides[1].target
+
+
+def identify(
+    fields: Iterable[NumberedField],
+    nominal: NominalRig,
+    frame: ObjectModel,
+    location: LocationSettings | None = None,
+) -> SeenFrame:
+    """Finds the targets of a calibration frame; one that moves or is unclear is shown with the reason.
+
+    Args:
+        fields: any number, of both parities.
+        nominal: the rig as it was built, each number to ten per cent.
+        frame: the calibration frame's targets.
+        location: how blobs are located.
+
+    Raises:
+        MeasurementError: there are no fields.
+    """
+    seen, _, _ = located(fields, nominal, location or LocationSettings())
+    try:
+        images = (mean_images(seen[0]), mean_images(seen[1]))
+    except MeasurementError as refusal:
+        return SeenFrame((mean_images(seen[0][:1]), mean_images(seen[1][:1])), None, refusal, moved=True)
+    try:
+        return SeenFrame(images, identify_frame(nominal, frame, images[0].xy_px, images[1].xy_px))
+    except MeasurementError as refusal:
+        return SeenFrame(images, None, refusal)

@@ -1,0 +1,148 @@
+"""What a calibration's report draws: σ over the volume, distortion, local fields, the imaging geometry."""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry import LocalField, Rig, View, correct_all, directions_all, distortion
+from grabberd.processes.calibration.calibration_result import CalibrateResult
+from grabberd.processes.calibration.report_numbers import AXES, number, numbers
+
+Array = NDArray[np.float64]
+
+GRID_PX = 20
+"""Distortion and local field are shown at nodes so far apart."""
+
+
+def volume_document(result: CalibrateResult) -> dict[str, Any]:
+    """The σ of X, Y, Z over the volume, plane by plane."""
+    volume = result.volume
+    grid = volume.xyz_mm
+    calibration, total = volume.calibration_sigma_mm, volume.sigma_mm
+    planes = [
+        {
+            "z_mm": float(grid[plane, 0, 0, 2]),
+            "calibration": {axis: numbers(calibration[plane, :, :, k]) for k, axis in enumerate(AXES)},
+            "total": {axis: numbers(total[plane, :, :, k]) for k, axis in enumerate(AXES)},
+        }
+        for plane in range(len(grid))
+    ]
+    return {
+        "x_mm": grid[0, :, 0, 0].tolist(),
+        "y_mm": grid[0, 0, :, 1].tolist(),
+        "planes": planes,
+        "pointing_px": list(result.pointing_px),
+    }
+
+
+def distortion_document(view: View, lines: int) -> dict[str, Any]:
+    """What equations (6) and (7) add, in px, on a grid over a view's half."""
+    columns, rows, xy_px = _nodes(view, lines)
+    scale = np.array([view.pixel_x_mm, -view.pixel_y_mm])
+    added = distortion(view.b, (xy_px - (view.x0_px, view.y0_px)) * scale) / scale
+    return _grid(view.name, columns, rows, added)
+
+
+def local_field_document(result: CalibrateResult) -> dict[str, Any] | None:
+    """The trial of local fields, and what was accepted on the same grid; None where none was asked for."""
+    trial = result.local
+    if trial is None:
+        return None
+    views = result.views
+    held_out = {
+        view.name: {"without": float(one[0]), "with": float(one[1])}
+        for view, one in zip(views, trial.held_out_px, strict=True)
+    }
+    grids = [
+        _field_grid(view, field, result.nominal.lines)
+        for view, field in zip(views, trial.fields, strict=True)
+        if field is not None
+    ]
+    return {
+        "accepted": trial.accepted,
+        "held_out_rms_px": held_out,
+        "gain": number(trial.gain),
+        "length_px": {view.name: number(trial.components.length_px) for view in views},
+        "signal_px": {view.name: number(trial.components.signal_px) for view in views},
+        "grids": grids,
+    }
+
+
+def _field_grid(view: View, field: LocalField, lines: int) -> dict[str, Any]:
+    columns, rows, xy_px = _nodes(view, lines)
+    return _grid(view.name, columns, rows, field.at(xy_px))
+
+
+def _nodes(view: View, lines: int) -> tuple[Array, Array, Array]:
+    columns = np.linspace(view.first_column, view.end_column - 1, _count(view.end_column - view.first_column))
+    rows = np.linspace(0, lines - 1, _count(lines))
+    return columns, rows, np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+
+
+def _count(pixels: int) -> int:
+    return max(2, round(pixels / GRID_PX) + 1)
+
+
+def _grid(name: str, columns: Array, rows: Array, shift_px: Array) -> dict[str, Any]:
+    x, y = shift_px.reshape(len(rows), len(columns), 2).transpose(2, 0, 1)
+    return {
+        "view": name,
+        "columns": columns.tolist(),
+        "lines": rows.tolist(),
+        "dx_px": numbers(x),
+        "dy_px": numbers(y),
+    }
+
+
+def geometry_document(result: CalibrateResult) -> dict[str, Any]:
+    """The virtual cameras with the rays of their halves' corners, and the targets (paper figure 7)."""
+    views = result.views
+    rig = Rig.of_views(views)
+    centers, axes = rig.center_mm[:, :, 0], -rig.rotation[:, 2]
+    middles = [_rays(rig, index, _middle(view, result.nominal.lines))[0] for index, view in enumerate(views)]
+    base = centers[1] - centers[0]
+    return {
+        "cameras": [
+            {
+                "name": view.name,
+                "center_mm": centers[index].tolist(),
+                "axis": axes[index].tolist(),
+                "corners": _rays(rig, index, _corners(view, result.nominal.lines)).tolist(),
+            }
+            for index, view in enumerate(views)
+        ],
+        "targets_mm": result.adjustment.xyz_mm.tolist(),
+        "base_mm": float(np.linalg.norm(base)),
+        "distance_mm": float(np.linalg.norm(centers.mean(axis=0) - result.frame.xyz_mm.mean(axis=0))),
+        "convergence_deg": math.degrees(math.acos(float(np.clip(middles[0] @ middles[1], -1, 1)))),
+        "planar_motion_mm": _planar_motion(rig, base),
+    }
+
+
+def _planar_motion(rig: Rig, base_mm: Array) -> float | None:
+    """The base along the axis of the relative rotation: zero where each view has one mirror."""
+    relative = rig.rotation[1] @ rig.rotation[0].T
+    turned = np.array(
+        [relative[2, 1] - relative[1, 2], relative[0, 2] - relative[2, 0], relative[1, 0] - relative[0, 1]]
+    )
+    length = float(np.linalg.norm(turned))
+    return float(abs((rig.rotation[0] @ base_mm) @ turned) / length) if length > 1e-9 else None
+
+
+def _rays(rig: Rig, index: int, xy_px: Array) -> Array:
+    """(N, 3) unit vectors of a view through frame pixels (N, 2)."""
+    every = np.repeat(xy_px.T[:, np.newaxis], len(rig.views), axis=1)
+    rays: Array = directions_all(rig, correct_all(rig, every))[index].T
+    return rays
+
+
+def _middle(view: View, lines: int) -> Array:
+    return np.array([[0.5 * (view.first_column + view.end_column - 1), 0.5 * (lines - 1)]])
+
+
+def _corners(view: View, lines: int) -> Array:
+    left, right = view.first_column - 0.5, view.end_column - 0.5
+    top, bottom = -0.5, lines - 0.5
+    return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])

@@ -1,0 +1,75 @@
+"""The light that says that camera or mirrors have moved: what measuring finds out beside points."""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from grabberd.geometry import Rig
+from grabberd.processes.measure import MeasuredField, MeasureSetup, whole_blobs
+from grabberd.reconstruction import Correspondence, ImageNoise, Points, ViewBlobs
+from grabberd.reconstruction.accuracy.drift_check import (
+    LEAST_TARGETS,
+    WINDOW,
+    DriftCheck,
+    RigFit,
+    RigVerdict,
+)
+
+EVERY = 10
+"""One field in so many is looked at: five a second."""
+LEAST_SHARE = 0.5
+"""Of the blobs in the view that shows fewer: with fewer points, targets are identified more generously."""
+FIT_EVERY = 50
+"""Fields from fit to fit: one a second."""
+MANY = 3 * LEAST_TARGETS
+"""Blobs in either view that cannot all be false: of these some targets have to be identified."""
+GENEROUS_PX = 1.0
+"""What a rig that has moved may add to every image coordinate: past this, nothing is identified."""
+
+
+class RigWatch:
+    """Compares the pictures with the calibration while they are measured; costs far less than measuring.
+
+    Before a rig that has moved by more than half a pixel rays no longer meet, and so no target is identified.
+    Therefore they are then identified as if the calibration were uncertain by `GENEROUS_PX`, for this
+    comparison alone.
+    """
+
+    def __init__(self, setup: MeasureSetup) -> None:
+        rig, model = Rig.of(setup.calibration), setup.object_model
+        known = setup.tracking.correspondence
+        noise = ImageNoise.of(rig, model, setup.line_jitter_px, 1)
+        self._calibration = setup.calibration
+        self._generous = Correspondence(rig, model, noise, replace(known, unmodelled_px=GENEROUS_PX))
+        self._movement = DriftCheck(rig, model)
+        self._blobs: deque[int] = deque(maxlen=WINDOW)
+        self._fields = 0
+
+    def see(self, measured: MeasuredField) -> RigFit | None:
+        """Takes a measured field; once a second what the last seconds say, else None."""
+        self._fields += 1
+        if self._fields % EVERY == 0:
+            self._movement.add(self._points(measured))
+        return self.fit() if self._fields % FIT_EVERY == 0 else None
+
+    def fit(self) -> RigFit:
+        """What the last seconds say."""
+        fit = self._movement.fit()
+        seen = sorted(self._blobs)[len(self._blobs) // 2] if self._blobs else 0
+        if fit.verdict is RigVerdict.UNKNOWN and seen >= MANY:
+            return replace(fit, verdict=RigVerdict.UNMATCHED)
+        return fit
+
+    def _points(self, measured: MeasuredField) -> Points:
+        x_px, seam = measured.blobs.xy_px[:, 0], self._calibration.views[1].first_column
+        fewer = int(min(np.count_nonzero(x_px < seam), np.count_nonzero(x_px >= seam)))
+        self._blobs.append(fewer)
+        if len(measured.points) >= LEAST_SHARE * fewer:
+            return measured.points
+        return self._generous.identify(*self._view_blobs(measured)).points
+
+    def _view_blobs(self, measured: MeasuredField) -> tuple[ViewBlobs, ViewBlobs]:
+        halves = zip(self._calibration.views, self._calibration.local_fields, strict=True)
+        left, right = (whole_blobs(measured.blobs, view, local_field) for view, local_field in halves)
+        return left, right

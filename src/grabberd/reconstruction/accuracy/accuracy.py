@@ -1,0 +1,135 @@
+"""Measured points against the truth: the paper's Table 1."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+from grabberd.reconstruction.accuracy.comparison import Coordinates, Truth
+from grabberd.reconstruction.accuracy.rigid import RigidMotion, rigid_motion
+
+Array = NDArray[np.float64]
+
+WRONG_BEYOND_MM = 2.0
+"""A point farther from its target than this has another target's id; the pitch is 6.5 mm."""
+LEAST_RIGHT = 0.2
+"""Of the points: with fewer, truth and points do not belong together."""
+
+
+class Axes(NamedTuple):
+    """A number for each axis and for all three together: xyz² = x² + y² + z²."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    xyz_mm: float
+
+    @classmethod
+    def of(cls, variance_mm2: Array) -> "Axes":
+        """From the variances of X, Y and Z (3,)."""
+        x, y, z = np.sqrt(variance_mm2).tolist()
+        return cls(x, y, z, float(np.sqrt(variance_mm2.sum())))
+
+
+PAPER_RMSE = Axes(0.056, 0.101, 0.082, 0.141)
+PAPER_PRECISION = Axes(0.051, 0.035, 0.135, 0.148)
+"""The paper's own Table 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class Accuracy:
+    """What Table 1 of the paper says, and what was found at all.
+
+    Attributes:
+        fields: fields compared.
+        matched: points that are within `WRONG_BEYOND_MM` of their target's true place.
+        missing: expected targets, counted in every field, that have no point.
+        wrong: points farther away: somebody else's id; they are in no other number.
+        unknown: points of targets that the truth does not have.
+        rmse: root mean square of the matched points' errors.
+        precision: standard deviation of repeated measurements of one target, pooled over all; None where the
+            object moves or no target was measured twice.
+        fitted: the rigid motion of the points onto the truth before they were compared, or None.
+    """
+
+    fields: int
+    matched: int
+    missing: int
+    wrong: int
+    unknown: int
+    rmse: Axes
+    precision: Axes | None
+    fitted: RigidMotion | None = None
+
+
+def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accuracy:
+    """Compares points with the truth, as they are or after one rigid motion of all fields; never scaled.
+
+    Raises:
+        MeasurementError: not one point could be matched, or the points determine no rigid motion.
+    """
+    if not len(measured.n):
+        raise MeasurementError(
+            f"there is no point in {len(measured.fields)} fields",
+            "check that calibration and object model belong to the rig and the object of this capture",
+        )
+    rows = truth.in_fields(measured.fields)
+    row, known = rows.row_of(measured.n, measured.target)
+    places, true = measured.xyz_mm[known], rows.xyz_mm[row]
+    fitted = _fitted(places, true) if fit else None
+    error = (fitted.apply(places) if fitted else places) - true
+    right = _right(error)
+    if right.sum() <= LEAST_RIGHT * len(right):
+        raise MeasurementError(
+            f"{right.sum() or 'none'} of {len(measured.n)} points in {len(measured.fields)} fields "
+            f"{'are' if right.any() else 'is'} within {WRONG_BEYOND_MM} mm of its target's true place",
+            "check that truth and points agree in the object's frame, target ids and field numbers",
+        )
+    found = np.zeros(len(rows.target), np.bool_)
+    found[row] = True
+    return Accuracy(
+        fields=len(measured.fields),
+        matched=int(right.sum()),
+        missing=int((rows.expected & ~found).sum()),
+        wrong=int((~right).sum()),
+        unknown=int((~known).sum()),
+        rmse=Axes.of((error[right] ** 2).mean(axis=0)),
+        precision=_precision(measured.target[known][right], error[right]) if truth.still else None,
+        fitted=fitted,
+    )
+
+
+def _right(error: Array) -> NDArray[np.bool_]:
+    right: NDArray[np.bool_] = np.linalg.norm(error, axis=1) <= WRONG_BEYOND_MM
+    return right
+
+
+def _fitted(places: Array, true: Array) -> RigidMotion:
+    """The motion of all points onto their true places, then of those that it brings there."""
+    first = rigid_motion(places, true)
+    right = _right(first.apply(places) - true)
+    return rigid_motion(places[right], true[right]) if right.any() else first
+
+
+def pooled_variance(group: NDArray[np.generic], values: Array) -> tuple[Array, int]:
+    """Variance about each group's own mean, pooled, and its degrees of freedom: one less for every group.
+
+    Args:
+        group: (K,) which group a row belongs to.
+        values: (K, C).
+
+    Returns:
+        (C,) variance, NaN where nothing was measured twice, and the degrees of freedom.
+    """
+    _, index, count = np.unique(group, return_inverse=True, return_counts=True)
+    freedom = int((count - 1).sum())
+    means = np.stack([np.bincount(index, column) / count for column in values.T], axis=1)
+    squares = ((values - means[index]) ** 2).sum(axis=0)
+    return squares / freedom if freedom else np.full(values.shape[1], np.nan), freedom
+
+
+def _precision(target: NDArray[np.int32], error: Array) -> Axes | None:
+    variance, freedom = pooled_variance(target, error)
+    return Axes.of(variance) if freedom else None

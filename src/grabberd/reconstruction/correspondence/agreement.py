@@ -1,0 +1,218 @@
+"""Which hypotheses agree with one another, because neighbouring targets move alike."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.reconstruction.correspondence.hypotheses import Hypotheses
+from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.tracking.displacement import Expected, Smoothness
+from grabberd.reconstruction.tracking.tiled_field import field_of
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+_MOST_STARTS = 3
+_LEAST_SUPPORT = 3
+_AROUND = 1.6
+"""Support comes from within this many pitches: the eight around a target of a square grid."""
+_TORN = 1e6
+_SUREST_FIRST = (0.4, 0.6, 1.0)
+"""Shares of the trust: growth leaps over a gap only where nobody nearer is left."""
+
+
+@dataclass(frozen=True, slots=True)
+class CorrespondenceSettings:
+    """What is believed, and how surely.
+
+    Attributes:
+        farthest_mm: no target is farther than this from its nominal place.
+        gate: a place is believed within this many standard deviations.
+        margin: the next best hypothesis must be worse by this much, as a difference of χ².
+        trust: a target is identified only where the others predict it better than this share of the pitch.
+        stretch: neighbours' distances differ from nominal by no more than this share.
+        unmodelled_px: what the calibration does not know of the picture (local errors of the mirrors).
+        smoothness: of the object's deformation.
+    """
+
+    farthest_mm: float = 9.0
+    gate: float = 3.7
+    margin: float = 6.0
+    trust: float = 0.2
+    stretch: float = 0.35
+    unmodelled_px: float = 0.1
+    smoothness: Smoothness = field(default_factory=Smoothness)
+
+
+class Agreement:
+    """The judge over hypotheses of one object.
+
+    Attributes:
+        model: the object.
+        settings: what is believed.
+        field: the smooth field of the targets' displacements.
+        pitch_mm: median distance of neighbours; infinite where there are none.
+    """
+
+    def __init__(self, model: ObjectModel, settings: CorrespondenceSettings) -> None:
+        self.model = model
+        self.settings = settings
+        self.field = field_of(model, settings.smoothness)
+        self._neighbours = model.neighbours()
+        self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
+        self.pitch_mm = _median(self._apart_mm)
+
+    @property
+    def pairs(self) -> tuple[Indices, Array]:
+        """(K, 2) indices of neighbours, and (K,) how far apart they nominally are in mm."""
+        return self._neighbours, self._apart_mm
+
+    def largest(self, known: Hypotheses) -> Indices:
+        """The most hypotheses that agree, found from the surest of them.
+
+        Growth from one start explains most others; from those that it contradicts another growth may start,
+        and the largest wins: a grid shifted by a pitch loses a row or a column.
+
+        Args:
+            known: hypotheses, several of a target or a blob contradicting each other.
+
+        Returns:
+            (K,) indices, by ascending target, of hypotheses of different targets and blobs; empty where
+            nothing agrees.
+        """
+        best = np.empty(0, np.intp)
+        starts = self._starts(known)
+        for _ in range(_MOST_STARTS):
+            if not len(starts):
+                break
+            found = self._agreeing(known, starts[:1])
+            best = max(best, found, key=lambda chosen: _worth(known, chosen))
+            against = _far(known, self._expected(known, found)) > self.settings.gate**2
+            starts = starts[1:][against[starts[1:]]]
+        return np.sort(best)
+
+    def consistent(self, known: Hypotheses, chosen: Indices) -> tuple[Indices, Expected]:
+        """The chosen hypotheses without those that the others contradict, the worst dropped first.
+
+        Args:
+            known: hypotheses.
+            chosen: (K,) indices of some of them, of different targets and blobs.
+
+        Returns:
+            indices of those that stay, and what they make of all targets.
+        """
+        while True:
+            expected = self._expected(known, chosen)
+            far = _far(known, expected)[chosen] + _TORN * self._torn(known, chosen)
+            if not (far > self.settings.gate**2).any():
+                return chosen, expected
+            chosen = np.delete(chosen, far.argmax())
+
+    def _starts(self, known: Hypotheses) -> Indices:
+        """Hypotheses to start from, the surest first: near the nominal place, and agreed to by neighbours."""
+        away = np.linalg.norm(known.displacement_mm, axis=1)
+        near = np.flatnonzero(away <= 0.5 * self.pitch_mm)
+        few = known.select(near)
+        agree = _between(few.displacement_mm) <= self.settings.trust * self.pitch_mm
+        agree &= _between(self.model.xyz_mm[few.target]) <= _AROUND * self.pitch_mm
+        for own in (few.target, few.left, few.right):
+            agree &= own[:, np.newaxis] != own
+        supported = near[agree.sum(axis=1) >= _LEAST_SUPPORT]
+        ranked: Indices = supported[np.argsort(away[supported], kind="stable")]
+        return ranked
+
+    def _agreeing(self, known: Hypotheses, start: Indices) -> Indices:
+        """The hypotheses that agree with a start and with one another: grown, checked, and grown again."""
+        allowed = np.ones(len(known), np.bool_)
+        chosen = start
+        while True:
+            grown = self._grown(known, chosen, allowed)
+            chosen, _ = self.consistent(known, grown)
+            if len(chosen) == len(grown):
+                return chosen
+            allowed[np.setdiff1d(grown, chosen, assume_unique=True)] = False
+
+    def _grown(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> Indices:
+        """Wave by wave, whoever is predicted well enough by those that have been chosen; the surest first."""
+        while more := self._wave(known, chosen, allowed):
+            chosen = np.append(chosen, more)
+        return chosen
+
+    def _wave(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> list[int]:
+        expected = self._expected(known, chosen)
+        far = _far(known, expected)
+        free = allowed & (far <= self.settings.gate**2)
+        for own in (known.target, known.left, known.right):
+            free &= ~np.isin(own, own[chosen])
+        sigma_mm = expected.sigma_mm[known.target]
+        for share in _SUREST_FIRST:
+            sure = free & (sigma_mm <= share * self.settings.trust * self.pitch_mm)
+            if more := _undoubted(known, far, np.flatnonzero(sure), self.settings.margin):
+                return more
+        return []
+
+    def _torn(self, known: Hypotheses, chosen: Indices) -> Mask:
+        """Which of the chosen are too near to a neighbour, or too far from it."""
+        places = np.full_like(self.model.xyz_mm, np.nan)
+        target = known.target[chosen]
+        places[target] = self.model.xyz_mm[target] + known.displacement_mm[chosen]
+        off = np.abs(_lengths(places, self._neighbours) - self._apart_mm)
+        torn = np.zeros(len(places), np.bool_)
+        torn[self._neighbours[off > self.settings.stretch * self._apart_mm]] = True
+        return torn[target]
+
+    def _expected(self, known: Hypotheses, chosen: Indices) -> Expected:
+        seen = np.zeros(len(self.model), np.bool_)
+        displacement = np.zeros_like(self.model.xyz_mm)
+        seen[known.target[chosen]] = True
+        displacement[known.target[chosen]] = known.displacement_mm[chosen]
+        return self.field.expect(seen, displacement)
+
+
+def _far(known: Hypotheses, expected: Expected) -> Array:
+    """(H,) χ² of every hypothesis against what is expected of its target."""
+    off = known.displacement_mm - expected.displacement_mm[known.target]
+    variance = known.variance_mm2 + expected.sigma_mm[known.target, np.newaxis] ** 2
+    far: Array = (off * off / variance).sum(axis=1)
+    return far
+
+
+def _undoubted(known: Hypotheses, far: Array, free: Indices, margin: float) -> list[int]:
+    """The best hypotheses, where the next best of the same target is clearly worse; each blob once."""
+    order = free[np.argsort(far[free], kind="stable")]
+    best: dict[int, int] = {}
+    doubtful: set[int] = set()
+    for index in order.tolist():
+        first = best.setdefault(int(known.target[index]), index)
+        if first != index and far[index] - far[first] < margin:
+            doubtful.add(first)
+    chosen: list[int] = []
+    taken: set[tuple[str, int]] = set()
+    for index in best.values():
+        own = {("left", int(known.left[index])), ("right", int(known.right[index]))}
+        if index not in doubtful and not own & taken:
+            chosen.append(index)
+            taken |= own
+    return chosen
+
+
+def _worth(known: Hypotheses, chosen: Indices) -> tuple[int, float]:
+    """More targets are better, and as many with smaller displacements."""
+    return len(chosen), -float((known.displacement_mm[chosen] ** 2).sum())
+
+
+def _median(values: Array) -> float:
+    """Of three values or of four the second largest; np.median would import numpy.ma."""
+    return float(np.sort(values)[len(values) // 2]) if len(values) else np.inf
+
+
+def _between(places: Array) -> Array:
+    distances: Array = np.linalg.norm(places[:, np.newaxis] - places, axis=2)
+    return distances
+
+
+def _lengths(places: Array, pairs: Indices) -> Array:
+    lengths: Array = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+    return lengths

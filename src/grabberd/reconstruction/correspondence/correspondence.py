@@ -1,0 +1,166 @@
+"""Which blob of the left view, and which of the right, is which target: prior knowledge decides (paper 3.7).
+
+On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. From the surest
+hypothesis the identification grows over the object: whoever has been identified says where the others must
+be, and how surely, because neighbours move alike. What stays doubtful is left out; a wrong target is worse
+than a missing one.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry import Rig
+from grabberd.kernel import KERNEL, Kernel
+from grabberd.reconstruction.correspondence.agreement import Agreement, CorrespondenceSettings
+from grabberd.reconstruction.correspondence.hypotheses import Hypotheses, hypotheses
+from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
+from grabberd.reconstruction.image_noise import ImageNoise
+from grabberd.reconstruction.intersection import intersect
+from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.tracking.compiled import Nearby
+from grabberd.reconstruction.tracking.compiled_structs import takes
+from grabberd.reconstruction.tracking.displacement import Expected
+from grabberd.reconstruction.tracking.prediction import Prediction
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """K targets found in one field, by ascending target.
+
+    Attributes:
+        points: their points.
+        target: (K,) their indices in the object model.
+        left: (K,) indices of their blobs in the left view; `right` in the right one.
+        expected: what they make of all targets of the model.
+        settled: (M, 3) where all targets are, and (M,) standard deviations, where that is known already.
+        surprise: root mean square distance from the predicted places, in standard deviations; likewise.
+    """
+
+    points: Points
+    target: Indices
+    left: Indices
+    right: Indices
+    expected: Expected
+    settled: tuple[Array, Array] | None = None
+    surprise: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+
+class Correspondence:
+    """The correspondence of blobs and targets, for one object before one rig.
+
+    Attributes:
+        rig: left and right view.
+        model: the object.
+        noise: line jitter, and the scale at the object.
+        settings: what is believed.
+        agreement: the judge over hypotheses.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        model: ObjectModel,
+        noise: ImageNoise,
+        settings: CorrespondenceSettings | None = None,
+        kernel: Kernel | None = KERNEL,
+    ) -> None:
+        self.rig = rig
+        self.model = model
+        self.noise = noise
+        self.settings = settings or CorrespondenceSettings()
+        self.agreement = Agreement(model, self.settings)
+        self._nearby = Nearby(kernel, rig, self.agreement, noise) if kernel and takes(rig) else None
+
+    def identify(self, left: ViewBlobs, right: ViewBlobs) -> Sighting:
+        """The targets that are seen in both views, whatever was seen before.
+
+        Args:
+            left: the blobs of the left view, targets and others, in any order.
+            right: those of the right view.
+
+        Returns:
+            whoever could be identified without doubt; nobody, where nothing agrees with the object model.
+        """
+        known = hypotheses(
+            self.rig,
+            self.model,
+            (self._blurred(left), self._blurred(right)),
+            self.noise,
+            self.settings.gate,
+            self.settings.farthest_mm,
+        )
+        grown = self.agreement.largest(known)
+        if not len(grown):
+            return self._sight(grown, grown, grown, left, right)
+        _, expected = self.agreement.consistent(known, grown)
+        return self.near(*self.expected_places(expected), left, right)
+
+    def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
+        """The targets that are seen in both views near where they must be.
+
+        Args:
+            places_mm: (M, 3) where every target of the model must be.
+            sigma_mm: (M,) standard deviation of that in each coordinate.
+            left: the blobs of the left view, targets and others, in any order.
+            right: those of the right view.
+        """
+        if self._nearby is not None:
+            return Sighting(*self._nearby.near(places_mm, sigma_mm, left, right))
+        predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
+        of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
+        target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
+        return self._sight(target, of_left[target], of_right[target], left, right, places_mm[target])
+
+    def expected_places(self, expected: Expected) -> tuple[Array, Array]:
+        """Where targets must be (M, 3) in mm, and the standard deviation of that (M,)."""
+        return self.model.xyz_mm + expected.displacement_mm, expected.sigma_mm
+
+    def predict(self, places_mm: Array, sigma_mm: Array, sigma_px: Array | float) -> Prediction:
+        """The images of targets that must be at these places (M, 3)."""
+        return Prediction.of(self.rig, places_mm, sigma_mm, sigma_px, self.settings.gate)
+
+    def _sight(
+        self,
+        target: Indices,
+        of_left: Indices,
+        of_right: Indices,
+        left: ViewBlobs,
+        right: ViewBlobs,
+        start_mm: Array | None = None,
+    ) -> Sighting:
+        """The points of targets, without those whose rays disagree, or whose place does with the others."""
+        left, right = left.select(of_left), right.select(of_right)
+        points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
+        blurring = self._blurring(left, right)
+        across_px = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1]) * np.sqrt(blurring / 8.0)
+        meeting = np.flatnonzero(points.residual_px <= self.settings.gate * across_px)
+        variance = np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis]
+        displacement = points.xyz_mm - self.model.xyz_mm[target]
+        known = Hypotheses(target, of_left, of_right, displacement, variance)
+        chosen, expected = self.agreement.consistent(known, meeting)
+        return Sighting(points.select(chosen), target[chosen], of_left[chosen], of_right[chosen], expected)
+
+    def _blurred(self, blobs: ViewBlobs) -> ViewBlobs:
+        """The blobs with all in their σ that their places may be wrong by."""
+        return replace(blobs, sigma_px=np.hypot(blobs.sigma_px, self.settings.unmodelled_px))
+
+    def _blurring(self, left: ViewBlobs, right: ViewBlobs) -> Array:
+        """(N,) by how much what the calibration does not know enlarges the variance of N pairs."""
+        located = (left.sigma_px**2).sum(axis=1) + (right.sigma_px**2).sum(axis=1)
+        blurring: Array = 1.0 + 4.0 * self.settings.unmodelled_px**2 / located
+        return blurring
+
+    def _typical_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
+        """(2, 2, 1) standard deviation of x and y in either view, the same for all its blobs."""
+        variance = [(view.sigma_px**2).sum(axis=0) / max(len(view), 1) for view in (left, right)]
+        typical: Array = np.sqrt(np.array(variance) + self.settings.unmodelled_px**2).T
+        return typical[:, :, np.newaxis]

@@ -1,0 +1,1 @@
+"""Points smoothed over time (paper 3.7): the motion model, the filter, and the errors it allows for."""

@@ -1,0 +1,220 @@
+"""Points smoothed over time, each target for itself: a motion model, and errors that are not all white.
+
+The motion is a constant velocity disturbed by white acceleration; how much is chosen by the likelihood of the
+points, apart for fields in which the object rests and in which it moves; standing still is the limit. The
+errors have a white part and two that are locked to the target's place between the pixels (`ErrorShares`):
+those are states of their own, a Gauss–Markov process that forgets as the picture moves, so that an object at
+rest does not average them. The calibration's covariance is common to all fields and is handed on unchanged.
+
+X, Y and Z are filtered one by one: Kalman forward, and backward after Bryson and Frazier, which needs no
+inverse and so no motion noise at all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+from grabberd.reconstruction.series import PointSeries
+from grabberd.reconstruction.smoothing.chains import Chains, SmoothedChains, likelihood, smoothed_chains
+from grabberd.reconstruction.smoothing.error_shares import ErrorShares, rest_fields
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+REST = 0.0
+"""An acceleration of nothing: the object stands still."""
+ACCELERATIONS_MM_S2 = (REST, 5.0, 20.0, 80.0, 320.0, 1280.0, 5120.0)
+"""What the likelihood chooses from."""
+_ROUNDS = 4
+_CHOSEN_ON = (600, 25)
+"""The acceleration is chosen on so many fields and targets."""
+
+
+@dataclass(frozen=True, slots=True)
+class SmoothingSettings:
+    """How points are smoothed.
+
+    Attributes:
+        bits: bits a pixel of the fields that the points come from: with few, less of the errors is white.
+        acceleration_mm_s2: standard deviation of the acceleration, drawn anew every 20 ms; None: chosen by
+            the points' likelihood; `REST`: the object stands still.
+        shares: which part of the errors is white and which locked; None: taken from the points.
+        forgets_px: a locked error is forgotten to 1/e when the picture has moved by so much.
+        gate: a point that is off by more standard deviations than this is left out.
+    """
+
+    bits: int = 1
+    acceleration_mm_s2: float | None = None
+    shares: ErrorShares | None = None
+    forgets_px: float = 0.25
+    gate: float = 5.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Smoothed:
+    """What smoothing makes of a series, at every field from a target's first point to its last.
+
+    Attributes:
+        series: the smoothed points, their covariance without the calibration's; NaN outside a target's time.
+        velocity_mm_s: (F, T, 3).
+        measured: (F, T) where a measured point was used; elsewhere the motion model bridges a gap.
+        left_out: (F, T) points that contradict the others.
+        acceleration_mm_s2: (F,) that was used, field by field.
+        shares: of the errors, that were used.
+    """
+
+    series: PointSeries
+    velocity_mm_s: Array
+    measured: Mask
+    left_out: Mask
+    acceleration_mm_s2: Array
+    shares: ErrorShares
+
+    @property
+    def points(self) -> PointSeries:
+        """The smoothed points where there is a measured one: nothing that only bridges a gap."""
+        return self.series.without(~self.measured)
+
+
+def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Smoothed:
+    """The points of a series, smoothed over time.
+
+    Raises:
+        MeasurementError: there are no points.
+    """
+    settings = settings or SmoothingSettings()
+    if not series.seen.any():
+        raise MeasurementError(
+            f"there are no points to smooth in {len(series.n)} fields",
+            "check threshold, calibration and object model: nothing was found",
+        )
+    rest = rest_fields(series)
+    acceleration = _acceleration(series, rest, settings)
+    shares = settings.shares or ErrorShares.of(series, rest, settings.bits)
+    left_out = np.zeros(series.seen.shape, np.bool_)
+    for _ in range(_ROUNDS):
+        result = _smooth(series.without(left_out), acceleration, shares, settings.forgets_px)
+        contradicted = _contradicted(series, result.series, settings.gate) & ~left_out
+        if not contradicted.any():
+            break
+        left_out |= contradicted
+    return replace(result, left_out=left_out)
+
+
+def _smooth(series: PointSeries, acceleration: Array, shares: ErrorShares, forgets_px: float) -> Smoothed:
+    """Once as if all errors were white, which shows how the targets move; then with what that tells."""
+    chains = _chains(series, acceleration)
+    moved_px = _moved_px(series, smoothed_chains(chains).value_mm)
+    targets = len(series.target)
+    sign: Array = np.where(series.parity, -1.0, 1.0)[:, np.newaxis]
+    sigma: Array = np.sqrt(chains.white_mm2)
+    divided = replace(
+        chains,
+        white_mm2=np.tile(shares.white, targets) * chains.white_mm2,
+        common_mm=np.sqrt(np.tile(shares.common, targets)) * sigma,
+        opposite_mm=sign * np.sqrt(np.tile(shares.opposite, targets)) * sigma,
+        keeps=np.repeat(np.exp(-moved_px / forgets_px), 3, axis=1),
+    )
+    return _result(series, smoothed_chains(divided), acceleration, shares)
+
+
+def _chains(series: PointSeries, acceleration: Array) -> Chains:
+    """X, Y and Z of every target as a chain, all errors white."""
+    variance = np.diagonal(series.covariance_mm2, axis1=2, axis2=3)
+    flat = (len(series.n), -1)
+    nothing = np.zeros_like(series.xyz_mm).reshape(flat)
+    return Chains(
+        value_mm=series.xyz_mm.reshape(flat),
+        white_mm2=np.where(series.seen[:, :, np.newaxis], variance, 1.0).reshape(flat),
+        common_mm=nothing,
+        opposite_mm=nothing,
+        keeps=np.ones_like(nothing),
+        elapsed_s=np.diff(series.time_s, prepend=series.time_s[0]),
+        acceleration_mm_s2=acceleration,
+    )
+
+
+def _acceleration(series: PointSeries, rest: Mask, settings: SmoothingSettings) -> Array:
+    """(F,) as given; or the likeliest: one for all fields, then apart where the object rests and moves."""
+    if settings.acceleration_mm_s2 is not None:
+        return np.full(len(series.n), settings.acceleration_mm_s2)
+    some, at_rest = _some(series, rest)
+    everywhere = np.ones_like(at_rest)
+    overall = _likeliest(some, everywhere, ACCELERATIONS_MM_S2, REST)
+    if overall == REST:
+        return np.zeros(len(rest))
+    slower = [each for each in ACCELERATIONS_MM_S2 if REST < each <= overall]
+    slow = _likeliest(some, at_rest, slower, overall)
+    faster = [each for each in ACCELERATIONS_MM_S2 if each >= overall]
+    return np.where(rest, slow, _likeliest(some, ~at_rest, faster, slow))
+
+
+def _likeliest(series: PointSeries, where: Mask, tried: Sequence[float], elsewhere: float) -> float:
+    """Of the accelerations tried in some fields the likeliest, with another one elsewhere."""
+    chains = [_chains(series, np.where(where, one, elsewhere)) for one in tried]
+    return tried[int(np.argmax([likelihood(each).sum() for each in chains]))]
+
+
+def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
+    """Some targets, in the fields round the first movement."""
+    fields, targets = _CHOSEN_ON
+    first = int(np.clip(rest.argmin() - fields // 2, 0, max(len(rest) - fields, 0)))
+    count = len(series.target)
+    chosen = np.linspace(0, count - 1, min(targets, count)).astype(np.intp)
+    span = slice(first, first + fields)
+    return series.part(span, chosen), rest[span]
+
+
+def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
+    """(F, T) how far a target's image has moved since the field before."""
+    places = flat_mm.reshape(series.xyz_mm.shape)
+    moved_mm = np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=2)
+    spread_px = np.nanvar(series.image_px, axis=(0, 1)).sum() / 2.0
+    spread_mm = np.nanvar(series.xyz_mm, axis=(0, 1)).sum()
+    moved: Array = moved_mm * np.sqrt(spread_px / spread_mm) if spread_mm else moved_mm
+    return moved
+
+
+def _result(
+    series: PointSeries, chains: SmoothedChains, acceleration: Array, shares: ErrorShares
+) -> Smoothed:
+    """Places back in rows of targets; correlations of X, Y and Z stay those of the measured points."""
+    shape, seen = series.xyz_mm.shape, series.seen
+    inside = np.logical_or.accumulate(seen) & np.logical_or.accumulate(seen[::-1])[::-1]
+    outside = np.where(inside, 0.0, np.nan)[:, :, np.newaxis]
+    nearest = _nearest_seen(seen)
+    targets = np.arange(shape[1])
+    measured = series.covariance_mm2[nearest, targets]
+    variance = chains.variance_mm2.reshape(shape).clip(0.0)
+    scale = np.sqrt(variance / np.diagonal(measured, axis1=2, axis2=3)) + outside
+    smoothed = replace(
+        series,
+        xyz_mm=chains.value_mm.reshape(shape) + outside,
+        covariance_mm2=measured * scale[..., np.newaxis] * scale[..., np.newaxis, :],
+        calibration_covariance_mm2=series.calibration_covariance_mm2[nearest, targets]
+        + outside[..., np.newaxis],
+    )
+    rate = chains.rate_mm_s.reshape(shape) + outside
+    return Smoothed(smoothed, rate, seen, np.zeros_like(seen), acceleration, shares)
+
+
+def _nearest_seen(seen: Mask) -> NDArray[np.intp]:
+    """(F, T) index of the last field, up to this one, in which a target was seen; else of its first."""
+    index = np.where(seen, np.arange(len(seen))[:, np.newaxis], -1)
+    last = np.maximum.accumulate(index, axis=0)
+    nearest: NDArray[np.intp] = np.where(last >= 0, last, seen.argmax(axis=0))
+    return nearest
+
+
+def _contradicted(series: PointSeries, smoothed: PointSeries, gate: float) -> Mask:
+    """(F, T) points too far from what all make of them, and farther than the points beside them."""
+    off = series.xyz_mm - smoothed.xyz_mm
+    variance = np.diagonal(series.covariance_mm2 + smoothed.covariance_mm2, axis1=2, axis2=3)
+    far = np.nan_to_num((off * off / variance).max(axis=2))
+    padded = np.pad(far, ((2, 2), (0, 0)))
+    around = np.max([padded[shift : shift + len(far)] for shift in range(5)], axis=0)
+    contradicted: Mask = (far > gate**2) & (far == around)
+    return contradicted

@@ -1,0 +1,202 @@
+"""The same targets from field to field (paper 3.7): predicted, found again, or identified anew.
+
+Every target has a predicted place, seen or not: neighbours carry each other along, so one that comes back
+from behind the curve is expected where it comes. Near its predicted image the nearest blob is its own, if
+left and right agree with one another and the place with the neighbours.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry import Rig
+from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
+from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
+from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
+from grabberd.reconstruction.image_noise import ImageNoise
+from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.tracking.track import Track
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+_UNKNOWN_PX = 0.5
+"""Standard deviation of a blob that has not been located yet."""
+_VAGUE = 0.1
+"""A prediction is vague where a target's way is known worse than this share of the pitch."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackingSettings:
+    """How an object moves, and when it is lost.
+
+    Attributes:
+        speed_mm_s: standard deviation of a velocity of which nothing is known, after identification.
+        acceleration_mm_s2: standard deviation of the acceleration.
+        longest_gap_s: after longer without a field that could be followed, targets are identified anew.
+        least_share: so are they where fewer are found than this share of those before, or of the blobs.
+        surprise: so are they, and keep their velocities, where the root mean square of their distances from
+            their predicted places exceeds this many standard deviations: a wall that stops at once.
+        firm: a target that was not seen lately is given out at once only where the others expect it better
+            than this share of the targets' pitch, and else when it is seen once more.
+        correspondence: gates, and the object's deformation.
+    """
+
+    speed_mm_s: float = 50.0
+    acceleration_mm_s2: float = 1250.0
+    longest_gap_s: float = 0.07
+    least_share: float = 0.35
+    surprise: float = 0.8
+    firm: float = 0.06
+    correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
+
+
+class Tracker:
+    """The rules by which one object is tracked before one rig; all that changes is in the `Track`."""
+
+    def __init__(
+        self, rig: Rig, model: ObjectModel, noise: ImageNoise, settings: TrackingSettings | None = None
+    ) -> None:
+        self.rig = rig
+        self.model = model
+        self.noise = noise
+        self.settings = settings or TrackingSettings()
+        self.correspondence = Correspondence(rig, model, noise, self.settings.correspondence)
+
+    def start(self) -> Track:
+        """The track before the first field."""
+        return Track.start(self.model)
+
+    def step(self, track: Track, left: ViewBlobs, right: ViewBlobs, dt_s: float) -> tuple[Track, Points]:
+        """One field further.
+
+        Args:
+            track: after the field before.
+            left: the blobs of the left view in this field, targets and others, in any order.
+            right: those of the right view.
+            dt_s: time since the field before, lost ones included.
+
+        Returns:
+            the track after this field, and the points of the targets that were found in it; none of them
+            where neither following nor identifying finds enough.
+        """
+        elapsed_s = track.age_s + dt_s
+        unseen_s = track.unseen_s + dt_s
+        fewest = max(self.settings.least_share * min(len(left), len(right), len(self.model)), 1.0)
+        if elapsed_s <= self.settings.longest_gap_s:
+            sighting = self._follow(track, left, right, elapsed_s)
+            if len(sighting) >= max(fewest, self.settings.least_share * track.found):
+                points, believed = sighting.points, self._believed(track, sighting)
+                if not believed.all():
+                    points = points.select(believed)
+                return self._continued(track, sighting, unseen_s, elapsed_s), points
+        sighting = self.correspondence.identify(left, right)
+        if len(sighting) >= fewest:
+            return self._begun(sighting, unseen_s), sighting.points
+        return replace(track, unseen_s=unseen_s, age_s=elapsed_s), Points.none()
+
+    def windows(self, track: Track, dt_s: float) -> Array | None:
+        """Where to look for blobs in the field that comes `dt_s` after the last.
+
+        Returns:
+            (K, 4) float64 x0, y0, x1, y1 in frame pixels: where a blob's centre may be, for all targets in
+            the left view and then in the right that can lie in the view's half; None where nothing is tracked
+            and a target may be anywhere.
+        """
+        elapsed_s = track.age_s + dt_s
+        if elapsed_s > self.settings.longest_gap_s:
+            return None
+        predicted = self.correspondence.predict(*self._moved(track, elapsed_s), _UNKNOWN_PX)
+        return predicted.windows(self.rig.views)
+
+    def _believed(self, track: Track, sighting: Sighting) -> Mask:
+        """(K,) whose point may be given out: who was seen lately, or is where the others surely expect it.
+
+        Anybody else may be a false blob in the wide gate of a target that nobody knows much about; two in a
+        row are not.
+        """
+        lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
+        firm_mm = self.settings.firm * self.correspondence.agreement.pitch_mm
+        return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
+
+    def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
+        """Looks where the targets have moved to; if that is vague, again where those that were found say."""
+        places_mm, sigma_mm = self._moved(track, elapsed_s)
+        sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
+        if _surprise(sighting, places_mm, sigma_mm) > self.settings.surprise:
+            return self.correspondence.identify(left, right)
+        vague_mm = _VAGUE * self.correspondence.agreement.pitch_mm
+        if track.speed_sigma_mm_s * elapsed_s <= vague_mm or not len(sighting):
+            return sighting
+        return self.correspondence.near(*self.correspondence.expected_places(sighting.expected), left, right)
+
+    def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
+        """Places (M, 3) in mm after that time, and their standard deviations (M,)."""
+        places = track.xyz_mm + track.velocity_mm_s * elapsed_s
+        return places, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
+
+    def _begun(self, sighting: Sighting, unseen_s: Array) -> Track:
+        """The track after targets were identified, at rest until the next field shows more."""
+        places, sigma = self._settled(sighting)
+        return Track(
+            target=self.model.target,
+            xyz_mm=places,
+            sigma_mm=sigma,
+            velocity_mm_s=np.zeros_like(self.model.xyz_mm),
+            speed_sigma_mm_s=self.settings.speed_mm_s,
+            unseen_s=_seen_again(unseen_s, sighting),
+            age_s=0.0,
+            found=len(sighting),
+        )
+
+    def _continued(self, track: Track, sighting: Sighting, unseen_s: Array, elapsed_s: float) -> Track:
+        places, sigma = self._settled(sighting)
+        return Track(
+            target=self.model.target,
+            xyz_mm=places,
+            sigma_mm=sigma,
+            velocity_mm_s=(places - track.xyz_mm) / elapsed_s,
+            speed_sigma_mm_s=self.settings.acceleration_mm_s2 * elapsed_s,
+            unseen_s=_seen_again(unseen_s, sighting),
+            age_s=0.0,
+            found=len(sighting),
+        )
+
+    def _settled(self, sighting: Sighting) -> tuple[Array, Array]:
+        """Places (M, 3) of all targets, and their standard deviations (M,)."""
+        return sighting.settled or (self._smoothed(sighting), self._sigma(sighting))
+
+    def _smoothed(self, sighting: Sighting) -> Array:
+        """What the others expect takes part in a measured place by how surely they do (as `smooth`)."""
+        target, noise_mm = sighting.target, self.correspondence.agreement.field.noise_mm
+        displacement, sigma_mm = sighting.expected.displacement_mm.copy(), sighting.expected.sigma_mm[target]
+        measured = sighting.points.xyz_mm - self.model.xyz_mm[target]
+        share = noise_mm**2 / (sigma_mm**2 + noise_mm**2)
+        displacement[target] = measured - share[:, np.newaxis] * (measured - displacement[target])
+        return self.model.xyz_mm + displacement
+
+    def _sigma(self, sighting: Sighting) -> Array:
+        """Of unseen targets as expected, of seen ones not worse than their own depth."""
+        sigma = sighting.expected.sigma_mm.copy()
+        depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
+        sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)
+        return sigma
+
+
+def _surprise(sighting: Sighting, places_mm: Array, sigma_mm: Array) -> float:
+    """Root mean square distance from the predicted places, in standard deviations of each coordinate."""
+    if not len(sighting):
+        return 0.0
+    if sighting.surprise is not None:
+        return sighting.surprise
+    off = sighting.points.xyz_mm - places_mm[sighting.target]
+    own = np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2)
+    return float(np.sqrt((off * off / (own + sigma_mm[sighting.target, np.newaxis] ** 2)).mean()))
+
+
+def _seen_again(unseen_s: Array, sighting: Sighting) -> Array:
+    seconds = unseen_s.copy()
+    seconds[sighting.target] = 0.0
+    return seconds

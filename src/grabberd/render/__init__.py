@@ -1,0 +1,3 @@
+"""Pictures of models and views (paper 3.7): wire models, shaded surfaces, synthetic views. Pure: arrays in,
+pictures out.
+"""

@@ -1,0 +1,104 @@
+"""The grid model from any side (paper 3.7): facets and the targets' lines, what is near hides what is far."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis import PER_PITCH, Mesh
+from grabberd.render.canvas import INK, Canvas, Colour
+from grabberd.render.colours import PLAIN, Scale, draw_bar
+from grabberd.render.viewpoint import Box, Viewpoint
+
+Array = NDArray[np.float64]
+
+WIRE: Colour = (70, 58, 50)
+_LIGHT = np.array([-0.35, 0.45, 0.82])
+"""Direction of the light: from the left, above and before the picture."""
+_LEAST_LIGHT = 0.45
+_INSIDE = 0.72
+"""The inner face is so much darker."""
+
+
+class Look(NamedTuple):
+    """How a model is drawn.
+
+    Attributes:
+        azimuth_deg: from where; `elevation_deg`: likewise, see `viewing_axes`.
+        width: of the picture in pixels; `height`: likewise.
+    """
+
+    azimuth_deg: float = -60.0
+    elevation_deg: float = 35.0
+    width: int = 960
+    height: int = 600
+
+
+class Painted(NamedTuple):
+    """Values of the facets, (P − 1, Q − 1), and the scale of their colours."""
+
+    values: Array
+    scale: Scale
+
+
+def wire_model(
+    mesh: Mesh | None, outward: float, box: Box, look: Look, painted: Painted | None = None, caption: str = ""
+) -> NDArray[np.uint8]:
+    """Draws a mesh: (height, width, 3) uint8, blue, green, red.
+
+    Args:
+        mesh: of the surface; without one the box alone is drawn.
+        outward: 1.0 where X_u × X_v points outward, or −1.0; the inner face is drawn darker.
+        box: what room to show.
+        look: from where, and how large.
+        painted: colours by value; without, the surface is shaded alone.
+        caption: words above it, ASCII.
+    """
+    canvas = Canvas(look.width, look.height)
+    stand = Viewpoint.before(box, look.azimuth_deg, look.elevation_deg, canvas)
+    stand.draw(canvas)
+    if mesh is not None:
+        _draw_facets(canvas, stand, mesh, outward, painted)
+    if painted is not None:
+        draw_bar(canvas, painted.scale)
+    canvas.words(caption, np.array([16.0, 18.0]), INK, 10.0, "left")
+    return canvas.picture()
+
+
+def _draw_facets(
+    canvas: Canvas, stand: Viewpoint, mesh: Mesh, outward: float, painted: Painted | None
+) -> None:
+    """The painter's way: the farthest facet first, each with its pieces of the grid's lines."""
+    corners, xyz = mesh.corners(), mesh.xyz_mm.reshape(-1, 3)
+    four = xyz[corners]
+    colours = _shaded(stand, four, outward, painted, mesh)
+    places = stand.places(xyz)[corners]
+    row, column = np.nonzero(mesh.supported)
+    edges = np.stack([_on_grid(column), _on_grid(row + 1), _on_grid(column + 1), _on_grid(row)], axis=1)
+    for index in np.argsort(stand.nearness(four.mean(axis=1))):
+        corner, colour = places[index], colours[index]
+        canvas.area(corner, (colour[0], colour[1], colour[2]))
+        for first in np.flatnonzero(edges[index]):
+            canvas.lines(corner[[first, (first + 1) % 4]], WIRE)
+
+
+def _on_grid(line: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which lines of the mesh go through targets."""
+    on: NDArray[np.bool_] = (line - PER_PITCH // 2) % PER_PITCH == 0
+    return on
+
+
+def _shaded(stand: Viewpoint, four: Array, outward: float, painted: Painted | None, mesh: Mesh) -> Array:
+    """(F, 3) the facets' colours under the light."""
+    normal = np.cross(four[:, 2] - four[:, 0], four[:, 3] - four[:, 1]) * outward
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    seen = normal @ stand.axes.T
+    outside = seen[:, 2] >= 0
+    seen = np.where(outside[:, np.newaxis], seen, -seen)
+    bright = _LEAST_LIGHT + (1 - _LEAST_LIGHT) * np.clip(seen @ _LIGHT / np.linalg.norm(_LIGHT), 0, 1)
+    bright *= np.where(outside, 1.0, _INSIDE)
+    colours: Array = np.tile(PLAIN, (len(four), 1))
+    if painted is not None:
+        bright, colours = (1 + bright) / 2, painted.scale.colours(painted.values[mesh.supported])
+    shaded: Array = bright[:, np.newaxis] * colours
+    return shaded

@@ -1,0 +1,1 @@
+"""The captures on disk: listed, described, annotated, retained."""

@@ -1,0 +1,1 @@
+"""Stored calibrations, and which of them each device measures with."""

@@ -1,0 +1,1 @@
+"""Captures from request to sealed file: control, start, recorder, writer, disk guard."""

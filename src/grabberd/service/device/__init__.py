@@ -1,0 +1,1 @@
+"""One grabber as an instrument: its threads, ring, threshold, recovery, status and live points."""

@@ -1,0 +1,187 @@
+"""What is known of a device from moment to moment; written by its threads, read by everybody."""
+
+import logging
+import threading
+from collections import Counter, deque
+from dataclasses import dataclass, field, replace
+
+from grabberd.acquisition import Outcome, Slot
+from grabberd.acquisition.device import Signal, StreamInfo
+from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
+from grabberd.service.clock import Clock, iso_utc
+from grabberd.service.device.device_state import DeviceState, may_follow
+from grabberd.service.device.recovery import Rung, Step
+
+log = logging.getLogger(__name__)
+
+RATE_FIELDS = 100
+SILENT_NS = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceStatus:
+    """A device at one moment.
+
+    Attributes:
+        state: in a word; `since_utc`: since when.
+        cause: why, in a sentence, or None; `hint`: what can be done about it; `code`: why, in a word.
+        stream: what the driver granted last, or None before it did.
+        signal: what the driver says of the camera's signal.
+        outcomes: what became of every field since the daemon started.
+        openings: how often the device has been opened.
+        recoveries: how often each step has been taken to have it deliver again.
+        last_failure: why the last one was taken; `last_failure_utc`: since when for that reason.
+        refusals: what the device cannot be helped with, in sentences.
+    """
+
+    state: DeviceState
+    since_utc: str
+    cause: str | None = None
+    hint: str | None = None
+    code: Cause | None = None
+    stream: StreamInfo | None = None
+    signal: Signal = Signal.UNKNOWN
+    outcomes: Counter[Outcome] = field(default_factory=Counter)
+    openings: int = 0
+    recoveries: Counter[Rung] = field(default_factory=Counter)
+    last_failure: str | None = None
+    last_failure_utc: str | None = None
+    refusals: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a person has to know of the device, in sentences."""
+        return (*(self.stream.remarks if self.stream else ()), *self.refusals)
+
+
+class StatusBoard:
+    """The status of one device; logs each change of state or cause once.
+
+    Attributes:
+        name: of the device.
+        changed: notified with every change of state; whoever waits for a state waits on it.
+    """
+
+    def __init__(self, name: str, clock: Clock) -> None:
+        self.name = name
+        self.changed = threading.Condition()
+        self._clock = clock
+        self._status = DeviceStatus(
+            DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet", code=Cause.NOT_OPENED
+        )
+        self._told: tuple[DeviceState, str | None] | None = None
+        self._beat_ns = clock.now_ns()
+        self._arrivals_ns: deque[int] = deque(maxlen=RATE_FIELDS)
+
+    def beat(self) -> None:
+        """The capture thread lives; said by itself, whatever its device does."""
+        self._beat_ns = self._clock.now_ns()
+
+    @property
+    def silent_s(self) -> float:
+        """For how long the capture thread has not beaten."""
+        return (self._clock.now_ns() - self._beat_ns) / 1e9
+
+    @property
+    def now(self) -> DeviceStatus:
+        """The status as it is; its counters are copies."""
+        with self.changed:
+            now = self._status
+            return replace(now, outcomes=now.outcomes.copy(), recoveries=now.recoveries.copy())
+
+    @property
+    def state(self) -> DeviceState:
+        """The state alone."""
+        return self._status.state
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Fields that came a second, over the last two seconds or so; None while none come."""
+        arrivals_ns = list(self._arrivals_ns)
+        if len(arrivals_ns) < 2 or self._clock.now_ns() - arrivals_ns[-1] > SILENT_NS:
+            return None
+        return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
+
+    def enter(
+        self,
+        state: DeviceState,
+        cause: str | None = None,
+        hint: str | None = None,
+        code: Cause | None = None,
+    ) -> None:
+        """Goes into a state that may follow the present one."""
+        with self.changed:
+            if not may_follow(self._status.state, state):
+                raise ValueError(f"device {self.name}: {state} may not follow {self._status.state}")
+            if (state, cause) == (self._status.state, self._status.cause):
+                return
+            since = iso_utc(self._clock.utc_now())
+            self._status = replace(
+                self._status, state=state, since_utc=since, cause=cause, hint=hint, code=code
+            )
+            self.changed.notify_all()
+        self._tell(state, cause, hint)
+
+    def opened(self, stream: StreamInfo) -> None:
+        """The device has been opened and granted this stream."""
+        with self.changed:
+            known = self._status.warnings
+            self._arrivals_ns.clear()
+            self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
+        self._warn(known)
+
+    def recovers(self, step: Step, error: GrabberdError) -> None:
+        """A step is about to be taken because of an error."""
+        with self.changed:
+            self._status.recoveries[step.rung] += 1
+            if error.message != self._status.last_failure:
+                since = iso_utc(self._clock.utc_now())
+                self._status = replace(self._status, last_failure=error.message, last_failure_utc=since)
+        self.enter(step.state, error.message, error.hint, cause_of(error))
+
+    def reset_refused(self, refusal: GrabberdError | None) -> None:
+        """The device cannot be reset, and why; None: it can."""
+        with self.changed:
+            known = self._status.warnings
+            words = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
+            self._status = replace(self._status, refusals=words)
+        self._warn(known)
+
+    def saw_signal(self, signal: Signal) -> None:
+        """What the driver says of the signal."""
+        with self.changed:
+            self._status = replace(self._status, signal=signal)
+
+    def count(self, slot: Slot) -> None:
+        """Counts a field and those that were lost before it."""
+        if slot.numbered is not None:
+            self._arrivals_ns.append(self._clock.now_ns())
+        with self.changed:
+            self._status.outcomes[slot.outcome] += 1
+            for entry in slot.lost_before:
+                self._status.outcomes[entry.outcome] += entry.count
+
+    def _tell(self, state: DeviceState, cause: str | None, hint: str | None) -> None:
+        """Logs what is new: a device that is tried again says so once for each cause."""
+        if state is DeviceState.OPENING or (state, cause) == self._told:
+            return
+        self._told = (state, cause)
+        words = "; ".join(part for part in (cause, hint) if part)
+        log.log(_level(state), "device %s is %s%s", self.name, state, f": {words}" if words else "")
+
+    def _warn(self, known: tuple[str, ...]) -> None:
+        for words in self._status.warnings:
+            if words not in known:
+                log.warning("device %s: %s", self.name, words)
+
+
+def cause_of(error: GrabberdError) -> Cause | None:
+    """Why, in a word, where the error is a device's or a recording's."""
+    if isinstance(error, PictureError):
+        return Cause.RECORDING_DAMAGED
+    return error.cause if isinstance(error, DeviceError) else None
+
+
+def _level(state: DeviceState) -> int:
+    troubled = {DeviceState.ABSENT, DeviceState.RECOVERING, DeviceState.FAILED}
+    return logging.WARNING if state in troubled else logging.INFO

@@ -1,0 +1,1 @@
+"""Jobs: what takes long runs in one niced process of its own, never in a thread of the daemon."""

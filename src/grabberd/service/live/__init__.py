@@ -1,0 +1,1 @@
+"""What the daemon shows of this moment: devices, newest points, preview, changes of state."""

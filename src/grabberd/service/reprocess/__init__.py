@@ -1,0 +1,1 @@
+"""An archive of captures re-measured by many processes into a data set."""

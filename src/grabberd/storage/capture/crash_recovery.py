@@ -1,0 +1,96 @@
+"""What a crash left: sealed as far as it goes, or set aside with a reason; never deleted."""
+
+import itertools
+import os
+from pathlib import Path
+
+from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.errors import CaptureFileError, LaterVersion
+from grabberd.storage.capture.metadata import SEALED, write_meta
+from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.capture.schema import DAMAGED, JOURNAL, connect, reading_errors, storage_errors
+from grabberd.storage.capture.writer import FAILED, RUNNING, publish, write_ledger
+
+REASON = ".txt"
+INTERRUPTED = "the program ended while it was recording"
+
+
+def recover(part: Path) -> Path:
+    """Seals a `.grab.part` file that nobody writes any more; returns its final path.
+
+    The database rolls an unfinished commit back by itself when it is opened. The capture is marked
+    incomplete: how much is missing at its end, at most the last second, nobody can know. A file that cannot
+    be read is set aside.
+
+    Raises:
+        LaterVersion: it is a later version's to seal.
+        StorageError: the disk does not let it be written.
+    """
+    try:
+        _seal_if_need_be(part)
+    except LaterVersion:
+        raise
+    except CaptureFileError as error:
+        return set_aside(part, error.message)
+    with storage_errors(part):
+        part.with_name(part.name + JOURNAL).unlink(missing_ok=True)  # empty: its transaction has ended
+        return publish(part)
+
+
+def _seal_if_need_be(part: Path) -> None:
+    with CaptureReader(part) as reader:
+        ledger, sealed = reader.ledger, reader.meta.state == SEALED
+    if not sealed:  # otherwise only its name was still missing
+        with reading_errors(part):
+            _seal(part, ledger)
+
+
+def _seal(part: Path, ledger: Ledger) -> None:
+    connection = connect(part, writable=True)
+    try:
+        with storage_errors(part), connection:
+            connection.execute("BEGIN IMMEDIATE")
+            connection.execute("DELETE FROM reserve")
+            write_ledger(connection, _with_cut(ledger))
+            change = "UPDATE runs SET state = ?, reason = ? WHERE state = ?"
+            connection.execute(change, (FAILED, INTERRUPTED, RUNNING))
+            write_meta(connection, {"state": SEALED, "complete": False, "ended_because": INTERRUPTED})
+    finally:
+        connection.close()
+
+
+def _with_cut(ledger: Ledger) -> Ledger:
+    """At least the next field is missing."""
+    ledger.add(LedgerEntry(ledger.end_n or 0, 1, Outcome.LOST, INTERRUPTED))
+    return ledger
+
+
+def set_aside(path: Path, reason: str) -> Path:
+    """Moves a file that cannot be read into the folder `damaged`, with the reason beside it as text.
+
+    Raises:
+        StorageError: the disk does not let it be moved; it stays where it is.
+    """
+    with storage_errors(path):
+        folder = path.parent / DAMAGED
+        folder.mkdir(exist_ok=True)
+        aside = _free_name(folder / path.name)
+        reason_of(aside).write_text(reason + "\n", encoding="utf-8")
+        journal = path.with_name(path.name + JOURNAL)
+        if journal.exists():  # whoever tries to save the file needs it
+            os.rename(journal, aside.with_name(aside.name + JOURNAL))
+        os.rename(path, aside)
+    return aside
+
+
+def reason_of(aside: Path) -> Path:
+    """The text file beside a file that was set aside."""
+    return aside.with_name(aside.name + REASON)
+
+
+def _free_name(path: Path) -> Path:
+    """The path, or `NAME-2.grab` and so on where there is one already."""
+    name, dot, rest = path.name.partition(".")
+    names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
+    candidates = (path.with_name(f"{free}{dot}{rest}") for free in names)
+    return next(candidate for candidate in candidates if not candidate.exists())

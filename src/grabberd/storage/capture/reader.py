@@ -1,0 +1,235 @@
+"""Reading a capture file, also while it is being written: never more than fifty fields under one lock."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Self
+
+from grabberd.acquisition import Ledger, Outcome
+from grabberd.errors import CaptureFileError, NotFound
+from grabberd.field import NumberedField
+from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.codec import decode_points
+from grabberd.storage.capture.metadata import CaptureMeta, read_meta
+from grabberd.storage.capture.rows import (
+    FIELD_COLUMNS,
+    RecordedField,
+    RunInfo,
+    ledger,
+    recorded_field,
+    run_info,
+)
+from grabberd.storage.capture.schema import DAMAGE, connect, reading_errors
+
+FIELDS_AT_ONCE = 50
+END = 2**62
+"""Beyond every field."""
+
+
+class CaptureReader:
+    """A capture file; each method sees it as it is at that moment, and holds no lock afterwards.
+
+    Raises:
+        CaptureFileError: from any method: missing, no capture, damaged, or of a later version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._connection = connect(path)
+        with reading_errors(path):
+            self.meta = self._read_meta()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Lets go of the file."""
+        self._connection.close()
+
+    @property
+    def ledger(self) -> Ledger:
+        """The account, from the fields that are there and the entries of those that are not."""
+        kept = "SELECT n, outcome, reason FROM fields ORDER BY n"
+        with reading_errors(self.path):
+            fields = self._connection.execute(kept).fetchall()
+            entries = self._connection.execute("SELECT * FROM ledger ORDER BY first_n").fetchall()
+        try:
+            return ledger(fields, entries)
+        except DAMAGE as error:
+            raise CaptureFileError(
+                f"{self.path}: its ledger contradicts itself: {error}", "keep it aside"
+            ) from error
+
+    @property
+    def field_count(self) -> int:
+        """How many fields are in the file, damaged ones too."""
+        with reading_errors(self.path):
+            count: int = self._connection.execute("SELECT count(*) FROM fields").fetchone()[0]
+            return count
+
+    @property
+    def field_span(self) -> int:
+        """How many fields lie from the first to the last of the file; known at once, however long it is."""
+        query = "SELECT (SELECT max(n) FROM fields) - (SELECT min(n) FROM fields) + 1"
+        with reading_errors(self.path):
+            span: int | None = self._connection.execute(query).fetchone()[0]
+            return int(span or 0)
+
+    @property
+    def runs(self) -> list[RunInfo]:
+        """All runs in order."""
+        with reading_errors(self.path):
+            rows = self._connection.execute("SELECT * FROM runs ORDER BY run").fetchall()
+            return [run_info(row) for row in rows]
+
+    def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
+        """The fields with first_n ≤ n < end_n in order, fifty at a time."""
+        while True:
+            rows = self._rows(first_n, end_n)
+            for row in rows:
+                yield self._field(row)
+            if len(rows) < FIELDS_AT_ONCE:
+                return
+            first_n = rows[-1][0] + 1
+
+    def received(self, first_n: int = 0, end_n: int | None = None) -> Iterator[NumberedField]:
+        """Only the fields that came whole."""
+        for recorded in self.fields(first_n, end_n):
+            if recorded.outcome is Outcome.RECEIVED:
+                yield recorded.numbered
+
+    def field(self, n: int) -> RecordedField:
+        """One field.
+
+        Raises:
+            NotFound: it is not in the file.
+        """
+        rows = self._rows(n, n + 1)
+        if not rows:
+            raise NotFound(f"capture {self.meta.id} has no field {n}", "its ledger says what became of it")
+        return self._field(rows[0])
+
+    def latest_run(self) -> RunInfo:
+        """The newest run that has points.
+
+        Raises:
+            NotFound: the capture has not been measured.
+        """
+        if not self.runs:
+            raise NotFound(f"capture {self.meta.id} has no points", "measure it with a calibration first")
+        return self.runs[-1]
+
+    def run(self, run: int | None) -> RunInfo:
+        """A run by number, or the newest.
+
+        Raises:
+            NotFound: there is none.
+        """
+        if run is None:
+            return self.latest_run()
+        found = [info for info in self.runs if info.run == run]
+        if not found:
+            known = ", ".join(str(info.run) for info in self.runs) or "none"
+            raise NotFound(f"capture {self.meta.id} has no run {run}", f"its runs are: {known}")
+        return found[0]
+
+    def points(self, run: int | None = None) -> Iterator[tuple[int, Points]]:
+        """(n, points) of a run in order of n, of fields that are in the file.
+
+        Raises:
+            NotFound: there is no such run.
+        """
+        for n, _, points in self.timed_points(run):
+            yield n, points
+
+    def timed_points(
+        self, run: int | None = None, first_n: int = 0, end_n: int = END, every: int = 1
+    ) -> Iterator[tuple[int, int, Points]]:
+        """(n, time_ns, points) of a run in order of n, fifty fields at a time.
+
+        Of the fields with first_n ≤ n < end_n only those whose n `every` divides. A crash may have left
+        points whose field was not written yet: they are passed over.
+
+        Raises:
+            NotFound: there is no such run.
+        """
+        number, first_n = self.run(run).run, first_n - 1
+        query = (
+            "SELECT p.n, f.time_ns, p.data FROM points AS p JOIN fields AS f ON f.n = p.n "
+            "WHERE p.run = ? AND p.n > ? AND p.n < ? AND p.n % ? = 0 ORDER BY p.n LIMIT ?"
+        )
+        while True:
+            with reading_errors(self.path):
+                asked = (number, first_n, end_n, every, FIELDS_AT_ONCE)
+                rows = self._connection.execute(query, asked).fetchall()
+            for n, time_ns, data in rows:
+                yield n, self._time_ns(n, time_ns), self._points(n, data)
+            if len(rows) < FIELDS_AT_ONCE:
+                return
+            first_n = rows[-1][0]
+
+    def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
+        """How many points `timed_points` would give."""
+        query = "SELECT coalesce(sum(count), 0) FROM points WHERE run = ? AND n >= ? AND n < ? AND n % ? = 0"
+        with reading_errors(self.path):
+            return int(self._connection.execute(query, (run, first_n, end_n, every)).fetchone()[0])
+
+    def point_span(self, run: int, first_n: int = 0, end_n: int = END) -> tuple[int, int]:
+        """How many points `timed_points` gives now, and the number after the last field that has some.
+
+        Up to that number, a capture that is being written gets no more of them.
+        """
+        query = (
+            "SELECT coalesce(sum(p.count), 0), coalesce(max(p.n) + 1, 0) FROM points AS p "
+            "JOIN fields AS f ON f.n = p.n WHERE p.run = ? AND p.n >= ? AND p.n < ?"
+        )
+        with reading_errors(self.path):
+            count, end = self._connection.execute(query, (run, first_n, end_n)).fetchone()
+            return int(count), int(end)
+
+    @property
+    def first_time_ns(self) -> int | None:
+        """Time of the first field, or None where there is none."""
+        with reading_errors(self.path):
+            row = self._connection.execute("SELECT time_ns FROM fields ORDER BY n LIMIT 1").fetchone()
+            return None if row is None else int(row[0])
+
+    def _read_meta(self) -> CaptureMeta:
+        try:
+            return read_meta(self._connection)
+        except DAMAGE as error:
+            self._connection.close()
+            hint = "it was cut off before its first second; nothing is in it"
+            raise CaptureFileError(f"{self.path} does not say what it is: {error}", hint) from error
+
+    def _rows(self, first_n: int, end_n: int | None) -> list[tuple[Any, ...]]:
+        query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
+        with reading_errors(self.path):
+            return self._connection.execute(
+                query, (first_n, END if end_n is None else end_n, FIELDS_AT_ONCE)
+            ).fetchall()
+
+    def _field(self, row: tuple[Any, ...]) -> RecordedField:
+        try:
+            return recorded_field(row)
+        except DAMAGE as error:
+            raise CaptureFileError(
+                f"{self.path}: field {row[0]}: {error}", "the other fields can be read"
+            ) from error
+
+    def _time_ns(self, n: int, value: Any) -> int:
+        if isinstance(value, int):
+            return value
+        raise CaptureFileError(
+            f"{self.path}: field {n}: time_ns is {value!r}", "the other fields can be read"
+        )
+
+    def _points(self, n: int, data: bytes) -> Points:
+        try:
+            return decode_points(data)
+        except DAMAGE as error:
+            raise CaptureFileError(
+                f"{self.path}: points of field {n}: {error}", "measure the capture again"
+            ) from error

@@ -1,0 +1,116 @@
+"""Rows of a capture file, and what they say; a row that cannot be true is an error, never a guess."""
+
+import json
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.field import BIT_DEPTHS, NumberedField, PackedField
+from grabberd.storage.capture.codec import decode_field
+
+FIELD_COLUMNS = (
+    "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, codec, data, outcome, reason"
+)
+_LARGEST = 1 << 14
+"""Lines or columns of a picture; more than that is damage."""
+
+
+class RunInfo(NamedTuple):
+    """A run without its points; `made_with` has the documents calibration, object and settings."""
+
+    run: int
+    kind: str
+    created_utc: str
+    version: str
+    state: str
+    reason: str | None
+    made_with: dict[str, Any]
+
+
+class RecordedField(NamedTuple):
+    """A field of the file and what became of it."""
+
+    numbered: NumberedField
+    outcome: Outcome
+    reason: str | None
+
+
+def recorded_field(row: tuple[Any, ...]) -> RecordedField:
+    """A row of `FIELD_COLUMNS`.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    cells = dict(zip(FIELD_COLUMNS.split(", "), row, strict=True))
+    _check_numbers(cells)
+    bits, columns = cells["bits"], cells["columns"]
+    planes = decode_field(cells["codec"], cells["data"], cells["rows"], columns, bits)
+    image = (cells[name] for name in ("parity", "y0", "y_step", "threshold"))
+    packed = PackedField(planes, bits, columns, *image)
+    numbered = NumberedField(cells["n"], cells["time_ns"], cells["sequence"], packed)
+    return RecordedField(numbered, Outcome(cells["outcome"]), _text(cells["reason"]))
+
+
+def _check_numbers(cells: Mapping[str, Any]) -> None:
+    among = {
+        "parity": (0, 1),
+        "bits": BIT_DEPTHS,
+        "rows": range(1, _LARGEST),
+        "columns": range(1, _LARGEST),
+        "y0": range(_LARGEST),
+        "y_step": (1, 2),
+        "threshold": range(256),
+    }
+    for name, values in among.items():
+        if cells[name] not in values:
+            raise ValueError(f"{name} is {cells[name]!r}")
+    if not isinstance(cells["time_ns"], int):
+        raise ValueError(f"time_ns is {cells['time_ns']!r}")
+    if not isinstance(cells["sequence"], int | None):
+        raise ValueError(f"sequence is {cells['sequence']!r}")
+
+
+def run_info(row: tuple[Any, ...]) -> RunInfo:
+    """A row of the table `runs`.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    documents = dict(zip(("calibration", "object", "settings"), map(json.loads, row[6:9]), strict=True))
+    for name, document in documents.items():
+        if not isinstance(document, dict | None):
+            raise ValueError(f"{name} is {document!r}")
+    run, kind, created_utc, version, state, reason = row[:6]
+    if not (isinstance(run, int) and all(isinstance(text, str) for text in (kind, created_utc, version))):
+        raise ValueError(f"run {run!r} of {created_utc!r} is a {kind!r} by {version!r}")
+    return RunInfo(run, kind, created_utc, version, state, reason, documents)
+
+
+def ledger(fields: Iterable[tuple[Any, ...]], entries: Iterable[tuple[Any, ...]]) -> Ledger:
+    """From (n, outcome, reason) of the fields that are there, and the entries of those that are not.
+
+    Raises:
+        ValueError: they contradict each other.
+    """
+    listed = [LedgerEntry(n, count, Outcome(outcome), reason) for n, count, outcome, reason in entries]
+    rows = [(n, Outcome(outcome), reason) for n, outcome, reason in fields]
+    received = [n for n, outcome, _ in rows if outcome is Outcome.RECEIVED]
+    damaged = [
+        LedgerEntry(n, 1, outcome, reason or outcome)
+        for n, outcome, reason in rows
+        if outcome is not Outcome.RECEIVED and not _covers(listed, n)
+    ]
+    return Ledger.restore(received, [*listed, *damaged])
+
+
+def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
+    """Whether one of the entries, which are in order, has field n."""
+    before = bisect_right(entries, n, key=lambda entry: entry.first_n)
+    return before > 0 and n < entries[before - 1].end_n
+
+
+def _text(value: Any) -> str | None:
+    if isinstance(value, str | None):
+        return value
+    raise ValueError(f"reason is {value!r}")

@@ -1,0 +1,126 @@
+"""Adding a run to a sealed capture."""
+
+import fcntl
+import sqlite3
+import struct
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
+from itertools import islice
+from pathlib import Path
+from typing import IO, Any
+
+from grabberd.errors import StorageError
+from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.codec import encode_points
+from grabberd.storage.capture.schema import connect, storage_errors
+from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
+
+_HEAD = struct.Struct("<qII")
+"""Of one field's points on their way: number of the field, of its points, of their bytes."""
+CACHE_KIB = 64 * 1024
+FIELDS_A_COMMIT = 500
+"""So many fit well into the cache: until they are committed, others can read."""
+PAUSE_S = 0.02
+"""Between two commits, so that whoever waits to read gets his turn."""
+_REMOVE = """DELETE FROM points WHERE (run, n) IN
+    (SELECT run, n FROM points WHERE run > (SELECT coalesce(max(run), 0) FROM runs) LIMIT ?)"""
+
+
+def append_run(
+    path: Path,
+    kind: str,
+    created_utc: str,
+    version: str,
+    made_with: Mapping[str, Any],
+    points: Iterable[tuple[int, Points]],
+) -> int:
+    """Adds a run to a sealed capture, whole or not at all; returns its number.
+
+    The points may be measured while they are taken: they go into a nameless file beside the capture, which is
+    gone with this call or with the program, and then into the capture piece by piece, so that memory holds
+    few of them and nobody who reads the capture waits for long. The run itself is entered last: until then
+    its points are nobody's, and what a killed program left of them is removed by the next call.
+
+    Raises:
+        CaptureFileError: no capture, or damaged.
+        StorageError: it cannot be written, or another program adds a run to it.
+    """
+    with (
+        closing(connect(path, writable=True)) as connection,
+        _staged(path, points) as staged,
+        storage_errors(path),
+        _alone(path),
+    ):
+        connection.execute(f"PRAGMA cache_size = -{CACHE_KIB:d}")
+        _remove_unfinished(connection)
+        run: int = connection.execute("SELECT coalesce(max(run), 0) + 1 FROM runs").fetchone()[0]
+        try:
+            _copy(staged, connection, run)
+            with _transaction(connection):
+                connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, DONE, made_with))
+        except BaseException:
+            with suppress(sqlite3.Error):
+                _remove_unfinished(connection)
+            raise
+        return run
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Holds off other programs that would add a run, for as long as the block lasts."""
+    with path.open("rb") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            hint = "wait until it has ended, then try again"
+            raise StorageError(f"another program adds a run to {path.name} at this moment", hint) from None
+        yield
+
+
+def _copy(staged: IO[bytes], connection: sqlite3.Connection, run: int) -> None:
+    rows = ((run, *row) for row in _rows(staged))
+    copied = FIELDS_A_COMMIT
+    while copied == FIELDS_A_COMMIT:
+        with _transaction(connection):
+            copied = connection.executemany(INSERT_POINTS, islice(rows, FIELDS_A_COMMIT)).rowcount
+        time.sleep(PAUSE_S)
+
+
+def _remove_unfinished(connection: sqlite3.Connection) -> None:
+    """Removes points whose run was never entered, piece by piece too."""
+    removed = 1
+    while removed:
+        with _transaction(connection):
+            removed = connection.execute(_REMOVE, (FIELDS_A_COMMIT,)).rowcount
+
+
+@contextmanager
+def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
+    with connection:
+        connection.execute("BEGIN IMMEDIATE")
+        yield
+
+
+def _staged(path: Path, points: Iterable[tuple[int, Points]]) -> IO[bytes]:
+    """A file at its beginning, with all the points."""
+    with storage_errors(path):
+        file = tempfile.TemporaryFile(dir=path.parent)  # noqa: SIM115 - the caller closes it
+    try:
+        for n, field_points in points:
+            data = encode_points(field_points)
+            with storage_errors(path):
+                file.write(_HEAD.pack(n, len(field_points), len(data)) + data)
+        with storage_errors(path):
+            file.seek(0)
+    except BaseException:
+        file.close()
+        raise
+    return file
+
+
+def _rows(file: IO[bytes]) -> Iterator[tuple[int, int, bytes]]:
+    while head := file.read(_HEAD.size):
+        n, count, size = _HEAD.unpack(head)
+        yield n, count, file.read(size)

@@ -1,0 +1,217 @@
+"""Writing a capture file; one thread, the caller decides when to commit."""
+
+import json
+import os
+import sqlite3
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Self
+
+from grabberd.acquisition import Ledger, LedgerEntry, Outcome, Slot
+from grabberd.errors import StorageError
+from grabberd.field import NumberedField
+from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.codec import encode_field, encode_points
+from grabberd.storage.capture.metadata import SEALED, CaptureMeta, read_meta, write_all_meta, write_meta
+from grabberd.storage.capture.schema import JOURNAL, create, sealed_path, storage_errors
+
+RUNNING = "running"
+DONE = "done"
+FAILED = "failed"
+NOT_WRITTEN = "not written to disk"
+
+_FIELD = "INSERT INTO fields VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_RUN = "INSERT INTO runs VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)"
+INSERT_POINTS = "INSERT INTO points VALUES (?, ?, ?, ?)"
+
+
+class CaptureWriter:
+    """A capture while it is recorded.
+
+    Attributes:
+        path: `NAME.grab.part` until it is sealed, then `NAME.grab`.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self.path = path
+        self._connection = connection
+
+    @classmethod
+    def create(cls, path: Path, meta: CaptureMeta, max_pages: int | None = None) -> Self:
+        """A new file; path ends with `.grab.part`, `max_pages` limits its size for tests of a full disk.
+
+        Raises:
+            StorageError: it exists, or cannot be written.
+        """
+        connection = create(path, max_pages)
+        writer = cls(path, connection)
+        with storage_errors(path):
+            writer._begin()
+            write_all_meta(connection, meta)
+            writer.commit()
+        return writer
+
+    def begin_run(
+        self, run: int, kind: str, created_utc: str, version: str, made_with: Mapping[str, Any]
+    ) -> None:
+        """Opens a run; `made_with` has the documents `calibration`, `object` and `settings`."""
+        with storage_errors(self.path):
+            self._begin()
+            self._connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, RUNNING, made_with))
+
+    def append(self, slots: Iterable[Slot]) -> None:
+        """Adds fields, and what became of those that did not come; in the file with the next commit."""
+        with storage_errors(self.path):
+            for slot in slots:
+                self._begin()
+                self._append(slot)
+
+    def append_points(self, run: int, n: int, points: Points) -> None:
+        """Adds one field's points; in the file with the next commit."""
+        with storage_errors(self.path):
+            self._begin()
+            self._connection.execute(INSERT_POINTS, (run, n, len(points), encode_points(points)))
+
+    def commit(self) -> None:
+        """Everything added so far survives a crash from here on."""
+        if self._connection.in_transaction:
+            with storage_errors(self.path):
+                self._connection.execute("COMMIT")
+
+    def seal(
+        self,
+        ledger: Ledger,
+        *,
+        complete: bool,
+        ended_because: str,
+        measuring_failure: str | None = None,
+        findings: Mapping[str, Any] | None = None,
+    ) -> Path:
+        """Writes ledger and verdict, closes the file and gives it its final name.
+
+        `findings` are added to the meta data's `extra`.
+
+        What was added and cannot be committed any more (a full disk) is given up and entered as lost; the
+        rest is kept.
+
+        Raises:
+            StorageError: not even that is possible; the file stays as `.grab.part` and is sealed at the
+                next start.
+        """
+        self._commit_what_fits()
+        with storage_errors(self.path):
+            self._connection.execute("BEGIN IMMEDIATE")
+            self._connection.execute("DELETE FROM reserve")
+            write_ledger(self._connection, _as_far_as_written(self._connection, ledger))
+            state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
+            self._connection.execute(
+                "UPDATE runs SET state = ?, reason = ? WHERE state = ?", (state, reason, RUNNING)
+            )
+            verdict = {"state": SEALED, "complete": complete, "ended_because": ended_because}
+            extra = {**read_meta(self._connection).extra, **(findings or {})}
+            write_meta(self._connection, {**verdict, "extra": extra})
+            self._connection.execute("COMMIT")
+            self._connection.execute("PRAGMA journal_mode = DELETE")  # leaves no file beside the sealed one
+            self._connection.close()
+            self.path = publish(self.path)
+        return self.path
+
+    def close(self) -> None:
+        """Lets go of the file without sealing it; what was not committed is lost."""
+        self._connection.close()
+
+    def discard(self) -> None:
+        """Lets go of the file and deletes it."""
+        self.close()
+        for path in (self.path, self.path.with_name(self.path.name + JOURNAL)):
+            path.unlink(missing_ok=True)
+
+    def _begin(self) -> None:
+        if not self._connection.in_transaction:
+            self._connection.execute("BEGIN")
+
+    def _commit_what_fits(self) -> None:
+        try:
+            self.commit()
+        except StorageError:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+
+    def _append(self, slot: Slot) -> None:
+        for entry in slot.lost_before:
+            insert_entry(self._connection, entry)
+        if slot.numbered is not None:
+            self._connection.execute(_FIELD, _field_row(slot.numbered, str(slot.outcome), slot.reason))
+        else:
+            insert_entry(
+                self._connection, LedgerEntry(slot.n, 1, slot.outcome, slot.reason or str(slot.outcome))
+            )
+
+
+def publish(part: Path) -> Path:
+    """Gives a sealed capture its final name, for good.
+
+    Raises:
+        StorageError: another capture has that name; nothing is overwritten.
+    """
+    final = sealed_path(part)
+    if final != part:
+        if final.exists():
+            raise StorageError(
+                f"{final} exists already", f"move it away, then start again to seal {part.name}"
+            )
+        os.rename(part, final)
+        _sync_directory(final.parent)
+    return final
+
+
+def _sync_directory(directory: Path) -> None:
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger:
+    """The ledger, but for fields that were received and are not in the file: they are lost."""
+    rows = connection.execute("SELECT n FROM fields WHERE outcome = ? ORDER BY n", (str(Outcome.RECEIVED),))
+    written = [n for (n,) in rows]
+    if len(written) == ledger.received:
+        return ledger
+    kept = Ledger.restore(written, ledger.entries, first_n=ledger.first_n, gap=NOT_WRITTEN)
+    kept.close(ledger.end_n or 0, NOT_WRITTEN)
+    return kept
+
+
+def write_ledger(connection: sqlite3.Connection, ledger: Ledger) -> None:
+    """Replaces what stands in the table `ledger`."""
+    connection.execute("DELETE FROM ledger")
+    for entry in ledger.entries:
+        insert_entry(connection, entry)
+
+
+def insert_entry(connection: sqlite3.Connection, entry: LedgerEntry) -> None:
+    """Adds one entry of the ledger."""
+    row = (entry.first_n, entry.count, str(entry.outcome), entry.reason)
+    connection.execute("INSERT INTO ledger VALUES (?, ?, ?, ?)", row)
+
+
+def run_row(
+    run: int, kind: str, created_utc: str, version: str, state: str, made_with: Mapping[str, Any]
+) -> tuple[object, ...]:
+    """A row of the table `runs`."""
+    documents = [
+        json.dumps(made_with.get(key), ensure_ascii=False) for key in ("calibration", "object", "settings")
+    ]
+    return (run, kind, created_utc, version, state, None, *documents)
+
+
+def _field_row(numbered: NumberedField, outcome: str, reason: str | None) -> tuple[object, ...]:
+    packed = numbered.packed
+    codec, data = encode_field(packed)
+    sequence = None if numbered.sequence is None else int(numbered.sequence)
+    # numpy's integers would be stored as blobs
+    where = (int(numbered.n), int(numbered.time_ns), sequence, packed.parity, packed.y0, packed.y_step)
+    what = (packed.rows, packed.columns, packed.bits, int(packed.threshold))
+    return (*where, *what, outcome, reason, codec, data)

@@ -1,0 +1,1 @@
+"""What is taken home: points, pictures, analyses and data sets in the formats of other programs."""

@@ -1,0 +1,132 @@
+"""Pictures and animations as files."""
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import InputError, StorageError
+from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.export.folders import new_folder
+
+Picture = NDArray[np.uint8]
+
+FORMATS = ("webm", "gif")
+MOST_PER_S = 50.0
+
+_VP9 = cv2.VideoWriter.fourcc(*"VP90")
+_GIF_STEP_S = 0.01
+_GIF_QUICKEST_S = 0.02
+_MOST_GIF_PICTURES = 500
+
+
+def write_pictures(directory: Path, pictures: Mapping[str, Picture]) -> list[Path]:
+    """NAME.png for every picture, (rows, columns), with three channels or with four, into a new folder.
+
+    Raises:
+        StorageError: see `new_folder`.
+    """
+    new_folder(directory)
+    paths = []
+    for name, picture in pictures.items():
+        path = directory / f"{name}.png"
+        with storage_errors(path):
+            path.write_bytes(bytes(cv2.imencode(".png", picture)[1]))
+        paths.append(path)
+    return paths
+
+
+def write_animation(directory: Path, name: str, pictures: Iterable[Picture], per_s: float) -> Path:
+    """An animation in a new folder, its format by the name's ending: WebM (VP9) or GIF.
+
+    Args:
+        directory: new or empty.
+        name: NAME.webm or NAME.gif.
+        pictures: (height, width, 3) uint8, all of the same even size.
+        per_s: pictures a second, at most `MOST_PER_S`.
+
+    Raises:
+        InputError: no pictures, or too many for a GIF.
+        StorageError: it cannot be written.
+    """
+    new_folder(directory)
+    path = directory / name
+    if path.suffix == ".gif":
+        _write_gif(path, pictures, per_s)
+    else:
+        _write_webm(path, pictures, per_s)
+    return path
+
+
+def _write_webm(path: Path, pictures: Iterable[Picture], per_s: float) -> None:
+    writer: cv2.VideoWriter | None = None
+    try:
+        for picture in pictures:
+            writer = writer or _opened(path, picture.shape[1], picture.shape[0], per_s)
+            writer.write(picture)
+    finally:
+        if writer is not None:
+            writer.release()
+    if writer is None:
+        raise _nothing(path)
+    if not path.is_file() or path.stat().st_size == 0:
+        raise StorageError(
+            f"{path.name} could not be written", "make room on the disk, or choose another folder"
+        )
+
+
+def _opened(path: Path, width: int, height: int, per_s: float) -> cv2.VideoWriter:
+    with _without_chatter():
+        writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, _VP9, per_s, (width, height))
+    if not writer.isOpened():
+        raise StorageError(
+            f"{path.name} cannot be written as WebM (VP9)",
+            "OpenCV of this computer may be without VP9: choose --format gif",
+        )
+    return writer
+
+
+@contextmanager
+def _without_chatter() -> Iterator[None]:
+    """FFmpeg's remark that VP9 has no tag of its own in WebM goes to no one."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with Path(os.devnull).open("wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
+def _write_gif(path: Path, pictures: Iterable[Picture], per_s: float) -> None:
+    """A GIF shows each picture for whole hundredths of a second, two at the least."""
+    animation = cv2.Animation()
+    kept = []
+    for picture in pictures:
+        kept.append(picture)
+        if len(kept) > _MOST_GIF_PICTURES:
+            raise InputError(
+                f"a GIF of more than {_MOST_GIF_PICTURES} pictures would be too large",
+                "choose fewer fields, --every 2, or WebM",
+            )
+    if not kept:
+        raise _nothing(path)
+    shown_s = max(round(1 / per_s / _GIF_STEP_S) * _GIF_STEP_S, _GIF_QUICKEST_S)
+    animation.frames = kept
+    animation.durations = [round(shown_s * 1000)] * len(kept)
+    good, data = cv2.imencodeanimation(".gif", animation)
+    if not good:
+        raise StorageError(f"{path.name} cannot be encoded as GIF", "choose WebM")
+    with storage_errors(path):
+        path.write_bytes(bytes(data))
+
+
+def _nothing(path: Path) -> InputError:
+    return InputError(f"{path.name}: there are no pictures for it", "choose fields that the capture has")

@@ -1,0 +1,94 @@
+"""Points of a capture as JSON-able values, thinned out to what a page can draw."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.reader import END, CaptureReader
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True, slots=True)
+class PointsQuery:
+    """Which points are wanted.
+
+    Attributes:
+        run: its number; None: the newest.
+        first_n: of the first field; `end_n`: number after the last one.
+        every: only fields whose number it divides; an odd one keeps both parities.
+        most: `every` is raised until no more points than this are left.
+        targets: only these; empty: all.
+    """
+
+    run: int | None = None
+    first_n: int = 0
+    end_n: int = END
+    every: int = 1
+    most: int = 20_000
+    targets: Collection[int] = ()
+
+
+def points_document(path: Path, query: PointsQuery) -> dict[str, Any]:
+    """The points of a run, field by field, with their standard deviations.
+
+    Raises:
+        CaptureFileError, NotFound: no such file or run.
+    """
+    with CaptureReader(path) as reader:
+        run = reader.run(query.run).run
+        every = _every(reader, run, query)
+        first_ns = reader.first_time_ns or 0
+        selected = reader.timed_points(run, query.first_n, query.end_n, every)
+        fields = [
+            {
+                "n": n,
+                "time_s": (time_ns - first_ns) / 1e9,
+                **point_columns(_of_targets(points, query.targets)),
+            }
+            for n, time_ns, points in selected
+        ]
+        return {"capture": reader.meta.id, "run": run, "every": every, "fields": fields}
+
+
+def _every(reader: CaptureReader, run: int, query: PointsQuery) -> int:
+    """Raised by what is too much until it fits, or one field is left; targets that are not wanted count."""
+    every = query.every
+    while (count := reader.point_count(run, query.first_n, query.end_n, every)) > query.most:
+        if every > max(query.first_n, _last_n(reader, query)):
+            break
+        every *= -(-count // query.most)
+    return every
+
+
+def _last_n(reader: CaptureReader, query: PointsQuery) -> int:
+    return min(query.end_n, reader.ledger.end_n or 0)
+
+
+def _of_targets(points: Points, targets: Collection[int]) -> Points:
+    return points.select(np.isin(points.target, list(targets))) if targets else points
+
+
+def point_columns(points: Points) -> dict[str, Any]:
+    """The points of one field, column by column."""
+    return {
+        "target": points.target.tolist(),
+        **_axes("{}_mm", points.xyz_mm),
+        **_axes("sigma_{}_mm", _sigma(points.covariance_mm2)),
+        **_axes("calibration_sigma_{}_mm", _sigma(points.calibration_covariance_mm2)),
+        "residual_px": points.residual_px.tolist(),
+    }
+
+
+def _axes(name: str, values: NDArray[np.float64]) -> dict[str, list[float]]:
+    return {name.format(axis): values[:, i].tolist() for i, axis in enumerate(AXES)}
+
+
+def _sigma(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
+    sigma: NDArray[np.float64] = np.sqrt(np.diagonal(covariance_mm2, axis1=1, axis2=2))
+    return sigma

@@ -1,0 +1,1 @@
+"""What outlives a capture: the index, `state.sqlite`, stored calibrations and analyses, and their backup."""

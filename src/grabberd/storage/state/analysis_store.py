@@ -1,0 +1,120 @@
+"""Analyses on disk: a folder each, CAPTURE/N, which nothing changes once it is there.
+
+    CAPTURE/N/record.json   what it was made from, and what it found, in short
+    CAPTURE/N/report.json   the report as a document; report.html: as a page, where it could be drawn
+    CAPTURE/N/maps.jsonl    a line for each field and phase: its targets' columns; maps.json: where it begins
+    CAPTURE/N/NAME.csv      every table
+
+A folder is written under another name and renamed, so it is there whole or not at all.
+"""
+
+import json
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from grabberd.errors import NotFound
+from grabberd.storage.capture.schema import storage_errors
+
+SCRATCH = ".part-"
+RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
+
+
+class AnalysisStore:
+    """The analyses in a folder; any thread and process may read, one at a time adds."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+
+    def open(self) -> None:
+        """Makes the folder, and clears away what a crash left unfinished.
+
+        Raises:
+            StorageError: it cannot be written.
+        """
+        self._clear()
+
+    @contextmanager
+    def scratch(self) -> Iterator[Path]:
+        """A folder to write an analysis into; gone afterwards, unless it was published.
+
+        What was killed while it wrote another is cleared away.
+
+        Raises:
+            StorageError: it cannot be made.
+        """
+        self._clear()
+        with storage_errors(self.directory):
+            scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=self.directory))
+        try:
+            yield scratch
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+
+    def publish(self, capture_id: str, made: Path) -> int:
+        """Gives a written folder the next number of its capture, and returns that.
+
+        Raises:
+            StorageError: the disk does not let it.
+        """
+        home = self.directory / capture_id
+        with storage_errors(home):
+            home.mkdir(exist_ok=True)
+            number = max(self.numbers(capture_id), default=0) + 1
+            made.rename(home / str(number))
+        return number
+
+    def captures(self) -> list[str]:
+        """Ids of the captures that have been analysed, the newest first."""
+        return sorted((path.name for path in self.directory.glob("[!.]*") if path.is_dir()), reverse=True)
+
+    def numbers(self, capture_id: str) -> list[int]:
+        """Of a capture's analyses, in order."""
+        home = self.directory / capture_id
+        return sorted(int(path.name) for path in home.glob("*") if path.name.isdigit())
+
+    def records(self, capture_id: str) -> list[dict[str, Any]]:
+        """Of a capture's analyses, the newest first; of a damaged one its number and what is wrong."""
+        return [self._record(capture_id, number) for number in reversed(self.numbers(capture_id))]
+
+    def file(self, capture_id: str, number: int, name: str) -> Path:
+        """A file of an analysis.
+
+        Raises:
+            NotFound: there is no such analysis, or it has no such file.
+        """
+        folder = self.directory / capture_id / str(number)
+        if not folder.is_dir():
+            raise NotFound(
+                f"capture {capture_id} has no analysis {number}",
+                f"GET /api/v1/captures/{capture_id}/analyses lists those it has",
+            )
+        if not (folder / name).is_file():
+            raise NotFound(f"analysis {number} of capture {capture_id} has no {name}", "analyse it again")
+        return folder / name
+
+    def remove(self, capture_id: str) -> None:
+        """Deletes all analyses of a capture, for good.
+
+        Raises:
+            StorageError: the disk does not let them be deleted.
+        """
+        home = self.directory / capture_id
+        with storage_errors(home), suppress(FileNotFoundError):
+            shutil.rmtree(home)
+
+    def _clear(self) -> None:
+        with storage_errors(self.directory):
+            self.directory.mkdir(parents=True, exist_ok=True)
+            for left in self.directory.glob(f"{SCRATCH}*"):
+                shutil.rmtree(left)
+
+    def _record(self, capture_id: str, number: int) -> dict[str, Any]:
+        try:
+            content = (self.directory / capture_id / str(number) / RECORD).read_bytes()
+            return {**json.loads(content), "analysis": number}
+        except (OSError, ValueError, TypeError) as error:
+            return {"analysis": number, "problem": f"{RECORD} cannot be read: {error}"}

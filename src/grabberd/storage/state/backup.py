@@ -1,0 +1,239 @@
+"""What cannot be made again, in one file: `state.sqlite` and the stored calibrations, with their checksums.
+
+A backup is a ZIP file. Its `manifest.json` has the backup's version, when and by what it was made, and the
+SHA-256 of every other member: `state.sqlite` and `calibrations/ID/NAME`.
+"""
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import sqlite3
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from grabberd.errors import InputError, StorageError
+from grabberd.storage.capture.directory_lock import DirectoryLock
+from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.state.state_database import MIGRATIONS, OWNER_ONLY
+
+SCHEMA, VERSION = "grabberd/backup", 1
+MANIFEST, STATE, CALIBRATIONS, CAPTURES = "manifest.json", "state.sqlite", "calibrations", "captures"
+JOURNAL = f"{STATE}-journal"
+REPLACED = "replaced-"
+_MEMBER = re.compile(rf"{STATE}|{CALIBRATIONS}/[0-9A-Za-z_-]{{1,80}}/[0-9A-Za-z][0-9A-Za-z_.-]{{0,80}}")
+
+_NO_BACKUP = (
+    *(OSError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile),  # what zipfile says of wrong bytes
+    *(ValueError, KeyError, TypeError, AttributeError),
+)
+
+
+class BackupInfo(NamedTuple):
+    """What is in a backup: when and by which version it was made, and so many calibrations."""
+
+    created_utc: str
+    version: str
+    calibrations: int
+
+
+def back_up(directory: Path, out: Path, created_utc: str, version: str) -> BackupInfo:
+    """Writes a state directory's backup, also while a daemon uses it.
+
+    Args:
+        directory: the state directory.
+        out: the file to be made; readable for its owner alone.
+        created_utc: now, ISO 8601.
+        version: of this program.
+
+    Raises:
+        StorageError: `out` exists, it cannot be written, or the state cannot be read.
+    """
+    members = dict(_members(directory))
+    manifest = {
+        "schema": f"{SCHEMA}/{VERSION}",
+        "created_utc": created_utc,
+        "version": version,
+        "sha256": {name: _sha256(content) for name, content in members.items()},
+    }
+    document = json.dumps(manifest, indent=1).encode()
+    part = out.with_name(f".{out.name}.part")
+    with storage_errors(out):
+        if out.exists():
+            raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
+        try:
+            _write_zip(part, {MANIFEST: document, **members})
+            os.rename(part, out)
+        finally:
+            part.unlink(missing_ok=True)
+    return _info(manifest)
+
+
+def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path | None]:
+    """Puts a backup in the place of a state directory's state and calibrations.
+
+    What it replaces is kept in a folder `replaced-TIME` of the state directory. Captures stay as they are.
+
+    Args:
+        directory: the state directory, which no daemon uses.
+        backup: the file; it is checked whole before anything is touched.
+        now: a moment that can be part of a name.
+
+    Returns:
+        What was restored, and the folder with what was replaced; None where there was nothing.
+
+    Raises:
+        InputError: it is damaged, no backup, or of a later version.
+        StorageError: a daemon uses the directory, or it cannot be written.
+    """
+    manifest, members = _read(backup)
+    _check_state(members[STATE], backup)
+    lock = DirectoryLock(directory / CAPTURES)
+    lock.acquire()
+    try:
+        with storage_errors(directory), _scratch(directory) as scratch:
+            _write_members(scratch, members)
+            replaced = _keep(directory, directory / f"{REPLACED}{now}")
+            os.rename(scratch / CALIBRATIONS, directory / CALIBRATIONS)
+            os.replace(scratch / STATE, directory / STATE)
+            _synchronise(directory)
+    finally:
+        lock.release()
+    return _info(manifest), replaced
+
+
+def _members(directory: Path) -> Iterator[tuple[str, bytes]]:
+    with storage_errors(directory):
+        yield STATE, _database(directory / STATE)
+        for file in sorted((directory / CALIBRATIONS).glob("*/*")):
+            name = file.relative_to(directory).as_posix()
+            if file.is_file() and _MEMBER.fullmatch(name):  # not what a crash left half written
+                yield name, file.read_bytes()
+
+
+def _database(path: Path) -> bytes:
+    """The database as it is at one moment, whoever writes it meanwhile."""
+    uri = f"{path.absolute().as_uri()}?mode=ro"
+    try:
+        with closing(sqlite3.connect(uri, uri=True)) as source, closing(sqlite3.connect(":memory:")) as copy:
+            source.backup(copy)
+            return copy.serialize()
+    except sqlite3.DatabaseError as error:
+        raise StorageError(
+            f"{path} cannot be backed up: {error}", "name the configuration of a daemon that has run"
+        ) from error
+
+
+def _write_zip(path: Path, members: Mapping[str, bytes]) -> None:
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_TRUNC, OWNER_ONLY)
+    with os.fdopen(descriptor, "w+b") as file:
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
+            for name, content in members.items():
+                archive.writestr(name, content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Manifest and members, each as its checksum says."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            manifest = json.loads(archive.read(MANIFEST))
+            _check_version(manifest, path)
+            members = {name: archive.read(name) for name in manifest["sha256"]}
+        wrong = [name for name, content in members.items() if _sha256(content) != manifest["sha256"][name]]
+        strange = [name for name in members if not _MEMBER.fullmatch(name)]
+        if wrong or strange or STATE not in members:
+            raise ValueError(f"wrong members: {', '.join(wrong or strange) or STATE}")
+        _info(manifest)
+    except _NO_BACKUP as error:
+        raise InputError(
+            f"{path} cannot be restored: it is damaged or no backup ({error})",
+            "nothing has been changed; take another backup, or copy this one again",
+        ) from error
+    return manifest, members
+
+
+def _check_version(manifest: Mapping[str, Any], path: Path) -> None:
+    name, _, version = manifest["schema"].rpartition("/")
+    if name != SCHEMA:
+        raise ValueError(f"its schema is {manifest['schema']!r}")
+    if int(version) > VERSION:
+        raise InputError(
+            f"{path} is a backup of version {version}, this program knows up to {VERSION}",
+            "use a newer grabberd",
+        )
+
+
+def _check_state(content: bytes, path: Path) -> None:
+    """Whether the database is whole and this program's."""
+    try:
+        with closing(sqlite3.connect(":memory:")) as connection:
+            connection.deserialize(content)
+            whole = connection.execute("PRAGMA integrity_check").fetchone()[0]
+            version = connection.execute("PRAGMA user_version").fetchone()[0]
+    except sqlite3.DatabaseError as error:
+        whole, version = str(error), 0
+    if whole != "ok":
+        raise InputError(f"{path}: its {STATE} is damaged: {whole}", "take another backup")
+    if version > len(MIGRATIONS):
+        known = f"this program knows up to {len(MIGRATIONS)}"
+        raise InputError(f"{path}: its {STATE} is of version {version}, {known}", "use a newer grabberd")
+
+
+@contextmanager
+def _scratch(directory: Path) -> Iterator[Path]:
+    scratch = directory / ".restoring"
+    shutil.rmtree(scratch, ignore_errors=True)
+    scratch.mkdir(parents=True)
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:
+    (folder / CALIBRATIONS).mkdir()
+    for name, content in members.items():
+        path = folder / name
+        path.parent.mkdir(exist_ok=True)
+        descriptor = os.open(
+            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, OWNER_ONLY if name == STATE else 0o444
+        )
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def _keep(directory: Path, folder: Path) -> Path | None:
+    """What is there under another name too; only the state itself stays, so that there always is one."""
+    present = [name for name in (JOURNAL, STATE, CALIBRATIONS) if (directory / name).exists()]
+    if not present:
+        return None
+    folder.mkdir()
+    for name in present:
+        (os.link if name == STATE else os.rename)(directory / name, folder / name)
+    return folder
+
+
+def _synchronise(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _sha256(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _info(manifest: Mapping[str, Any]) -> BackupInfo:
+    folders = {name.split("/")[1] for name in manifest["sha256"] if name.startswith(CALIBRATIONS)}
+    return BackupInfo(str(manifest["created_utc"]), str(manifest["version"]), len(folders))

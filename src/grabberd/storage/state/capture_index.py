@@ -1,0 +1,199 @@
+"""An index over many captures; it can always be made again from the files."""
+
+import builtins
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from contextlib import closing, contextmanager, suppress
+from itertools import chain, count
+from pathlib import Path
+from typing import NamedTuple
+
+from grabberd.errors import CaptureFileError, LaterVersion, NotFound, StorageError
+from grabberd.storage.capture.crash_recovery import set_aside
+from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX, storage_errors
+
+CAPTURES = (SUFFIX, PART)
+_LAST = "~"
+"""Comes after every time."""
+
+_TABLE = """
+CREATE TABLE IF NOT EXISTS captures (
+    id TEXT PRIMARY KEY, file TEXT NOT NULL, device TEXT NOT NULL, created_utc TEXT NOT NULL,
+    state TEXT NOT NULL, note TEXT NOT NULL DEFAULT '', labels TEXT NOT NULL DEFAULT '{}') WITHOUT ROWID;
+CREATE INDEX IF NOT EXISTS newest ON captures (created_utc DESC);
+"""
+
+
+class IndexEntry(NamedTuple):
+    """One capture; `file` is its path below the folder, `state` is sealed or damaged.
+
+    `note` and `labels`, a JSON object, are those in its file, for whoever searches.
+    """
+
+    id: str
+    file: str
+    device: str
+    created_utc: str
+    state: str
+    note: str = ""
+    labels: str = "{}"
+
+
+class CaptureIndex:
+    """`index.sqlite` beside the captures; a connection for each call, so any thread may call.
+
+    What a full disk kept out of it is entered as soon as there is room.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self.path = directory / "index.sqlite"
+        self._kept_out: set[Path] = set()
+
+    def rebuild(self, unsealed: Iterable[Path] = ()) -> None:
+        """Reads every capture file in the folder anew; what cannot be read is set aside and listed so.
+
+        Args:
+            unsealed: `.grab.part` files that nobody writes and that could not be sealed.
+
+        Raises:
+            StorageError: the index cannot be written.
+        """
+        taken_up = [_taken_up(path) for path in sorted(self.directory.glob(f"*{SUFFIX}"))]
+        aside = [path for path in sorted((self.directory / DAMAGED).glob("*")) if path.suffix in CAPTURES]
+        with storage_errors(self.path):
+            self.path.unlink(missing_ok=True)
+        self._write(_distinct([*filter(None, taken_up), *map(entry_of, unsealed), *map(_damaged, aside)]))
+
+    def add(self, path: Path) -> None:
+        """Enters a sealed capture, or what has become of it.
+
+        Raises:
+            StorageError: the index cannot be written now; it is entered later.
+        """
+        self._kept_out.add(path)
+        self._enter_kept_out()
+
+    def remove(self, capture_id: str) -> None:
+        """Forgets a capture; one that is not there stays so."""
+        with self._connected() as connection:
+            connection.execute("DELETE FROM captures WHERE id = ?", (capture_id,))
+
+    def list(self) -> list[IndexEntry]:
+        """All captures, the newest first."""
+        self._make_up_for()
+        with self._connected() as connection:
+            rows = connection.execute("SELECT * FROM captures ORDER BY created_utc DESC, id DESC").fetchall()
+        return [IndexEntry(*row) for row in rows]
+
+    def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
+        """So many captures, the newest first: after the one that began then and has that id, if given."""
+        self._make_up_for()
+        beyond = after or (_LAST, "")
+        query = (
+            "SELECT * FROM captures WHERE (created_utc, id) < (?, ?) "
+            "ORDER BY created_utc DESC, id DESC LIMIT ?"
+        )
+        with self._connected() as connection:
+            return [IndexEntry(*row) for row in connection.execute(query, (*beyond, limit))]
+
+    def get(self, capture_id: str) -> IndexEntry:
+        """One capture.
+
+        Raises:
+            NotFound: there is none of that id.
+        """
+        self._make_up_for()
+        with self._connected() as connection:
+            row = connection.execute("SELECT * FROM captures WHERE id = ?", (capture_id,)).fetchone()
+        if row is None:
+            raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists the captures there are")
+        return IndexEntry(*row)
+
+    def beginning_with(self, text: str) -> "builtins.list[IndexEntry]":
+        """The captures whose id begins so, by id."""
+        self._make_up_for()
+        query = "SELECT * FROM captures WHERE substr(id, 1, ?) = ? ORDER BY id"
+        with self._connected() as connection:
+            return [IndexEntry(*row) for row in connection.execute(query, (len(text), text))]
+
+    def file_of(self, capture_id: str) -> Path:
+        """Path of a capture's file.
+
+        Raises:
+            NotFound: there is none of that id.
+        """
+        return self.directory / self.get(capture_id).file
+
+    def _enter_kept_out(self) -> None:
+        paths = sorted(self._kept_out)
+        self._write([entry_of(path) for path in paths if path.exists()])
+        self._kept_out.difference_update(paths)
+
+    def _make_up_for(self) -> None:
+        """Enters what could not be entered before, if that can be done now."""
+        if self._kept_out:
+            with suppress(StorageError):
+                self._enter_kept_out()
+
+    def _write(self, entries: Iterable[IndexEntry]) -> None:
+        with self._connected() as connection:
+            connection.executemany("INSERT OR REPLACE INTO captures VALUES (?, ?, ?, ?, ?, ?, ?)", entries)
+
+    @contextmanager
+    def _connected(self) -> Iterator[sqlite3.Connection]:
+        """A connection and one transaction on it."""
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+            with closing(sqlite3.connect(self.path, timeout=10.0)) as connection, connection:
+                connection.executescript(_TABLE)
+                yield connection
+        except (sqlite3.Error, OSError) as error:
+            hint = "mend the disk, then start again: the index is made again from the files"
+            raise StorageError(f"{self.path.name} cannot be used: {error}", hint) from error
+
+
+def entry_of(path: Path) -> IndexEntry:
+    """A capture file's entry; one that cannot be read is entered as damaged, under its name."""
+    try:
+        return _read(path)
+    except (CaptureFileError, StorageError):
+        return _damaged(path)
+
+
+def _read(path: Path) -> IndexEntry:
+    with CaptureReader(path) as reader:
+        meta = reader.meta
+        labels = json.dumps(meta.labels, ensure_ascii=False)
+        device = str(meta.device["name"])
+        return IndexEntry(meta.id, path.name, device, meta.created_utc, "sealed", meta.note, labels)
+
+
+def _taken_up(path: Path) -> IndexEntry | None:
+    """A file's entry; None for a damaged one that has been set aside."""
+    try:
+        return _read(path)
+    except (LaterVersion, StorageError):  # nothing is wrong with it, or not with it alone
+        return _damaged(path)
+    except CaptureFileError as error:
+        with suppress(StorageError):
+            set_aside(path, error.message)
+            return None
+        return _damaged(path)
+
+
+def _damaged(path: Path) -> IndexEntry:
+    folder = f"{DAMAGED}/" if path.parent.name == DAMAGED else ""
+    return IndexEntry(path.name.split(".")[0], folder + path.name, "", "", "damaged")
+
+
+def _distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
+    """No file hides another of the same id, such as a copy: the later gets the id `ID-2` and so on."""
+    taken: set[str] = set()
+    for entry in entries:
+        names = chain([entry.id], (f"{entry.id}-{number}" for number in count(2)))
+        free = next(name for name in names if name not in taken)
+        taken.add(free)
+        yield entry._replace(id=free)

@@ -1,0 +1,89 @@
+"""What a look at every field of a live stream finds, all checks together."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from acquisition.pictures import camera, damages, grabbed, looked_at, noise, without_a_packet
+from grabberd.acquisition.checks.content_check import Content, ContentCheck
+
+GOOD = Content()
+FLAT = np.full((288, 720), 41, np.uint8)
+
+
+def replaced(lumas, n, luma):
+    return [*lumas[:n], luma, *lumas[n + 1 :]]
+
+
+@pytest.fixture(scope="module")
+def liner():
+    return list(camera(40))
+
+
+def test_a_pulsating_liner_is_a_good_picture(liner):
+    assert looked_at(liner) == [GOOD] * len(liner)
+
+
+@pytest.mark.parametrize("layout", ["woven", "every other byte"])
+def test_the_layout_of_the_drivers_buffer_does_not_matter(liner, layout):
+    buffer = np.zeros((576, 1440), np.uint8)
+    check, found = ContentCheck(), []
+    for n, luma in enumerate(replaced(liner, 20, without_a_packet(liner[20], 150, 40))):
+        view = buffer[n % 2 :: 2, :720] if layout == "woven" else buffer[n % 2 :: 2, ::2]
+        view[:] = luma
+        found.append(check.look(grabbed(view, n)).damage is not None)
+        buffer[:] = 0
+    assert [n for n, damaged in enumerate(found) if damaged] == [20]
+
+
+def test_lost_data_and_the_old_rows_that_they_leave_are_both_told(liner):
+    damaged = without_a_packet(liner[20], 150, 1536)
+    damaged[285:] = liner[4][285:]
+    damage = damages(replaced(liner, 20, damaged))[20]
+    assert damage.startswith("shifted by -96 px from line 3")
+    assert damage.endswith(", stale from line 570")
+
+
+def test_a_damaged_field_is_no_measure_for_the_next(liner):
+    damaged = without_a_packet(liner[20], 150, 40)
+    assert [damage is not None for damage in damages(replaced(liner, 20, damaged))].count(True) == 1
+
+
+def test_a_shift_that_stays_is_the_picture_after_some_fields(liner):
+    shifted = [without_a_packet(luma, 150, 40) for luma in liner[20:]]
+    found = [damage is not None for damage in damages([*liner[:20], *shifted])]
+    assert found[:20] == [False] * 20
+    assert 1 <= sum(found[20:]) <= 4
+
+
+def test_without_a_picture_nothing_is_said_to_be_repeated():
+    assert [content.damage for content in looked_at([FLAT] * 3)] == [None] * 3
+
+
+def test_no_picture_is_the_streams_state_only_after_a_tenth_of_a_second(liner):
+    check = ContentCheck()
+    state = []
+    for n, luma in enumerate([*liner[:2], *[FLAT] * 6, liner[8]]):
+        check.look(grabbed(luma, n))
+        state.append(check.no_picture is not None)
+    assert state == [False] * 6 + [True] * 2 + [False]
+
+
+def test_fields_of_another_size_begin_anew():
+    check = ContentCheck()
+    assert check.look(grabbed(noise(1), 0)) == GOOD
+    assert check.look(grabbed(noise(1)[:240, :640], 1)) == GOOD
+    assert check.look(grabbed(noise(1)[:240, :640], 2)).damage == "repeated"
+
+
+@settings(max_examples=60)
+@given(
+    shape=st.tuples(st.integers(1, 30), st.integers(1, 30)),
+    values=st.lists(st.integers(0, 255), min_size=1, max_size=4),
+    seed=st.integers(0, 99),
+)
+def test_any_picture_of_any_size_can_be_looked_at(shape, values, seed):
+    random = np.random.default_rng(seed)
+    for content in looked_at([random.choice(values, shape).astype(np.uint8) for _ in range(4)]):
+        assert content.no_picture is None or content.damage is None

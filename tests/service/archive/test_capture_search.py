@@ -1,0 +1,77 @@
+"""Captures are searched by id, note and labels without opening the files of those that are not meant."""
+
+from pathlib import Path
+
+import pytest
+
+from grabberd.service.archive.archive import Archive
+from grabberd.service.archive.capture_list import CaptureQuery, list_captures
+from grabberd.storage.state.annotation_store import Annotation
+from storage.captures import slots, write
+
+SAID = {
+    "c2": Annotation(note="slipped at 3 s"),
+    "c3": Annotation(labels={"teat": "Rear Right"}),
+    "c4": Annotation(pinned=True),
+}
+
+
+@pytest.fixture
+def archive(tmp_path: Path) -> Archive:
+    for day in range(1, 6):
+        changes = {"id": f"c{day}", "created_utc": f"2026-03-0{day}T09:00:00.000Z"}
+        write(tmp_path, slots(2), name=f"c{day}", note=f"Day {day}", labels={"cow": f"10{day}"}, **changes)
+    archive = Archive(tmp_path, list, list, lambda one: SAID.get(one, Annotation()), lambda: SAID)
+    archive.index.rebuild()
+    return archive
+
+
+def found(archive: Archive, **query: object) -> list[str]:
+    return [document["id"] for document in list_captures(archive, CaptureQuery(**query))[0]]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("search", "ids"),
+    [
+        ("day", ["c5", "c4", "c3", "c1"]),
+        ("DAY 5", ["c5"]),
+        ("101", ["c1"]),
+        ("cow", ["c5", "c4", "c2", "c1"]),
+        ("slipped", ["c2"]),
+        ("rear right", ["c3"]),
+        ("teat", ["c3"]),
+        ("c4", ["c4"]),
+        ("nothing", []),
+    ],
+)
+def test_a_text_is_found_where_it_was_recorded_and_where_it_was_said_since(
+    archive: Archive, search: str, ids: list[str]
+) -> None:
+    assert found(archive, search=search) == ids
+
+
+def test_pinned_ones_are_found_among_others(archive: Archive) -> None:
+    assert found(archive, pinned=True) == ["c4"]
+    assert found(archive, pinned=False, search="day") == ["c5", "c3", "c1"]
+
+
+def test_only_the_files_of_those_that_are_meant_are_opened(archive: Archive) -> None:
+    opened: list[str] = []
+    describe = archive.document
+
+    def counted(capture_id: str) -> dict[str, object]:
+        opened.append(capture_id)
+        return describe(capture_id)
+
+    archive.document = counted  # type: ignore[method-assign]
+    assert found(archive, search="slipped") == ["c2"]
+    assert opened == ["c2"]
+
+
+def test_those_of_a_day_are_found_whatever_came_later(archive: Archive) -> None:
+    day = {"since_utc": "2026-03-02T00:00:00.000Z", "until_utc": "2026-03-04T00:00:00.000Z"}
+    assert found(archive, **day) == ["c3", "c2"]
+    query = CaptureQuery(limit=1, **day)
+    first, last = list_captures(archive, query)
+    assert found(archive, after=last, **day) == ["c2"]
+    assert [one["id"] for one in first] == ["c3"]

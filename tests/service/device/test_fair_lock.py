@@ -1,0 +1,72 @@
+"""Workers take turns, and none waits for ever."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+from running import PATIENCE_S
+
+from grabberd.service.device.fair_lock import FairLock
+
+
+def test_every_field_comes_in_order() -> None:
+    assert list(FairLock().of(iter(range(5)))) == list(range(5))
+
+
+def test_two_never_have_their_turn_at_the_same_time() -> None:
+    turns, together = FairLock(), []
+    inside = threading.Lock()
+
+    def work() -> None:
+        for _ in turns.of(iter(range(500))):
+            alone = inside.acquire(blocking=False)
+            together.append(not alone)
+            if alone:
+                inside.release()
+
+    threads = [threading.Thread(target=work) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(PATIENCE_S)
+    assert together == [False] * 2000
+
+
+def test_who_waits_for_a_field_has_no_turn() -> None:
+    turns, came = FairLock(), threading.Event()
+
+    def never() -> Iterator[int]:
+        yield 0
+        came.wait(PATIENCE_S)
+
+    waiting = turns.of(never())
+    next(waiting)
+    thread = threading.Thread(target=lambda: next(waiting, None))
+    thread.start()
+    assert list(turns.of(iter(range(100)))) == list(range(100))
+    assert not turns.is_taken
+    came.set()
+    thread.join(PATIENCE_S)
+
+
+def test_one_that_takes_long_holds_up_no_other_for_long() -> None:
+    turns = FairLock()
+    with closing(turns.of(iter(range(2)))) as slow:
+        next(slow)
+        assert list(turns.of(iter(range(3)))) == [0, 1, 2]
+        assert turns.is_taken
+    assert not turns.is_taken
+
+
+def test_one_that_fails_leaves_its_turn() -> None:
+    turns = FairLock()
+
+    def fail() -> None:
+        with closing(turns.of(iter(range(2)))) as fields:
+            next(fields)
+            raise ValueError("bad field")
+
+    with pytest.raises(ValueError, match="bad field"):
+        fail()
+    assert not turns.is_taken

@@ -1,0 +1,167 @@
+"""From a grabbed field to a slot: lines, bits, threshold, content."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from grabberd.acquisition import FieldOrder, GrabbedField, Outcome, Signal, StreamInfo
+from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
+from grabberd.field import Field, double_lines
+from grabberd.service.device.field_pipeline import FieldPipeline
+from grabberd.service.device.threshold_keeper import UNDECIDED_THRESHOLD
+from grabberd_fake import FakeGrabber, JumpingClock
+
+INFO = StreamInfo("test", "card", "PAL", 64, 32, 50.0, FieldOrder.ALTERNATE, "GREY", 8, True, True, True, 0)
+
+
+def intake(*, bits: int = 1, threshold: int | None = 60) -> FieldPipeline:
+    kind = "automatic" if threshold is None else "fixed"
+    one = FieldPipeline(
+        DeviceConfig(
+            driver="test",
+            ring=RingConfig(bits=bits),  # type: ignore[arg-type]
+            threshold=ThresholdConfig(kind=kind, value=threshold),  # type: ignore[arg-type]
+        )
+    )
+    one.opened(INFO)
+    return one
+
+
+def grabbed(n: int, seed: int | None = None, bright: int = 200) -> GrabbedField:
+    luma = np.random.default_rng(n if seed is None else seed).integers(10, 30, (32, 64)).astype(np.uint8)
+    luma[10:16, 20:30] = bright
+    return GrabbedField(Field.intact(luma, n % 2), 1_000_000_000 + n * 20_000_000, n, None)
+
+
+def now_ns(n: int) -> int:
+    return 1_010_000_000 + n * 20_000_000
+
+
+def test_one_bit_is_doubled_and_grey_is_left_intact() -> None:
+    assert intake().take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered.packed.y_step == 1  # type: ignore[union-attr]
+    grey = intake(bits=8).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert grey
+    assert grey.packed.y_step == 2
+    assert np.array_equal(grey.packed.data[0], grabbed(0).field.luma)
+
+
+def test_missing_lines_are_interpolated_as_configured() -> None:
+    config = DeviceConfig(
+        driver="test",
+        ring=RingConfig(lines="doubled", bits=8, interpolation="kernel3x3"),
+        threshold=ThresholdConfig(kind="fixed", value=60),
+    )
+    one = FieldPipeline(config)
+    one.opened(INFO)
+    numbered = one.take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert numbered
+    wanted = double_lines(grabbed(0).field, "kernel3x3").luma
+    assert np.array_equal(numbered.packed.data[0], wanted)
+    assert not np.array_equal(wanted, double_lines(grabbed(0).field).luma)
+
+
+def test_the_threshold_in_force_is_kept_with_every_field() -> None:
+    numbered = intake(threshold=77).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert numbered
+    assert numbered.packed.threshold == 77
+
+
+def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
+    one = intake(threshold=None)
+    one.opened(replace(INFO, live=False))
+    numbered = one.take(grabbed(0, bright=100), Signal.PRESENT, now_ns(0)).numbered
+    assert numbered
+    assert 20 < numbered.packed.threshold < 100
+    assert numbered.packed.threshold == one.thresholds.in_force.level
+
+
+def test_a_picture_without_signal_is_not_chosen_by() -> None:
+    one = intake(threshold=None)
+    one.opened(replace(INFO, live=False))
+    one.take(grabbed(0, bright=100), Signal.ABSENT, now_ns(0))
+    assert one.thresholds.in_force.level == UNDECIDED_THRESHOLD
+
+
+def test_without_signal_nothing_is_kept() -> None:
+    slot = intake().take(grabbed(0), Signal.ABSENT, now_ns(0))
+    assert slot.outcome is Outcome.NO_SIGNAL
+    assert slot.numbered is None
+
+
+def test_an_old_picture_delivered_again_is_damaged() -> None:
+    one = intake()
+    one.take(grabbed(0, seed=5), Signal.PRESENT, now_ns(0))
+    one.take(grabbed(1, seed=6), Signal.PRESENT, now_ns(1))
+    again = one.take(grabbed(2, seed=5), Signal.PRESENT, now_ns(2))
+    assert (again.outcome, again.reason) == (Outcome.DAMAGED, "repeated")
+    assert again.numbered is not None, "it is kept all the same"
+
+
+def test_an_interruptions_reason_is_that_of_the_fields_it_cost() -> None:
+    one = intake()
+    one.take(grabbed(0), Signal.PRESENT, now_ns(0))
+    one.interrupted("unplugged")
+    one.opened(INFO)
+    slot = one.take(grabbed(100), Signal.PRESENT, now_ns(100))
+    assert slot.n == 100
+    assert [(entry.count, entry.reason) for entry in slot.lost_before] == [(99, "unplugged")]
+
+
+@pytest.mark.parametrize(("bits", "lines"), [(8, None), (1, "field")])
+def test_arming_for_other_bits_or_lines_exchanges_the_ring(bits: int, lines: str | None) -> None:
+    one = intake()
+    reader = one.armed.ring.reader()
+    before = one.armed.ring
+    armed = one.arm(bits, lines)
+    assert armed.ring is not before
+    assert reader.ended
+    assert one.arm(bits, lines) is armed, "it is armed for them already"
+
+
+def liner(count: int, **spoiled: object) -> list[GrabbedField]:
+    """Fields of the simulated camera; `spoiled` is a fault of field 8."""
+    grabber = FakeGrabber(pace="free", clock=JumpingClock(1_000_000_000), faults=[{"at_field": 8, **spoiled}])
+    grabber.open()
+    fields = []
+    while len(fields) < count:
+        with grabber.dequeue(1.0) as some:
+            fields += [one._replace(field=replace(one.field, luma=one.field.luma.copy())) for one in some]
+    return fields
+
+
+def test_what_the_picture_tells_of_damage_is_the_reason() -> None:
+    one = intake()
+    slots = [one.take(field, Signal.UNKNOWN, field.time_ns) for field in liner(10, kind="shift")]
+    assert [slot.outcome for slot in slots] == [Outcome.RECEIVED] * 8 + [Outcome.DAMAGED, Outcome.RECEIVED]
+    assert slots[8].reason
+    assert slots[8].reason.startswith("shifted by 40 px from line 28")
+
+
+@pytest.mark.parametrize(
+    ("picture", "words"),
+    [
+        ("blue", "a flat picture"),
+        ("black", "a flat picture"),
+        ("noise", "snow"),
+        ("bars", "bars"),
+    ],
+)
+def test_no_signal_is_seen_in_the_picture_whatever_the_driver_says(picture: str, words: str) -> None:
+    one = intake()
+    fields = liner(20, kind="no_signal", picture=picture, duration_s=0.2)
+    slots = [one.take(field, Signal.PRESENT, field.time_ns) for field in fields[:18]]
+    assert [slot.outcome for slot in slots[8:]] == [Outcome.NO_SIGNAL] * 10
+    assert {slot.reason for slot in slots[8:]} == {f"no signal: {words}"}
+    assert all(slot.numbered is None for slot in slots[8:])
+    assert one.no_picture == f"no signal: {words}"
+    one.take(fields[18], Signal.PRESENT, fields[18].time_ns)
+    assert one.no_picture is None
+
+
+def test_a_recording_is_not_looked_at() -> None:
+    one = intake()
+    one.opened(replace(INFO, live=False))
+    outcomes = [one.take(grabbed(n, seed=5), Signal.UNKNOWN, now_ns(n)).outcome for n in range(4)]
+    assert outcomes == [Outcome.RECEIVED] * 4
+    assert one.no_picture is None

@@ -1,0 +1,230 @@
+"""The keeper of the threshold: it chooses beside the capture thread, holds, and treats recordings alike."""
+
+import threading
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from grabberd.acquisition import Ring
+from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
+from grabberd.field import Field, double_lines, quantise
+from grabberd.service.device.configured_ring import ConfiguredRing
+from grabberd.service.device.threshold_keeper import UNDECIDED_THRESHOLD, Threshold, ThresholdKeeper
+
+PATIENCE_S = 20.0
+
+
+def keeper(*, live: bool = True, map: bool = False, fixed: int | None = None) -> ThresholdKeeper:
+    kind = "automatic" if fixed is None else "fixed"
+    threshold = ThresholdConfig(kind=kind, value=fixed, map=map)  # type: ignore[arg-type]
+    one = ThresholdKeeper(DeviceConfig(driver="test", ring=RingConfig(bits=1), threshold=threshold))
+    one.opened(live=live)
+    return one
+
+
+def ring(bits: int = 1, lines: str = "doubled") -> ConfiguredRing:
+    return ConfiguredRing(Ring(4), bits, lines)
+
+
+def picture(bright: int = 200) -> Field:
+    luma = np.random.default_rng(3).integers(10, 30, (72, 96)).astype(np.uint8)
+    for row in range(4, 72, 12):
+        for column in range(4, 96, 12):
+            luma[row : row + 3, column : column + 5] = bright
+    return Field.intact(luma, 0)
+
+
+DARK = picture(bright=20)
+
+
+def beside(one: ThresholdKeeper, work: Callable[[], None], field: Field, armed: ConfiguredRing) -> None:
+    """Does some work while fields go on coming to the keeper."""
+    thread = threading.Thread(target=work)
+    thread.start()
+    while thread.is_alive():
+        one.show(field, armed)
+    thread.join()
+
+
+def looked(one: ThresholdKeeper, field: Field, armed: ConfiguredRing) -> Threshold:
+    """The threshold in force after the keeper has looked at a live picture once."""
+    beside(one, one.look_again, field, armed)
+    return one.in_force
+
+
+class Counted(ThresholdKeeper):
+    """A keeper that notes which threads choose."""
+
+    threads: list[int]
+
+    def _choose(self, field: Field, armed: ConfiguredRing) -> Threshold:
+        self.threads.append(threading.get_ident())
+        return super()._choose(field, armed)
+
+
+def test_a_live_field_is_never_chosen_by_in_the_thread_that_shows_it() -> None:
+    one = Counted(DeviceConfig(driver="test"))
+    one.threads, armed = [], ring()
+    looked(one, picture(), armed)
+    assert one.threads
+    assert threading.get_ident() not in one.threads
+
+
+def test_the_keeper_has_a_copy_of_its_own() -> None:
+    one, field, armed = keeper(), picture(), ring()
+    looked(one, field, armed)
+    expected = one.in_force
+    seen: list[Field] = []
+
+    class Late(ThresholdKeeper):
+        def _choose(self, field: Field, armed: ConfiguredRing) -> Threshold:
+            buffer[:] = 0  # the driver has the buffer back before the choice is made
+            seen.append(field)
+            return super()._choose(field, armed)
+
+    late = Late(DeviceConfig(driver="test"))
+    buffer: NDArray[np.uint8] = field.luma.copy()
+    beside(late, late.look_again, Field.intact(buffer, 0), armed)
+    assert np.array_equal(seen[0].luma, field.luma)
+    assert late.in_force == expected
+
+
+def test_the_automatic_threshold_follows_the_light_unless_it_is_held() -> None:
+    one, armed = keeper(), ring()
+    dim = looked(one, picture(100), armed)
+    one.hold()
+    assert looked(one, picture(220), armed) == dim
+    one.release()
+    assert looked(one, picture(220), armed).level > dim.level
+
+
+def test_a_dark_picture_leaves_the_threshold_as_it_is() -> None:
+    one, armed = keeper(), ring()
+    assert looked(one, DARK, armed).level == UNDECIDED_THRESHOLD
+    chosen = looked(one, picture(), armed)
+    assert looked(one, DARK, armed) == chosen != Threshold(UNDECIDED_THRESHOLD)
+
+
+def test_a_capture_that_begins_in_the_dark_gets_its_threshold_once_there_is_a_picture() -> None:
+    one, armed = keeper(), ring()
+    looked(one, DARK, armed)
+    one.hold()
+    chosen = looked(one, picture(100), armed)
+    assert chosen.level < UNDECIDED_THRESHOLD
+    assert looked(one, picture(220), armed) == chosen, "it is held from then on"
+
+
+def test_a_choice_that_is_made_while_a_capture_begins_is_dropped() -> None:
+    class Interrupted(ThresholdKeeper):
+        def _choose(self, field: Field, armed: ConfiguredRing) -> Threshold:
+            chosen = super()._choose(field, armed)
+            if field.luma.max() > 150:
+                self.hold()
+            return chosen
+
+    one, armed = Interrupted(DeviceConfig(driver="test")), ring()
+    dim = looked(one, picture(100), armed)
+    assert looked(one, picture(220), armed) == dim
+
+
+@pytest.mark.parametrize("first", [picture(), DARK])
+def test_a_capture_waits_for_the_first_look_even_if_there_is_nothing_to_choose_by(first: Field) -> None:
+    one, armed = keeper(), ring()
+    one.start("test")
+    try:
+        beside(one, lambda: one.settle(armed), first, armed)
+        assert (one.in_force.level == UNDECIDED_THRESHOLD) == (first is DARK)
+    finally:
+        one.stop(PATIENCE_S)
+
+
+def test_a_ring_of_other_bits_has_a_threshold_of_its_own() -> None:
+    one, grey = keeper(), ring(8, "field")
+    one.start("test")
+    try:
+        doubled = ring()
+        beside(one, lambda: one.settle(doubled), picture(), doubled)
+        before = one.in_force
+        beside(one, lambda: one.settle(grey), picture(), grey)
+        assert one.in_force.level < before.level, "low for grey"
+    finally:
+        one.stop(PATIENCE_S)
+
+
+def test_nobody_waits_for_a_fixed_threshold_or_a_recording() -> None:
+    fixed = keeper(fixed=77)
+    fixed.settle(ring())
+    assert fixed.in_force == Threshold(77)
+    keeper(live=False).settle(ring())
+
+
+def test_a_recordings_first_field_is_chosen_by_before_it_is_packed() -> None:
+    one, armed = keeper(live=False), ring()
+    one.hold()
+    one.show(DARK, armed)
+    assert one.in_force.level == UNDECIDED_THRESHOLD
+    one.show(picture(100), armed)
+    chosen = one.in_force
+    assert chosen.level < UNDECIDED_THRESHOLD
+    one.show(picture(220), armed)
+    assert one.in_force == chosen
+
+
+def test_every_capture_of_a_recording_is_chosen_for_by_its_own_first_field() -> None:
+    one, armed = keeper(live=False), ring()
+    one.hold()
+    one.show(picture(100), armed)
+    dim = one.in_force
+    one.release()
+    one.hold()
+    one.show(picture(220), armed)
+    assert one.in_force.level > dim.level
+
+
+def test_a_recording_is_looked_at_between_captures_but_not_during_one() -> None:
+    one, armed = keeper(live=False), ring()
+    dim = looked(one, picture(100), armed)
+    bright = looked(one, picture(220), armed)
+    assert bright.level > dim.level
+    one.hold()
+    one.show(picture(100), armed)
+    assert looked(one, picture(220), armed) == dim
+
+
+def test_a_map_fits_the_lines_of_the_ring_and_tells_its_median() -> None:
+    one, field = keeper(map=True), picture()
+    for armed in (ring(), ring(1, "field")):
+        by_pixel = looked(one, field, armed).by_pixel
+        packed = double_lines(field) if armed.lines == "doubled" else field
+        assert by_pixel is not None
+        assert by_pixel.shape == packed.luma.shape
+        threshold = one.in_force.of(packed, 1)
+        assert threshold is by_pixel
+        assert quantise(packed, 1, threshold).threshold == pytest.approx(one.in_force.level, abs=1)
+
+
+def test_grey_and_other_lines_have_the_maps_median() -> None:
+    one, field = keeper(map=True), picture()
+    doubled = looked(one, field, ring())
+    assert doubled.of(double_lines(field), 8) == doubled.level
+    assert doubled.of(field, 1) == doubled.level
+    assert looked(one, field, ring(8, "field")).by_pixel is None
+
+
+def test_another_rule_is_in_force_from_the_next_look_on() -> None:
+    one, armed = keeper(fixed=40), ring()
+    assert looked(one, picture(), armed).level == 40
+    automatic = DeviceConfig(driver="test")
+    one.use(automatic)
+    assert looked(one, picture(), armed) != Threshold(40)
+    one.use(automatic.model_copy(update={"threshold": ThresholdConfig(kind="fixed", value=50)}))
+    assert one.in_force == Threshold(50)
+
+
+def test_a_recording_is_chosen_for_by_another_rule_at_its_next_field() -> None:
+    one, armed = keeper(live=False, fixed=40), ring()
+    one.use(DeviceConfig(driver="test"))
+    one.show(picture(), armed)
+    assert one.in_force.level != 40

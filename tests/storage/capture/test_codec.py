@@ -1,0 +1,96 @@
+"""Fields and points come out of a capture file as they went in."""
+
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grabberd.field import BIT_DEPTHS, Field, quantise
+from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.codec import POINT, decode_field, decode_points, encode_field, encode_points
+from storage.captures import packed, points
+
+
+@pytest.mark.parametrize("doubled", [False, True])
+@pytest.mark.parametrize("bits", BIT_DEPTHS)
+def test_a_field_comes_back_bit_for_bit(bits, doubled):
+    field = packed(3, bits, doubled)
+    codec, data = encode_field(field)
+    assert codec == ("zlib" if bits == 1 else "zstd")
+    back = decode_field(codec, data, field.rows, field.columns, bits)
+    np.testing.assert_array_equal(back, field.data)
+
+
+@given(st.integers(1, 30), st.integers(1, 70), st.sampled_from(BIT_DEPTHS), st.integers(0, 2**32))
+def test_a_field_of_any_size_comes_back_bit_for_bit(rows, columns, bits, seed):
+    luma = np.random.default_rng(seed).integers(0, 256, (rows, columns), np.uint8)
+    field = quantise(Field.intact(luma, 0), bits, 128)
+    np.testing.assert_array_equal(decode_field(*encode_field(field), rows, columns, bits), field.data)
+
+
+def test_a_binary_field_of_a_few_targets_takes_about_a_kilobyte():
+    luma = np.zeros((288, 720), np.uint8)
+    for row, column in np.random.default_rng(1).integers(6, 280, (216, 2)):
+        luma[row : row + 3, 2 * column : 2 * column + 6] = 255
+    assert len(encode_field(quantise(Field.intact(luma, 0), 1, 128))[1]) < 2_500
+
+
+@pytest.mark.parametrize("codec", ["zlib", "zstd"])
+def test_damaged_bytes_of_a_field_are_refused(codec):
+    with pytest.raises(ValueError, match=f"damaged {codec}"):
+        decode_field(codec, b"not compressed at all", 4, 8, 1)
+
+
+def test_an_unknown_codec_is_refused_by_name():
+    with pytest.raises(ValueError, match="codec 'lzma'"):
+        decode_field("lzma", b"", 4, 8, 1)
+
+
+def test_bytes_of_another_size_are_refused():
+    with pytest.raises(ValueError, match="reshape"):
+        decode_field("zlib", zlib.compress(b"123"), 4, 8, 1)
+
+
+def test_places_come_back_bit_for_bit():
+    one = points(1, 108)
+    back = decode_points(encode_points(one))
+    assert back.xyz_mm.tobytes() == one.xyz_mm.tobytes()
+    np.testing.assert_array_equal(back.target, one.target)
+
+
+def test_what_is_kept_in_single_precision_is_close():
+    one = points(2, 50)
+    back = decode_points(encode_points(one))
+    np.testing.assert_allclose(back.residual_px, one.residual_px, rtol=1e-6)
+    np.testing.assert_allclose(back.image_px, one.image_px, rtol=1e-6)
+    np.testing.assert_allclose(back.covariance_mm2, one.covariance_mm2, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(
+        back.calibration_covariance_mm2, one.calibration_covariance_mm2, rtol=1e-6, atol=1e-12
+    )
+
+
+def test_no_points_come_back_as_no_points():
+    back = decode_points(encode_points(Points.none()))
+    assert len(back) == 0
+    assert back.covariance_mm2.shape == (0, 3, 3)
+
+
+def test_damaged_points_are_refused():
+    with pytest.raises(ValueError, match="damaged points"):
+        decode_points(b"nonsense")
+
+
+def test_anybody_can_read_the_records_with_struct():
+    one = points(3, 4)
+    raw = zlib.decompress(encode_points(one))
+    record = struct.Struct("<i3d6f6f4ff")
+    assert record.size == POINT.itemsize
+    rows = list(record.iter_unpack(raw))
+    assert [row[0] for row in rows] == one.target.tolist()
+    assert [row[1:4] for row in rows] == [tuple(place) for place in one.xyz_mm.tolist()]
+    c = one.covariance_mm2[0]
+    assert rows[0][4:10] == pytest.approx((c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2]))
+    assert rows[0][16:20] == pytest.approx(tuple(one.image_px[0].ravel()))
