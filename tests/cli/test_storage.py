@@ -99,7 +99,7 @@ def test_without_a_policy_it_says_so(barn: Path) -> None:
 
 def test_a_reserve_that_retention_never_reaches_is_refused(barn: Path) -> None:
     config = config_with(barn, "{min_free_gb: 0.1}")
-    assert "has to be more than reserve_gb" in str(run("check-config", config).exception)
+    assert "must be more than reserve_gb" in str(run("check-config", config).exception)
 
 
 def test_what_a_killed_capture_left_is_named_by_the_next_and_sealed(barn: Path, tmp_path: Path) -> None:
