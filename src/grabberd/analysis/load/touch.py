@@ -66,17 +66,6 @@ def since_touch(now: PressureMap, touch: PressureMap) -> Estimate:
     return _difference(now.contact_kpa.value - touch.contact_kpa.value, own + common)
 
 
-def above_place(one: PressureMap, place: int) -> Estimate:
-    """(N,) kPa: the pressure above that at one place of the same field.
-
-    Places share points, so their own parts of σ are added, not squared: σ is no less than the truth's.
-    """
-    own = (one.shares.points_kpa + one.shares.points_kpa[place]) ** 2
-    common = ((one.shares.common_kpa - one.shares.common_kpa[:, [place]]) ** 2).sum(axis=0)
-    variance = np.where(np.arange(len(own)) == place, 0.0, own + common)
-    return _difference(one.contact_kpa.value - one.contact_kpa.value[place], variance)
-
-
 def free_wall(one: PressureMap, free: NDArray[np.bool_], limit: float = 3.0) -> FreeWall:
     """The self-check where the wall is known to be free: an empty liner, or beside the teat.
 
