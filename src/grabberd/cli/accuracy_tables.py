@@ -105,7 +105,7 @@ def _length_words(compared: Compared) -> str:
 
 
 def document(results: Sequence[Investigation]) -> dict[str, Any]:
-    """Everything as a JSON document; the first investigation is repeated at the top level."""
+    """JSON document of all results; the first investigation is repeated at the top level."""
     investigations = [_investigation(result) for result in results]
     paper = {"rmse": PAPER_RMSE._asdict(), "precision": PAPER_PRECISION._asdict(), "pointing_px": PAPER_PX}
     return {**investigations[0]["single"], "paper": paper, "investigations": investigations}

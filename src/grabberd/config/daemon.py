@@ -26,7 +26,7 @@ class RetentionConfig(Section):
 
 
 class StorageConfig(Section):
-    """Where captures are stored, and for how long."""
+    """Storage of captures: folder, queue, free space and retention."""
 
     directory: Path | None = Field(None, description="default: the service's state directory")
     queue_s: float = Field(10.0, ge=1, le=600)

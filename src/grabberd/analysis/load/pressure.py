@@ -41,7 +41,7 @@ class ChamberVacuum(NamedTuple):
 
 
 class Shares(NamedTuple):
-    """What σ_p is made of, at N places; the signed ones are one σ's worth, the same cause at every place.
+    """Contributions to σ_p at N places; a signed one is the effect of one σ of a cause common to all.
 
     Attributes:
         points_kpa: (N,) from the points, independent from field to field, and from those of the reference.

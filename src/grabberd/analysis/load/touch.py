@@ -1,4 +1,4 @@
-"""Where pressure begins: the touch as reference, and the free wall as proof that inputs and model agree."""
+"""The onset of pressure: the touch as reference, and the free wall as a check of inputs and model."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -22,7 +22,7 @@ class Touch(NamedTuple):
 
 
 class FreeWall(NamedTuple):
-    """What is left of p_contact where the wall is known to be free, and ought to be zero.
+    """Residual p_contact where the wall is known to be free; it should be zero.
 
     Attributes:
         residual_kpa: its weighted mean with σ, which takes the places for wholly dependent and so is no less
