@@ -88,7 +88,10 @@ def test_a_dry_run_shows_what_would_go_and_removes_nothing(barn: Path) -> None:
     config = config_with(barn, "{keep_days: 30}")
     found = json.loads(run("storage", "retention", "--config", config, "--json").stdout)
     assert [(one["id"], one["because"]) for one in found] == [("d40", "older than 30 days")]
-    assert "1 of 2 captures would be deleted, 1 are pinned" in run("storage", "retention", "--config", config).stdout
+    assert (
+        "1 of 2 captures would be deleted, 1 are pinned"
+        in run("storage", "retention", "--config", config).stdout
+    )
     assert len(list((barn / "captures").glob("*.grab"))) == 3
 
 

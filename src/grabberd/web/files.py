@@ -38,7 +38,7 @@ class StaticFile:
 
     @cached_property
     def compressed(self) -> bytes:
-        """By gzip, as small as it gets; the same bytes every time."""
+        """Content compressed by gzip at its best level; the same bytes every time."""
         return gzip.compress(self.content, 9, mtime=0)
 
     @cached_property
@@ -70,7 +70,7 @@ class Files:
 
     @property
     def is_read(self) -> bool:
-        """Whether they have been looked at."""
+        """True if the files have been read."""
         return bool(self._stamp)
 
     @property
