@@ -9,7 +9,27 @@ from typing import NamedTuple
 from .source import modules, relative, tree
 
 OPENINGS = frozenset(
-    "what whether so how that which who whose why when where of with by as for here beside everything".split()
+    [
+        "what",
+        "whether",
+        "so",
+        "how",
+        "that",
+        "which",
+        "who",
+        "whose",
+        "why",
+        "when",
+        "where",
+        "of",
+        "with",
+        "by",
+        "as",
+        "for",
+        "here",
+        "beside",
+        "everything",
+    ]
 )
 """First words that make a riddle of a docstring: "Whether it is" for "True if the ring is full"."""
 

@@ -54,7 +54,7 @@ def written() -> str:
 
 
 def threads() -> Iterator[tuple[str, str]]:
-    """The name of every thread that the program starts, as far as it is fixed, and the module that starts it."""
+    """Name, as far as it is fixed, and module of every thread that the program starts."""
     for module, path in modules().items():
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.Call) and _starts_thread(node):
