@@ -36,6 +36,8 @@ def bare():
 
 
 def test_the_page_stands_alone(text, page):
+    assert text.startswith('<!DOCTYPE html>\n<html lang="en">')
+    assert text.endswith("</html>\n")
     named = set(re.findall(r"https?://[^\s\"'<>]+", text))
     assert named <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
     assert not {"script", "link", "iframe", "img", "object"} & {tag for tag, _ in page.elements}

@@ -69,7 +69,8 @@ def environment() -> Environment:
 
 def render(template: str, document: Mapping[str, Any], **values: Any) -> str:
     """Write a report or one of its chapters: the same text for the same document and values."""
-    return environment().get_template(template).render(document=document, **values)
+    written = environment().get_template(template).render(document=document, **values)
+    return written.strip() + "\n"  # the comment that opens a template leaves an empty line before the page
 
 
 @pass_environment
