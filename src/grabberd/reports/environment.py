@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, pass_environment
 from grabberd.reports import figures, names, numbers
 
 _NUMBER = re.compile(r"(< |[+−])?\d+(\.\d+)?( × 10\S+)?( \(\S+\))?")
+"""All that the filters make of numbers: "< 0.001", "+1", "1.2 × 10⁻⁵", "9.123 (0.020)"."""
 _LONG = 24
 """Rows of a table that fit on half a page; longer ones may break across pages when printed."""
 
@@ -75,7 +76,7 @@ def render(template: str, document: Mapping[str, Any], **values: Any) -> str:
 
 @pass_environment
 def column(
-    environment: Environment, rows: Iterable[Any], path: str, written: str = "", *places: int
+    environment: Environment, rows: Iterable[Any], path: str, written: str = "", *digits: int
 ) -> list[Any]:
     """Take one key ("tau_x", "center_mm.0") of every row, and write it with a filter if one is named."""
     found = []
@@ -83,7 +84,7 @@ def column(
         value = row
         for key in path.split("."):
             value = environment.getitem(value, int(key) if key.isdigit() else key)
-        found.append(environment.call_filter(written, value, places) if written else value)
+        found.append(environment.call_filter(written, value, digits) if written else value)
     return found
 
 

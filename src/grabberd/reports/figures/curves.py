@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 _COLOURS = ("#0072b2", "#b34700", "#007a5a", "#8a4f7d", "#7a6a00")
 _TOP_MM, _BOTTOM_MM, _PANEL_MM, _GAP_MM = 8.0, 11.0, 27.0, 9.0
 _LEFT_MM, _RIGHT_MM = 17.0, 3.0
+# Names in the legend of the columns that share a panel.
 _PRESSURE = {"mean_contact_kpa": "mean", "greatest_contact_kpa": "greatest"}
 _VACUUM = {"pulsation_vacuum_kpa": "pulsation chamber", "liner_vacuum_kpa": "liner"}
 
@@ -37,7 +38,7 @@ class Curve(NamedTuple):
         """Return the curve with a gap where fields are missing, which a line must not bridge."""
         steps = np.diff(self.x)
         usual = np.median(steps) if len(steps) else 0.0
-        at = np.flatnonzero(steps > 1.5 * usual) + 1
+        at = np.flatnonzero(steps > 1.5 * usual) + 1  # one missing field makes a step of 2
         return Curve(self.name, *(np.insert(part, at, np.nan) for part in self[1:]))
 
 
@@ -124,7 +125,7 @@ def _draw_panel(axes: "Axes", panel: Panel, phases: Sequence[Mapping[str, Any]])
         low, high = curve.value - curve.sigma, curve.value + curve.sigma
         axes.fill_between(curve.x, low, high, color=colour, alpha=0.22, linewidth=0)
         axes.plot(curve.x, curve.value, color=colour, label=curve.name)
-    axes.margins(x=0.0, y=0.16 if phases else 0.05)
+    axes.margins(x=0.0, y=0.16 if phases else 0.05)  # the letters of the phases need room above the curves
     axes.set_ylabel(panel.label)
     axes.locator_params(axis="y", nbins=5)
     axes.axhline(0.0, color=FAINT, linewidth=0.4) if _spans_zero(axes) else None

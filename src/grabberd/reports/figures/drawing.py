@@ -12,17 +12,6 @@ from grabberd.errors import ExtraMissing
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-
-class Svg(str):
-    """A figure's markup; only `drawn` makes it, and templates insert it as it is, without escaping."""
-
-    __slots__ = ()
-
-    def __html__(self) -> str:
-        """Tell Jinja2 that this is markup already."""
-        return self
-
-
 MM_PER_INCH = 25.4
 WIDTH_MM = 170.0
 """Width of a figure, which fits between the margins of A4."""
@@ -30,6 +19,7 @@ WIDTH_MM = 170.0
 INK, GREY, FAINT, PALE = "#222222", "#6b6b6b", "#8a8a8a", "#e4e4e4"
 
 _STYLE: dict[Any, Any] = {
+    # Lettering stays text: it can be searched and takes the font of the page.
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 7.5,
@@ -62,6 +52,16 @@ _STYLE: dict[Any, Any] = {
 _DIGITS = re.compile(r"(\.\d\d)\d+")
 """Decimals of a path's coordinates from the third on: nobody sees a hundredth of a point."""
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
+
+
+class Svg(str):
+    """A figure's markup; only `drawn` makes it, and templates insert it as it is, without escaping."""
+
+    __slots__ = ()
+
+    def __html__(self) -> str:
+        """Tell Jinja2 that this is markup already."""
+        return self
 
 
 def require_matplotlib() -> None:
