@@ -2,9 +2,11 @@
 import { labelsIn, lengthIn } from "../captures/words.js";
 import { el, fill } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const OFFERED = 20;
 
-/** @param {import("../core/context.js").Context} context @param {any} capture */
+/** @param {Context} context @param {any} capture */
 export function createBursts(context, capture) {
   const { t, api, format } = context;
   const list = el("div");

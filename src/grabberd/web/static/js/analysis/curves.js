@@ -5,6 +5,8 @@ import { createChart } from "../plots/chart.js";
 import { columnsOf, summaryOf } from "../plots/series.js";
 import { column, hasAny } from "./tables.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /** Which columns each chart shows, of which tables; the first has its band. */
 const CHARTS = [
   { name: "movement", unit: "mm", digits: 2, time: "fields", phase: null, lines: ["movement_mm"] },
@@ -16,7 +18,7 @@ const MOST_LINES = 3;
 
 /** @typedef {{label: string, values: (number | null)[], sigma: (number | null)[]}} Line */
 
-/** @param {import("../core/context.js").Context} context @param {any} document */
+/** @param {Context} context @param {any} document */
 export function createCurves(context, document) {
   const { t, format } = context;
   const place = el("div", { class: "plots-grid" });

@@ -1,9 +1,9 @@
 // From what was filled in to the inputs of an analysis, and back. Nothing here touches the page.
 import { GROUPS, NAMES } from "./fields.js";
 
-/** @typedef {Record<string, string>} Values what was filled in, by part and name: "material" → "linear", "material.E_mpa" → "3" */
-/** @typedef {import("./fields.js").Part} Part */
+/** @import { Part } from "./fields.js" */
 
+/** @typedef {Record<string, string>} Values what was filled in, by part and name: "material" → "linear", "material.E_mpa" → "3" */
 const HEIGHTS = [".height1", ".height2", ".height3"];
 
 /** @param {Part} part @param {string} name */

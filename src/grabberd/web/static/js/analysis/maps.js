@@ -7,9 +7,11 @@ import { createMapPicture } from "./map_picture.js";
 import { QUANTITIES, reasonIn, shown } from "./quantities.js";
 import { column, hasAny } from "./tables.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const PAUSE_MS = 120;
 
-/** @param {import("../core/context.js").Context} context @param {string} path of the analysis @param {any} document */
+/** @param {Context} context @param {string} path of the analysis @param {any} document */
 export function createMaps(context, path, document) {
   const { t, tn, api, format } = context;
   const { grid, states } = document;

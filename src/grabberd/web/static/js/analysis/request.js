@@ -7,8 +7,10 @@ import { createForm } from "./form.js";
 import { valuesOf } from "./inputs.js";
 import { lastInputs } from "./take_over.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {any} capture
  * @param {any[]} own its analyses
  * @param {(number: number) => void} made

@@ -5,7 +5,9 @@ import { createFiles } from "./files.js";
 import { createMaps } from "./maps.js";
 import { createSummary } from "./summary.js";
 
-/** @param {import("../core/context.js").Context} context @param {any} capture @param {any} record of the analysis */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {any} capture @param {any} record of the analysis */
 export function createResults(context, capture, record) {
   const { t, api } = context;
   const path = `/captures/${encodeURIComponent(capture.id)}/analyses/${record.analysis}`;

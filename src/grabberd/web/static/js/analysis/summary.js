@@ -2,10 +2,12 @@
 import { el, symbol } from "../core/dom.js";
 import { column, single } from "./tables.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 3], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
 const PHASES = ["a", "b", "c", "d"];
 
-/** @param {import("../core/context.js").Context} context @param {any} document @param {any} record */
+/** @param {Context} context @param {any} document @param {any} record */
 export function createSummary(context, document, record) {
   const { t, tn, format } = context;
   const table = document.tables.summary;
@@ -38,7 +40,7 @@ export function createSummary(context, document, record) {
   return el("div", { class: "stack" }, facts, lacks(context, record.lacks), problems(context, record.problems));
 }
 
-/** What was not given, and its consequence. @param {import("../core/context.js").Context} context @param {string[]} given */
+/** What was not given, and its consequence. @param {Context} context @param {string[]} given */
 function lacks({ t, texts }, given) {
   if (!given.length) return null;
   const slugs = given.map((text) => [text.split(":")[0].replace(/\W+/g, "_"), text]);
@@ -46,7 +48,7 @@ function lacks({ t, texts }, given) {
   return el("div", { class: "note is-idle" }, symbol("info"), el("div", {}, el("strong", {}, t("analysis.lacks")), el("ul", {}, [...new Set(words)].map((text) => el("li", {}, text)))));
 }
 
-/** What was survived, as the instrument says it. @param {import("../core/context.js").Context} context @param {string[]} found */
+/** What was survived, as the instrument says it. @param {Context} context @param {string[]} found */
 function problems({ tn }, found) {
   if (!found.length) return null;
   const list = el("ul", { lang: "en" }, found.map((text) => el("li", {}, text)));

@@ -5,10 +5,12 @@ import { addressOf, note, way } from "./steps.js";
 import { lackIn } from "../lights/words.js";
 import { ageOf } from "./words.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", moved: "bad", unmatched: "warn", unknown: "idle" });
 const SIGNS = /** @type {Record<string, string>} */ ({ good: "ok", warn: "warn", bad: "bad", idle: "unknown" });
 
-/** @param {import("../core/context.js").Context} context @param {() => any[]} rows */
+/** @param {Context} context @param {() => any[]} rows */
 export function createActive(context, rows) {
   const { t, tl, store, format } = context;
   const now = el("div", { class: "stack" });

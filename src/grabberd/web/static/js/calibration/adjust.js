@@ -5,7 +5,9 @@ import { createJob } from "../jobs/job.js";
 import { latestJob } from "./latest_job.js";
 import { addressOf, note, way } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context @param {string} id of the capture */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {string} id of the capture */
 export function createAdjust(context, id) {
   const { t, api, may, go } = context;
   const job = createJob(context, { title: t("calibration.adjust.running"), done, busy: (on) => (form.hidden = on) });

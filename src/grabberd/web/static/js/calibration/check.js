@@ -6,9 +6,11 @@ import { chosenFrame, knownFrames } from "./frames.js";
 import { latestJob } from "./latest_job.js";
 import { note } from "./steps.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", recalibrate: "bad" });
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createCheck(context) {
   const { t, store, api, format, may } = context;
   const job = createJob(context, { title: t("calibration.check.running"), done: show, busy, cancelled });

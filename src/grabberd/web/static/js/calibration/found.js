@@ -6,10 +6,12 @@ import { latestJob } from "./latest_job.js";
 import { addressOf, note, way } from "./steps.js";
 import { createTargetPicture } from "./target_picture.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const ENOUGH = 0.6;
 const VIEWS = ["left", "right"];
 
-/** @param {import("../core/context.js").Context} context @param {string} id of the capture */
+/** @param {Context} context @param {string} id of the capture */
 export function createFound(context, id) {
   const { t, api, may } = context;
   const job = createJob(context, { title: t("calibration.found.looking"), done: ({ result }) => show(result), busy: (on) => (ways.hidden = on) });

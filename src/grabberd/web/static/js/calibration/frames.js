@@ -2,7 +2,9 @@
 import { el, fill } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 
-/** @param {import("../core/context.js").Context} context @returns {Promise<any[]>} */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @returns {Promise<any[]>} */
 export async function knownFrames({ api }) {
   return (await api.get("/calibration-frames")).calibration_frames;
 }
@@ -12,7 +14,7 @@ export function chosenFrame(frames) {
   return frames.find((one) => one.name === kept("calibration.frame")) ?? frames[0] ?? null;
 }
 
-/** @param {import("../core/context.js").Context} context @param {any[]} frames @param {(frame: any) => void} chosen */
+/** @param {Context} context @param {any[]} frames @param {(frame: any) => void} chosen */
 export function createFrameChoice({ t, format }, frames, chosen) {
   const choice = el("select", { class: "input", id: "calibration-frame", on: { change: take } });
   const about = el("p", { class: "field-hint" });

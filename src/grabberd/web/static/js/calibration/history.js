@@ -4,7 +4,9 @@ import { activate } from "./activate.js";
 import { addressOf, way } from "./steps.js";
 import { ageOf, badges, madeOf } from "./words.js";
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {() => void} changed */
 export function createHistory(context, changed) {
   const { t, format, may } = context;
   const list = el("ul", { class: "calibrations" });

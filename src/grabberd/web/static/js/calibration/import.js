@@ -2,7 +2,9 @@
 import { el, fill, symbol } from "../core/dom.js";
 import { note } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {() => void} changed */
 export function createImport(context, changed) {
   const { t, api } = context;
   const said = el("div", { role: "status" });

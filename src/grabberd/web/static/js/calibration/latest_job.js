@@ -1,7 +1,9 @@
 // The newest job of a kind about something, whether it has ended or not: so a step survives that the page is loaded anew.
 
+/** @import { Context } from "../core/context.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {string} kind
  * @param {(subject: string) => boolean} isAbout
  * @returns {Promise<any>} null where there is none: the daemon forgets its jobs when it is started

@@ -8,7 +8,9 @@ import { createHistory } from "./history.js";
 import { createImport } from "./import.js";
 import { addressOf, way } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context */
 export function createOverview(context) {
   const { t, store, api, may } = context;
   /** @type {any[]} */

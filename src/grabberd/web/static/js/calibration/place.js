@@ -6,10 +6,12 @@ import { adviceFor, isEnough } from "./advice.js";
 import { chosenFrame, createFrameChoice, knownFrames } from "./frames.js";
 import { addressOf, note, way } from "./steps.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const EVERY_MS = 1000;
 const SOON = new Set(["opening", "ready", "capturing"]);
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createPlace(context) {
   const { t, tl, store, api, may } = context;
   const picture = createPicture(context);

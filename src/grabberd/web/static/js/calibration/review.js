@@ -5,7 +5,9 @@ import { activate } from "./activate.js";
 import { judge, sigma } from "./judge.js";
 import { addressOf, forget, note, way } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context @param {string} id of the calibration */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {string} id of the calibration */
 export function createReview(context, id) {
   const { t, api, format, may, go } = context;
   const path = `/calibrations/${encodeURIComponent(id)}`;

@@ -2,6 +2,8 @@
 import { el, symbol } from "../core/dom.js";
 import { keep } from "../core/kept.js";
 
+/** @import { Context } from "../core/context.js" */
+
 export const STEPS = ["place", "take", "found", "adjust", "review"];
 const AT = "calibration.at";
 
@@ -14,7 +16,7 @@ export function forget() {
   keep(AT, null);
 }
 
-/** @param {import("../core/context.js").Context} context @param {string} step */
+/** @param {Context} context @param {string} step */
 export function createSteps({ t }, step) {
   const at = STEPS.indexOf(step);
   const items = STEPS.map((name, i) => {

@@ -6,6 +6,8 @@ import { deviceOf } from "../core/store.js";
 import { chosenFrame, createFrameChoice, knownFrames } from "./frames.js";
 import { addressOf, note, way } from "./steps.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const SECONDS = [2, 4, 8];
 const USUAL_S = 4;
 const BITS = 8;
@@ -14,12 +16,12 @@ const NOMINAL_HZ = 50;
 const LENGTH = "calibration.seconds";
 const PURPOSE = "calibration";
 
-/** @param {import("../core/context.js").Context} context @param {string} [id] of the capture that is being made */
+/** @param {Context} context @param {string} [id] of the capture that is being made */
 export function createTake(context, id) {
   return id ? createTaking(context, id) : createOrder(context);
 }
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 function createOrder(context) {
   const { t, tl, store, api, may, go } = context;
   const choice = el("div");
@@ -75,7 +77,7 @@ function createOrder(context) {
   return { element, unmount: store.subscribe((known) => known, show) };
 }
 
-/** @param {import("../core/context.js").Context} context @param {string} id */
+/** @param {Context} context @param {string} id */
 function createTaking(context, id) {
   const { t, api, format } = context;
   const bar = el("span");

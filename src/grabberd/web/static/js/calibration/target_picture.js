@@ -2,12 +2,14 @@
 import { el } from "../core/dom.js";
 import { colourOf } from "../live/overlay.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const RING_PX = 7;
 const LINES = 576;
 const NAME_CSS_PX = 10;
 
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {string} name of the view
  * @param {{first_column: number, end_column: number}} columns
  * @param {string} label what a screen reader says of it

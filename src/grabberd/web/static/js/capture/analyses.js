@@ -1,9 +1,11 @@
 // The analyses of a capture, in a line each.
 import { el, fill, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const SHOWN = 4;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createAnalyses(context) {
   const { t, api, format } = context;
   const list = el("ul", { class: "analysis-links" });

@@ -1,11 +1,13 @@
 // Taking a capture home: points as CSV, PLY or Parquet, and the whole of it as one file.
 import { el, fill, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /** So many bytes are one point in each kind; of Parquet, which is compressed, about. */
 const BYTES = { csv: 176, ply: 68, parquet: 95 };
 const KINDS = /** @type {("csv" | "ply" | "parquet")[]} */ (Object.keys(BYTES));
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createDownloads(context) {
   const { t, api, format } = context;
   const list = el("ul", { class: "downloads" });

@@ -2,10 +2,12 @@
 import { badge, endIn, labelsIn, ledgerIn, lengthIn } from "../captures/words.js";
 import { el, fill, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const WAYS = [["shape", "shape"], ["plots", "analysis"], ["analysis", "maps"], ["compare", "compare"]];
 const OF_ALL = new Set(["shape", "plots"]);
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createHead(context) {
   const { t, tn, format, api } = context;
   const title = el("h1");

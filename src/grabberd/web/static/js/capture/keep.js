@@ -2,7 +2,9 @@
 import { atRest, labelsIn } from "../captures/words.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 
-/** @param {import("../core/context.js").Context} context @param {(capture: any) => void} changed */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {(capture: any) => void} changed */
 export function createKeep(context, changed) {
   const { t, api, format } = context;
   const pin = el("button", { class: "button", type: "button", data: { do: "pin" }, on: { click: turn } });

@@ -1,10 +1,12 @@
 // What is said of a capture: labels and note. Operators change it; the file stays as it was recorded.
 import { el, fill, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const USUAL = ["name", "cow", "teat", "liner"];
 const TEATS = ["", "front left", "front right", "rear left", "rear right"];
 
-/** @param {import("../core/context.js").Context} context @param {(capture: any) => void} changed */
+/** @param {Context} context @param {(capture: any) => void} changed */
 export function createLabels(context, changed) {
   const { t, texts, api, may } = context;
   const body = el("div", { class: "stack" });

@@ -2,13 +2,15 @@
 import { FIELD_S, reasonIn, totalOf } from "../captures/words.js";
 import { el, setText, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const PAUSE_MS = 90;
 const UNWRITTEN = 100;
 const STEPS = [[-25, "back25"], [-1, "back"], [1, "next"], [25, "next25"]];
 const VIEWS = ["both", "left", "right"];
 const IN_THE_FILE = new Set(["received", "damaged"]);
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createPictures(context) {
   const { t, api, format } = context;
   const image = el("img", { alt: "", hidden: true, on: { load: () => arrived(true), error: () => arrived(false) } });
@@ -100,7 +102,7 @@ function outcomeOf(capture, n) {
   return found ?? { outcome: "received", reason: "" };
 }
 
-/** Where the left view ends, as its grabber has it now; the middle where it is not there. @param {import("../core/context.js").Context} context @param {any} capture */
+/** Where the left view ends, as its grabber has it now; the middle where it is not there. @param {Context} context @param {any} capture */
 function shareOf(context, capture) {
   const device = context.store.get().state?.devices?.[capture.device];
   return device?.views?.left && device.stream ? device.views.left.end_column / device.stream.columns : 0.5;

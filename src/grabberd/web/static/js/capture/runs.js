@@ -3,10 +3,12 @@ import { newKey } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const SHOWN = 6;
 const RIG = { fits: ["good", "ok"], doubtful: ["warn", "warn"], moved: ["bad", "bad"], unmatched: ["bad", "bad"] };
 
-/** @param {import("../core/context.js").Context} context @param {() => void} again the capture is to be looked at anew */
+/** @param {Context} context @param {() => void} again the capture is to be looked at anew */
 export function createRuns(context, again) {
   const { t, api, format, may } = context;
   const findings = el("div");

@@ -2,12 +2,14 @@
 import { el, fill } from "../core/dom.js";
 import { FIELD_S, entryIn, ledgerIn, reasonIn, totalOf } from "../captures/words.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const SVG = "http://www.w3.org/2000/svg";
 const LEAST = 1 / 300;
 const LISTED = 12;
 const OUTCOMES = ["received", "lost", "damaged", "no_signal", "overrun"];
 
-/** @param {import("../core/context.js").Context} context @param {(n: number) => void} choose */
+/** @param {Context} context @param {(n: number) => void} choose */
 export function createStrip(context, choose) {
   const { t, tn, format } = context;
   const picture = document.createElementNS(SVG, "svg");

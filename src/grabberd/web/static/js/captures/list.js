@@ -3,11 +3,13 @@ import { el, fill, setText, symbol } from "../core/dom.js";
 import { createRow } from "./row.js";
 import { atRest } from "./words.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const PAGE = 25;
 const EVERY_MS = 1000;
 
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {{query: () => URLSearchParams, isNarrow: () => boolean}} search
  */
 export function createList(context, search) {

@@ -2,7 +2,9 @@
 import { el, fill, symbol } from "../core/dom.js";
 import { badge, labelsIn, ledgerIn, lengthIn } from "./words.js";
 
-/** @param {import("../core/context.js").Context} context @param {any} capture */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {any} capture */
 export function createRow(context, capture) {
   const { t, format } = context;
   const link = el("a", { class: "card capture-row", href: `#captures/${encodeURIComponent(capture.id)}` });

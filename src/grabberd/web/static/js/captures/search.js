@@ -1,9 +1,11 @@
 // Which captures are wanted: by a text, by a day.
 import { el } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const PAUSE_MS = 300;
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+/** @param {Context} context @param {() => void} changed */
 export function createSearch({ t }, changed) {
   let timer = 0;
   const text = el("input", { class: "input", type: "search", maxlength: 200, autocomplete: "off", on: { input: soon } });

@@ -1,6 +1,8 @@
 // What a capture is, in words.
 import { el, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /** Nominal time from one field to the next, which a ledger counts by. */
 export const FIELD_S = 0.02;
 const LOOKS = {
@@ -8,8 +10,6 @@ const LOOKS = {
   armed: ["busy", "armed"], recording: ["busy", "capturing"], sealing: ["idle", "wait"],
 };
 const FIRST = ["name", "cow", "teat", "liner"];
-
-/** @typedef {import("../core/context.js").Context} Context */
 
 /** Its verdict, or what it is at as long as it has none. @param {any} capture @returns {keyof typeof LOOKS} */
 export function verdictOf(capture) {

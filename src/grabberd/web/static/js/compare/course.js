@@ -1,6 +1,7 @@
 // How a capture moves: the width of its middle section, or the place of one target. Nothing here touches the page.
 
-/** @typedef {import("../scene/grid.js").Grid} Grid */
+/** @import { Grid } from "../scene/grid.js" */
+
 /** @typedef {Map<number, number>} Course millimetres by the field's number */
 
 const BINS = 50;

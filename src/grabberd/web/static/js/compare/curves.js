@@ -6,13 +6,17 @@ import { createTargetPicker } from "../plots/target_picker.js";
 import { middleOf, overPhase, overTime } from "./course.js";
 import { courseOf } from "./side.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Course } from "./course.js" */
+/** @import { Side } from "./side.js" */
+
 const DASH = [7, 4];
 
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("./side.js").Side[]} sides
+ * @param {Context} context
+ * @param {Side[]} sides
  * @param {(Map<number, number> | null)[]} phases
- * @param {import("./course.js").Course[]} first of a target in the middle
+ * @param {Course[]} first of a target in the middle
  */
 export function createCurves(context, sides, phases, first) {
   const { t, format } = context;

@@ -3,15 +3,19 @@ import { badge, labelsIn, ledgerIn, lengthIn } from "../captures/words.js";
 import { el } from "../core/dom.js";
 import { strokeOf } from "./course.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Course } from "./course.js" */
+/** @import { Side } from "./side.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("./side.js").Side[]} sides
- * @param {import("./course.js").Course[]} courses of a target in the middle
+ * @param {Context} context
+ * @param {Side[]} sides
+ * @param {Course[]} courses of a target in the middle
  */
 export function createFacts(context, sides, courses) {
   const { t, format } = context;
   const measured = (/** @type {number | null | undefined} */ value, /** @type {number} */ digits, /** @type {string} */ unit) => (Number.isFinite(value) ? `${format.number(value, digits)} ${unit}` : "–");
-  /** @type {Record<string, (side: import("./side.js").Side, i: number) => any>} */
+  /** @type {Record<string, (side: Side, i: number) => any>} */
   const rows = {
     labels: ({ capture }) => labelsIn(context, capture) || "–",
     verdict: ({ capture }) => badge(context, capture),

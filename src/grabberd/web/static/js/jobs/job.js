@@ -1,6 +1,8 @@
 // What takes long: how far it is, a way to cancel it, and how it ended.
 import { el, fill, setText, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const EVERY_MS = 1000;
 const ENDED = new Set(["done", "failed", "cancelled"]);
 
@@ -12,7 +14,7 @@ const ENDED = new Set(["done", "failed", "cancelled"]);
  * @property {(busy: boolean) => void} [busy] it runs, or does no more
  */
 
-/** @param {import("../core/context.js").Context} context @param {Hooks} hooks */
+/** @param {Context} context @param {Hooks} hooks */
 export function createJob(context, hooks) {
   const { t, api, format } = context;
   const bar = el("span");

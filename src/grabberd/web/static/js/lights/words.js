@@ -1,16 +1,19 @@
 // A light's word in full, with its numbers as people read them; the daemon's causes in words.
 
-/** Whether there are words for a cause of the daemon. @param {import("../core/context.js").Context} context @param {string | null | undefined} code */
+/** @import { Context } from "../core/context.js" */
+/** @import { Light } from "./judge.js" */
+
+/** Whether there are words for a cause of the daemon. @param {Context} context @param {string | null | undefined} code */
 export function isKnown({ texts }, code) {
   return Boolean(code) && texts.has(`causes.${code}.what`);
 }
 
-/** What is wrong; what the daemon says itself only where there are no words for it. @param {import("../core/context.js").Context} context @param {{cause_code: string | null, message: string}} lack */
+/** What is wrong; what the daemon says itself only where there are no words for it. @param {Context} context @param {{cause_code: string | null, message: string}} lack */
 export function lackIn(context, lack) {
   return isKnown(context, lack.cause_code) ? context.t(`causes.${lack.cause_code}.what`) : lack.message;
 }
 
-/** @param {import("../core/context.js").Context} context @param {import("./judge.js").Light} light */
+/** @param {Context} context @param {Light} light */
 export function wordsOf({ t, tn, format }, light) {
   const values = light.values ?? {};
   const key = `lights.${light.id}.words.${light.word}`;

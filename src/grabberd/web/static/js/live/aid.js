@@ -4,10 +4,12 @@ import { delivers, deviceOf } from "../core/store.js";
 import { createHistogram } from "./histogram.js";
 import { createThreshold } from "./threshold.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const EVERY_MS = 500;
 const CLIPPED = 0.5;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createAid(context) {
   const { t, store, api } = context;
   const views = { left: createView(context, "left"), right: createView(context, "right") };
@@ -52,7 +54,7 @@ export function createAid(context) {
   };
 }
 
-/** @param {import("../core/context.js").Context} context @param {"left" | "right"} name */
+/** @param {Context} context @param {"left" | "right"} name */
 function createView({ t, format }, name) {
   const title = t(`live.view.${name}`);
   const histogram = createHistogram(t("live.aid.histogram", { view: title }));

@@ -1,5 +1,7 @@
 // Packed bits as a picture: white targets on black.
 
+/** @import { Preview } from "./message.js" */
+
 const WHITE = 0xffffffff;
 const BLACK = 0xff000000;
 
@@ -9,7 +11,7 @@ const PIXELS = Uint32Array.from({ length: 256 * 8 }, (_, i) => ((i >> 3) >> (7 -
 /**
  * Draws the bits into a canvas of their own size.
  * @param {HTMLCanvasElement} canvas
- * @param {import("./message.js").Preview} preview
+ * @param {Preview} preview
  */
 export function drawBits(canvas, { bits, rows, columns }) {
   const width = 8 * Math.ceil(columns / 8);

@@ -1,5 +1,7 @@
 // What is drawn over the picture: both views' outlines, the located targets, their ids and residuals.
 
+/** @import { Point, Preview } from "./message.js" */
+
 const COLOURS = { left: "#35d0ff", right: "#ffb02e" };
 const RING_PX = 7;
 const LARGEST_LABEL_PX = 12;
@@ -14,7 +16,7 @@ const FAIR_PX = 0.3;
 
 /**
  * @param {CanvasRenderingContext2D} to scaled to frame pixels
- * @param {import("./message.js").Preview} preview
+ * @param {Preview} preview
  * @param {Record<string, {first_column: number, end_column: number}>} views
  * @param {Choices} choices
  * @param {number} unit how many frame pixels one pixel of the page is
@@ -59,7 +61,7 @@ function ringAll(to, centroids, views, unit) {
   }
 }
 
-/** @param {CanvasRenderingContext2D} to @param {import("./message.js").Point} point @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Point} point @param {number} unit */
 function ringPoint(to, { image, residual }, unit) {
   to.beginPath();
   circle(to, image[0], image[1]);
@@ -75,7 +77,7 @@ function circle(to, x, y) {
   to.arc(x, y, RING_PX, 0, 2 * Math.PI);
 }
 
-/** @param {CanvasRenderingContext2D} to @param {import("./message.js").Point} point @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Point} point @param {number} unit */
 function label(to, { image, target }, unit) {
   to.font = `600 ${Math.min(11 * unit, LARGEST_LABEL_PX)}px system-ui, sans-serif`;
   to.textAlign = "center";

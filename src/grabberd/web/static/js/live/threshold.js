@@ -2,9 +2,11 @@
 import { el, setText } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const SETTLE_MS = 250;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createThreshold(context) {
   const { t, api, store, may, refused } = context;
   const automatic = el("input", { type: "checkbox", id: "automatic", on: { change: () => set(automatic.checked ? null : Number(slider.value)) } });

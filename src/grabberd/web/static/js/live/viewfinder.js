@@ -3,7 +3,9 @@ import { el, setText, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { createPicture } from "./picture.js";
 
-/** @param {import("../core/context.js").Context} context @param {{buttons: boolean}} options */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {{buttons: boolean}} options */
 export function createViewfinder(context, { buttons }) {
   const { t, store, format } = context;
   const counts = el("p", { class: "viewfinder-counts number" });

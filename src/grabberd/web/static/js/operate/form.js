@@ -6,14 +6,17 @@ import { USUAL, isSound, lengthOf, orderOf } from "./order.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Wish } from "./order.js" */
+
 const KINDS = ["stop", "seconds", "cycles", "fields"];
 const STEPS = { seconds: 5, cycles: 5, fields: 50 };
 const NOMINAL_HZ = 50;
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+/** @param {Context} context @param {() => void} changed */
 export function createForm(context, changed) {
   const { t, store, format } = context;
-  /** @type {import("./order.js").Wish} */
+  /** @type {Wish} */
   const wish = { ...USUAL, ...kept("wish", {}) };
   const rate = () => context.device()?.stream?.rate_hz ?? NOMINAL_HZ;
   const slots = () => context.device()?.ring.slots ?? 32;

@@ -1,11 +1,14 @@
 // What the capture shows: name, cow, teat, liner, note.
 import { el } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Wish } from "./order.js" */
+
 const TEATS = ["", "front left", "front right", "rear left", "rear right"];
 
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("./order.js").Wish} wish
+ * @param {Context} context
+ * @param {Wish} wish
  * @param {(name: string, value: any) => void} set
  */
 export function createLabels({ t }, wish, set) {

@@ -3,9 +3,11 @@ import { el, fill, symbol } from "../core/dom.js";
 import { ledgerIn } from "../captures/words.js";
 import { deviceOf } from "../core/store.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const EVERY_MS = 1000;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createLastCapture(context) {
   const { t, store, api } = context;
   const element = el("section", { class: "card last", "aria-label": t("operate.last.title") });
@@ -43,7 +45,7 @@ function atRest(capture) {
   return capture.verdict !== null || capture.state === "armed";
 }
 
-/** @param {import("../core/context.js").Context} context @param {any} capture */
+/** @param {Context} context @param {any} capture */
 function words(context, capture) {
   const { t, format } = context;
   if (!capture) return [el("h2", {}, t("operate.last.title")), el("p", { class: "muted" }, t("operate.last.none"))];
@@ -57,7 +59,7 @@ function words(context, capture) {
   ];
 }
 
-/** @param {import("../core/context.js").Context} context @param {any} capture */
+/** @param {Context} context @param {any} capture */
 function verdict({ t }, capture) {
   if (capture.state === "recording" || capture.state === "armed") return null;
   const level = { complete: "good", incomplete: "warn" }[/** @type {string} */ (capture.verdict)] ?? "idle";
@@ -65,7 +67,7 @@ function verdict({ t }, capture) {
   return el("span", { class: `badge is-${level}` }, symbol(sign), t(`operate.last.${capture.verdict ?? "sealing"}`));
 }
 
-/** What its ledger says, where the verdict does not say it all. @param {import("../core/context.js").Context} context @param {any} capture */
+/** What its ledger says, where the verdict does not say it all. @param {Context} context @param {any} capture */
 function said(context, capture) {
   return capture.ledger.complete ? "" : ` · ${ledgerIn(context, capture)}`;
 }

@@ -3,11 +3,14 @@ import { el, setText } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { USUAL } from "./order.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Wish } from "./order.js" */
+
 const DIGITS = 1;
 
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("./order.js").Wish} wish
+ * @param {Context} context
+ * @param {Wish} wish
  * @param {(name: string, value: any) => void} set
  * @param {() => void} changed it is another one than before
  */

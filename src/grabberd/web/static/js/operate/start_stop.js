@@ -3,8 +3,10 @@ import { newKey } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { situationOf } from "./situation.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {{order: () => any, isForAll: () => boolean, isSound: () => boolean, waits: () => boolean}} form
  */
 export function createStartStop(context, form) {

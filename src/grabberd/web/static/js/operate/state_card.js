@@ -2,7 +2,9 @@
 import { el, setSymbol, setText, symbol } from "../core/dom.js";
 import { situationOf } from "./situation.js";
 
-/** @param {import("../core/context.js").Context} context */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context */
 export function createStateCard(context) {
   const { t, format, store, now_ms, may } = context;
   const picture = symbol("unknown");

@@ -3,12 +3,14 @@ import { createList } from "../captures/list.js";
 import { createSearch } from "../captures/search.js";
 import { el, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 export const panel = {
   id: "captures",
   title: "captures.title",
   roles: ["viewer", "operator", "admin"],
 
-  /** @param {HTMLElement} element @param {import("../core/context.js").Context} context */
+  /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {
     const search = createSearch(context, () => list.search());
     const list = createList(context, search);

@@ -6,12 +6,16 @@ import { columnsOf, summaryOf } from "./series.js";
 import { createTable } from "./table.js";
 import { createTargetPicker } from "./target_picker.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Options } from "./chart.js" */
+/** @import { Column } from "./series.js" */
+
 const AXES = ["x", "y", "z"];
 const MOST_POINTS = 200_000;
 const FIELD_S = 0.02;
 const INK = { x: "1", y: "2", z: "3" };
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body @param {string} id @param {number} first target; NaN: the one in the middle */
+/** @param {Context} context @param {HTMLElement} body @param {string} id @param {number} first target; NaN: the one in the middle */
 export function createCapturePlots(context, body, id, first) {
   const { t, api, format } = context;
   const note = el("p", { class: "muted", role: "status" });
@@ -28,7 +32,7 @@ export function createCapturePlots(context, body, id, first) {
   /** @type {[number, number] | null} */
   let range = null;
 
-  /** @param {string} axis @returns {import("./chart.js").Options} */
+  /** @param {string} axis @returns {Options} */
   function optionsOf(axis) {
     const lines = [{ label: axis.toUpperCase(), ink: /** @type {any} */ (INK)[axis] }];
     return { title: t("plots.axis", { axis: axis.toUpperCase() }), unit: "mm", digits: 3, lines, band: true, when: (s) => `${format.number(s, 2)} s`, together: "capture", zoomed: zoom };
@@ -75,7 +79,7 @@ export function createCapturePlots(context, body, id, first) {
     table.show();
   }
 
-  /** @param {string} axis @param {import("./series.js").Column[]} columns */
+  /** @param {string} axis @param {Column[]} columns */
   function wordsOf(axis, columns) {
     const summary = summaryOf(columns[1]);
     const name = t("plots.axis", { axis: axis.toUpperCase() });

@@ -5,7 +5,8 @@ import { css } from "../scene/colours.js";
 import { digitsOf } from "../scene/scale.js";
 import { coloursOf, onTheme } from "../scene/theme.js";
 
-/** @typedef {import("./series.js").Column} Column */
+/** @import { Context } from "../core/context.js" */
+/** @import { Column } from "./series.js" */
 
 /**
  * @typedef {object} Line
@@ -30,7 +31,7 @@ import { coloursOf, onTheme } from "../scene/theme.js";
 const HEIGHT = 190;
 const TOKENS = ["ink", "muted", "line", "plot-1", "plot-2", "plot-3"];
 
-/** @param {import("../core/context.js").Context} context @param {Options} options */
+/** @param {Context} context @param {Options} options */
 export function createChart({ format }, options) {
   const values = options.lines.map(() => el("span", { class: "number" }, "–"));
   const legend = el("ul", { class: "chart-legend" }, options.lines.map((line, i) => el("li", {}, swatch(line), line.label, " ", el("b", {}, values[i]))));

@@ -1,6 +1,6 @@
 // Of which two targets the width is drawn.
 
-/** @typedef {import("../core/history.js").Sample} Sample */
+/** @import { Sample } from "../core/history.js" */
 
 /**
  * Which pair of facing targets tells most of the width: the outermost that is seen nearly as often as any.

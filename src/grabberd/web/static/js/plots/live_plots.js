@@ -7,19 +7,21 @@ import { pairOf } from "./facing_pair.js";
 import { columnsOf, summaryOf } from "./series.js";
 import { createTable } from "./table.js";
 
-/** @typedef {import("../core/history.js").Sample} Sample */
+/** @import { Context } from "../core/context.js" */
+/** @import { Sample } from "../core/history.js" */
+/** @import { Column } from "./series.js" */
 
 const SPANS_MIN = [1, 5, 10];
 const KEPT = "plots.minutes";
 const EVERY_MS = 400;
 const DASH = [7, 4];
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body @param {any} history */
+/** @param {Context} context @param {HTMLElement} body @param {any} history */
 export function createLivePlots(context, body, history) {
   const { t, format } = context;
   let minutes = SPANS_MIN.includes(kept(KEPT)) ? kept(KEPT) : SPANS_MIN[0];
   let last_ms = -Infinity;
-  /** @type {import("./series.js").Column[][]} */
+  /** @type {Column[][]} */
   let shown = [];
 
   const plots = PLOTS.map((plot) => ({ ...plot, chart: createChart(context, optionsOf(plot)) }));
@@ -57,7 +59,7 @@ export function createLivePlots(context, body, history) {
     table.show();
   }
 
-  /** @param {(typeof plots)[number]} plot @param {import("./series.js").Column[]} columns */
+  /** @param {(typeof plots)[number]} plot @param {Column[]} columns */
   function wordsOf(plot, columns) {
     const number = (/** @type {number} */ value) => format.number(value, plot.digits);
     const words = plot.lines.map((line, i) => {

@@ -5,14 +5,17 @@ import { listenToPointers } from "./pointer.js";
 import { createStage } from "./stage.js";
 import { coloursOf, onTheme } from "./theme.js";
 
+/** @import { Grid } from "./grid.js" */
+/** @import { Orbit } from "./orbit.js" */
+
 /** So near a touch has to be. */
 const NEAR_PIXELS = 28;
 const COLOURS = { ink: "ink", wire: "scene-wire", wireOn: "scene-wire-on", plain: "scene-plain", unknown: "scene-unknown", camera: "scene-camera", rim: "scene-rim", ground: "surface" };
 
 /**
- * @param {import("./grid.js").Grid} grid
+ * @param {Grid} grid
  * @param {{label: string, lost: string, nameOf: (view: string) => string, describedBy: string}} words
- * @param {{turn: (change: (orbit: import("./orbit.js").Orbit) => import("./orbit.js").Orbit) => void, resized: () => void, tap: (target: number | null) => void}} on
+ * @param {{turn: (change: (orbit: Orbit) => Orbit) => void, resized: () => void, tap: (target: number | null) => void}} on
  */
 export function createCanvas(grid, words, on) {
   const canvas = el("canvas", { class: "scene-canvas", tabindex: 0, role: "img", "aria-label": words.label, "aria-describedby": words.describedBy });

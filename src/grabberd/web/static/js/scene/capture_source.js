@@ -4,12 +4,13 @@ import { frustaOf } from "./frustum.js";
 import { gridOf } from "./grid.js";
 import { MEASURED, REACH_MM } from "./live_source.js";
 
+/** @import { Moment } from "./frames.js" */
+/** @import { Grid } from "./grid.js" */
+
 /** So many fields are played at a time: five seconds, all of them, not some. */
 export const PART_FIELDS = 250;
 const ANALYSED = ["contact_kpa", "strain1", "strain2", "tension1_n_per_m"];
 const AT_ONCE = 4;
-
-/** @typedef {import("./frames.js").Moment} Moment */
 
 /** What is needed to draw a capture. @param {any} api @param {string} id */
 export async function openCapture(api, id) {
@@ -59,7 +60,7 @@ export async function meanCycle(api, opened, number) {
   return { moments, times_s: phases.map((phase) => phase * period_s), quantities: [...quantities, "displacement_mm"] };
 }
 
-/** @param {import("./grid.js").Grid} grid @param {any} map @param {string[]} names @returns {Moment} */
+/** @param {Grid} grid @param {any} map @param {string[]} names @returns {Moment} */
 function phaseMoment(grid, map, names) {
   const moment = momentOf(grid, map.columns, names, { phase: map.phase });
   return { ...moment, values: { ...moment.values, displacement_mm: displacement(moment.xyz_mm, grid.nominal_mm) } };

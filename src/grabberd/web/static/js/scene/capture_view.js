@@ -4,7 +4,10 @@ import { measuredPart, meanCycle, openCapture } from "./capture_source.js";
 import { createPlayer } from "./player.js";
 import { createViewer } from "./viewer.js";
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body @param {string} id */
+/** @import { Context } from "../core/context.js" */
+/** @import { Moment } from "./frames.js" */
+
+/** @param {Context} context @param {HTMLElement} body @param {string} id */
 export function createCaptureView(context, body, id) {
   const { t, tn, api, format } = context;
   const place = el("div");
@@ -53,7 +56,7 @@ export function createCaptureView(context, body, id) {
 
   const addressOf = (/** @type {number} */ target) => `#plots/${encodeURIComponent(id)}/${target}`;
 
-  /** @param {import("./frames.js").Moment} moment */
+  /** @param {Moment} moment */
   const when = (moment) =>
     moment.phase === null
       ? t("shape.whenField", { n: moment.n ?? 0, seconds: format.number(moment.time_s, 2) })

@@ -3,7 +3,8 @@ import { el, symbol } from "../core/dom.js";
 import { turned, VIEWS, zoomed } from "./orbit.js";
 import { PLAIN } from "./quantities.js";
 
-/** @typedef {import("./orbit.js").Orbit} Orbit */
+/** @import { Context } from "../core/context.js" */
+/** @import { Orbit } from "./orbit.js" */
 
 export const PARTS = ["points", "wire", "surface", "cameras"];
 const TURN_DEG = 15;
@@ -16,7 +17,7 @@ const ZOOM = 1.25;
  */
 
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {Look} look
  * @param {string[]} quantities that there are values of
  * @param {{parts: (parts: Record<string, boolean>) => void, quantity: (name: string) => void, view: (name: string) => void, turn: (change: (orbit: Orbit) => Orbit) => void, picture: () => void}} on

@@ -1,6 +1,6 @@
 // Points of one moment in the order of the target grid: what there is to draw.
 
-/** @typedef {import("./grid.js").Grid} Grid */
+/** @import { Grid } from "./grid.js" */
 
 /**
  * @typedef {object} Moment

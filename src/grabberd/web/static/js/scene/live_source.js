@@ -4,12 +4,17 @@ import { frustaOf } from "./frustum.js";
 import { gridOf } from "./grid.js";
 import { deviceOf } from "../core/store.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Moment } from "./frames.js" */
+/** @import { Frustum } from "./frustum.js" */
+/** @import { Grid } from "./grid.js" */
+
 export const REACH_MM = 120;
 export const MEASURED = ["displacement_mm", "sigma_mm", "residual_px"];
 
 /**
- * @param {import("../core/context.js").Context} context
- * @returns {Promise<{grid: import("./grid.js").Grid, frusta: import("./frustum.js").Frustum[], follow: Function} | null>} null: nothing is measured
+ * @param {Context} context
+ * @returns {Promise<{grid: Grid, frusta: Frustum[], follow: Function} | null>} null: nothing is measured
  */
 export async function openLive(context) {
   const { api, store } = context;
@@ -19,7 +24,7 @@ export async function openLive(context) {
   const [object, calibration] = await Promise.all([api.get(`${path}/object`), calibrationOf(api, device)]);
   const grid = gridOf(object);
 
-  /** @param {(moment: import("./frames.js").Moment) => void} show @param {(problem: unknown) => void} failed @returns {() => void} ends it */
+  /** @param {(moment: Moment) => void} show @param {(problem: unknown) => void} failed @returns {() => void} ends it */
   function follow(show, failed) {
     let busy = false;
     let ended = false;

@@ -3,11 +3,13 @@ import { el, fill, setSymbol, setText, symbol } from "../core/dom.js";
 import { MEASURED, openLive } from "./live_source.js";
 import { createViewer } from "./viewer.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const FRESH_MS = 2000;
 const LOOK_EVERY_MS = 1000;
 const CALM_MS = 1000;
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body */
+/** @param {Context} context @param {HTMLElement} body */
 export function createLiveView(context, body) {
   const { t, format, store } = context;
   /** @type {(() => void)[]} */
@@ -63,7 +65,7 @@ function calmly(show) {
   };
 }
 
-/** Whether what is shown is of now. @param {import("../core/context.js").Context} context */
+/** Whether what is shown is of now. @param {Context} context */
 function createBadge({ t, now_ms, format }) {
   const sign = symbol("live");
   const words = el("span", {}, t("shape.live"));

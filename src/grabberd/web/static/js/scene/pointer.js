@@ -1,7 +1,7 @@
 // Turning, shifting and zooming by mouse, fingers, wheel and keys.
 import { shifted, turned, zoomed } from "./orbit.js";
 
-/** @typedef {import("./orbit.js").Orbit} Orbit */
+/** @import { Orbit } from "./orbit.js" */
 
 const DEG_A_PIXEL = 0.4;
 const KEY_DEG = 7.5;

@@ -1,6 +1,9 @@
 // What the colours can stand for.
 import { scaleOver, shareOf } from "./scale.js";
 
+/** @import { Moment } from "./frames.js" */
+/** @import { Scale } from "./scale.js" */
+
 /**
  * @typedef {object} Quantity
  * @property {string} unit as it is shown
@@ -23,7 +26,7 @@ export const PLAIN = "plain";
 /**
  * The scale of a quantity over moments, in its shown unit.
  * @param {string} name
- * @param {import("./frames.js").Moment[]} moments
+ * @param {Moment[]} moments
  */
 export function scaleOf(name, moments) {
   const quantity = QUANTITIES[name];
@@ -35,8 +38,8 @@ export function scaleOf(name, moments) {
 /**
  * Where every target's value is on the scale: −1 where it has none, −2 where no colour is wanted.
  * @param {string} name
- * @param {import("./scale.js").Scale | null} scale
- * @param {import("./frames.js").Moment} moment
+ * @param {Scale | null} scale
+ * @param {Moment} moment
  */
 export function sharesOf(name, scale, moment) {
   const count = moment.xyz_mm.length / 3;

@@ -5,7 +5,10 @@ import { createLines, createPoints, createSurface } from "./layers.js";
 import { normalsOf, trianglesOf, wireOf } from "./mesh.js";
 import { eyeOf } from "./orbit.js";
 
-/** @typedef {import("./grid.js").Grid} Grid */
+/** @import { Frustum } from "./frustum.js" */
+/** @import { Grid } from "./grid.js" */
+/** @import { Orbit } from "./orbit.js" */
+
 /** @typedef {[number, number, number]} Rgb */
 
 /**
@@ -14,8 +17,8 @@ import { eyeOf } from "./orbit.js";
  * @property {Float32Array} shares of the colour scale, −1 without a value, −2 where none is wanted
  * @property {keyof typeof MAPS} map
  * @property {{points: boolean, wire: boolean, surface: boolean}} parts
- * @property {import("./frustum.js").Frustum[]} frusta the cameras; none where they are not to be seen
- * @property {import("./orbit.js").Orbit} orbit
+ * @property {Frustum[]} frusta the cameras; none where they are not to be seen
+ * @property {Orbit} orbit
  * @property {{middle: [number, number, number], radius: number}} object what fills the picture
  * @property {ArrayLike<number> | null} marked_mm where the chosen target is
  * @property {Record<string, Rgb>} colours wire, wireOn (before the surface), plain, unknown, camera, rim
@@ -128,7 +131,7 @@ export function createStage(canvas, grid) {
   return { draw, resize, onCanvas, pixelsPerMm, dispose };
 }
 
-/** @param {import("./frustum.js").Frustum} frustum @returns {[number[], number[]][]} */
+/** @param {Frustum} frustum @returns {[number[], number[]][]} */
 function outlineOf({ apex_mm, corners_mm }) {
   return corners_mm.flatMap((corner, i) => [[apex_mm, corner], [corner, corners_mm[(i + 1) % 4]]]);
 }

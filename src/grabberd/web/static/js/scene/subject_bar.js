@@ -2,10 +2,12 @@
 import { labelsIn } from "../captures/words.js";
 import { el, fill } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const LISTED = 50;
 
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {"shape" | "plots"} way which of them this is
  * @param {string | undefined} id of the capture; live without one
  */
@@ -35,7 +37,7 @@ export function createSubjectBar(context, way, id) {
   return element;
 }
 
-/** A capture in a line. @param {import("../core/context.js").Context} context @param {any} capture */
+/** A capture in a line. @param {Context} context @param {any} capture */
 export function nameOf(context, capture) {
   const { format } = context;
   const said = [labelsIn(context, capture), capture.note].filter(Boolean).join(", ");

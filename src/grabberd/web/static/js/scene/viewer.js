@@ -12,7 +12,12 @@ import { PLAIN, QUANTITIES, scaleOf, sharesOf } from "./quantities.js";
 import { together } from "./scale.js";
 import { canDraw } from "./stage.js";
 
-/** @typedef {import("./frames.js").Moment} Moment */
+/** @import { Context } from "../core/context.js" */
+/** @import { Moment } from "./frames.js" */
+/** @import { Frustum } from "./frustum.js" */
+/** @import { Grid } from "./grid.js" */
+/** @import { Orbit } from "./orbit.js" */
+/** @import { Scale } from "./scale.js" */
 
 const KEPT = "shape.look";
 const PARTS = { points: true, wire: true, surface: true, cameras: false };
@@ -20,8 +25,8 @@ const SUMMARY_ID = "scene-summary";
 
 /**
  * @typedef {object} Subject
- * @property {import("./grid.js").Grid} grid
- * @property {import("./frustum.js").Frustum[]} frusta
+ * @property {Grid} grid
+ * @property {Frustum[]} frusta
  * @property {string[]} quantities that there are values of
  * @property {Moment[] | null} moments all there are; null where they come one by one
  * @property {(moment: Moment) => string} when a moment in words
@@ -29,7 +34,7 @@ const SUMMARY_ID = "scene-summary";
  * @property {((target: number) => string) | null} addressOf where a target is shown over time
  */
 
-/** @param {import("../core/context.js").Context} context @param {Subject} subject */
+/** @param {Context} context @param {Subject} subject */
 export function createViewer(context, subject) {
   if (!canDraw()) return unable(context, subject);
   const { t, format } = context;
@@ -44,7 +49,7 @@ export function createViewer(context, subject) {
   let orbit = VIEWS.oblique;
   /** @type {Moment | null} */
   let moment = null;
-  /** @type {import("./scale.js").Scale | null} */
+  /** @type {Scale | null} */
   let scale = null;
   /** @type {number | null} */
   let target = null;
@@ -67,7 +72,7 @@ export function createViewer(context, subject) {
   const figure = el("div", { class: "scene-figure" }, canvas.element, legend.element, summary);
   const element = el("div", { class: "scene" }, figure, el("div", { class: "stack" }, controls.element, inspector.element));
 
-  /** @param {(orbit: import("./orbit.js").Orbit) => import("./orbit.js").Orbit} change */
+  /** @param {(orbit: Orbit) => Orbit} change */
   function turn(change) {
     view = null;
     orbit = change(orbit);
@@ -152,7 +157,7 @@ export function createViewer(context, subject) {
   return { element, show, end: canvas.end };
 }
 
-/** Where the browser cannot draw, what is known is said in words. @param {import("../core/context.js").Context} context @param {Subject} subject */
+/** Where the browser cannot draw, what is known is said in words. @param {Context} context @param {Subject} subject */
 function unable({ t }, subject) {
   const summary = el("p", { id: SUMMARY_ID });
   const note = el("div", { class: "note is-warn" }, el("p", {}, t("shape.noWebgl")));

@@ -3,9 +3,11 @@ import { el, fill, symbol } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 import { deviceOf } from "../core/store.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const LANGUAGES = { en: "English", nb: "Norsk" };
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createMenu(context) {
   const { t, store } = context;
   const who = el("div", { class: "menu-who" });
@@ -27,7 +29,7 @@ export function createMenu(context) {
   return menu;
 }
 
-/** @param {import("../core/context.js").Context} context @param {any} session */
+/** @param {Context} context @param {any} session */
 function person({ t, api, store, refused }, session) {
   const role = el("strong", { data: { role: session.role } }, t(`core.role.${session.role}`));
   const name = session.token ? el("span", { class: "muted" }, session.token) : el("span", { class: "muted" }, t("core.noTokens"));
@@ -43,7 +45,7 @@ function person({ t, api, store, refused }, session) {
   return [el("p", { class: "menu-role" }, symbol("person"), el("span", {}, role, " ", name)), session.by === "session" && out];
 }
 
-/** The choice of a device, where there are several. @param {import("../core/context.js").Context} context */
+/** The choice of a device, where there are several. @param {Context} context */
 function devices({ t, store }) {
   const names = Object.keys(store.get().state?.devices ?? {});
   if (names.length < 2) return null;
@@ -54,7 +56,7 @@ function devices({ t, store }) {
   });
 }
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 function language({ t, texts }) {
   return choice(t("core.language"), LANGUAGES, texts.language, (chosen) => {
     keep("language", chosen);
@@ -62,7 +64,7 @@ function language({ t, texts }) {
   });
 }
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 function look({ t }) {
   const looks = { auto: t("core.look.auto"), light: t("core.look.light"), dark: t("core.look.dark") };
   return choice(t("core.look.title"), looks, kept("look", "auto"), (chosen) => {
@@ -72,7 +74,7 @@ function look({ t }) {
   });
 }
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 function help({ t }) {
   return el("p", { class: "menu-help" }, el("a", { href: "/docs" }, t("core.docs")));
 }

@@ -1,7 +1,9 @@
 // The way from panel to panel: on top on a tablet, at the bottom on a phone.
 import { el, symbol } from "../core/dom.js";
 
-/** @param {import("../core/context.js").Context} context @param {any[]} entries */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {any[]} entries */
 export function createNavigation(context, entries) {
   const { t } = context;
   const links = entries

@@ -1,7 +1,9 @@
 // Signing in: a token is shown once, and traded for a session that no page can read.
 import { el, fill, symbol } from "../core/dom.js";
 
-/** @param {import("../core/context.js").Context} context */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context */
 export function createSignIn(context) {
   const { t } = context;
   const input = el("input", {
@@ -27,7 +29,7 @@ export function createSignIn(context) {
   return form;
 }
 
-/** @param {import("../core/context.js").Context} context @param {string} token @returns {Promise<any>} a refusal, or nothing */
+/** @param {Context} context @param {string} token @returns {Promise<any>} a refusal, or nothing */
 async function signIn({ api, store, t }, token) {
   try {
     const headers = { Authorization: `Bearer ${token}` };

@@ -2,8 +2,10 @@
 import { el, fill } from "../core/dom.js";
 import { routeOf } from "../core/router.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {any[]} entries
  * @param {HTMLElement} main
  * @param {(id: string) => void} mark tells the navigation which is shown
