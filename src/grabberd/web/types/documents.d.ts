@@ -1,5 +1,6 @@
 // The daemon's documents by the page's names for them. Each is taken from the route that answers with it, so that
 // neither the page nor this file depends on what OpenAPI calls its schemas.
+import type { paths } from "./openapi.d.ts";
 import type { Answer, Body } from "./routes.d.ts";
 
 export type State = Answer<"get", "/state">;
@@ -13,8 +14,9 @@ export type Session = Answer<"get", "/session">;
 export type Role = Session["role"];
 export type Threshold = NonNullable<Body<"put", "/settings">["threshold"]>;
 export type Settings = Answer<"get", "/settings">;
-export type Light = Answer<"get", "/devices/{}/light">;
-export type ViewLight = Light["views"][string];
+export type Illumination = Answer<"get", "/devices/{}/light">;
+export type ViewIllumination = Illumination["views"][string];
+export type Pulsation = Answer<"get", "/devices/{}/pulsation">;
 
 export type Capture = Answer<"get", "/captures/{}">;
 export type Ledger = Capture["ledger"];
@@ -34,4 +36,6 @@ export type CalibrationFrame = Answer<"get", "/calibration-frames">["calibration
 
 export type AnalysisRow = Answer<"get", "/captures/{}/analyses">["analyses"][number];
 export type AnalysisRequest = NonNullable<Body<"post", "/captures/{}/analysis">>;
-export type AnalysisMap = Answer<"get", "/captures/{}/analyses/{}/maps">;
+
+/** A refusal, as RFC 9457 has it. */
+export type Problem = paths["/api/v1/captures/{capture_id}"]["get"]["responses"][404]["content"]["application/problem+json"];

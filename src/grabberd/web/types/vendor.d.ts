@@ -4,4 +4,5 @@ declare module "*/vendor/uplot/uPlot.esm.js" {
 }
 declare module "*/vendor/ogl/ogl.js" {
   export { Camera, Geometry, Mesh, Program, Renderer, Transform } from "ogl";
+  export type { OGLRenderingContext } from "ogl";
 }

@@ -9,7 +9,7 @@ const WIDTH = 10;
 const HEIGHT = 6;
 const HATCH = "analysis-hatch";
 
-/** @param {string} tag @param {Record<string, any>} attributes */
+/** @param {string} tag @param {Record<string, string | number>} attributes */
 function make(tag, attributes) {
   const made = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));

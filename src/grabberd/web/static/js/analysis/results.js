@@ -6,11 +6,12 @@ import { createMaps } from "./maps.js";
 import { createSummary } from "./summary.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { AnalysisRow, Capture } from "types/documents" */
 
-/** @param {Context} context @param {any} capture @param {any} record of the analysis */
+/** @param {Context} context @param {Capture} capture @param {AnalysisRow} record of the analysis */
 export function createResults(context, capture, record) {
   const { t, api } = context;
-  const path = `/captures/${encodeURIComponent(capture.id)}/analyses/${record.analysis}`;
+  const path = /** @type {const} */ (`/captures/${encodeURIComponent(capture.id)}/analyses/${record.analysis}`);
   const element = el("div", { class: "stack", data: { analysis: record.analysis } }, el("p", { class: "muted", role: "status" }, t("analysis.loading")));
   /** @type {{end: () => void}[]} */
   let parts = [];
@@ -29,7 +30,7 @@ export function createResults(context, capture, record) {
 
   /** What it was told, as it was told it. */
   function inputs() {
-    const bursts = record.bursts.length ? el("p", {}, `${t("analysis.bursts.title")}: ${record.bursts.join(", ")}`) : null;
+    const bursts = record.bursts?.length ? el("p", {}, `${t("analysis.bursts.title")}: ${record.bursts.join(", ")}`) : null;
     return el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.given")), el("pre", { class: "analysis-given scroll", tabindex: 0 }, JSON.stringify(record.inputs, null, 2)), bursts);
   }
 

@@ -3,11 +3,13 @@ import { el, symbol } from "../core/dom.js";
 import { column, single } from "./tables.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { AnalysisRow } from "types/documents" */
+/** @import { Analysis } from "types/open_documents" */
 
 const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 3], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
 const PHASES = ["a", "b", "c", "d"];
 
-/** @param {Context} context @param {any} document @param {any} record */
+/** @param {Context} context @param {Analysis} document @param {AnalysisRow} record */
 export function createSummary(context, document, record) {
   const { t, tn, format } = context;
   const table = document.tables.summary;
@@ -37,7 +39,7 @@ export function createSummary(context, document, record) {
 
   const analysed = column(table, "analysed")[0] ?? 0;
   const facts = el("dl", { class: "facts" }, el("dt", {}, t("analysis.fact.analysed")), el("dd", {}, tn("captures.fields", analysed)), FACTS.map(fact), phases("wall"), phases("iso"));
-  return el("div", { class: "stack" }, facts, lacks(context, record.lacks), problems(context, record.problems));
+  return el("div", { class: "stack" }, facts, lacks(context, record.lacks ?? []), problems(context, record.problems ?? []));
 }
 
 /** What was not given, and its consequence. @param {Context} context @param {string[]} given */

@@ -6,11 +6,12 @@ import { lackIn } from "../lights/words.js";
 import { ageOf } from "./words.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { CalibrationRow } from "types/documents" */
 
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", moved: "bad", unmatched: "warn", unknown: "idle" });
 const SIGNS = /** @type {Record<string, string>} */ ({ good: "ok", warn: "warn", bad: "bad", idle: "unknown" });
 
-/** @param {Context} context @param {() => any[]} rows */
+/** @param {Context} context @param {() => CalibrationRow[]} rows */
 export function createActive(context, rows) {
   const { t, tl, store, format } = context;
   const now = el("div", { class: "stack" });
@@ -19,7 +20,7 @@ export function createActive(context, rows) {
 
   function show() {
     const device = deviceOf(store.get());
-    const lack = device?.lacks.find((/** @type {any} */ one) => one.lacks === "calibration");
+    const lack = device?.lacks.find((one) => one.lacks === "calibration");
     if (!device?.calibration) return fill(now, note("bad", el("strong", {}, t("calibration.active.none")), el("p", {}, t("calibration.active.noneText"))));
     const { id, created_utc, activated_utc } = device.calibration;
     const row = rows().find((one) => one.id === id);

@@ -28,7 +28,7 @@ export function createAdjust(context, id) {
     if (known?.state === "done") return;
     live = true;
     const { calibrations } = await api.get("/calibrations");
-    const before = calibrations.find((/** @type {any} */ row) => row.capture === id);
+    const before = calibrations.find((row) => row.capture === id);
     if (before && !ended) offer(before.id);
   }
 
@@ -37,7 +37,7 @@ export function createAdjust(context, id) {
     fill(made, note("good", el("p", {}, t("calibration.adjust.made")), way(addressOf("review", calibration), t("calibration.adjust.read"), "primary")));
   }
 
-  /** @param {any} ended */
+  /** @param {{result: {calibration: string}}} job */
   function done({ result }) {
     if (live) go("calibration", "review", result.calibration);
     else offer(result.calibration);
@@ -49,7 +49,8 @@ export function createAdjust(context, id) {
     try {
       const { labels } = await api.get(`/captures/${encodeURIComponent(id)}`);
       const body = { capture: id, calibration_frame: labels.calibration_frame, note: words.value.trim() };
-      job.follow(await api.post("/calibrations", { body, key: newKey() }));
+      const made = await api.post("/calibrations", { body, key: newKey() });
+      if ("progress" in made) job.follow(made); // a calibration itself answers only the import of one
     } catch (problem) {
       context.refused(problem);
     }

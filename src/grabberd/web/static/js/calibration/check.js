@@ -7,6 +7,8 @@ import { latestJob } from "./latest_job.js";
 import { note } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Job } from "types/documents" */
+/** @import { CheckResult } from "types/open_documents" */
 
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", recalibrate: "bad" });
 
@@ -35,14 +37,14 @@ export function createCheck(context) {
     fill(result);
     try {
       const frame = chosenFrame(await knownFrames(context));
-      job.follow(await api.post(`/devices/${encodeURIComponent(device)}/check`, { body: { calibration_frame: frame?.name ?? null, in_place: inPlace.checked } }));
+      job.follow(await api.post(`/devices/${encodeURIComponent(device ?? "")}/check`, { body: { calibration_frame: frame?.name ?? null, in_place: inPlace.checked } }));
     } catch (problem) {
       context.refused(problem);
       busy(false);
     }
   }
 
-  /** Its capture is of no use then. @param {any} job */
+  /** Its capture is of no use then. @param {Job} job */
   function cancelled({ subject }) {
     if (context.device()?.capture_id === subject) api.post(`/captures/${encodeURIComponent(subject)}/stop`).catch(context.refused);
   }
@@ -61,7 +63,7 @@ export function createCheck(context) {
     why.hidden = why.textContent === "";
   }
 
-  /** @param {any} done */
+  /** @param {Job & {result: CheckResult}} job */
   function show({ result: found, created_utc }) {
     const facts = t("calibration.check.facts", { seen: found.seen, of: found.of, mm: format.number(found.rmse.xyz_mm, 3), px: format.number(found.parallax_px, 2) });
     fill(result, note(LEVELS[found.verdict], el("strong", { data: { check: found.verdict } }, t(`calibration.check.verdict.${found.verdict}`)), el("p", {}, t(`calibration.check.advice.${found.verdict}`))),

@@ -7,6 +7,7 @@ import { chosenFrame, createFrameChoice, knownFrames } from "./frames.js";
 import { addressOf, note, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { CalibrationFrame, Device, Illumination, ViewIllumination } from "types/documents" */
 
 const EVERY_MS = 1000;
 const SOON = new Set(["opening", "ready", "capturing"]);
@@ -24,7 +25,7 @@ export function createPlace(context) {
     el("section", { class: "card stack" }, el("h2", {}, t("live.picture")), picture.element, counts));
   let timer = 0;
   let ended = false;
-  /** @type {any} */
+  /** @type {CalibrationFrame | null} */
   let frame = null;
 
   async function open() {
@@ -41,7 +42,7 @@ export function createPlace(context) {
     if (!ended) timer = setTimeout(look, EVERY_MS);
   }
 
-  /** @param {any} device */
+  /** @param {Device} device */
   async function ask(device) {
     const light = await api.get(`/devices/${encodeURIComponent(device.name)}/light`).catch(() => null);
     if (ended) return;
@@ -49,13 +50,13 @@ export function createPlace(context) {
     else showNone(null);
   }
 
-  /** @param {any} device */
+  /** @param {Device | null} device */
   function showNone(device) {
     fill(counts);
-    say([SOON.has(device?.state) ? note("busy", t("calibration.advice.soon")) : note("bad", t("calibration.advice.away"))]);
+    say([device && SOON.has(device.state) ? note("busy", t("calibration.advice.soon")) : note("bad", t("calibration.advice.away"))]);
   }
 
-  /** @param {any} light */
+  /** @param {Illumination} light */
   function show(light) {
     const of = frame?.targets ?? 0;
     fill(counts, ...Object.entries(light.views).map(([view, shown]) => count(view, shown, of)));
@@ -71,7 +72,7 @@ export function createPlace(context) {
     fill(words, ...notes);
   }
 
-  /** @param {string} view @param {any} shown @param {number} of */
+  /** @param {string} view @param {ViewIllumination} shown @param {number} of */
   function count(view, shown, of) {
     const good = isEnough(shown, of);
     return el("p", { class: `badge is-${good ? "good" : "warn"}`, data: { view } }, symbol(good ? "ok" : "warn"), t("calibration.place.count", { view: t(`live.view.${view}`), n: shown.targets, of }));

@@ -1,8 +1,9 @@
 // Where in the guided way we are.
 import { el, symbol } from "../core/dom.js";
-import { keep } from "../core/kept.js";
+import { keep, kept } from "../core/kept.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Child } from "types/elements" */
 
 export const STEPS = ["place", "take", "found", "adjust", "review"];
 const AT = "calibration.at";
@@ -10,6 +11,13 @@ const AT = "calibration.at";
 /** Remembers where the way was left. @param {string} step @param {string} [id] */
 export function remember(step, id) {
   keep(AT, id ? [step, id] : [step]);
+}
+
+/** Where the way was left, as it was remembered; null: nowhere. @returns {{step: string, id?: string} | null} */
+export function leftAt() {
+  const at = kept(AT);
+  if (!Array.isArray(at) || !STEPS.includes(at[0])) return null;
+  return { step: at[0], id: typeof at[1] === "string" ? at[1] : undefined };
 }
 
 export function forget() {
@@ -26,7 +34,7 @@ export function createSteps({ t }, step) {
   return el("nav", { class: "steps-card", "aria-label": t("calibration.steps.label") }, el("ol", { class: "steps" }, items));
 }
 
-/** A note of a level. @param {string} level @param {...any} body */
+/** A note of a level. @param {string} level @param {...Child} body */
 export function note(level, ...body) {
   const signs = /** @type {Record<string, string>} */ ({ good: "ok", warn: "warn", bad: "bad", busy: "wait", idle: "info" });
   return el("div", { class: `note is-${level}` }, symbol(signs[level]), el("div", { class: "grow" }, ...body));

@@ -2,8 +2,9 @@
 import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { CalibrationRow } from "types/documents" */
 
-/** @param {Context} context @param {any} row */
+/** @param {Context} context @param {CalibrationRow} row */
 export function badges({ t }, row) {
   const badge = (/** @type {string} */ level, /** @type {string} */ sign, /** @type {string} */ key) => el("span", { class: `badge is-${level}` }, symbol(sign), t(`calibration.is.${key}`));
   return [
@@ -13,7 +14,7 @@ export function badges({ t }, row) {
   ];
 }
 
-/** What it was made from. @param {Context} context @param {any} row */
+/** What it was made from. @param {Context} context @param {CalibrationRow} row */
 export function madeOf({ t }, row) {
   if (row.capture) return [t("calibration.made.capture"), " ", el("a", { href: `#captures/${encodeURIComponent(row.capture)}` }, row.capture)];
   return row.origin ? [t(`calibration.made.${row.origin}`), row.source ? ` · ${row.source}` : ""] : [row.problem];

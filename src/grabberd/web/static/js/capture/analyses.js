@@ -2,6 +2,7 @@
 import { el, fill, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
 
 const SHOWN = 4;
 
@@ -11,11 +12,11 @@ export function createAnalyses(context) {
   const list = el("ul", { class: "analysis-links" });
   const element = el("section", { class: "card stack", hidden: true }, el("h2", {}, t("capture.analyses")), list);
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   async function show(capture) {
     const found = await api.get(`/captures/${encodeURIComponent(capture.id)}/analyses`).catch(() => ({ analyses: [] }));
     element.hidden = !found.analyses.length;
-    fill(list, ...found.analyses.slice(0, SHOWN).map((/** @type {any} */ one) => el("li", {}, el("a", { class: "button", href: `#analysis/${encodeURIComponent(capture.id)}/${one.analysis}` }, symbol("maps"), t("capture.analysis", { n: one.analysis })), " ", el("span", { class: "muted small" }, one.created_utc && format.moment(one.created_utc)))));
+    fill(list, ...found.analyses.slice(0, SHOWN).map((one) => el("li", {}, el("a", { class: "button", href: `#analysis/${encodeURIComponent(capture.id)}/${one.analysis}` }, symbol("maps"), t("capture.analysis", { n: one.analysis })), " ", el("span", { class: "muted small" }, one.created_utc && format.moment(one.created_utc)))));
   }
   return { element, show };
 }

@@ -1,11 +1,15 @@
 // What was measured of a capture, with which calibration, and measuring it again.
-import { newKey } from "../core/api.js";
+import { newKey, statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { PointSample } from "./sample.js" */
+/** @import { Capture, Rig, Run } from "types/documents" */
+/** @import { MadeWith } from "types/open_documents" */
 
 const SHOWN = 6;
+/** @type {Partial<Record<Rig["verdict"], [string, string]>>} level and symbol */
 const RIG = { fits: ["good", "ok"], doubtful: ["warn", "warn"], moved: ["bad", "bad"], unmatched: ["bad", "bad"] };
 
 /** @param {Context} context @param {() => void} again the capture is to be looked at anew */
@@ -20,12 +24,12 @@ export function createRuns(context, again) {
   const job = createJob(context, { title: t("capture.runs.measuring"), busy: (busy) => (measure.disabled = busy), done: ended });
   const hint = el("p", { class: "field-hint" }, t("capture.runs.hint"));
   const element = el("section", { class: "card stack" }, el("h2", {}, t("capture.runs.title")), findings, none, table, may("operator") && el("div", { class: "stack capture-measure" }, measure, hint), job.element);
-  /** @type {Map<number, any>} */
+  /** @type {Map<number, {made_with: MadeWith}>} */
   const known = new Map();
   let id = "";
   let key = newKey();
 
-  /** @param {any} capture @param {any} sample of its points, or null */
+  /** @param {Capture} capture @param {PointSample | null} sample of its points, or null */
   function show(capture, sample) {
     if (!id) job.resume("measure", capture.id);
     id = capture.id;
@@ -33,43 +37,43 @@ export function createRuns(context, again) {
     table.hidden = !capture.runs.length;
     measure.hidden = hint.hidden = capture.verdict === null || capture.state !== "sealed";
     fill(body, ...[...capture.runs].reverse().slice(0, SHOWN).map(row));
-    fill(findings, quality(sample), rig(capture.rig));
+    fill(findings, quality(sample), rig(/** @type {Rig | null | undefined} */ (capture.rig)));
   }
 
-  /** @param {any} run */
+  /** @param {Run} run */
   function row(run) {
     const made = el("td", {}, "…");
     const object = el("td", {}, "…");
-    whole(run).then(({ made_with }) => {
-      fill(made, made_with.calibration?.id ?? "–");
-      fill(object, made_with.object?.name ?? "–");
+    madeWith(run).then((made_with) => {
+      fill(made, made_with?.calibration?.id ?? "–");
+      fill(object, made_with?.object?.name ?? "–");
     });
     return el("tr", {}, el("td", {}, run.run), el("td", {}, how(run)), el("td", {}, format.moment(run.created_utc)), made, object);
   }
 
-  /** A run that is done does not change. @param {any} run */
-  async function whole(run) {
-    const found = known.get(run.run) ?? (await api.get(`/captures/${encodeURIComponent(id)}/runs/${run.run}`).catch(() => ({ made_with: {} })));
-    known.set(run.run, found);
-    return found;
+  /** A run that is done does not change. @param {Run} run */
+  async function madeWith(run) {
+    const found = known.get(run.run) ?? (await api.get(`/captures/${encodeURIComponent(id)}/runs/${run.run}`).catch(() => null));
+    if (found) known.set(run.run, found);
+    return found?.made_with;
   }
 
-  /** @param {any} run */
+  /** @param {Run} run */
   function how(run) {
     const words = t(run.kind === "live" ? "capture.runs.live" : "capture.runs.later");
     return run.state === "done" ? words : `${words} (${t(run.state === "running" ? "capture.runs.running" : "capture.runs.broken")})`;
   }
 
-  /** @param {any} sample */
+  /** @param {PointSample | null} sample */
   function quality(sample) {
     if (!sample?.points) return null;
     return el("p", {}, t("capture.runs.quality", { targets: format.number(sample.targets, 0), residual: format.number(sample.residual_px, 3), sigma: format.number(sample.sigma_mm, 3) }));
   }
 
-  /** @param {any} found */
+  /** @param {Rig | null | undefined} found */
   function rig(found) {
     if (!found) return null;
-    const [level, sign] = RIG[/** @type {keyof typeof RIG} */ (found.verdict)] ?? ["idle", "unknown"];
+    const [level, sign] = RIG[found.verdict] ?? ["idle", "unknown"];
     const apart = found.shift_px === null ? "" : ` ${t("capture.runs.shift", { px: format.number(found.shift_px, 2) })}`;
     return el("p", { class: `note is-${level}` }, symbol(sign), el("span", {}, `${t("lights.rig.title")}: ${t(`lights.rig.words.${found.verdict}`)}.`, apart));
   }
@@ -81,7 +85,7 @@ export function createRuns(context, again) {
       key = newKey();
       job.follow(made);
     } catch (problem) {
-      if (/** @type {any} */ (problem).status) key = newKey();
+      if (statusOf(problem)) key = newKey();
       measure.disabled = false;
       context.refused(problem);
     }

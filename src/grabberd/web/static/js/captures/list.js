@@ -4,6 +4,8 @@ import { createRow } from "./row.js";
 import { atRest } from "./words.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Known } from "../core/store.js" */
+/** @import { Capture } from "types/documents" */
 
 const PAGE = 25;
 const EVERY_MS = 1000;
@@ -19,7 +21,7 @@ export function createList(context, search) {
   const more = el("button", { class: "button wide", type: "button", hidden: true, on: { click: () => load(next) } }, symbol("down"), t("captures.older"));
   const empty = el("div", { class: "card stack", hidden: true });
   const element = el("div", { class: "stack" }, count, list, empty, more);
-  /** @type {any[]} */
+  /** @type {Capture[]} */
   let captures = [];
   /** @type {Map<string, ReturnType<typeof createRow>>} */
   const rows = new Map();
@@ -38,7 +40,7 @@ export function createList(context, search) {
     const page = await api.get(`/captures?${query}`).catch(context.refused);
     if (mine !== turn || !page) return;
     captures = cursor ? [...captures, ...page.captures] : page.captures;
-    next = page.next;
+    next = page.next ?? null;
     show();
   }
 
@@ -53,7 +55,7 @@ export function createList(context, search) {
     if (captures.some((one) => !atRest(one))) timer = setTimeout(look, EVERY_MS);
   }
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function rowOf(capture) {
     const row = rows.get(capture.id) ?? createRow(context, capture);
     rows.set(capture.id, row);
@@ -68,7 +70,7 @@ export function createList(context, search) {
     const found = await Promise.all(asked.map((one) => api.get(`/captures/${one.id}`).catch(() => null)));
     if (mine !== turn) return;
     if (found.includes(null)) return load();
-    captures = captures.map((one) => found.find((other) => other.id === one.id) ?? one);
+    captures = captures.map((one) => found.find((other) => other?.id === one.id) ?? one);
     show();
   }
 
@@ -91,9 +93,9 @@ export function createList(context, search) {
   };
 }
 
-/** Which captures run or wait, as one text. @param {any} known */
+/** The captures that run or wait, as one text. @param {Known} known */
 function currentOf(known) {
-  const devices = /** @type {any[]} */ (Object.values(known.state?.devices ?? {}));
+  const devices = Object.values(known.state?.devices ?? {});
   return devices.map((device) => `${device.capture_id} ${device.armed_capture_id}`).join();
 }
 

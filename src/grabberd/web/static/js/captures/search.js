@@ -12,7 +12,7 @@ export function createSearch({ t }, changed) {
   const day = el("input", { class: "input", type: "date", on: { change: changed } });
   const all = el("button", { class: "button", type: "button", on: { click: clear } }, t("captures.all"));
   const element = el(
-    "form", { class: "capture-search", role: "search", on: { submit: (/** @type {Event} */ event) => event.preventDefault() } },
+    "form", { class: "capture-search", role: "search", on: { submit: (event) => event.preventDefault() } },
     el("label", { class: "field grow" }, el("span", { class: "field-label" }, t("captures.search")), text),
     el("label", { class: "field" }, el("span", { class: "field-label" }, t("captures.day")), day),
     all,

@@ -1,11 +1,15 @@
 // The stream of the daemon's state: kept up by itself, and honest about when it is not.
 import { merged } from "./store.js";
 
+/** @import { Store } from "./store.js" */
+/** @import { State } from "types/documents" */
+/** @import { Api } from "types/routes" */
+
 const RETRY_MS = 2000;
 const QUIET_MS = 20000;
 const PING_MS = 5000;
 
-/** @param {any} store @param {any} api */
+/** @param {Store} store @param {Api} api */
 export function createConnection(store, api) {
   /** @type {EventSource | null} */
   let source = null;
@@ -16,7 +20,7 @@ export function createConnection(store, api) {
     stop();
     source = new EventSource(api.url("/events"));
     source.addEventListener("state", (event) => take(JSON.parse(event.data)));
-    source.addEventListener("change", (event) => take(merged(store.get().state, JSON.parse(event.data))));
+    source.addEventListener("change", (event) => take(/** @type {State} */ (merged(store.get().state, JSON.parse(event.data)))));
     source.addEventListener("open", () => tell(true));
     source.addEventListener("error", () => again());
   }
@@ -27,7 +31,7 @@ export function createConnection(store, api) {
     source = null;
   }
 
-  /** @param {any} state */
+  /** @param {State} state */
   function take(state) {
     heard = Date.now();
     tell(true);

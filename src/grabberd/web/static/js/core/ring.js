@@ -2,7 +2,13 @@
 
 /**
  * @template {{time_s: number}} Sample
+ * @typedef {{push: (sample: Sample) => void, all: (last_s?: number) => Sample[]}} Ring
+ */
+
+/**
+ * @template {{time_s: number}} Sample
  * @param {number} span_s older ones are forgotten
+ * @returns {Ring<Sample>}
  */
 export function createRing(span_s) {
   /** @type {Sample[]} */

@@ -27,11 +27,10 @@ export function createLights(context) {
     const judged = judge(store.get(), history);
     alerts.show(judged);
     for (const light of judged) {
-      if (!lights.has(light.id)) {
-        lights.set(light.id, createLight(context, light.id));
-        list.append(lights.get(light.id)?.element);
-      }
-      lights.get(light.id)?.show(light);
+      const one = lights.get(light.id) ?? createLight(context, light.id);
+      if (!lights.has(light.id)) list.append(one.element);
+      lights.set(light.id, one);
+      one.show(light);
     }
   }
 
@@ -82,7 +81,7 @@ function createLight(context, id) {
   function open() {
     element.open = true;
     element.scrollIntoView({ block: "center" });
-    element.querySelector("summary").focus();
+    element.querySelector("summary")?.focus();
   }
 
   return { element, show, open };

@@ -1,7 +1,8 @@
 // A light's word in full, with its numbers as people read them; the daemon's causes in words.
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Light } from "./judge.js" */
+/** @import { Format } from "../core/format.js" */
+/** @import { Light, LightValues } from "./judge.js" */
 
 /** Whether there are words for a cause of the daemon. @param {Context} context @param {string | null | undefined} code */
 export function isKnown({ texts }, code) {
@@ -17,12 +18,12 @@ export function lackIn(context, lack) {
 export function wordsOf({ t, tn, format }, light) {
   const values = light.values ?? {};
   const key = `lights.${light.id}.words.${light.word}`;
-  if (light.id === "lost" && light.word === "some") return tn("lights.lost.words.some", values.n);
-  if (light.id === "calibration" && light.word === "good") return `${t(key, values)} · ${age(values.days, tn)}`;
+  if (values.n !== undefined) return tn(key, values.n);
+  if (light.word === "good" && values.days !== undefined) return `${t(key, values)} · ${age(values.days, tn)}`;
   return t(key, shown(values, format));
 }
 
-/** @param {any} values @param {any} format */
+/** @param {LightValues} values @param {Format} format */
 function shown(values, format) {
   const { hz, wanted, minutes, seconds } = values;
   return {

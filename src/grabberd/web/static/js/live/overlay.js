@@ -1,7 +1,9 @@
 // What is drawn over the picture: both views' outlines, the located targets, their ids and residuals.
 
 /** @import { Point, Preview } from "./message.js" */
+/** @import { Views } from "types/documents" */
 
+/** @type {Record<string, string>} */
 const COLOURS = { left: "#35d0ff", right: "#ffb02e" };
 const RING_PX = 7;
 const LARGEST_LABEL_PX = 12;
@@ -17,7 +19,7 @@ const FAIR_PX = 0.3;
 /**
  * @param {CanvasRenderingContext2D} to scaled to frame pixels
  * @param {Preview} preview
- * @param {Record<string, {first_column: number, end_column: number}>} views
+ * @param {Views} views
  * @param {Choices} choices
  * @param {number} unit how many frame pixels one pixel of the page is
  */
@@ -31,7 +33,7 @@ export function drawOverlay(to, preview, views, choices, unit) {
 
 /** @param {string} name */
 export function colourOf(name) {
-  return /** @type {any} */ (COLOURS)[name] ?? "#ffffff";
+  return COLOURS[name] ?? "#ffffff";
 }
 
 /** @param {number} residual_px */
@@ -40,14 +42,14 @@ export function residualColour(residual_px) {
   return residual_px <= FAIR_PX ? "#ffd54a" : "#ff7a6e";
 }
 
-/** @param {CanvasRenderingContext2D} to @param {any} view @param {number} lines @param {string} colour @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Views[string]} view @param {number} lines @param {string} colour @param {number} unit */
 function outline(to, view, lines, colour, unit) {
   to.strokeStyle = colour;
   to.lineWidth = 2 * unit;
   to.strokeRect(view.first_column + unit, unit, view.end_column - view.first_column - 2 * unit, lines - 2 * unit);
 }
 
-/** @param {CanvasRenderingContext2D} to @param {Float32Array} centroids @param {any} views @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Float32Array} centroids @param {Views} views @param {number} unit */
 function ringAll(to, centroids, views, unit) {
   for (const [name, view] of Object.entries(views)) {
     to.beginPath();

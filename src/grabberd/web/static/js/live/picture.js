@@ -12,7 +12,7 @@ const OLD_MS = 1000;
 const LOOK_MS = 250;
 const FRAME = { columns: 720, lines: 576 };
 
-/** @param {Context} context @param {(preview: any) => void} [seen] told of every field that is shown */
+/** @param {Context} context @param {(preview: Preview) => void} [seen] told of every field that is shown */
 export function createPicture(context, seen = () => {}) {
   const { t, store } = context;
   const bits = document.createElement("canvas");

@@ -4,8 +4,10 @@ import { ledgerIn } from "../captures/words.js";
 import { deviceOf } from "../core/store.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
 
 const EVERY_MS = 1000;
+const VERDICTS = { complete: ["good", "ok"], incomplete: ["warn", "warn"] };
 
 /** @param {Context} context */
 export function createLastCapture(context) {
@@ -40,12 +42,12 @@ export function createLastCapture(context) {
   };
 }
 
-/** @param {any} capture */
+/** @param {Capture} capture */
 function atRest(capture) {
   return capture.verdict !== null || capture.state === "armed";
 }
 
-/** @param {Context} context @param {any} capture */
+/** @param {Context} context @param {Capture | undefined} capture */
 function words(context, capture) {
   const { t, format } = context;
   if (!capture) return [el("h2", {}, t("operate.last.title")), el("p", { class: "muted" }, t("operate.last.none"))];
@@ -59,15 +61,14 @@ function words(context, capture) {
   ];
 }
 
-/** @param {Context} context @param {any} capture */
+/** @param {Context} context @param {Capture} capture */
 function verdict({ t }, capture) {
   if (capture.state === "recording" || capture.state === "armed") return null;
-  const level = { complete: "good", incomplete: "warn" }[/** @type {string} */ (capture.verdict)] ?? "idle";
-  const sign = { complete: "ok", incomplete: "warn" }[/** @type {string} */ (capture.verdict)] ?? "wait";
+  const [level, sign] = capture.verdict ? VERDICTS[capture.verdict] : ["idle", "wait"];
   return el("span", { class: `badge is-${level}` }, symbol(sign), t(`operate.last.${capture.verdict ?? "sealing"}`));
 }
 
-/** What its ledger says, where the verdict does not say it all. @param {Context} context @param {any} capture */
+/** What its ledger says, where the verdict does not say it all. @param {Context} context @param {Capture} capture */
 function said(context, capture) {
   return capture.ledger.complete ? "" : ` · ${ledgerIn(context, capture)}`;
 }

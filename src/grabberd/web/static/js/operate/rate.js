@@ -4,14 +4,15 @@ import { deviceOf } from "../core/store.js";
 import { USUAL } from "./order.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Wish } from "./order.js" */
+/** @import { Change, Wish } from "./order.js" */
+/** @import { Pulsation } from "types/documents" */
 
 const DIGITS = 1;
 
 /**
  * @param {Context} context
  * @param {Wish} wish
- * @param {(name: string, value: any) => void} set
+ * @param {Change} set
  * @param {() => void} changed it is another one than before
  */
 export function createRate(context, wish, set, changed) {
@@ -19,7 +20,7 @@ export function createRate(context, wish, set, changed) {
   const input = el("input", { class: "input number", id: "length-rate", type: "number", inputmode: "decimal", min: 1, step: "any", "aria-describedby": "length-rate-from" });
   const from = el("span", { class: "field-hint", id: "length-rate-from" });
   const element = el("label", { class: "field", for: "length-rate" }, el("span", { class: "field-label" }, t("operate.length.rate")), input, from);
-  /** @type {any} */
+  /** @type {Pulsation | null} */
   let measured = null;
   let asked = "";
   let ended = false;

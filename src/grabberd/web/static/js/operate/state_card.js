@@ -3,6 +3,7 @@ import { el, setSymbol, setText, symbol } from "../core/dom.js";
 import { situationOf } from "./situation.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Situation } from "./situation.js" */
 
 /** @param {Context} context */
 export function createStateCard(context) {
@@ -27,7 +28,7 @@ export function createStateCard(context) {
     setText(since, sinceWords(situation.since));
   }
 
-  /** @param {any} time */
+  /** @param {Situation["since"]} time */
   function sinceWords(time) {
     if (time === null) return "";
     const moment = typeof time === "number" ? time : Date.parse(time);

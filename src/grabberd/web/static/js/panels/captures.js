@@ -6,9 +6,7 @@ import { el, symbol } from "../core/dom.js";
 /** @import { Context } from "../core/context.js" */
 
 export const panel = {
-  id: "captures",
   title: "captures.title",
-  roles: ["viewer", "operator", "admin"],
 
   /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {

@@ -6,9 +6,7 @@ import { createViewfinder } from "../live/viewfinder.js";
 /** @import { Context } from "../core/context.js" */
 
 export const panel = {
-  id: "live",
   title: "live.title",
-  roles: ["viewer", "operator", "admin"],
 
   /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {

@@ -10,9 +10,7 @@ import { createStateCard } from "../operate/state_card.js";
 /** @import { Context } from "../core/context.js" */
 
 export const panel = {
-  id: "operate",
   title: "operate.title",
-  roles: ["viewer", "operator", "admin"],
 
   /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {

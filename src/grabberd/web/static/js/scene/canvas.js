@@ -5,12 +5,17 @@ import { listenToPointers } from "./pointer.js";
 import { createStage } from "./stage.js";
 import { coloursOf, onTheme } from "./theme.js";
 
+/** @import { Rgb } from "./colours.js" */
 /** @import { Grid } from "./grid.js" */
 /** @import { Orbit } from "./orbit.js" */
+/** @import { Shown } from "./stage.js" */
 
 /** So near a touch has to be. */
 const NEAR_PIXELS = 28;
+/** The stage's colours by the names that the style sheet has for them. */
 const COLOURS = { ink: "ink", wire: "scene-wire", wireOn: "scene-wire-on", plain: "scene-plain", unknown: "scene-unknown", camera: "scene-camera", rim: "scene-rim", ground: "surface" };
+
+/** @typedef {Omit<Shown, "colours">} View */
 
 /**
  * @param {Grid} grid
@@ -23,18 +28,17 @@ export function createCanvas(grid, words, on) {
   const veil = el("div", { class: "veil", hidden: true }, words.lost);
   const element = el("div", { class: "scene-picture veiled" }, canvas, labels.element, veil);
   let stage = createStage(canvas, grid);
-  /** @type {any} */
+  /** @type {View | null} */
   let shown = null;
-  /** @type {any} */
+  /** @type {Record<keyof typeof COLOURS, Rgb> | null} */
   let colours = null;
   let asked = 0;
 
   function paint() {
     asked = 0;
     if (!shown || !veil.hidden) return;
-    colours ??= coloursOf(element, Object.values(COLOURS));
-    const own = Object.fromEntries(Object.entries(COLOURS).map(([name, token]) => [name, colours[token]]));
-    const all = { ...shown, colours: own };
+    colours ??= coloursOf(element, COLOURS);
+    const all = { ...shown, colours };
     stage.draw(all);
     labels.place(stage, all);
   }
@@ -42,8 +46,9 @@ export function createCanvas(grid, words, on) {
   /** The target that is nearest to a place on the canvas; null where none is near. @param {number} x @param {number} y */
   function targetAt(x, y) {
     let [nearest, least] = [/** @type {number | null} */ (null), NEAR_PIXELS];
+    if (!shown) return null;
     for (const [i, id] of grid.target.entries()) {
-      if (!Number.isFinite(shown?.xyz_mm[3 * i])) continue;
+      if (!Number.isFinite(shown.xyz_mm[3 * i])) continue;
       const at = stage.onCanvas(shown.xyz_mm.subarray(3 * i, 3 * i + 3));
       const apart = at ? Math.hypot(at.x - x, at.y - y) : Infinity;
       if (apart < least) [nearest, least] = [id, apart];
@@ -86,12 +91,12 @@ export function createCanvas(grid, words, on) {
     element, canvas,
     /** Width by height. */
     aspect: () => (element.clientWidth || 1) / (element.clientHeight || 1),
-    /** @param {any} now everything but the colours */
+    /** @param {View} now */
     show(now) {
       shown = now;
       ask();
     },
-    /** Draws at once, so that the picture can be read. */
+    /** Draws at once, so that the picture can be read; its colours, null where nothing can be drawn. */
     now() {
       paint();
       return colours;

@@ -6,13 +6,17 @@ import { PLAIN } from "./quantities.js";
 /** @import { Context } from "../core/context.js" */
 /** @import { Orbit } from "./orbit.js" */
 
+/** @typedef {"points" | "wire" | "surface" | "cameras"} Part */
+/** @type {Part[]} */
 export const PARTS = ["points", "wire", "surface", "cameras"];
 const TURN_DEG = 15;
 const ZOOM = 1.25;
 
+/** @typedef {Record<Part, boolean>} Parts */
+
 /**
  * @typedef {object} Look
- * @property {Record<string, boolean>} parts
+ * @property {Parts} parts
  * @property {string} quantity
  */
 
@@ -20,7 +24,7 @@ const ZOOM = 1.25;
  * @param {Context} context
  * @param {Look} look
  * @param {string[]} quantities that there are values of
- * @param {{parts: (parts: Record<string, boolean>) => void, quantity: (name: string) => void, view: (name: string) => void, turn: (change: (orbit: Orbit) => Orbit) => void, picture: () => void}} on
+ * @param {{parts: (parts: Parts) => void, quantity: (name: string) => void, view: (name: string) => void, turn: (change: (orbit: Orbit) => Orbit) => void, picture: () => void}} on
  */
 export function createControls({ t }, look, quantities, on) {
   const parts = { ...look.parts };
@@ -28,7 +32,7 @@ export function createControls({ t }, look, quantities, on) {
     el("button", { class: "button", type: "button", data: { view: name }, on: { click: () => on.view(name) } }, t(`shape.view.${name}`)),
   );
 
-  /** @param {string} name */
+  /** @param {Part} name */
   function part(name) {
     const box = el("input", { type: "checkbox", checked: parts[name], data: { part: name } });
     box.addEventListener("change", () => {

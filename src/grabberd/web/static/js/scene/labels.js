@@ -3,7 +3,7 @@ import { el, fill, setText } from "../core/dom.js";
 import { axesOf } from "./orbit.js";
 
 /** @import { Orbit } from "./orbit.js" */
-/** @import { Shown } from "./stage.js" */
+/** @import { Shown, Stage } from "./stage.js" */
 
 const LETTERS = ["X", "Y", "Z"];
 const SVG = "http://www.w3.org/2000/svg";
@@ -20,7 +20,7 @@ export function createLabels(nameOf) {
   const ring = el("div", { class: "scene-ring", hidden: true });
   const element = el("div", { class: "scene-labels", "aria-hidden": "true" }, ring, names, compass.element, ruler);
 
-  /** @param {any} stage @param {Shown} shown */
+  /** @param {Stage} stage @param {Shown} shown */
   function place(stage, shown) {
     mark(shown.marked_mm ? stage.onCanvas(shown.marked_mm) : null);
     compass.turn(shown.orbit);

@@ -8,19 +8,28 @@ import { deviceOf } from "../core/store.js";
 /** @import { Moment } from "./frames.js" */
 /** @import { Frustum } from "./frustum.js" */
 /** @import { Grid } from "./grid.js" */
+/** @import { Device } from "types/documents" */
+/** @import { Api } from "types/routes" */
 
 export const REACH_MM = 120;
 export const MEASURED = ["displacement_mm", "sigma_mm", "residual_px"];
 
 /**
+ * @typedef {object} LiveSource
+ * @property {Grid} grid
+ * @property {Frustum[]} frusta none without a calibration
+ * @property {(show: (moment: Moment) => void, failed: (problem: unknown) => void) => () => void} follow returns what ends it
+ */
+
+/**
  * @param {Context} context
- * @returns {Promise<{grid: Grid, frusta: Frustum[], follow: Function} | null>} null: nothing is measured
+ * @returns {Promise<LiveSource | null>} null: nothing is measured
  */
 export async function openLive(context) {
   const { api, store } = context;
   const device = context.device();
   if (!device?.live?.views) return null; // views: it has a calibration and an object model
-  const path = `/devices/${encodeURIComponent(device.name)}`;
+  const path = /** @type {const} */ (`/devices/${encodeURIComponent(device.name)}`);
   const [object, calibration] = await Promise.all([api.get(`${path}/object`), calibrationOf(api, device)]);
   const grid = gridOf(object);
 
@@ -50,7 +59,7 @@ export async function openLive(context) {
   return { grid, frusta: calibration ? frustaOf(calibration, REACH_MM) : [], follow };
 }
 
-/** @param {any} api @param {any} device */
+/** @param {Api} api @param {Device} device */
 async function calibrationOf(api, device) {
   return device.calibration ? api.get(`/calibrations/${encodeURIComponent(device.calibration.id)}`) : null;
 }

@@ -63,9 +63,12 @@ export function eyeOf(orbit, object, fov_deg) {
   const { right, up, back } = axesOf(orbit);
   const distance = object.radius / Math.sin((fov_deg * Math.PI) / 360) / orbit.zoom;
   const [x, y] = orbit.shift.map((part) => part * object.radius);
-  const target = object.middle.map((part, i) => part - x * right[i] - y * up[i]);
-  return { up, target, distance, eye: target.map((part, i) => part + distance * back[i]) };
+  const target = place((i) => object.middle[i] - x * right[i] - y * up[i]);
+  return { up, target, distance, eye: place((i) => target[i] + distance * back[i]) };
 }
+
+/** @param {(axis: number) => number} part @returns {Place} */
+const place = (part) => [part(0), part(1), part(2)];
 
 /**
  * The same direction, so near that all places just fit into the picture.

@@ -58,7 +58,7 @@ export function createPlayer({ t, format }, times_s, wordsOf, show) {
   function tell(wanted) {
     if (wanted === index) return;
     index = wanted;
-    slider.value = wanted;
+    slider.value = String(wanted);
     slider.setAttribute("aria-valuetext", wordsOf(index));
     setText(when, wordsOf(index));
     show(index);

@@ -5,11 +5,12 @@ import { createLines, createPoints, createSurface } from "./layers.js";
 import { normalsOf, trianglesOf, wireOf } from "./mesh.js";
 import { eyeOf } from "./orbit.js";
 
+/** @import { Rgb } from "./colours.js" */
 /** @import { Frustum } from "./frustum.js" */
 /** @import { Grid } from "./grid.js" */
 /** @import { Orbit } from "./orbit.js" */
 
-/** @typedef {[number, number, number]} Rgb */
+/** @typedef {ReturnType<typeof createStage>} Stage */
 
 /**
  * @typedef {object} Shown
@@ -21,14 +22,14 @@ import { eyeOf } from "./orbit.js";
  * @property {Orbit} orbit
  * @property {{middle: [number, number, number], radius: number}} object what fills the picture
  * @property {ArrayLike<number> | null} marked_mm where the chosen target is
- * @property {Record<string, Rgb>} colours wire, wireOn (before the surface), plain, unknown, camera, rim
+ * @property {Record<"wire" | "wireOn" | "plain" | "unknown" | "camera" | "rim", Rgb>} colours wireOn: a wire before the surface
  */
 
 export const FOV_DEG = 30;
 const TARGET_MM = 1.5;
 const LEAST_PIXELS = 9;
 
-/** Whether this browser can draw at all. */
+/** True if this browser can draw at all. */
 export function canDraw() {
   const context = document.createElement("canvas").getContext("webgl2");
   context?.getExtension("WEBGL_lose_context")?.loseContext();

@@ -13,6 +13,7 @@ import { together } from "./scale.js";
 import { canDraw } from "./stage.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Look, Parts } from "./controls.js" */
 /** @import { Moment } from "./frames.js" */
 /** @import { Frustum } from "./frustum.js" */
 /** @import { Grid } from "./grid.js" */
@@ -39,10 +40,10 @@ export function createViewer(context, subject) {
   if (!canDraw()) return unable(context, subject);
   const { t, format } = context;
   const { grid, frusta, quantities } = subject;
-  const known = kept(KEPT, {});
+  const known = lookFrom(kept(KEPT));
   const look = {
     parts: { ...PARTS, ...known.parts },
-    quantity: [PLAIN, ...quantities].includes(known.quantity) ? known.quantity : quantities[0] ?? PLAIN,
+    quantity: [PLAIN, ...quantities].find((one) => one === known.quantity) ?? quantities[0] ?? PLAIN,
   };
   /** One of the named views, which fill the picture by themselves; null: as it was turned. @type {string | null} */
   let view = "oblique";
@@ -97,7 +98,7 @@ export function createViewer(context, subject) {
     return i >= 0 && Number.isFinite(now.xyz_mm[3 * i]) ? now.xyz_mm.subarray(3 * i, 3 * i + 3) : null;
   }
 
-  /** @param {any} change */
+  /** @param {Partial<Look>} change */
   function choose(change) {
     Object.assign(look, change);
     keep(KEPT, { parts: look.parts, quantity: look.quantity });
@@ -145,9 +146,10 @@ export function createViewer(context, subject) {
   async function takePicture() {
     if (!moment) return;
     const colours = canvas.now();
+    if (!colours) return;
     const caption = {
       words: `${t("shape.summary", { seen: moment.seen, all: grid.target.length, name: grid.name })} ${subject.when(moment)}`,
-      legend: coloured(), scale, number: format.number, colours: { ground: css(colours.surface), ink: css(colours.ink) },
+      legend: coloured(), scale, number: format.number, colours: { ground: css(colours.ground), ink: css(colours.ink) },
     };
     const blob = await pictureOf(canvas.canvas, caption);
     if (blob) save(blob, `${subject.file}-${moment.n ?? "phase"}.png`);
@@ -155,6 +157,14 @@ export function createViewer(context, subject) {
 
   rescale();
   return { element, show, end: canvas.end };
+}
+
+/** What was kept of an earlier look. @param {unknown} kept @returns {{parts?: Partial<Parts>, quantity?: string}} */
+function lookFrom(kept) {
+  if (typeof kept !== "object" || kept === null) return {};
+  const { parts, quantity } = /** @type {Record<string, unknown>} */ (kept);
+  const known = Object.entries(typeof parts === "object" && parts !== null ? parts : {}).filter(([name, on]) => name in PARTS && typeof on === "boolean");
+  return { parts: Object.fromEntries(known), quantity: typeof quantity === "string" ? quantity : undefined };
 }
 
 /** Where the browser cannot draw, what is known is said in words. @param {Context} context @param {Subject} subject */

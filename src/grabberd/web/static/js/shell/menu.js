@@ -1,9 +1,10 @@
 // Who uses the page, in which language, light or dark, and the way out.
 import { el, fill, symbol } from "../core/dom.js";
-import { keep, kept } from "../core/kept.js";
+import { keep, keptText } from "../core/kept.js";
 import { deviceOf } from "../core/store.js";
 
 /** @import { Context } from "../core/context.js" */
+/** @import { Session } from "types/documents" */
 
 const LANGUAGES = { en: "English", nb: "Norsk" };
 
@@ -20,7 +21,7 @@ export function createMenu(context) {
   addEventListener("click", (event) => {
     if (menu.open && !menu.contains(/** @type {Node} */ (event.target))) menu.open = false;
   });
-  menu.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+  menu.addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
     menu.open = false;
     summary.focus();
@@ -29,7 +30,7 @@ export function createMenu(context) {
   return menu;
 }
 
-/** @param {Context} context @param {any} session */
+/** @param {Context} context @param {Session} session */
 function person({ t, api, store, refused }, session) {
   const role = el("strong", { data: { role: session.role } }, t(`core.role.${session.role}`));
   const name = session.token ? el("span", { class: "muted" }, session.token) : el("span", { class: "muted" }, t("core.noTokens"));
@@ -67,7 +68,7 @@ function language({ t, texts }) {
 /** @param {Context} context */
 function look({ t }) {
   const looks = { auto: t("core.look.auto"), light: t("core.look.light"), dark: t("core.look.dark") };
-  return choice(t("core.look.title"), looks, kept("look", "auto"), (chosen) => {
+  return choice(t("core.look.title"), looks, keptText("look") ?? "auto", (chosen) => {
     keep("look", chosen === "auto" ? null : chosen);
     if (chosen === "auto") delete document.documentElement.dataset.look;
     else document.documentElement.dataset.look = chosen;
@@ -79,7 +80,7 @@ function help({ t }) {
   return el("p", { class: "menu-help" }, el("a", { href: "/docs" }, t("core.docs")));
 }
 
-/** @param {string} label @param {Record<string, string>} options @param {string} present @param {(value: string) => void} chosen */
+/** @param {string} label @param {Record<string, string>} options @param {string | undefined} present @param {(value: string) => void} chosen */
 function choice(label, options, present, chosen) {
   const made = Object.entries(options).map(([value, words]) => el("option", { value, selected: value === present }, words));
   const select = el("select", { class: "input" }, made);
