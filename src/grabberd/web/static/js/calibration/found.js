@@ -43,7 +43,7 @@ export function createFound(context, id) {
     const { views } = context.device() ?? {};
     if (!views) return;
     for (const one of pictures) one.unmount();
-    pictures = VIEWS.map((name) => createTargetPicture(context, name, views[name], labelOf(name, result)));
+    pictures = VIEWS.map((name) => createTargetPicture(name, views[name], labelOf(name, result)));
     fill(body, headOf(result), namesButton(), el("div", { class: "target-views" }, VIEWS.map((name, i) => viewOf(name, pictures[i], result))));
     const address = api.url(`/captures/${encodeURIComponent(id)}/fields/${result.picture.field}.png`);
     VIEWS.forEach((name, i) => pictures[i].show(address, result.picture, result.views[name]));

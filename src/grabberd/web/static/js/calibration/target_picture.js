@@ -2,7 +2,6 @@
 import { el } from "../core/dom.js";
 import { colourOf } from "../live/overlay.js";
 
-/** @import { Context } from "../core/context.js" */
 /** @import { Views } from "types/documents" */
 /** @import { Identification, IdentifiedView, Place } from "types/open_documents" */
 
@@ -11,12 +10,11 @@ const LINES = 576;
 const NAME_CSS_PX = 10;
 
 /**
- * @param {Context} context
  * @param {string} name of the view
  * @param {Views[string]} columns
  * @param {string} label what a screen reader says of it
  */
-export function createTargetPicture(context, name, columns, label) {
+export function createTargetPicture(name, columns, label) {
   const width = columns.end_column - columns.first_column;
   const canvas = el("canvas", { class: "target-picture", role: "img", "aria-label": label });
   canvas.style.aspectRatio = `${width} / ${LINES}`;

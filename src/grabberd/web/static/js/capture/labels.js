@@ -1,5 +1,5 @@
 // What is said of a capture: labels and note. Operators change it; the file stays as it was recorded.
-import { el, fill, symbol } from "../core/dom.js";
+import { el, fill } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Capture } from "types/documents" */
