@@ -2,7 +2,7 @@
 import { el, setText } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 import { deviceOf, rateOf } from "../core/store.js";
-import { USUAL, isSound, lengthOf, requestOf, wishFrom } from "./order.js";
+import { KINDS, USUAL, isSound, lengthOf, requestOf, wishFrom } from "./order.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
 
@@ -10,8 +10,6 @@ import { createRate } from "./rate.js";
 /** @import { Known } from "../core/store.js" */
 /** @import { Change, Wish } from "./order.js" */
 
-/** @type {Wish["kind"][]} */
-const KINDS = ["stop", "seconds", "cycles", "fields"];
 const STEPS = { seconds: 5, cycles: 5, fields: 50 };
 
 /** @param {Context} context @param {() => void} changed */

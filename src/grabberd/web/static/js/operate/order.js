@@ -20,6 +20,9 @@
  * @typedef {<Name extends keyof Wish>(name: Name, value: Wish[Name]) => void} Change
  */
 
+/** @type {Wish["kind"][]} */
+export const KINDS = ["stop", "seconds", "cycles", "fields"];
+
 /** @type {Wish} */
 export const USUAL = {
   kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, ownPerMinute: null, before: 0, wait: false, all: false, labels: {}, note: "",
@@ -33,6 +36,7 @@ export function wishFrom(kept) {
 
 /** @param {string} name @param {unknown} value */
 function isUsual(name, value) {
+  if (name === "kind") return KINDS.some((kind) => kind === value);
   if (name === "ownPerMinute") return value === null || typeof value === "number";
   const usual = Object.entries(USUAL).find(([one]) => one === name);
   return usual !== undefined && value !== null && typeof value === typeof usual[1];
