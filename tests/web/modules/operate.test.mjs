@@ -1,7 +1,7 @@
 // From what was filled in before Start to the capture that is requested.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { requestOf, USUAL, wishFrom } from "../../../src/grabberd/web/static/js/operate/order.js";
+import { requestOf, USUAL, wishFrom } from "../../../src/grabberd/web/static/js/operate/wish.js";
 
 test("a wish that was kept is taken over", () => {
   const kept = { ...USUAL, kind: "cycles", cycles: 30, ownPerMinute: 61.5, labels: { cow: "417" } };

@@ -1,4 +1,4 @@
-// Where the page begins: texts, what is known, the frame round the panels, the stream of changes.
+// Entry point: loads the texts, creates store and shell, opens the stream of changes.
 import { createConnection } from "./core/connection.js";
 import { createContext } from "./core/context.js";
 import { createShell } from "./shell/shell.js";

@@ -78,8 +78,8 @@ export function createForm(context, changed) {
   set({});
   return {
     element, set,
-    order: () => ({ inputs: inputsOf(values), ...(usesLog(values) ? { vacuum_log: log } : {}) }),
-    /** What is still to be filled in, in words. */
+    request: () => ({ inputs: inputsOf(values), ...(usesLog(values) ? { vacuum_log: log } : {}) }),
+    /** Labels of the inputs that are still missing. */
     missing: () => missingOf(values, log).map((key) => (key === "log" ? t("analysis.log.label") : t(`analysis.number.${key.split(".").pop()}.label`))),
   };
 }

@@ -1,4 +1,4 @@
-// From what was filled in to the inputs of an analysis, and back. Nothing here touches the page.
+// From the filled-in form to the inputs of an analysis, and back. Nothing here touches the page.
 import { GROUPS, NAMES } from "./fields.js";
 
 /** @import { Part } from "./fields.js" */
@@ -57,17 +57,17 @@ function numbers(path, values) {
   return Object.fromEntries(asked.filter(({ name }) => given(values, `${path}.${name}`)).map(({ name }) => [name, Number(values[`${path}.${name}`])]));
 }
 
-/** What is missing beside what was given: a part is whole, or empty. @param {Values} values @param {string} log @returns {string[]} keys */
+/** Inputs still missing: a part is either complete or empty. @param {Values} values @param {string} log @returns {string[]} keys */
 export function missingOf(values, log) {
   const holes = parts().flatMap((part) => askedOf(part, values).filter((asked) => part.kinds && !asked.free && !given(values, keyOf(part, asked.name))).map((asked) => keyOf(part, asked.name)));
   const rows = given(values, ".first_row") !== given(values, ".last_row") ? [given(values, ".first_row") ? ".last_row" : ".first_row"] : [];
   return [...holes, ...rows, ...(usesLog(values) && !log ? ["log"] : [])];
 }
 
-/** Whether the logger's file is needed. @param {Values} values */
+/** True if the logger's file is needed. @param {Values} values */
 export const usesLog = (values) => [values["vacuum.pulsation"], values["vacuum.liner"]].includes("log");
 
-/** What there will not be for want of inputs. @param {Values} values @returns {string[]} names of texts */
+/** Results that cannot be computed for lack of inputs. @param {Values} values @returns {string[]} names of texts */
 export function lacksOf(values) {
   const lacks = { reference: !values.reference, material: !values.material, vacuum_pulsation: !values["vacuum.pulsation"], vacuum_liner: !values["vacuum.liner"], sought_kpa: !given(values, ".sought_kpa"), plane: !values.plane };
   return Object.entries(lacks).filter(([, lack]) => lack).map(([name]) => name);

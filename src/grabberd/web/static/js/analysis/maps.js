@@ -126,7 +126,7 @@ export function createMaps(context, path, document) {
     return reason ? reasonIn(context, reason) : t("analysis.map.notSeen");
   }
 
-  /** Why places have no value, the commonest first. @param {AnalysisMap} map @param {(number | null)[]} values */
+  /** Shows why targets have no value, the commonest reason first. @param {AnalysisMap} map @param {(number | null)[]} values */
   function showReasons(map, values) {
     /** @type {Map<string, number>} */
     const counts = new Map();
@@ -158,5 +158,5 @@ export function createMaps(context, path, document) {
   };
 }
 
-/** Why each target has no value; empty where it has one. @param {AnalysisMap} map @returns {string[]} */
+/** Reason of each missing value; empty where there is a value. @param {AnalysisMap} map @returns {string[]} */
 const reasonsOf = ({ columns }) => /** @type {string[]} */ (/** @type {unknown} */ (columns.reason ?? []));

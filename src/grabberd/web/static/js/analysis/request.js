@@ -29,7 +29,7 @@ export function createRequest(context, capture, own, made) {
   const form = (asked = createForm(context, tell));
   const bursts = createBursts(context, capture);
   const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {{result: {analysis: number}}} */ ended) => made(ended.result.analysis) });
-  const body = el("form", { class: "stack", novalidate: true, on: { submit: order } }, el("p", {}, t("analysis.ask")), offer, form.element, bursts.element, el("div", { class: "row" }, start, why));
+  const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("p", {}, t("analysis.ask")), offer, form.element, bursts.element, el("div", { class: "row" }, start, why));
   const element = el("div", { class: "stack" }, job.element, body);
 
   function tell() {
@@ -46,14 +46,14 @@ export function createRequest(context, capture, own, made) {
   }
 
   /** @param {Event} event */
-  async function order(event) {
+  async function submit(event) {
     event.preventDefault();
     if (busy) return;
     start.disabled = true;
     try {
-      const ordered = await api.post(`/captures/${encodeURIComponent(capture.id)}/analysis`, { body: { ...form.order(), bursts: bursts.chosen() }, key });
+      const queued = await api.post(`/captures/${encodeURIComponent(capture.id)}/analysis`, { body: { ...form.request(), bursts: bursts.chosen() }, key });
       key = newKey();
-      job.follow(ordered);
+      job.follow(queued);
       element.scrollIntoView({ block: "start" });
     } catch (problem) {
       if (statusOf(problem)) key = newKey();

@@ -28,7 +28,7 @@ export function createResults(context, capture, record) {
     fill(element, found, maps.element, curves.element, createFiles(context, path, record));
   }
 
-  /** What it was told, as it was told it. */
+  /** The inputs exactly as they were given. */
   function inputs() {
     const bursts = record.bursts?.length ? el("p", {}, `${t("analysis.bursts.title")}: ${record.bursts.join(", ")}`) : null;
     return el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.given")), el("pre", { class: "analysis-given scroll", tabindex: 0 }, JSON.stringify(record.inputs, null, 2)), bursts);

@@ -1,4 +1,4 @@
-// What was found, in a few lines: pulsation, its phases, what lacks, what went wrong.
+// Summary of an analysis: pulsation, its phases, missing inputs, problems.
 import { el, symbol } from "../core/dom.js";
 import { column, single } from "./tables.js";
 
@@ -42,7 +42,7 @@ export function createSummary(context, document, record) {
   return el("div", { class: "stack" }, facts, lacks(context, record.lacks ?? []), problems(context, record.problems ?? []));
 }
 
-/** What was not given, and its consequence. @param {Context} context @param {string[]} given */
+/** Inputs that were not given, and the consequences. @param {Context} context @param {string[]} given */
 function lacks({ t, texts }, given) {
   if (!given.length) return null;
   const slugs = given.map((text) => [text.split(":")[0].replace(/\W+/g, "_"), text]);
@@ -50,7 +50,7 @@ function lacks({ t, texts }, given) {
   return el("div", { class: "note is-idle" }, symbol("info"), el("div", {}, el("strong", {}, t("analysis.lacks")), el("ul", {}, [...new Set(words)].map((text) => el("li", {}, text)))));
 }
 
-/** What was survived, as the instrument says it. @param {Context} context @param {string[]} found */
+/** Problems that the analysis survived, in the instrument's own words. @param {Context} context @param {string[]} found */
 function problems({ tn }, found) {
   if (!found.length) return null;
   const list = el("ul", { lang: "en" }, found.map((text) => el("li", {}, text)));

@@ -14,7 +14,7 @@ export function single(table, name) {
   return { value: column(table, name)[0] ?? null, sigma: column(table, `sigma_${name}`)[0] ?? null };
 }
 
-/** Whether anything stands in a column. @param {Column} values */
+/** True if a column has any value. @param {Column} values */
 export const hasAny = (values) => values.some((value) => Number.isFinite(value));
 
 /** Values around which a band of one σ lies: value, value + σ, value − σ. @param {Column} values @param {Column} sigma @returns {[Column, Column, Column]} */

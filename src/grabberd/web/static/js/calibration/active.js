@@ -1,4 +1,4 @@
-// What the instrument measures with now, and whether camera and mirrors still stand as they did then.
+// The active calibration, and whether camera and mirrors have moved since.
 import { el, fill, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { addressOf, note, way } from "./steps.js";

@@ -13,7 +13,7 @@ export function createAdjust(context, id) {
   const job = createJob(context, { title: t("calibration.adjust.running"), done, busy: (on) => (form.hidden = on) });
   const made = el("div");
   const words = el("input", { class: "input", id: "calibration-note", maxlength: 2000, autocomplete: "off" });
-  const start = el("button", { class: "button primary", type: "button", data: { do: "adjust" }, on: { click: order } }, t("calibration.adjust.start"));
+  const start = el("button", { class: "button primary", type: "button", data: { do: "adjust" }, on: { click: submit } }, t("calibration.adjust.start"));
   const form = el("div", { class: "stack" },
     el("div", { class: "field" }, el("label", { class: "field-label", for: "calibration-note" }, t("calibration.adjust.note")), words, el("p", { class: "field-hint" }, t("calibration.adjust.noteHint"))),
     el("div", { class: "row between" }, el("div", { class: "row" }, way(addressOf("found", id), t("calibration.back")), way(addressOf("take"), t("calibration.again"))), start));
@@ -43,7 +43,7 @@ export function createAdjust(context, id) {
     else offer(result.calibration);
   }
 
-  async function order() {
+  async function submit() {
     start.disabled = true;
     live = true;
     try {

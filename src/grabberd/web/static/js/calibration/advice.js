@@ -1,4 +1,4 @@
-// What to do about lamp, lens and frame, from what each view shows. Nothing here touches the page.
+// Advice on lamp, lens and calibration frame, from the light in each view. Nothing here touches the page.
 
 /** @import { Illumination, ViewIllumination } from "types/documents" */
 

@@ -2,7 +2,7 @@
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { createJob } from "../jobs/job.js";
-import { chosenFrame, knownFrames } from "./frames.js";
+import { chosenFrame, knownFrames } from "./calibration_frames.js";
 import { latestJob } from "./latest_job.js";
 import { note } from "./steps.js";
 
@@ -18,7 +18,7 @@ export function createCheck(context) {
   const job = createJob(context, { title: t("calibration.check.running"), done: show, busy, cancelled });
   const result = el("div", { class: "stack", role: "status" });
   const inPlace = el("input", { type: "checkbox" });
-  const start = el("button", { class: "button", type: "button", data: { do: "check" }, "aria-describedby": "check-why", on: { click: order } }, symbol("camera"), t("calibration.check.start"));
+  const start = el("button", { class: "button", type: "button", data: { do: "check" }, "aria-describedby": "check-why", on: { click: submit } }, symbol("camera"), t("calibration.check.start"));
   const why = el("p", { class: "field-hint", id: "check-why" });
   const element = el("section", { class: "card stack", "aria-labelledby": "check-title" }, el("h2", { id: "check-title" }, t("calibration.check.title")), el("p", {}, t("calibration.check.about")),
     may("operator") && el("label", { class: "check" }, inPlace, t("calibration.check.inPlace")), may("operator") && el("div", { class: "row" }, start), why, job.element, result);
@@ -31,7 +31,7 @@ export function createCheck(context) {
     if (known && !ended) job.follow(known);
   }
 
-  async function order() {
+  async function submit() {
     const device = context.device()?.name;
     busy(true);
     fill(result);

@@ -25,14 +25,14 @@ export function createFound(context, id) {
 
   async function open() {
     const known = await latestJob(context, "identify", (subject) => subject === id);
-    const usable = known && known.state !== "cancelled" ? known : may("operator") ? await order() : null;
+    const usable = known && known.state !== "cancelled" ? known : may("operator") ? await submit() : null;
     if (ended) return;
     offer(null);
     if (usable) job.follow(usable);
     else fill(body, note("idle", t("calibration.viewer")));
   }
 
-  async function order() {
+  async function submit() {
     const { labels } = await api.get(`/captures/${encodeURIComponent(id)}`);
     const body = labels.calibration_frame ? { calibration_frame: labels.calibration_frame } : {};
     return api.post(`/captures/${encodeURIComponent(id)}/identification`, { body, key: newKey() });
@@ -57,7 +57,7 @@ export function createFound(context, id) {
     return note(missing ? "warn" : "good", el("strong", {}, t(missing ? "calibration.found.some" : "calibration.found.all", { of: result.of })));
   }
 
-  /** Why it is not clear which target is which, and how to fix it. @param {Identification} result @param {{message: string, hint: string}} problem */
+  /** Tells why the targets could not be identified, and how to fix it. @param {Identification} result @param {{message: string, hint: string}} problem */
   function refusal(result, problem) {
     const few = VIEWS.some((name) => result.views[name].other.length < ENOUGH * result.of);
     const mend = result.moved ? "mendStill" : few ? "mendLight" : "mendFrame";

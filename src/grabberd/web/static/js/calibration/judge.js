@@ -1,4 +1,4 @@
-// Whether a calibration may be accepted, from its report. Nothing here touches the page.
+// The verdict on a calibration, from its report. Nothing here touches the page.
 
 /** @import { CalibrationReport, PerAxis } from "types/open_documents" */
 

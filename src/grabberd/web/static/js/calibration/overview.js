@@ -1,4 +1,4 @@
-// Where the panel begins: what is active, the check, the way to a new one, and the history.
+// Overview: the active calibration, the check, the way to a new one, and the history.
 import { el } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { createActive } from "./active.js";

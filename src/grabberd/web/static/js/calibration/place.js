@@ -3,7 +3,7 @@ import { el, fill, symbol } from "../core/dom.js";
 import { delivers, deviceOf } from "../core/store.js";
 import { createPicture } from "../live/picture.js";
 import { adviceFor, isEnough } from "./advice.js";
-import { chosenFrame, createFrameChoice, knownFrames } from "./frames.js";
+import { chosenFrame, createFrameChoice, knownFrames } from "./calibration_frames.js";
 import { addressOf, note, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -64,7 +64,7 @@ export function createPlace(context) {
     say(advice.length ? advice.map(({ key, view }) => note("warn", el("strong", {}, t(`live.view.${view}`)), " – ", t(`calibration.advice.${key}`))) : [note("good", t("calibration.advice.good"))]);
   }
 
-  /** What is said already is not read aloud again. @param {HTMLElement[]} notes */
+  /** Shows notes; unchanged ones are left alone, because a screen reader would read them again. @param {HTMLElement[]} notes */
   function say(notes) {
     const said = notes.map((one) => one.textContent).join();
     if (said === words.dataset.said) return;

@@ -1,4 +1,4 @@
-// Where in the guided way we are.
+// The steps of the guided calibration.
 import { el, symbol } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 
@@ -8,12 +8,12 @@ import { keep, kept } from "../core/kept.js";
 export const STEPS = ["place", "take", "found", "adjust", "review"];
 const AT = "calibration.at";
 
-/** Remembers where the way was left. @param {string} step @param {string} [id] */
+/** Remembers the present step. @param {string} step @param {string} [id] */
 export function remember(step, id) {
   keep(AT, id ? [step, id] : [step]);
 }
 
-/** Where the way was left, as it was remembered; null: nowhere. @returns {{step: string, id?: string} | null} */
+/** The step where the guided calibration was left; null: none. @returns {{step: string, id?: string} | null} */
 export function leftAt() {
   const at = kept(AT);
   if (!Array.isArray(at) || !STEPS.includes(at[0])) return null;

@@ -3,7 +3,7 @@ import { newKey, statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 import { deviceOf, rateOf } from "../core/store.js";
-import { chosenFrame, createFrameChoice, knownFrames } from "./frames.js";
+import { chosenFrame, createFrameChoice, knownFrames } from "./calibration_frames.js";
 import { addressOf, note, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -18,18 +18,18 @@ const PURPOSE = "calibration";
 
 /** @param {Context} context @param {string} [id] of the capture that is being made */
 export function createTake(context, id) {
-  return id ? createTaking(context, id) : createOrder(context);
+  return id ? createTaking(context, id) : createRequest(context);
 }
 
 /** @param {Context} context */
-function createOrder(context) {
+function createRequest(context) {
   const { t, tl, store, api, may, go } = context;
   const choice = el("div");
   let duration_s = USUAL_S;
   const length = el("div", { class: "choices", role: "radiogroup", "aria-label": t("calibration.take.length") }, SECONDS.map((s) =>
     el("label", {}, el("input", { type: "radio", name: "seconds", value: s, checked: s === USUAL_S, on: { change: () => (duration_s = s) } }), t("calibration.take.seconds", { s }))));
   const why = el("p", { class: "field-hint", id: "take-why" });
-  const start = el("button", { class: "button good large", type: "button", data: { do: "take" }, "aria-describedby": "take-why", on: { click: order } }, symbol("start"), t("calibration.take.start"));
+  const start = el("button", { class: "button good large", type: "button", data: { do: "take" }, "aria-describedby": "take-why", on: { click: submit } }, symbol("start"), t("calibration.take.start"));
   const element = el("section", { class: "card stack narrow" }, el("h2", {}, t("calibration.take.title")), el("ul", { class: "todo" }, tl("calibration.take.todo").map((one) => el("li", {}, one))), choice,
     el("div", { class: "field" }, el("span", { class: "field-label" }, t("calibration.take.length")), length),
     may("operator") ? el("div", { class: "row between" }, way(addressOf("place"), t("calibration.back")), start) : note("idle", t("calibration.viewer")), why);
@@ -45,7 +45,7 @@ function createOrder(context) {
     show();
   }
 
-  async function order() {
+  async function submit() {
     if (!frame) return;
     busy = true;
     show();

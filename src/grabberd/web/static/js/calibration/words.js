@@ -14,7 +14,7 @@ export function badges({ t }, row) {
   ];
 }
 
-/** What it was made from. @param {Context} context @param {CalibrationRow} row */
+/** Origin of a calibration. @param {Context} context @param {CalibrationRow} row */
 export function madeOf({ t }, row) {
   if (row.capture) return [t("calibration.made.capture"), " ", el("a", { href: `#captures/${encodeURIComponent(row.capture)}` }, row.capture)];
   return row.origin ? [t(`calibration.made.${row.origin}`), row.source ? ` · ${row.source}` : ""] : [row.problem];

@@ -6,7 +6,7 @@ import { el, fill, symbol } from "../core/dom.js";
 /** @import { PointSample } from "./sample.js" */
 /** @import { Capture, Problem } from "types/documents" */
 
-/** So many bytes are one point in each kind; of Parquet, which is compressed, about. */
+/** Bytes of one point in each format; approximate for Parquet, which is compressed. */
 const BYTES = { csv: 176, ply: 68, parquet: 95 };
 const KINDS = /** @type {(keyof typeof BYTES)[]} */ (Object.keys(BYTES));
 
@@ -31,7 +31,7 @@ export function createDownloads(context) {
     return el("li", {}, link, el("span", { class: "small muted" }, t(`capture.download.what.${kind}`), size && ` · ${size}`));
   }
 
-  /** What writes it may not be installed: then it is said how, and nothing is saved. @param {Event} event @param {HTMLAnchorElement} link @param {string} path */
+  /** Parquet needs an optional package: the request is tried first, because a browser would save the refusal as the file. @param {Event} event @param {HTMLAnchorElement} link @param {string} path */
   async function tryFirst(event, link, path) {
     if (link.dataset.tried) return;
     event.preventDefault();

@@ -1,4 +1,4 @@
-// Which capture it is, how it came out, and where it is looked at.
+// Head of a capture: its name, its outcome, and links to its views.
 import { badge, endIn, labelsIn, ledgerIn, lengthIn } from "../captures/words.js";
 import { el, fill, symbol } from "../core/dom.js";
 

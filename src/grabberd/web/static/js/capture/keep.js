@@ -1,4 +1,4 @@
-// Whether a capture is kept: pinned, or deleted for good.
+// Pinning and deleting a capture.
 import { atRest, labelsIn } from "../captures/words.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 

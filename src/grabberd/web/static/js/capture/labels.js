@@ -1,4 +1,4 @@
-// What is said of a capture: labels and note. Operators change it; the file stays as it was recorded.
+// Labels and note of a capture. Operators change them; the file stays as it was recorded.
 import { el, fill } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */

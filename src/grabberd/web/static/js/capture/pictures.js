@@ -101,13 +101,13 @@ function readableOf(capture) {
   return capture.verdict === null ? Math.max(0, totalOf(capture) - UNWRITTEN) : totalOf(capture);
 }
 
-/** What became of a field, and why. @param {Capture} capture @param {number} n */
+/** Outcome of a field, and its reason. @param {Capture} capture @param {number} n */
 function outcomeOf(capture, n) {
   const found = capture.ledger.entries.find((entry) => entry.first_n <= n && n < entry.first_n + entry.count);
   return found ?? { outcome: "received", reason: "" };
 }
 
-/** Where the left view ends, as its grabber has it now; the middle where it is not there. @param {Context} context @param {Capture} capture */
+/** Share of the picture that is the left view, as its grabber is set now; half if the grabber is gone. @param {Context} context @param {Capture} capture */
 function shareOf(context, capture) {
   const device = context.store.get().state?.devices?.[capture.device];
   const columns = device?.stream?.columns;

@@ -1,4 +1,4 @@
-// What was measured of a capture, with which calibration, and measuring it again.
+// The runs of a capture, the calibrations they were made with, and re-measuring.
 import { newKey, statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
@@ -20,7 +20,7 @@ export function createRuns(context, again) {
   const heads = ["run", "how", "when", "calibration", "object"].map((name) => el("th", { scope: "col" }, t(`capture.runs.${name}`)));
   const table = el("div", { class: "scroll" }, el("table", { class: "table" }, el("thead", {}, el("tr", {}, heads)), body));
   const none = el("p", { class: "muted" }, t("capture.runs.none"));
-  const measure = el("button", { class: "button", type: "button", data: { do: "measure" }, on: { click: order } }, symbol("measure"), t("capture.runs.again"));
+  const measure = el("button", { class: "button", type: "button", data: { do: "measure" }, on: { click: submit } }, symbol("measure"), t("capture.runs.again"));
   const job = createJob(context, { title: t("capture.runs.measuring"), busy: (busy) => (measure.disabled = busy), done: ended });
   const hint = el("p", { class: "field-hint" }, t("capture.runs.hint"));
   const element = el("section", { class: "card stack" }, el("h2", {}, t("capture.runs.title")), findings, none, table, may("operator") && el("div", { class: "stack capture-measure" }, measure, hint), job.element);
@@ -78,7 +78,7 @@ export function createRuns(context, again) {
     return el("p", { class: `note is-${level}` }, symbol(sign), el("span", {}, `${t("lights.rig.title")}: ${t(`lights.rig.words.${found.verdict}`)}.`, apart));
   }
 
-  async function order() {
+  async function submit() {
     measure.disabled = true;
     try {
       const made = await api.post(`/captures/${encodeURIComponent(id)}/measure`, { key });

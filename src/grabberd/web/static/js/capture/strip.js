@@ -46,7 +46,7 @@ export function createStrip(context, choose) {
     return [rect(0, total, "received"), ...others];
   }
 
-  /** When it was asked for. @param {Capture} capture */
+  /** Mark of the trigger. @param {Capture} capture */
   function trigger(capture) {
     return capture.pre_trigger_fields ? [rect(capture.pre_trigger_fields, total * LEAST, "trigger")] : [];
   }

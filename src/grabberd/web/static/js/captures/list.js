@@ -45,8 +45,8 @@ export function createList(context, search) {
   }
 
   function show() {
-    const ordered = [...captures.filter((one) => !atRest(one)), ...captures.filter(atRest)];
-    fill(list, ...ordered.map((one) => rowOf(one).element));
+    const sorted = [...captures.filter((one) => !atRest(one)), ...captures.filter(atRest)];
+    fill(list, ...sorted.map((one) => rowOf(one).element));
     more.hidden = next === null;
     empty.hidden = captures.length > 0;
     if (!captures.length) fill(empty, search.isNarrow() ? el("p", {}, t("captures.nothing")) : howTo(t));

@@ -1,4 +1,4 @@
-// Which captures are wanted: by a text, by a day.
+// Search for captures: by text, by day.
 import { el } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */

@@ -1,4 +1,4 @@
-// What a capture is, in words.
+// A capture in words.
 import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -46,7 +46,7 @@ function labelIn({ t, texts }, name, value) {
   return `${label} ${value}`;
 }
 
-/** How many fields should have come so far. @param {Capture} capture */
+/** Number of fields that should have come so far. @param {Capture} capture */
 export function totalOf(capture) {
   return Object.values(capture.ledger.counts).reduce((sum, count) => sum + count, 0);
 }
@@ -73,16 +73,16 @@ export function entryIn({ tn, format }, entry) {
   return tn(`captures.ledger.${entry.outcome}`, entry.count, { at: format.number(entry.first_n * FIELD_S, 1) });
 }
 
-/** Why fields did not come whole. @param {Context} context @param {string} reason */
+/** Reason for lost or damaged fields, in words. @param {Context} context @param {string} reason */
 export function reasonIn({ t, texts }, reason) {
   return texts.has(`captures.reason.${slug(reason)}`) ? t(`captures.reason.${slug(reason)}`) : reason;
 }
 
-/** Why it ended. @param {Context} context @param {string | null} because */
+/** Reason for the end of a capture, in words. @param {Context} context @param {string | null} because */
 export function endIn({ t, texts }, because) {
   if (!because) return "–";
   return texts.has(`captures.ended.${slug(because)}`) ? t(`captures.ended.${slug(because)}`) : because;
 }
 
-/** What the daemon says, as the name of a text. @param {string} said */
+/** Key of a text, from the daemon's words. @param {string} said */
 const slug = (said) => said.replace(/\W+/g, "_");

@@ -1,4 +1,4 @@
-// How a capture moves: the width of its middle section, or the place of one target. Nothing here touches the page.
+// The movement in a capture: width of its middle section, or depth of one target. Nothing here touches the page.
 
 /** @import { Grid } from "../scene/grid.js" */
 /** @import { FieldPoints } from "types/documents" */

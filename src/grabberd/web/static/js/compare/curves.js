@@ -1,4 +1,4 @@
-// How two captures move, laid over each other: by time, or by where they are in the cycle.
+// The movements of two captures, laid over each other by time or by phase.
 import { FIELD_S } from "../captures/words.js";
 import { el, fill, setText } from "../core/dom.js";
 import { INKS, createChart } from "../plots/chart.js";

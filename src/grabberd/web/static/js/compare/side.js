@@ -36,7 +36,7 @@ export async function openSide(api, id) {
   };
 }
 
-/** How it moves. @param {Api} api @param {Side} side @param {number | null} target null: the width of the middle section */
+/** Movement of a side. @param {Api} api @param {Side} side @param {number | null} target null: the width of the middle section */
 export async function courseOf(api, side, target) {
   if (!side.grid) return new Map();
   const pairs = facingOf(side.grid);
@@ -46,7 +46,7 @@ export async function courseOf(api, side, target) {
   return target === null ? widthOf(fields, pairs) : depthOf(fields, target);
 }
 
-/** Where in its cycle each field is, by its newest analysis; null where there is none. @param {Api} api @param {Side} side */
+/** Phase of each field by the newest analysis; null without one. @param {Api} api @param {Side} side */
 export async function phasesOf(api, side) {
   if (!side.analysis) return null;
   const { tables } = await api.get(`${pathOf(side.capture.id)}/analyses/${side.analysis.analysis}`);

@@ -1,4 +1,4 @@
-// Requests to the daemon, and its refusals in words.
+// Requests to the daemon, and its refusals.
 
 /** @import { Problem } from "types/documents" */
 /** @import { Api, RequestOptions } from "types/routes" */

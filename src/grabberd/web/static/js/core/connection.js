@@ -44,7 +44,7 @@ export function createConnection(store, api) {
     if (store.get().connection.online !== online) store.set({ connection: { online, since: Date.now() } });
   }
 
-  /** The stream has broken: who we are is asked first, since a stream does not say why it was refused. */
+  /** Reconnects. The session is asked for first, because an EventSource does not tell why it was refused. */
   function again() {
     stop();
     tell(false);
@@ -55,7 +55,7 @@ export function createConnection(store, api) {
     }, RETRY_MS);
   }
 
-  /** Whether the daemon answers; a 401 has the page ask for a token. */
+  /** Tells whether the daemon answers; a 401 makes the page ask for a token. */
   async function ask() {
     try {
       const session = await api.get("/session", { signal: AbortSignal.timeout(PING_MS) });
@@ -66,7 +66,7 @@ export function createConnection(store, api) {
     }
   }
 
-  /** A connection may break without a word: when nothing was heard for long, the daemon is asked. */
+  /** Asks the daemon after a long silence: a connection can break without an error. */
   async function watch() {
     if (!source || Date.now() - heard < QUIET_MS) return;
     if (await ask()) heard = Date.now();

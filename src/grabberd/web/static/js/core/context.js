@@ -1,4 +1,4 @@
-// What every panel is given.
+// The context that every panel is given.
 import { el } from "./dom.js";
 import { createAnnouncer } from "./announce.js";
 import { createApi } from "./api.js";
@@ -81,7 +81,7 @@ export function createContext(first, catalogue, language) {
 /** The place of a user's role in RANKS; nobody's is below all. @param {Session | null} session */
 const rankOf = (session) => (session ? RANKS.indexOf(session.role) : -1);
 
-/** When the page's first bytes came, by this tablet's clock: nearest to when the daemon wrote them. */
+/** Time of the page's first byte by this tablet's clock: the nearest it knows to the daemon writing `now_utc`. */
 function arrived_ms() {
   const [timing] = performance.getEntriesByType("navigation");
   const start = (timing instanceof PerformanceNavigationTiming && timing.responseStart) || performance.now();

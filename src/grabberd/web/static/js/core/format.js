@@ -22,7 +22,7 @@ export function createFormat(language, t) {
     }).format(value);
   }
 
-  /** How long, in the two largest units: "12 s", "3 min 20 s", "2 h 5 min", "4 d 3 h". @param {number} seconds */
+  /** A duration in its two largest units: "12 s", "3 min 20 s", "2 h 5 min", "4 d 3 h". @param {number} seconds */
   function duration(seconds) {
     const s = Math.max(0, Math.floor(seconds));
     if (s < 60) return t("core.duration.s", { s });

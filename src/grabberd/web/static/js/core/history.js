@@ -1,4 +1,4 @@
-// What the daemon's events say over time, kept from when the page was opened, whichever panel is shown.
+// History of the daemon's events since the page was opened, whichever panel is shown.
 import { createRing } from "./ring.js";
 
 /** @import { Ring } from "./ring.js" */

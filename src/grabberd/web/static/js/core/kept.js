@@ -1,6 +1,6 @@
-// What this tablet remembers of its user's choices. Never a token.
+// The user's choices, kept on this tablet. Never a token.
 
-/** What was kept, or null. An older edition of the page may have kept something else there. @param {string} key @returns {unknown} */
+/** A kept value, or null. Of unknown type, because an older edition of the page may have kept it. @param {string} key @returns {unknown} */
 export function kept(key) {
   try {
     return JSON.parse(localStorage.getItem(`grabberd.${key}`) ?? "null");

@@ -1,4 +1,4 @@
-// What was seen in the last minutes, and no more.
+// Samples of the last minutes.
 
 /**
  * @template {{time_s: number}} Sample

@@ -1,4 +1,4 @@
-// Which panel the address asks for: #captures/ID.
+// The panel that the address asks for: #captures/ID.
 
 /** @import { Entry } from "../panels/index.js" */
 

@@ -1,14 +1,14 @@
-// What the page knows: one value, changed in one place, read by whoever subscribes.
+// The state of the page: one value, changed in one place, read by subscribers.
 
 /** @import { Device, Session, State } from "types/documents" */
 
 /**
  * @typedef {object} Known
- * @property {Session | null} session who uses the page; null: nobody yet
+ * @property {Session | null} session of the user; null before signing in
  * @property {State | null} state of the daemon
  * @property {{online: boolean, since: number}} connection since: by Date.now()
  * @property {string | null} device the chosen device's name
- * @property {number} clockOffset_ms what has to be added to this tablet's clock for the daemon's time
+ * @property {number} clockOffset_ms the daemon's time minus this tablet's
  */
 
 /** @typedef {ReturnType<typeof createStore>} Store */

@@ -32,7 +32,7 @@ export function createTexts(catalogue, language) {
     return Array.isArray(list) ? list : [];
   }
 
-  /** Whether there is such a text: for words that the daemon chooses. @param {string} key */
+  /** True if there is such a text; for keys that the daemon chooses. @param {string} key */
   const has = (key) => find(key) !== undefined;
 
   return { t, tn, tl, has, language };

@@ -1,4 +1,4 @@
-// What takes long: how far it is, a way to cancel it, and how it ended.
+// A job: its progress, a button to cancel it, and its outcome.
 import { statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 

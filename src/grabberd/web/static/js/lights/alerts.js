@@ -1,4 +1,4 @@
-// What is wrong, right below Start: one line each, that leads to its light.
+// Alerts right below Start: a line for each problem, which leads to its light.
 import { el, fill, symbol } from "../core/dom.js";
 import { wordsOf } from "./words.js";
 

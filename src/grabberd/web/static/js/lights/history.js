@@ -1,4 +1,4 @@
-// How many fields were lost in the last minute, from the counters of the state.
+// Fields lost in the last minute, from the counters of the state.
 
 /** @import { Device } from "types/documents" */
 

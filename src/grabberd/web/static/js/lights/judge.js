@@ -1,4 +1,4 @@
-// What each light shows: a level, a word, and when it is wrong, why that may be. Nothing here touches the page.
+// The state of each light: a level, a word, and possible causes. Nothing here touches the page.
 import { deviceOf, rateOf, streams as isStreaming } from "../core/store.js";
 
 /** @import { Known } from "../core/store.js" */
@@ -46,7 +46,7 @@ export function judge(known, history) {
 
 const IDS = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"];
 
-/** What the daemon tells of a trouble, without what it leaves out. @param {(string | null)[]} said */
+/** The daemon's own words about a problem, as far as it has any. @param {(string | null)[]} said */
 const knownOf = (said) => said.flatMap((one) => (one ? [one] : []));
 
 /** @param {string} id @returns {Light} */

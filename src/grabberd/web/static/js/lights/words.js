@@ -4,12 +4,12 @@
 /** @import { Format } from "../core/format.js" */
 /** @import { Light, LightValues } from "./judge.js" */
 
-/** Whether there are words for a cause of the daemon. @param {Context} context @param {string | null | undefined} code */
+/** True if there are texts for a cause of the daemon. @param {Context} context @param {string | null | undefined} code */
 export function isKnown({ texts }, code) {
   return Boolean(code) && texts.has(`causes.${code}.what`);
 }
 
-/** What is wrong; what the daemon says itself only where there are no words for it. @param {Context} context @param {{cause_code: string | null, message: string}} lack */
+/** A lack in words: the page's own, or the daemon's where the page has none. @param {Context} context @param {{cause_code: string | null, message: string}} lack */
 export function lackIn(context, lack) {
   return isKnown(context, lack.cause_code) ? context.t(`causes.${lack.cause_code}.what`) : lack.message;
 }

@@ -1,4 +1,4 @@
-// What is drawn over the picture: both views' outlines, the located targets, their ids and residuals.
+// Overlay of the live picture: both views' outlines, the located targets, their ids and residuals.
 
 /** @import { Point, Preview } from "./message.js" */
 /** @import { Views } from "types/documents" */

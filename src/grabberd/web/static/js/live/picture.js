@@ -57,7 +57,7 @@ export function createPicture(context, seen = () => {}) {
     return width / FRAME.columns;
   }
 
-  /** What is old is veiled, and says so; a frozen picture is meant to be. */
+  /** Veils a picture that is out of date, unless it is frozen on purpose. */
   function lift() {
     const age_ms = performance.now() - arrived;
     const device = deviceOf(store.get());

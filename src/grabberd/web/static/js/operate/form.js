@@ -1,14 +1,14 @@
-// What is asked for before Start: how long, from when, and what it shows. Remembered on this tablet.
+// The settings of the next capture: length, fields before the start, labels. Remembered on this tablet.
 import { el, setText } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 import { deviceOf, rateOf } from "../core/store.js";
-import { KINDS, USUAL, isSound, lengthOf, requestOf, wishFrom } from "./order.js";
+import { KINDS, USUAL, isSound, lengthOf, requestOf, wishFrom } from "./wish.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Known } from "../core/store.js" */
-/** @import { Change, Wish } from "./order.js" */
+/** @import { Change, Wish } from "./wish.js" */
 
 const STEPS = { seconds: 5, cycles: 5, fields: 50 };
 

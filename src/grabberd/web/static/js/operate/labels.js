@@ -1,8 +1,8 @@
-// What the capture shows: name, cow, teat, liner, note.
+// Labels of the next capture: name, cow, teat, liner, note.
 import { el } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Change, Wish } from "./order.js" */
+/** @import { Change, Wish } from "./wish.js" */
 
 const TEATS = ["", "front left", "front right", "rear left", "rear right"];
 

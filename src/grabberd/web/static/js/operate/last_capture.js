@@ -68,7 +68,7 @@ function verdict({ t }, capture) {
   return el("span", { class: `badge is-${level}` }, symbol(sign), t(`operate.last.${capture.verdict ?? "sealing"}`));
 }
 
-/** What its ledger says, where the verdict does not say it all. @param {Context} context @param {Capture} capture */
+/** The ledger in words, unless the capture is complete. @param {Context} context @param {Capture} capture */
 function said(context, capture) {
   return capture.ledger.complete ? "" : ` · ${ledgerIn(context, capture)}`;
 }

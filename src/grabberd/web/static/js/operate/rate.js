@@ -1,10 +1,10 @@
 // Pulsations a minute, for a length in pulsations: as entered here, else as measured last; and which of these it is.
 import { el, setText } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
-import { USUAL } from "./order.js";
+import { USUAL } from "./wish.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Change, Wish } from "./order.js" */
+/** @import { Change, Wish } from "./wish.js" */
 /** @import { Pulsation } from "types/documents" */
 
 const DIGITS = 1;
@@ -27,7 +27,7 @@ export function createRate(context, wish, set, changed) {
   input.addEventListener("input", () => set("ownPerMinute", Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null));
   input.addEventListener("blur", show);
 
-  /** What the device's newest analysis has found. @param {string} device */
+  /** Asks for the rate in the device's newest analysis. @param {string} device */
   async function ask(device) {
     asked = device;
     measured = null;

@@ -1,4 +1,4 @@
-// What a person in front of the instrument has to know: the state in a word, and why Start is not offered.
+// The situation in front of the instrument: its state in a word, and why Start is not offered.
 import { deviceOf } from "../core/store.js";
 
 /** @import { Known } from "../core/store.js" */

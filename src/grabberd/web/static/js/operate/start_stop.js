@@ -18,14 +18,14 @@ export function createStartStop(context, form) {
   let busy = "";
   let shown = "";
 
-  const start = el("button", { class: "button good large grow", type: "button", data: { do: "start" }, "aria-describedby": "start-why", on: { click: order } });
+  const start = el("button", { class: "button good large grow", type: "button", data: { do: "start" }, "aria-describedby": "start-why", on: { click: submit } });
   const trigger = el("button", { class: "button good large grow", type: "button", data: { do: "trigger" }, on: { click: () => act("trigger") } }, symbol("trigger"), t("operate.trigger"));
   const disarm = el("button", { class: "button large", type: "button", data: { do: "disarm" }, on: { click: () => act("stop") } }, t("operate.disarm"));
   const stopWords = el("span");
   const stop = el("button", { class: "button danger large grow", type: "button", data: { do: "stop" }, on: { click: () => act("stop") } }, symbol("stop"), stopWords);
 
   /** Requests a capture; with the same key until an answer has come, so that one lost on the way starts no second capture. */
-  async function order() {
+  async function submit() {
     if (busy) return;
     setBusy("start");
     try {
@@ -40,7 +40,7 @@ export function createStartStop(context, form) {
     setBusy("");
   }
 
-  /** What was begun together is triggered and stopped together. @param {"stop" | "trigger"} what */
+  /** Captures of a group are triggered and stopped together. @param {"stop" | "trigger"} what */
   async function act(what) {
     const { running, armed, group } = situationOf(store.get(), may("operator"));
     const id = running ?? armed;

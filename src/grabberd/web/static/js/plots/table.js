@@ -1,4 +1,4 @@
-// What charts show, in numbers: a table for who does not see them, a file for who wants them all.
+// The numbers behind the charts: a table for readers who cannot see them, a file with all of them.
 import { el, fill, symbol } from "../core/dom.js";
 import { save } from "../scene/picture.js";
 import { csvOf, summaryOf } from "./series.js";

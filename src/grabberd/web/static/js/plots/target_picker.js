@@ -1,4 +1,4 @@
-// Which target: by its id, or the one beside it.
+// Choice of a target: by its id, or the next one.
 import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */

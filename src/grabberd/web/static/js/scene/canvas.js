@@ -10,7 +10,7 @@ import { coloursOf, onTheme } from "./theme.js";
 /** @import { Orbit } from "./orbit.js" */
 /** @import { Shown } from "./stage.js" */
 
-/** So near a touch has to be. */
+/** Greatest distance of a touch from the target it means, in CSS pixels. */
 const NEAR_PIXELS = 28;
 /** The stage's colours by the names that the style sheet has for them. */
 const COLOURS = { ink: "ink", wire: "scene-wire", wireOn: "scene-wire-on", plain: "scene-plain", unknown: "scene-unknown", camera: "scene-camera", rim: "scene-rim", ground: "surface" };

@@ -1,17 +1,17 @@
 // The points of a capture, a part of it at a time, and the states that its analyses have made of them.
-import { displacement, measuredMoment, momentOf } from "./frames.js";
+import { displacement, measuredMoment, momentOf } from "./moments.js";
 import { frustaOf } from "./frustum.js";
 import { gridOf } from "./grid.js";
 import { MEASURED, REACH_MM } from "./live_source.js";
 
-/** @import { Moment } from "./frames.js" */
+/** @import { Moment } from "./moments.js" */
 /** @import { Frustum } from "./frustum.js" */
 /** @import { Grid } from "./grid.js" */
 /** @import { AnalysisRow, Capture } from "types/documents" */
 /** @import { AnalysisMap, Table } from "types/open_documents" */
 /** @import { Api } from "types/routes" */
 
-/** So many fields are played at a time: five seconds, all of them, not some. */
+/** Fields played at a time: five seconds, without leaving any out. */
 export const PART_FIELDS = 250;
 const ANALYSED = ["contact_kpa", "strain1", "strain2", "tension1_n_per_m"];
 const AT_ONCE = 4;
@@ -33,7 +33,7 @@ const AT_ONCE = 4;
  * @property {string[]} quantities that there are values of
  */
 
-/** What is needed to draw a capture. @param {Api} api @param {string} id @returns {Promise<Opened>} */
+/** Loads what is needed to draw a capture. @param {Api} api @param {string} id @returns {Promise<Opened>} */
 export async function openCapture(api, id) {
   const path = /** @type {const} */ (`/captures/${encodeURIComponent(id)}`);
   const [capture, listed] = await Promise.all([api.get(path), api.get(`${path}/analyses`)]);

@@ -6,7 +6,7 @@ import { createViewer } from "./viewer.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Drawable, Played } from "./capture_source.js" */
-/** @import { Moment } from "./frames.js" */
+/** @import { Moment } from "./moments.js" */
 
 /** @typedef {{part: number, analysis: number}} Choice analysis 0: the measured points */
 

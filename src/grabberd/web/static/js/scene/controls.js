@@ -1,4 +1,4 @@
-// What is drawn, coloured by what, seen from where.
+// Controls of the drawing: its layers, its colours, its viewpoint.
 import { el, symbol } from "../core/dom.js";
 import { turned, VIEWS, zoomed } from "./orbit.js";
 import { PLAIN } from "./quantities.js";
@@ -69,7 +69,7 @@ export function createControls({ t }, look, quantities, on) {
     el("div", { class: "stack" }, colours(), picture),
   );
 
-  /** Which view it is. @param {string | null} view */
+  /** Marks the button of a view. @param {string | null} view */
   function mark(view) {
     for (const button of views) button.setAttribute("aria-pressed", String(button.dataset.view === view));
   }

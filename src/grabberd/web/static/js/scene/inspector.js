@@ -3,7 +3,7 @@ import { el, fill } from "../core/dom.js";
 import { QUANTITIES } from "./quantities.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Moment } from "./frames.js" */
+/** @import { Moment } from "./moments.js" */
 /** @import { Grid } from "./grid.js" */
 
 const AXES = ["X", "Y", "Z"];

@@ -1,4 +1,4 @@
-// What is drawn, each with room for all targets of a grid: discs, lines, triangles.
+// Layers of the drawing, each with room for all targets of a grid: discs, lines, triangles.
 import { Geometry, Mesh, Program } from "../../vendor/ogl/ogl.js";
 import { LINES, POINTS, SURFACE } from "./shaders.js";
 

@@ -1,4 +1,4 @@
-// Which colour is which value.
+// Legend of the colour scale.
 import { el, fill } from "../core/dom.js";
 import { colourAt, css } from "./colours.js";
 import { digitsOf, shareOf, ticks } from "./scale.js";

@@ -1,11 +1,11 @@
-// The newest points, again and again while somebody looks: a new field's are asked for when events tell of one.
-import { measuredMoment } from "./frames.js";
+// The newest points, requested again when an event tells of a new field.
+import { measuredMoment } from "./moments.js";
 import { frustaOf } from "./frustum.js";
 import { gridOf } from "./grid.js";
 import { deviceOf } from "../core/store.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Moment } from "./frames.js" */
+/** @import { Moment } from "./moments.js" */
 /** @import { Frustum } from "./frustum.js" */
 /** @import { Grid } from "./grid.js" */
 /** @import { Device } from "types/documents" */

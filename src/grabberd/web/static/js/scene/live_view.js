@@ -4,7 +4,7 @@ import { MEASURED, openLive } from "./live_source.js";
 import { createViewer } from "./viewer.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Moment } from "./frames.js" */
+/** @import { Moment } from "./moments.js" */
 /** @import { LiveSource } from "./live_source.js" */
 
 const FRESH_MS = 2000;

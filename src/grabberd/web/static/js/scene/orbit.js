@@ -21,7 +21,7 @@ export const VIEWS = {
 const MOST_ZOOM = 12;
 const LEAST_ZOOM = 0.2;
 const MARGIN = 0.9;
-/** What is nearer than the middle looks larger: sine of half the angle of view. */
+/** Sine of half the angle of view: by this much a place nearer than the middle looks larger. */
 const PERSPECTIVE = 0.26;
 
 /** @param {Orbit} orbit @param {number} right_deg @param {number} up_deg @returns {Orbit} */
@@ -54,7 +54,7 @@ export function axesOf({ azimuth_deg, elevation_deg }) {
 }
 
 /**
- * Where the eye is and what it looks at.
+ * Position of the eye and of the place it looks at.
  * @param {Orbit} orbit
  * @param {{middle: Place, radius: number}} object in mm
  * @param {number} fov_deg the picture's lesser angle of view

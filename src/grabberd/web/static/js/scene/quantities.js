@@ -1,7 +1,7 @@
-// What the colours can stand for.
+// The quantities that targets can be coloured by.
 import { scaleOver, shareOf } from "./scale.js";
 
-/** @import { Moment } from "./frames.js" */
+/** @import { Moment } from "./moments.js" */
 /** @import { Scale } from "./scale.js" */
 
 /**
@@ -36,7 +36,7 @@ export function scaleOf(name, moments) {
 }
 
 /**
- * Where every target's value is on the scale: −1 where it has none, −2 where no colour is wanted.
+ * Place of every target's value on the scale: −1 where it has none, −2 where no colour is wanted.
  * @param {string} name
  * @param {Scale | null} scale
  * @param {Moment} moment

@@ -94,7 +94,7 @@ export function createStage(canvas, grid) {
     layers.points.uniforms.uLeast.value = LEAST_PIXELS * dpr;
   }
 
-  /** The lesser angle of view is always the same, so that a phone held upright shows the whole too. */
+  /** Vertical angle of view, degrees. The lesser angle is always the same, so that an upright phone shows the whole object, too. */
   function vertical() {
     const aspect = size.width / size.height;
     const half = Math.tan((FOV_DEG * Math.PI) / 360);
@@ -111,7 +111,7 @@ export function createStage(canvas, grid) {
     camera.updateMatrixWorld();
   }
 
-  /** Where a place is on the canvas, in CSS pixels; null behind the eye. @param {ArrayLike<number>} place_mm */
+  /** Projects a place onto the canvas, in CSS pixels; null behind the eye. @param {ArrayLike<number>} place_mm */
   function onCanvas(place_mm) {
     const m = camera.projectionViewMatrix;
     const part = (/** @type {number} */ i) => m[i] * place_mm[0] + m[4 + i] * place_mm[1] + m[8 + i] * place_mm[2] + m[12 + i];
@@ -119,7 +119,7 @@ export function createStage(canvas, grid) {
     return w <= 0 ? null : { x: ((part(0) / w + 1) / 2) * size.width, y: ((1 - part(1) / w) / 2) * size.height };
   }
 
-  /** How many CSS pixels a millimetre has at the object's middle. @param {Shown} shown */
+  /** CSS pixels of a millimetre at the object's middle. @param {Shown} shown */
   function pixelsPerMm({ orbit, object }) {
     const { distance } = eyeOf(orbit, object, FOV_DEG);
     return size.height / (2 * Math.tan((vertical() * Math.PI) / 360)) / distance;

@@ -1,4 +1,4 @@
-// What is looked at, live or a capture, and how: in space or over time.
+// Choice of the subject, live or a capture, and of the view: in space or over time.
 import { labelsIn } from "../captures/words.js";
 import { el, fill } from "../core/dom.js";
 

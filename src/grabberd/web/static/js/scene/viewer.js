@@ -14,7 +14,7 @@ import { canDraw } from "./stage.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Look, Parts } from "./controls.js" */
-/** @import { Moment } from "./frames.js" */
+/** @import { Moment } from "./moments.js" */
 /** @import { Frustum } from "./frustum.js" */
 /** @import { Grid } from "./grid.js" */
 /** @import { Orbit } from "./orbit.js" */
@@ -92,7 +92,7 @@ export function createViewer(context, subject) {
     draw();
   }
 
-  /** Where the chosen target is. @param {Moment} now */
+  /** Place of the chosen target. @param {Moment} now */
   function marked(now) {
     const i = target === null ? -1 : grid.index.get(target) ?? -1;
     return i >= 0 && Number.isFinite(now.xyz_mm[3 * i]) ? now.xyz_mm.subarray(3 * i, 3 * i + 3) : null;
@@ -159,7 +159,7 @@ export function createViewer(context, subject) {
   return { element, show, end: canvas.end };
 }
 
-/** What was kept of an earlier look. @param {unknown} kept @returns {{parts?: Partial<Parts>, quantity?: string}} */
+/** An earlier look as it was kept. @param {unknown} kept @returns {{parts?: Partial<Parts>, quantity?: string}} */
 function lookFrom(kept) {
   if (typeof kept !== "object" || kept === null) return {};
   const { parts, quantity } = /** @type {Record<string, unknown>} */ (kept);
@@ -167,7 +167,7 @@ function lookFrom(kept) {
   return { parts: Object.fromEntries(known), quantity: typeof quantity === "string" ? quantity : undefined };
 }
 
-/** Where the browser cannot draw, what is known is said in words. @param {Context} context @param {Subject} subject */
+/** Stands in for the viewer where the browser cannot draw: a summary in words. @param {Context} context @param {Subject} subject */
 function unable({ t }, subject) {
   const summary = el("p", { id: SUMMARY_ID });
   const note = el("div", { class: "note is-warn" }, el("p", {}, t("shape.noWebgl")));

@@ -1,4 +1,4 @@
-// Where one panel at a time is shown.
+// The place of the panels: one at a time.
 import { el, fill } from "../core/dom.js";
 import { routeOf } from "../core/router.js";
 

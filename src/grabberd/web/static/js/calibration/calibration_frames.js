@@ -1,4 +1,4 @@
-// The calibration frames that the daemon knows, and which of them is used here.
+// The calibration frames that the daemon knows, and the one used on this tablet.
 import { el, fill } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 

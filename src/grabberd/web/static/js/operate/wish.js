@@ -1,4 +1,4 @@
-// From what was filled in to the capture that is requested. Nothing here touches the page.
+// The capture that an operator wishes for, and the request that it makes. Nothing here touches the page.
 
 /**
  * @typedef {object} Wish
@@ -28,7 +28,7 @@ export const USUAL = {
   kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, ownPerMinute: null, before: 0, wait: false, all: false, labels: {}, note: "",
 };
 
-/** What was kept of an earlier wish; an entry of another kind than usual, as an older page may have kept, is left out. @param {unknown} kept @returns {Partial<Wish>} */
+/** An earlier wish as it was kept; entries of the wrong type, which an older edition of the page may have kept, are left out. @param {unknown} kept @returns {Partial<Wish>} */
 export function wishFrom(kept) {
   const entries = Object.entries(typeof kept === "object" && kept !== null ? kept : {});
   return Object.fromEntries(entries.filter(([name, value]) => isUsual(name, value)));

@@ -1,4 +1,4 @@
-// Points of one moment in the order of the target grid: what there is to draw.
+// The points of one moment, in the order of the target grid.
 
 /** @import { Grid } from "./grid.js" */
 /** @import { FieldPoints, NewestPoints } from "types/documents" */
@@ -53,7 +53,7 @@ export function measuredMoment(grid, field) {
   return { ...moment, values: { ...moment.values, sigma_mm: sigma, displacement_mm: displacement(moment.xyz_mm, grid.nominal_mm) } };
 }
 
-/** How far every target is from where it is in a reference. @param {Float32Array} xyz_mm @param {Float32Array} reference_mm */
+/** Distance of every target from its place in a reference. @param {Float32Array} xyz_mm @param {Float32Array} reference_mm */
 export function displacement(xyz_mm, reference_mm) {
   return Float32Array.from({ length: xyz_mm.length / 3 }, (_, i) => {
     const along = (/** @type {number} */ axis) => xyz_mm[3 * i + axis] - reference_mm[3 * i + axis];
