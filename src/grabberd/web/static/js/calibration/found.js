@@ -41,12 +41,12 @@ export function createFound(context, id) {
   /** @param {Identification} result */
   function show(result) {
     const { views } = context.device() ?? {};
-    if (!views) return;
+    const known = VIEWS.filter((name) => views && name in views); // none while the device is unknown
     for (const one of pictures) one.unmount();
-    pictures = VIEWS.map((name) => createTargetPicture(name, views[name], labelOf(name, result)));
-    fill(body, headOf(result), namesButton(), el("div", { class: "target-views" }, VIEWS.map((name, i) => viewOf(name, pictures[i], result))));
+    pictures = views ? known.map((name) => createTargetPicture(name, views[name], labelOf(name, result))) : [];
+    fill(body, headOf(result), namesButton(), el("div", { class: "target-views" }, known.map((name, i) => viewOf(name, pictures[i], result))));
     const address = api.url(`/captures/${encodeURIComponent(id)}/fields/${result.picture.field}.png`);
-    VIEWS.forEach((name, i) => pictures[i].show(address, result.picture, result.views[name]));
+    known.forEach((name, i) => pictures[i].show(address, result.picture, result.views[name]));
     offer(result);
   }
 

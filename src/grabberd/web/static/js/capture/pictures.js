@@ -6,6 +6,7 @@ import { el, setText, symbol } from "../core/dom.js";
 /** @import { Capture } from "types/documents" */
 
 const PAUSE_MS = 90;
+// The newest fields of a running capture, which may not be on the disk yet: it is written to twice a second.
 const UNWRITTEN = 100;
 const STEPS = [[-25, "back25"], [-1, "back"], [1, "next"], [25, "next25"]];
 const VIEWS = ["both", "left", "right"];
@@ -42,17 +43,16 @@ export function createPictures(context) {
 
   /** @param {number} to */
   function go(to) {
-    const shown = capture;
-    if (!shown) return;
-    n = Math.min(Math.max(to, 0), readableOf(shown) - 1);
+    if (!capture) return;
+    n = Math.min(Math.max(to, 0), readableOf(capture) - 1);
     slider.value = String(n);
     clearTimeout(timer);
-    timer = setTimeout(() => fetchPicture(shown), PAUSE_MS);
-    tell(shown);
+    timer = setTimeout(fetchPicture, PAUSE_MS);
+    tell(capture);
   }
 
-  /** @param {Capture} capture */
-  function fetchPicture(capture) {
+  function fetchPicture() {
+    if (!capture) return;
     const there = IN_THE_FILE.has(outcomeOf(capture, n).outcome);
     if (!there) return void (image.hidden = true);
     image.src = api.url(`/captures/${encodeURIComponent(capture.id)}/fields/${n}.png`);
@@ -90,7 +90,7 @@ export function createPictures(context) {
       slider.max = String(Math.max(0, total - 1));
       if (!before && total) look("both");
       if ((!before || readableOf(before) === 0) && total) go(Math.min(now.pre_trigger_fields, total - 1));
-      else if (failed) fetchPicture(now);
+      else if (failed) fetchPicture();
     },
     unmount: () => clearTimeout(timer),
   };

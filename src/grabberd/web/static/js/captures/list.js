@@ -38,7 +38,7 @@ export function createList(context, search) {
     query.set("limit", String(cursor ? PAGE : Math.max(PAGE, captures.length)));
     if (cursor) query.set("cursor", cursor);
     const page = await api.get(`/captures?${query}`).catch(context.refused);
-    if (mine !== turn || !page) return;
+    if (mine !== turn || !page) return; // a later question has been asked meanwhile
     captures = cursor ? [...captures, ...page.captures] : page.captures;
     next = page.next ?? null;
     show();

@@ -6,6 +6,7 @@ import { merged } from "./store.js";
 /** @import { Api } from "types/routes" */
 
 const RETRY_MS = 2000;
+// More than the daemon's 15 s between keep-alives: those are comments, which reach no listener, so silence proves nothing.
 const QUIET_MS = 20000;
 const PING_MS = 5000;
 

@@ -31,6 +31,7 @@ export function el(tag, attributes = {}, ...children) {
 /** @param {HTMLElement} made @param {string} name @param {unknown} value */
 function set(made, name, value) {
   if (value === null || value === undefined) return;
+  // As attributes these would give only the first value, or mean true whatever they say.
   if (PROPERTIES.has(name)) Object.assign(made, { [name]: value });
   else if (value !== false) made.setAttribute(name, value === true ? "" : String(value));
 }

@@ -75,7 +75,8 @@ export function delivers(device) {
 }
 
 /**
- * A document with a change (RFC 7396, but null stays null); parts that did not change are the same objects.
+ * A document with a change (RFC 7396, but null stays null, because in the state it has a meaning). Parts that did not
+ * change remain the same objects: subscribers compare by identity.
  * @param {unknown} document
  * @param {unknown} change
  * @returns {unknown}

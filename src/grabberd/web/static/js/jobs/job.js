@@ -53,7 +53,7 @@ export function createJob(context, hooks) {
     const mine = turn;
     try {
       const job = await api.get(`/jobs/${id}`);
-      if (mine === turn) show(job);
+      if (mine === turn) show(job); // else the panel has been left
     } catch (problem) {
       if (mine !== turn) return;
       if (statusOf(problem) === 404) fail({ message: t("jobs.gone"), hint: "" });

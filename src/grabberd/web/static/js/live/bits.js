@@ -2,6 +2,7 @@
 
 /** @import { Preview } from "./message.js" */
 
+// Image data are bytes R, G, B, A; as one little-endian word opacity is the highest byte.
 const WHITE = 0xffffffff;
 const BLACK = 0xff000000;
 

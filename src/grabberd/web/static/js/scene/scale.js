@@ -18,7 +18,7 @@ const FEWEST_TICKS = 3;
  * @returns {Scale | null} none where there is no value
  */
 export function scaleOver(values, signed) {
-  const known = Float64Array.from(values).filter(Number.isFinite).sort();
+  const known = Float64Array.from(values).filter(Number.isFinite).sort(); // typed arrays sort by value, plain ones as text
   if (!known.length) return null;
   const low = known[Math.floor(OUTERMOST * (known.length - 1))];
   const high = known[Math.ceil((1 - OUTERMOST) * (known.length - 1))];

@@ -32,7 +32,7 @@ const LEAST_PIXELS = 9;
 /** True if this browser can draw at all. */
 export function canDraw() {
   const context = document.createElement("canvas").getContext("webgl2");
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  context?.getExtension("WEBGL_lose_context")?.loseContext(); // browsers have few: this one is given back at once
   return context !== null;
 }
 
