@@ -1,18 +1,21 @@
-// The calibration frames that the daemon knows, and which of them is used here.
+// The calibration frames that the daemon knows, and the one used on this tablet.
 import { el, fill } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
 
-/** @param {import("../core/context.js").Context} context @returns {Promise<any[]>} */
+/** @import { Context } from "../core/context.js" */
+/** @import { CalibrationFrame } from "types/documents" */
+
+/** @param {Context} context */
 export async function knownFrames({ api }) {
   return (await api.get("/calibration-frames")).calibration_frames;
 }
 
-/** The one that was chosen on this tablet, or the first. @param {any[]} frames */
+/** The one that was chosen on this tablet, or the first. @param {CalibrationFrame[]} frames */
 export function chosenFrame(frames) {
   return frames.find((one) => one.name === kept("calibration.frame")) ?? frames[0] ?? null;
 }
 
-/** @param {import("../core/context.js").Context} context @param {any[]} frames @param {(frame: any) => void} chosen */
+/** @param {Context} context @param {CalibrationFrame[]} frames @param {(frame: CalibrationFrame | null) => void} chosen */
 export function createFrameChoice({ t, format }, frames, chosen) {
   const choice = el("select", { class: "input", id: "calibration-frame", on: { change: take } });
   const about = el("p", { class: "field-hint" });

@@ -1,6 +1,8 @@
-// Points of one moment in the order of the target grid: what there is to draw.
+// The points of one moment, in the order of the target grid.
 
-/** @typedef {import("./grid.js").Grid} Grid */
+/** @import { Grid } from "./grid.js" */
+/** @import { FieldPoints, NewestPoints } from "types/documents" */
+/** @import { PlacedColumns } from "types/open_documents" */
 
 /**
  * @typedef {object} Moment
@@ -15,9 +17,10 @@
 
 /**
  * A moment from columns with a `target` each.
+ * @template {string} Name
  * @param {Grid} grid
- * @param {any} columns
- * @param {string[]} names of the columns that are values to colour by
+ * @param {PlacedColumns & Record<Name, (number | null)[]>} columns
+ * @param {Name[]} names of the columns that are values to colour by
  * @param {Partial<Moment>} [when]
  * @returns {Moment}
  */
@@ -28,8 +31,9 @@ export function momentOf(grid, columns, names, when = {}) {
   let seen = 0;
   for (const [i, id] of columns.target.entries()) {
     const place = grid.index.get(id);
-    if (place === undefined || columns.x_mm[i] === null) continue;
-    xyz_mm.set([columns.x_mm[i], columns.y_mm[i], columns.z_mm[i]], 3 * place);
+    const [x, y, z] = [columns.x_mm[i], columns.y_mm[i], columns.z_mm[i]];
+    if (place === undefined || x === null || y === null || z === null) continue;
+    xyz_mm.set([x, y, z], 3 * place);
     for (const name of names) values[name][place] = columns[name][i] ?? NaN;
     seen += 1;
   }
@@ -39,17 +43,17 @@ export function momentOf(grid, columns, names, when = {}) {
 /**
  * A moment of measured points: with their displacement from their nominal places and their σ.
  * @param {Grid} grid
- * @param {any} field of a points document, or the newest points
+ * @param {FieldPoints | NewestPoints} field of a points document, or the newest points
  * @returns {Moment}
  */
 export function measuredMoment(grid, field) {
-  const { n = null, time_s = null, utc = null } = field;
-  const moment = momentOf(grid, field, ["residual_px"], { n, time_s, utc });
+  const when = "utc" in field ? { n: field.n, utc: field.utc } : { n: field.n, time_s: field.time_s };
+  const moment = momentOf(grid, field, ["residual_px"], when);
   const sigma = momentOf(grid, { ...field, sigma_mm: spread(field) }, ["sigma_mm"]).values.sigma_mm;
   return { ...moment, values: { ...moment.values, sigma_mm: sigma, displacement_mm: displacement(moment.xyz_mm, grid.nominal_mm) } };
 }
 
-/** How far every target is from where it is in a reference. @param {Float32Array} xyz_mm @param {Float32Array} reference_mm */
+/** Distance of every target from its place in a reference. @param {Float32Array} xyz_mm @param {Float32Array} reference_mm */
 export function displacement(xyz_mm, reference_mm) {
   return Float32Array.from({ length: xyz_mm.length / 3 }, (_, i) => {
     const along = (/** @type {number} */ axis) => xyz_mm[3 * i + axis] - reference_mm[3 * i + axis];
@@ -57,7 +61,7 @@ export function displacement(xyz_mm, reference_mm) {
   });
 }
 
-/** σ of the place, from pointing and line jitter: root of the sum over the axes. @param {any} field @returns {number[]} */
+/** σ of the place, from pointing and line jitter: root of the sum over the axes. @param {FieldPoints | NewestPoints} field @returns {number[]} */
 function spread(field) {
-  return field.sigma_x_mm.map((/** @type {number} */ x, /** @type {number} */ i) => Math.hypot(x, field.sigma_y_mm[i], field.sigma_z_mm[i]));
+  return field.sigma_x_mm.map((x, i) => Math.hypot(x, field.sigma_y_mm[i], field.sigma_z_mm[i]));
 }
