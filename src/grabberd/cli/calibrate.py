@@ -21,7 +21,7 @@ from grabberd.config import RigConfig
 from grabberd.errors import StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.jobs.calibrate_file import Calibrated
+    from grabberd.service.jobs.calibration import CalibrationOutput
 
 
 def register(app: typer.Typer) -> None:
@@ -109,9 +109,9 @@ def _calibrated(
     options: dict[str, Any],
     rig: RigConfig | None,
     identifications: Path | None,
-) -> "Calibrated":
+) -> "CalibrationOutput":
     """With a progress bar."""
-    from grabberd.service.jobs.calibrate_file import calibrate_file  # noqa: PLC0415
+    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
     from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
 
@@ -142,7 +142,7 @@ def _write_report(path: Path, document: dict[str, Any]) -> None:
     _write(path, calibration_html(document) if path.suffix == ".html" else document_json(document))
 
 
-def _show(out: Path, report: Path | None, made: "Calibrated") -> None:
+def _show(out: Path, report: Path | None, made: "CalibrationOutput") -> None:
     document = made.report
     result, found = document["result"], document["identification"]
     table = Table(title=f"{out}: calibration {document['id']}")

@@ -79,7 +79,7 @@ def _of_file(
     capture: Path, calibration: Path | None, frame: dict[str, Any] | None, *, in_place: bool
 ) -> dict[str, Any]:
     from grabberd.service.calibrations.calibration_frames import frame_document  # noqa: PLC0415
-    from grabberd.service.jobs.check_job import check_file  # noqa: PLC0415
+    from grabberd.service.jobs.check import check_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents  # noqa: PLC0415
 
     document = read_documents(calibration, None)["calibration"]

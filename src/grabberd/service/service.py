@@ -24,9 +24,8 @@ from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.device.fair_lock import FairLock
 from grabberd.service.device.instrument import NOMINAL_RATE_HZ, Instrument
 from grabberd.service.idempotency import Idempotency
-from grabberd.service.jobs.calibrate_file import calibrate_capture
-from grabberd.service.jobs.calibration_job import Calibrator
-from grabberd.service.jobs.job_runner import JobRunner
+from grabberd.service.jobs.calibration import Calibrator, calibrate_file
+from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
 from grabberd.service.mqtt.publishing import Publishes, publisher_of
 from grabberd.service.secrets import without_secrets
@@ -67,7 +66,7 @@ class Service:
         queue_s: float = 10.0,
         disk: DiskGuard | None = None,
         retention: Policy | None = None,
-        calibrator: Calibrator = calibrate_capture,
+        calibrator: Calibrator = calibrate_file,
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()

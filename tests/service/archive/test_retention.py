@@ -16,7 +16,8 @@ from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Kept, Policy, Retention, removals
 from grabberd.service.capture.disk_guard import GB, DiskGuard
-from grabberd.service.jobs.job_runner import JobRunner
+from grabberd.service.jobs.measurement import MeasurementJob
+from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.state.analysis_store import AnalysisStore
@@ -147,7 +148,7 @@ def test_captures_that_have_to_go_are_deleted_logged_and_counted(
 def test_pinned_captures_and_those_that_a_job_works_on_stay(tmp_path: Path) -> None:
     barn = Barn(tmp_path, (40, 50, 60), Policy(keep_days=30))
     barn.annotations.put("d60", Annotation(pinned=True))
-    barn.jobs.submit("measure", "d50", lambda _: None)
+    barn.jobs.submit(MeasurementJob(subject="d50", path=Path("d50.grab"), made_with={}))
     barn.retention.apply()
     assert barn.files == {"d50", "d60"}
 

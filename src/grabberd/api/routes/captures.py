@@ -21,7 +21,7 @@ from grabberd.service.archive.capture_list import CaptureQuery, Place
 from grabberd.service.archive.capture_list import list_captures as page_of_captures
 from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.clock import iso_utc
-from grabberd.service.jobs.measure_job import order_measuring
+from grabberd.service.jobs.measurement import MeasurementJob
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -133,7 +133,8 @@ def measure_capture(
     capture_id: CaptureId, service: ServiceOf, request: Request, response: Response
 ) -> object:
     """Measure a sealed capture again with the device's present calibration: a job that adds a run."""
-    job = order_measuring(service, capture_id)
+    instrument = service.instrument(service.archive.document(capture_id)["device"])
+    job = service.jobs.submit(MeasurementJob.of(service.archive, instrument, capture_id))
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)
 

@@ -2,15 +2,26 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 from grabberd.errors import Conflict, InputError
 from grabberd.service.archive.archive import Archive
-from grabberd.service.jobs.job_runner import ENDED, JobRunner
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 
 MOST_LABELS = 32
+
+
+class Jobs(Protocol):
+    """The part of the job runner that tells which captures are in use."""
+
+    def busy_subjects(self) -> set[str]:
+        """Returns the ids of the captures that unfinished jobs work on."""
+        ...
+
+    def check_idle(self, subject: str) -> None:
+        """Raises Conflict if an unfinished job works on a capture."""
+        ...
 
 
 class CaptureAnnotations:
@@ -20,7 +31,7 @@ class CaptureAnnotations:
         self,
         archive: Archive,
         annotations: AnnotationStore,
-        jobs: JobRunner,
+        jobs: Jobs,
         analyses: AnalysisStore,
     ) -> None:
         self._archive = archive
@@ -66,7 +77,7 @@ class CaptureAnnotations:
             StorageError: the state cannot be read.
         """
         pinned = {capture_id for capture_id, said in self._annotations.all().items() if said.pinned}
-        return pinned | {job.subject for job in self._jobs.list() if job.state not in ENDED}
+        return pinned | self._jobs.busy_subjects()
 
     def delete(self, capture_id: str) -> None:
         """Deletes a capture for good: its file, its analyses, and what was said of it.
@@ -79,12 +90,7 @@ class CaptureAnnotations:
         self._archive.sealed_path(capture_id)
         if self._annotations.get(capture_id).pinned:
             raise Conflict(f"capture {capture_id} is pinned", "unpin it first: PATCH it with pinned: false")
-        for job in self._jobs.list():
-            if job.subject == capture_id and job.state not in ENDED:
-                raise Conflict(
-                    f"{job.id} ({job.kind}) works on capture {capture_id}",
-                    f"wait for its end, or cancel it: DELETE /api/v1/jobs/{job.id}",
-                )
+        self._jobs.check_idle(capture_id)
         self._archive.remove(capture_id)
         self._analyses.remove(capture_id)
         self._annotations.remove(capture_id)

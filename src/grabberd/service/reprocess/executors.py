@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from grabberd import __version__
 from grabberd.errors import ExtraMissing, InputError, NotReady
-from grabberd.service.jobs.job_runner import NICENESS
+from grabberd.service.jobs.runner import NICENESS
 
 if TYPE_CHECKING:
     from distributed import Client
