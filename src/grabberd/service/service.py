@@ -14,7 +14,7 @@ from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
-from grabberd.service.calibrations.catalog import CalibrationCatalog
+from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.capture.armed_capture import ArmedCapture
 from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.disk_guard import GB, DiskGuard

@@ -14,7 +14,7 @@ from grabberd.config import RetentionConfig, StorageConfig, default_config_file
 from grabberd.errors import Conflict, StorageError
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
-from grabberd.service.archive.retention import Kept, Policy, Retention, removals
+from grabberd.service.archive.retention import Candidate, Policy, Retention, removals
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.jobs.runner import JobRunner
@@ -28,11 +28,11 @@ from storage.captures import slots, write
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-def kept(days: float, size: int = 10, name: str | None = None) -> Kept:
-    return Kept(name or f"{days:g} days", NOW - timedelta(days=days), size)
+def kept(days: float, size: int = 10, name: str | None = None) -> Candidate:
+    return Candidate(name or f"{days:g} days", NOW - timedelta(days=days), size)
 
 
-def ids(policy: Policy, captures: list[Kept], free: int = 0) -> list[str]:
+def ids(policy: Policy, captures: list[Candidate], free: int = 0) -> list[str]:
     return [removal.id for removal in removals(captures, policy, NOW, free)]
 
 
