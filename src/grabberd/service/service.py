@@ -27,7 +27,7 @@ from grabberd.service.idempotency import Idempotency
 from grabberd.service.jobs.calibration import Calibrator, calibrate_file
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
-from grabberd.service.mqtt.publishing import Publishes, publisher_of
+from grabberd.service.mqtt.publisher_setup import MqttPublisher, create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
@@ -106,7 +106,7 @@ class Service:
             self.keeping.spared,
             self.keeping.delete,
         )
-        self.publisher: Publishes | None = None
+        self.publisher: MqttPublisher | None = None
         self._started = False
 
     @property
@@ -126,7 +126,7 @@ class Service:
             retention=Policy.from_config(config.storage.retention),
         )
         service.configuration = without_secrets(config.model_dump(mode="json"))
-        service.publisher = publisher_of(config, service.archive, service.state, service.clock)
+        service.publisher = create_publisher(config, service.archive, service.state, service.clock)
         return service
 
     def start(self) -> None:
@@ -266,7 +266,7 @@ class Service:
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", session.id, error.message, error.hint)
         if self.publisher is not None:
-            self.publisher.notice()
+            self.publisher.capture_ended()
 
 
 def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:
