@@ -284,7 +284,7 @@ def test_two_captures_of_one_id_are_not_mixed(tmp_path: Path) -> None:
     together = measured([one, two], tmp_path / "out")
     assert (together.measured, [refusal.capture for refusal in together.refused]) == (1, [two])
     later = measured(two, tmp_path / "out")
-    assert "is called liner as well" in later.refused[0].problem
+    assert "is also called liner" in later.refused[0].problem
 
 
 def test_a_capture_without_a_barn_is_refused_until_it_is_named(tmp_path: Path) -> None:

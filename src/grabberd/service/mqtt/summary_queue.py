@@ -101,10 +101,8 @@ class SummaryQueue:
 
     def _files(self) -> dict[str, str]:
         """Returns the files of all captures that have ended, by id."""
-        entries = self._archive.index.list()
-        return {
-            one.id: one.file for one in entries if one.file.endswith(SUFFIX) and one.id not in self._deleted
-        }
+        entries = (one for one in self._archive.index.list() if one.id not in self._deleted)
+        return {one.id: one.file for one in entries if one.file.endswith(SUFFIX)}
 
     def _enter(self, capture_id: str, file: str) -> None:
         try:
