@@ -13,7 +13,6 @@ from grabberd import __version__
 from grabberd.acquisition import Ledger
 from grabberd.errors import ExtraMissing, InputError, NotReady
 from grabberd.reconstruction import ObjectModel
-from grabberd.service.archive.archive import Archive
 from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs.progress import Progress, portion
 from grabberd.service.jobs.runner import JobSpec
@@ -21,9 +20,10 @@ from grabberd.storage import CaptureReader
 from grabberd.storage.capture.schema import storage_errors
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
     from grabberd.processes.analysis.analyse import Analysis, FieldPoints
     from grabberd.processes.analysis.tables import AnalysisTables
+    from grabberd.service.archive.archive import Archive
 
 SOURCE = "the HTTP request"
 """Where the inputs of a job come from, as the report shows it."""
@@ -72,7 +72,7 @@ class AnalysisJob(JobSpec):
     @classmethod
     def of(
         cls,
-        archive: Archive,
+        archive: "Archive",
         store: AnalysisStore,
         capture_id: str,
         inputs: Mapping[str, Any],

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pydantic import ValidationError
 
@@ -17,15 +17,17 @@ from grabberd.geometry import PARAMETERS, NominalRig
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
-from grabberd.service.archive.archive import Archive
 from grabberd.service.calibrations.calibration_frames import FRAME_KEYS, frame_document, frame_model
 from grabberd.service.clock import SystemClock, iso_utc
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
+
+if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
+    from grabberd.service.archive.archive import Archive
+    from grabberd.service.device.instrument import Instrument
 
 _LOCATED = 0.8
 """Share of the work that location is; the adjustment cannot tell how far it is."""
@@ -75,9 +77,9 @@ class CalibrationJob(JobSpec):
     @classmethod
     def of(
         cls,
-        archive: Archive,
+        archive: "Archive",
         store: CalibrationStore,
-        instrument: Instrument,
+        instrument: "Instrument",
         capture_id: str,
         *,
         calibrator: Calibrator,

@@ -4,22 +4,24 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grabberd.errors import NotReady
 from grabberd.geometry import Calibration
 from grabberd.processes.calibration.calibration_check import Check, CheckVerdict, check
-from grabberd.service.archive.archive import Archive
 from grabberd.service.calibrations.calibration_frames import frame_document, frame_model
-from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.recorder import CaptureRequest
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.schema import SUFFIX
+
+if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
+    from grabberd.service.archive.archive import Archive
+    from grabberd.service.capture.capture_control import CaptureControl
+    from grabberd.service.device.instrument import Instrument
 
 SECONDS = 10.0
 SEALING_S = 60.0
@@ -59,9 +61,9 @@ class CheckJob(JobSpec):
     @classmethod
     def start(
         cls,
-        captures: CaptureControl,
-        archive: Archive,
-        instrument: Instrument,
+        captures: "CaptureControl",
+        archive: "Archive",
+        instrument: "Instrument",
         frame: str | Mapping[str, Any] | None = None,
         *,
         in_place: bool = False,

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,13 +13,15 @@ from grabberd.calibration import MeanImages
 from grabberd.field import NumberedField
 from grabberd.processes.calibration.identify import SeenFrame, identify
 from grabberd.reconstruction import ObjectModel
-from grabberd.service.archive.archive import Archive
 from grabberd.service.calibrations.calibration_frames import frame_document, frame_model
 from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
+
+if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
+    from grabberd.service.archive.archive import Archive
 
 VIEWS = ("left", "right")
 ENOUGH_FIELDS = 16
@@ -40,7 +42,7 @@ class IdentificationJob(JobSpec):
 
     @classmethod
     def of(
-        cls, archive: Archive, capture_id: str, frame: str | Mapping[str, Any] | None = None
+        cls, archive: "Archive", capture_id: str, frame: str | Mapping[str, Any] | None = None
     ) -> "IdentificationJob":
         """Declares the identification of the calibration frame in a sealed capture.
 

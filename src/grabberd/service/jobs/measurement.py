@@ -4,19 +4,21 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grabberd import __version__
 from grabberd.errors import MeasurementError, NotReady
 from grabberd.processes.measure import MeasuredField, measure_fields
 from grabberd.reconstruction.points import Points
-from grabberd.service.archive.archive import Archive
 from grabberd.service.clock import SystemClock, iso_utc
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.jobs.progress import Progress, counted
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import measure_setup
 from grabberd.storage import CaptureReader, append_run
+
+if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
+    from grabberd.service.archive.archive import Archive
+    from grabberd.service.device.instrument import Instrument
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +30,7 @@ class MeasurementJob(JobSpec):
     made_with: Mapping[str, Any]
 
     @classmethod
-    def of(cls, archive: Archive, instrument: Instrument, capture_id: str) -> "MeasurementJob":
+    def of(cls, archive: "Archive", instrument: "Instrument", capture_id: str) -> "MeasurementJob":
         """Declares the re-measurement of a capture with an instrument's present calibration.
 
         Raises:
