@@ -37,7 +37,7 @@ def cluster(tmp_path: Path) -> Iterator[Any]:
         n_workers=3,
         threads_per_worker=1,
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",  # also the port of its HTTP server, which another test may have
         local_directory=str(tmp_path / "dask"),
         silence_logs=50,
     ) as one:
