@@ -25,19 +25,23 @@ def calibration(calibration_id: str, shift_mm: float = 0.0, **changes: Any) -> D
 
 
 def exact(
-    progress: Progress, *, path: Path, frame: Mapping[str, Any], options: Mapping[str, Any]
+    progress: Progress, *, path: Path, calibration_frame: Mapping[str, Any], options: Mapping[str, Any]
 ) -> CalibrationOutput:
     """Knows the calibration without looking at the fields; its id ends as the calibration frame is called."""
     progress(0.5)
     with CaptureReader(path) as reader:
-        details = {"fields": reader.field_count, "options": dict(options), "targets": len(frame["targets"])}
+        details = {
+            "fields": reader.field_count,
+            "options": dict(options),
+            "targets": len(calibration_frame["targets"]),
+        }
     document = calibration(f"of-{path.stem}", SHIFT_MM, details=details)
     report = {"schema": "grabberd/calibration-report/1", "id": document["id"], "warnings": []}
     return CalibrationOutput(document, report)
 
 
 def without_result(
-    progress: Progress, *, path: Path, frame: Mapping[str, Any], options: Mapping[str, Any]
+    progress: Progress, *, path: Path, calibration_frame: Mapping[str, Any], options: Mapping[str, Any]
 ) -> CalibrationOutput:
     """Finds no targets."""
     raise MeasurementError("2 of 108 targets were found", "light the calibration frame")

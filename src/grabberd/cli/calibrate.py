@@ -121,7 +121,7 @@ def _calibrated(
         return calibrate_file(
             lambda share: progress.update(task, completed=share),
             path=capture,
-            frame=read_yaml(calibration_frame),
+            calibration_frame=read_yaml(calibration_frame),
             options=options,
             rig=rig,
             by_hand=by_hand,

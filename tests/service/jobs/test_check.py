@@ -8,7 +8,7 @@ import pytest
 from running import running, sealed
 
 from grabberd.errors import NotFound, NotReady
-from grabberd.service.calibrations.calibration_frames import frame_document
+from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.jobs.check import CheckJob, check_file
 from grabberd.service.jobs.runner import JobState
@@ -41,9 +41,9 @@ def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> 
         known = dict(service.instrument(None).setup.documents["calibration"])
     left = known["views"]["left"]
     before = {**known, "views": {**known["views"], "left": {**left, "y0_px": left["y0_px"] + 2.0}}}
-    frame = frame_document(None)
-    assert check_file(lambda _: None, path=path, frame=frame)["verdict"] == "fits"
-    found = check_file(lambda _: None, path=path, frame=frame, calibration=before)
+    frame = calibration_frame_document(None)
+    assert check_file(lambda _: None, path=path, calibration_frame=frame)["verdict"] == "fits"
+    found = check_file(lambda _: None, path=path, calibration_frame=frame, calibration=before)
     assert found["verdict"] == "recalibrate"
     assert found["parallax_px"] == pytest.approx(2.0, abs=0.2)
     assert found["reasons"]
@@ -62,5 +62,5 @@ def test_an_unknown_calibration_frame_is_refused_before_anything_is_captured(
 ) -> None:
     with running(tmp_path, FRAME_IN_VIEW) as service:
         with pytest.raises(NotFound):
-            check(service, frame="no such frame")
+            check(service, calibration_frame="no such frame")
         assert service.archive.documents() == []

@@ -8,7 +8,7 @@ from grabberd.api.routes.captures import CaptureId
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import Document, JobDocument, shown
 from grabberd.api.routes.named_types import JsonObject
-from grabberd.service.calibrations.calibration_frames import frame_rows
+from grabberd.service.calibrations.calibration_frames import calibration_frame_rows
 from grabberd.service.jobs.identification import IdentificationJob
 
 router = APIRouter(tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
@@ -42,7 +42,7 @@ class IdentificationOrder(Document):
 @router.get("/calibration-frames", response_model=CalibrationFrameList, summary="List the calibration frames")
 def list_calibration_frames() -> object:
     """The calibration frames that can be named; any other one is given as a document."""
-    return {"calibration_frames": frame_rows()}
+    return {"calibration_frames": calibration_frame_rows()}
 
 
 @router.post(

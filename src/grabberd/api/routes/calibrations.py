@@ -54,7 +54,7 @@ def make_calibration(
             service.instrument(order.device or service.archive.document(capture_id)["device"]),
             capture_id,
             calibrator=service.calibrator,
-            frame=order.calibration_frame,
+            calibration_frame=order.calibration_frame,
             options=options,
             note=order.note,
         )

@@ -10,18 +10,18 @@ from grabberd.errors import NotFound
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.setup import read_yaml
 
-FRAME_KEYS = ("certificate", "temperature_C")
+CALIBRATION_FRAME_KEYS = ("certificate", "temperature_C")
 """Keys of a calibration frame's document beside those of an object model."""
 
 
-def known_frames() -> dict[str, Path]:
+def known_calibration_frames() -> dict[str, Path]:
     """Returns the files in `calibration-frames`, by name without suffix."""
     return {path.stem: path for path in sorted((shipped_configs() / "calibration-frames").glob("*.yaml"))}
 
 
-def frame_rows() -> list[dict[str, Any]]:
+def calibration_frame_rows() -> list[dict[str, Any]]:
     """Returns the known calibration frames as they are listed, by name."""
-    return [{"name": name, **_row(path)} for name, path in known_frames().items()]
+    return [{"name": name, **_row(path)} for name, path in known_calibration_frames().items()]
 
 
 @cache  # the files do not change while the program runs
@@ -37,31 +37,33 @@ def _row(path: Path) -> dict[str, Any]:
     }
 
 
-def frame_document(frame: str | Mapping[str, Any] | None) -> dict[str, Any]:
+def calibration_frame_document(wanted: str | Mapping[str, Any] | None) -> dict[str, Any]:
     """Returns a calibration frame's document: as given, by name, or the only one there is.
 
     Raises:
         NotFound: No calibration frame has that name, or a name is needed.
         InputError: The file cannot be read.
     """
-    if isinstance(frame, Mapping):
-        return dict(frame)
+    if isinstance(wanted, Mapping):
+        return dict(wanted)
     # A name comes from a client: it is looked up, never made part of a path.
-    known = known_frames()
+    known = known_calibration_frames()
     if frame is None and len(known) == 1:
         return read_yaml(next(iter(known.values())))
-    name = (frame or "").removesuffix(".yaml")
+    name = (wanted or "").removesuffix(".yaml")
     if name not in known:
-        problem = "no calibration frame is named" if frame is None else f"no calibration frame {frame!r}"
+        problem = "no calibration frame is named" if frame is None else f"no calibration frame {wanted!r}"
         names = ", ".join(known) or "none is installed"
         raise NotFound(problem, f"name one of: {names}; or give its document, with its targets")
     return read_yaml(known[name])
 
 
-def frame_model(frame: Mapping[str, Any]) -> ObjectModel:
+def calibration_frame_model(document: Mapping[str, Any]) -> ObjectModel:
     """Returns the targets of a calibration frame's document.
 
     Raises:
         InputError: The document is invalid.
     """
-    return ObjectModel.from_document({key: frame[key] for key in frame if key not in FRAME_KEYS})
+    return ObjectModel.from_document(
+        {key: document[key] for key in document if key not in CALIBRATION_FRAME_KEYS}
+    )

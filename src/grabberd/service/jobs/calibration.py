@@ -17,7 +17,11 @@ from grabberd.geometry import PARAMETERS, NominalRig
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
-from grabberd.service.calibrations.calibration_frames import FRAME_KEYS, frame_document, frame_model
+from grabberd.service.calibrations.calibration_frames import (
+    CALIBRATION_FRAME_KEYS,
+    calibration_frame_document,
+    calibration_frame_model,
+)
 from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
@@ -45,7 +49,12 @@ class Calibrator(Protocol):
     """A function at module level that calibrates from a capture, such as `calibrate_file`."""
 
     def __call__(
-        self, progress: Progress, *, path: Path, frame: Mapping[str, Any], options: Mapping[str, Any]
+        self,
+        progress: Progress,
+        *,
+        path: Path,
+        calibration_frame: Mapping[str, Any],
+        options: Mapping[str, Any],
     ) -> CalibrationOutput:
         """Calibrates; nothing is written."""
         ...
@@ -57,7 +66,7 @@ class CalibrationJob(JobSpec):
 
     Attributes:
         path: The capture.
-        frame: Document of the calibration frame.
+        calibration_frame: Document of the calibration frame.
         options: Options of the calibrator.
         store: Folder of the `CalibrationStore`.
         device: Name of the device the calibration belongs to.
@@ -67,7 +76,7 @@ class CalibrationJob(JobSpec):
 
     kind = "calibrate"
     path: Path
-    frame: Mapping[str, Any]
+    calibration_frame: Mapping[str, Any]
     options: Mapping[str, Any]
     store: Path
     device: str
@@ -83,7 +92,7 @@ class CalibrationJob(JobSpec):
         capture_id: str,
         *,
         calibrator: Calibrator,
-        frame: str | Mapping[str, Any] | None = None,
+        calibration_frame: str | Mapping[str, Any] | None = None,
         options: Mapping[str, Any] | None = None,
         note: str = "",
     ) -> "CalibrationJob":
@@ -95,7 +104,7 @@ class CalibrationJob(JobSpec):
             instrument: The device the calibration will belong to.
             capture_id: Id of the capture.
             calibrator: What calibrates.
-            frame: Name or document of the calibration frame; None if there is only one.
+            calibration_frame: Name or document of the calibration frame; None if there is only one.
             options: Options of the calibrator.
             note: Free text, kept with the calibration.
 
@@ -106,7 +115,7 @@ class CalibrationJob(JobSpec):
         return cls(
             subject=capture_id,
             path=archive.sealed_path(capture_id),
-            frame=frame_document(frame),
+            calibration_frame=calibration_frame_document(calibration_frame),
             options={**(options or {}), **({"note": note} if note else {})},
             store=store.directory,
             device=instrument.name,
@@ -124,7 +133,9 @@ class CalibrationJob(JobSpec):
             Conflict: The id is taken.
             GrabberdError: The calibrator refuses the capture.
         """
-        made = self.calibrator(progress, path=self.path, frame=self.frame, options=self.options)
+        made = self.calibrator(
+            progress, path=self.path, calibration_frame=self.calibration_frame, options=self.options
+        )
         record = CalibrationRecord(self.device, "capture", note=self.note, capture=self.subject)
         page, record = _drawn(made.report, record)
         record = replace(record, stored_utc=iso_utc(SystemClock().utc_now()))
@@ -151,7 +162,7 @@ def calibrate_file(
     progress: Progress,
     *,
     path: Path,
-    frame: Mapping[str, Any],
+    calibration_frame: Mapping[str, Any],
     options: Mapping[str, Any],
     rig: RigConfig | None = None,
     by_hand: Sequence[Mark] | None = None,
@@ -161,7 +172,7 @@ def calibrate_file(
     Args:
         progress: Called with the share that is done.
         path: A capture of the calibration frame.
-        frame: Document of the calibration frame.
+        calibration_frame: Document of the calibration frame.
         options: As the API takes them; those missing or None default as in `CalibrateSettings`.
         rig: The nominal rig; None for the one in the capture's own configuration.
         by_hand: Identifications made by hand.
@@ -171,13 +182,13 @@ def calibrate_file(
         CaptureFileError: The capture cannot be read.
         MeasurementError: The capture determines no calibration; the message says why.
     """
-    model = frame_model(frame)
+    model = calibration_frame_model(calibration_frame)
     with CaptureReader(path) as reader:
         rig = rig or recorded_rig(reader)
         settings = _settings(options, reader.meta.config)
         fields = counted(reader.received(), reader.field_count, portion(progress, 0.0, _LOCATED))
         result = calibrate(fields, nominal_rig(rig), model, settings, by_hand)
-        about = _about(reader, frame, options, rig)
+        about = _about(reader, calibration_frame, options, rig)
     report = report_document(result, about)
     return CalibrationOutput(_document(result, about, report), report)
 
@@ -249,7 +260,7 @@ def _check_choice(given: Mapping[str, Any], key: str, known: Sequence[str]) -> N
 
 
 def _about(
-    reader: CaptureReader, frame: Mapping[str, Any], options: Mapping[str, Any], rig: RigConfig
+    reader: CaptureReader, calibration_frame: Mapping[str, Any], options: Mapping[str, Any], rig: RigConfig
 ) -> dict[str, Any]:
     created, meta = iso_utc(SystemClock().utc_now()), reader.meta
     return {
@@ -266,7 +277,7 @@ def _about(
             "bits": meta.bits,
             "lines": meta.lines,
         },
-        **{key: frame.get(key) for key in FRAME_KEYS},
+        **{key: calibration_frame.get(key) for key in CALIBRATION_FRAME_KEYS},
     }
 
 
@@ -283,7 +294,7 @@ def _document(result: CalibrateResult, about: Mapping[str, Any], report: Mapping
     details = {
         "capture": about["capture"],
         "calibration_frame": {"name": frame.name, "targets": len(frame), "sigma_mm": frame.sigma_mm},
-        **{key: about[key] for key in FRAME_KEYS},
+        **{key: about[key] for key in CALIBRATION_FRAME_KEYS},
         "note": about["note"],
         "version": about["version"],
         "sigma0": result.adjustment.sigma0,

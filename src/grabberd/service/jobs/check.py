@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 from grabberd.errors import NotReady
 from grabberd.geometry import Calibration
 from grabberd.processes.calibration.calibration_check import Check, CheckVerdict, check
-from grabberd.service.calibrations.calibration_frames import frame_document, frame_model
+from grabberd.service.calibrations.calibration_frames import (
+    calibration_frame_document,
+    calibration_frame_model,
+)
 from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
@@ -46,7 +49,7 @@ class CheckJob(JobSpec):
     Attributes:
         path: The capture, under the name it gets when it is sealed.
         seconds: Length of the capture.
-        frame: Document of the calibration frame.
+        calibration_frame: Document of the calibration frame.
         calibration: Document of the calibration to check.
         in_place: True if the calibration frame stands exactly where it stood at the calibration.
     """
@@ -54,7 +57,7 @@ class CheckJob(JobSpec):
     kind = "check"
     path: Path
     seconds: float
-    frame: Mapping[str, Any]
+    calibration_frame: Mapping[str, Any]
     calibration: Mapping[str, Any]
     in_place: bool
 
@@ -64,7 +67,7 @@ class CheckJob(JobSpec):
         captures: "CaptureControl",
         archive: "Archive",
         instrument: "Instrument",
-        frame: str | Mapping[str, Any] | None = None,
+        calibration_frame: str | Mapping[str, Any] | None = None,
         *,
         in_place: bool = False,
         seconds: float = SECONDS,
@@ -75,7 +78,7 @@ class CheckJob(JobSpec):
             captures: Starts the capture.
             archive: Where it is written.
             instrument: The device to check.
-            frame: Name or document of the calibration frame; None if there is only one.
+            calibration_frame: Name or document of the calibration frame; None if there is only one.
             in_place: True if the calibration frame stands exactly where it stood at the calibration.
             seconds: Length of the capture.
 
@@ -89,7 +92,9 @@ class CheckJob(JobSpec):
             raise NotReady(
                 f"device {instrument.name} has no calibration to check", "calibrate it, or activate one"
             )
-        document = frame_document(frame)  # before the capture: a wrong name must not leave one behind
+        document = calibration_frame_document(
+            calibration_frame
+        )  # before the capture: a wrong name must not leave one behind
         request = CaptureRequest(
             fields=round(seconds * instrument.rate_hz),
             bits=8,
@@ -102,7 +107,7 @@ class CheckJob(JobSpec):
             subject=capture_id,
             path=archive.directory / f"{capture_id}{SUFFIX}",
             seconds=seconds,
-            frame=document,
+            calibration_frame=document,
             calibration=dict(calibration),
             in_place=in_place,
         )
@@ -117,7 +122,7 @@ class CheckJob(JobSpec):
         return check_file(
             portion(progress, _CAPTURED, 1.0),
             path=self.path,
-            frame=self.frame,
+            calibration_frame=self.calibration_frame,
             calibration=self.calibration,
             in_place=self.in_place,
         )
@@ -140,7 +145,7 @@ def check_file(
     progress: Progress,
     *,
     path: Path,
-    frame: Mapping[str, Any],
+    calibration_frame: Mapping[str, Any],
     calibration: Mapping[str, Any] | None = None,
     in_place: bool = False,
 ) -> dict[str, Any]:
@@ -149,7 +154,7 @@ def check_file(
     Args:
         progress: Called with the share that is done.
         path: The capture.
-        frame: Document of the calibration frame.
+        calibration_frame: Document of the calibration frame.
         calibration: Document of the calibration; None for the one the capture was made with.
         in_place: See `grabberd.processes.calibration.calibration_check.check`.
 
@@ -159,7 +164,7 @@ def check_file(
         CaptureFileError: The file cannot be read.
         MeasurementError: The capture does not show the calibration frame.
     """
-    model = frame_model(frame)
+    model = calibration_frame_model(calibration_frame)
     with CaptureReader(path) as reader:
         made_with = reader.runs[-1].made_with if reader.runs else {}
         document = calibration or made_with.get("calibration")

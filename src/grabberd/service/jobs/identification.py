@@ -13,7 +13,10 @@ from grabberd.calibration import MeanImages
 from grabberd.field import NumberedField
 from grabberd.processes.calibration.identify import SeenFrame, identify
 from grabberd.reconstruction import ObjectModel
-from grabberd.service.calibrations.calibration_frames import frame_document, frame_model
+from grabberd.service.calibrations.calibration_frames import (
+    calibration_frame_document,
+    calibration_frame_model,
+)
 from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
@@ -38,32 +41,34 @@ class IdentificationJob(JobSpec):
 
     kind = "identify"
     path: Path
-    frame: Mapping[str, Any]
+    calibration_frame: Mapping[str, Any]
 
     @classmethod
     def of(
-        cls, archive: "Archive", capture_id: str, frame: str | Mapping[str, Any] | None = None
+        cls, archive: "Archive", capture_id: str, calibration_frame: str | Mapping[str, Any] | None = None
     ) -> "IdentificationJob":
         """Declares the identification of the calibration frame in a sealed capture.
 
         Args:
             archive: The captures.
             capture_id: Id of the capture.
-            frame: Name or document of the calibration frame; None if there is only one.
+            calibration_frame: Name or document of the calibration frame; None if there is only one.
 
         Raises:
             NotFound: No capture or calibration frame has that name.
             Conflict: The capture is still running.
         """
         path = archive.sealed_path(capture_id)
-        return cls(subject=capture_id, path=path, frame=frame_document(frame))
+        return cls(
+            subject=capture_id, path=path, calibration_frame=calibration_frame_document(calibration_frame)
+        )
 
     def run(self, progress: Progress) -> dict[str, Any]:
         """Runs `identify_file`."""
-        return identify_file(progress, path=self.path, frame=self.frame)
+        return identify_file(progress, path=self.path, calibration_frame=self.calibration_frame)
 
 
-def identify_file(progress: Progress, *, path: Path, frame: Mapping[str, Any]) -> dict[str, Any]:
+def identify_file(progress: Progress, *, path: Path, calibration_frame: Mapping[str, Any]) -> dict[str, Any]:
     """Finds the targets of a calibration frame in a sealed capture of it.
 
     Returns:
@@ -76,7 +81,7 @@ def identify_file(progress: Progress, *, path: Path, frame: Mapping[str, Any]) -
         CaptureFileError: The file cannot be read.
         MeasurementError: The capture has no fields.
     """
-    model = frame_model(frame)
+    model = calibration_frame_model(calibration_frame)
     with CaptureReader(path) as reader:
         fields = list(_spread(reader))
         seen = identify(
