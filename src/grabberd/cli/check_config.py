@@ -1,4 +1,4 @@
-"""`grabberd check-config`: is everything in this file usable?"""
+"""`grabberd check-config`: validates a configuration file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,14 +10,14 @@ from grabberd.config import load_config
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("check-config")(check_config)
 
 
 def check_config(
     file: Annotated[Path, typer.Argument(help="Configuration file (YAML).")], json: JsonOption = False
 ) -> None:
-    """Check a configuration without starting anything; all problems at once, exit code 78.
+    """Validate a configuration file without starting anything; lists all problems, exit code 78.
 
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
@@ -34,4 +34,4 @@ def check_config(
     if json:
         print_json({"file": str(file), "devices": sorted(devices)})
     else:
-        typer.echo(f"{file}: good; devices: {', '.join(sorted(devices))}")
+        typer.echo(f"{file}: valid; devices: {', '.join(sorted(devices))}")

@@ -59,9 +59,9 @@ def test_a_certificate_that_is_none_is_refused(tmp_path: Path) -> None:
     ("mqtt", "said"),
     [
         ({"host": "b", "password": "x"}, "mqtt.password: unknown key; did you mean password_file?"),
-        ({"host": "b", "password_file": "barn.yaml"}, "password_file without user"),
+        ({"host": "b", "password_file": "barn.yaml"}, "password_file requires user"),
         ({"host": "b", "password_file": "none", "user": "u"}, "no file"),
-        ({"host": "b", "tls": {"certificate": "barn.yaml"}}, "belong together"),
+        ({"host": "b", "tls": {"certificate": "barn.yaml"}}, "go together"),
         ({"host": "b", "topic_prefix": "a/#"}, "topic_prefix"),
         ({"host": "b", "topic_prefix": "a/"}, "topic_prefix"),
         ({"host": "b", "topic_prefix": "$SYS"}, "topic_prefix"),

@@ -104,7 +104,7 @@ def _wall_phases(analysis: Analysis) -> Phases | None:
 
 
 def _bounds(analysis: Analysis) -> list[dict[str, Any]] | None:
-    """Where in the mean cycle each wall phase lies, from 0 to 1; None where there are none."""
+    """Bounds of each wall phase within the mean cycle, from 0 to 1; None if there are none."""
     phases = _wall_phases(analysis)
     if phases is None:
         return None

@@ -57,7 +57,7 @@ def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
 
 
 def _strains(analysis: Analysis) -> tuple[dict[int, TriangleStrain], dict[int, EdgeStrain]]:
-    """By the place of the field among those that were analysed."""
+    """Strains of triangles and edges, by the index of the field among those analysed."""
     triangles: dict[int, TriangleStrain] = {}
     edges: dict[int, EdgeStrain] = {}
     if analysis.reference is None:

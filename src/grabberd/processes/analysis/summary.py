@@ -13,7 +13,7 @@ _PHASES = "abcd"
 
 
 def summary_values(analysis: Analysis) -> dict[str, Any]:
-    """By the name of the column; NaN where it is not known."""
+    """Values by column name; NaN where unknown."""
     cycle, touch = analysis.cycle, analysis.touch
     offset = analysis.source.offset if analysis.source else None
     return {

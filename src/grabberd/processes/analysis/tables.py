@@ -261,7 +261,7 @@ def _each(estimates: Sequence[Estimate | None]) -> Estimate:
 
 
 def _stacked(estimates: Sequence[Estimate | None], count: int, columns: int = 1) -> list[Estimate]:
-    """As many estimates (S · N,) as columns, from those (N,) or (N, columns) of S states."""
+    """Stack the estimates (N,) or (N, columns) of S states into one estimate (S · N,) per column."""
     empty = np.full((count, columns), np.nan)
     values, sigmas = (
         _rows([empty if one is None else one[part].reshape(count, columns) for one in estimates])

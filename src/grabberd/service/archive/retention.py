@@ -23,7 +23,7 @@ EVERY_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """How long captures are kept; without a limit, until somebody deletes them.
+    """Limits on how long captures are kept; without any, until somebody deletes them.
 
     Attributes:
         keep_days: Maximum age in days, or None.

@@ -229,7 +229,7 @@ def _key(device: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Rejection:
-    """When a calibration was rejected, and why."""
+    """Time and reason of a rejection."""
 
     rejected_utc: str
     note: str = ""

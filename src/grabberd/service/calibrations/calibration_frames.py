@@ -48,11 +48,11 @@ def calibration_frame_document(wanted: str | Mapping[str, Any] | None) -> dict[s
         return dict(wanted)
     # A name comes from a client: it is looked up, never made part of a path.
     known = known_calibration_frames()
-    if frame is None and len(known) == 1:
+    if wanted is None and len(known) == 1:
         return read_yaml(next(iter(known.values())))
     name = (wanted or "").removesuffix(".yaml")
     if name not in known:
-        problem = "no calibration frame is named" if frame is None else f"no calibration frame {wanted!r}"
+        problem = "no calibration frame is named" if wanted is None else f"no calibration frame {wanted!r}"
         names = ", ".join(known) or "none is installed"
         raise NotFound(problem, f"name one of: {names}; or give its document, with its targets")
     return read_yaml(known[name])

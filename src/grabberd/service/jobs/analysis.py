@@ -42,7 +42,7 @@ class AnalysisOutput:
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """What is read of one capture."""
+    """Points, object model and origin of one capture."""
 
     fields: "list[FieldPoints]"
     model: ObjectModel

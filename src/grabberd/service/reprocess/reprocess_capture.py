@@ -27,7 +27,7 @@ DOCUMENTS_CACHED = 64
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """What captures are measured with.
+    """Documents and settings that captures are measured with.
 
     Attributes:
         calibration: SHA-256 of the calibration's document.
