@@ -99,7 +99,13 @@ def is_problem(answer: Any, status: int) -> bool:
 def analysed(client: TestClient) -> str:
     """The address of an analysis with everything, the first of its capture; made as the job makes it."""
     service = service_of(client)
-    made = AnalysisJob.of(service.archive, service.analyses, "pulsating", INPUTS).run(lambda share: None)
+    job = AnalysisJob(
+        subject="pulsating",
+        path=service.archive.sealed_path("pulsating"),
+        inputs=INPUTS,
+        store=service.analyses.directory,
+    )
+    made = job.run(lambda share: None)
     assert made["analysis"] == 1
     return f"{CAPTURES}/pulsating/analyses/1"
 

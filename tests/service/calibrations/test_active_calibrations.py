@@ -12,6 +12,7 @@ from running import PATIENCE_S, configuration, running, sealed, wait_until_it_ac
 
 from grabberd.config import GlassConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
+from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.jobs.calibration import CalibrationJob
 from grabberd.service.jobs.measurement import MeasurementJob
@@ -53,7 +54,7 @@ def capture(service: Service, **request: Any) -> Path:
 
 
 def remeasure(service: Service, path: Path) -> None:
-    job = MeasurementJob.of(service.archive, service.instrument(None), path.stem)
+    job = MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).made_with)
     service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
 
 
@@ -285,9 +286,14 @@ def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(t
         first = capture(service)
         with CaptureReader(first) as reader:
             assert reader.runs == []
-        store, instrument = service.calibrations.store, service.instrument(None)
-        job = CalibrationJob.of(
-            service.archive, store, instrument, first.stem, calibrator=exact, note="first"
+        job = CalibrationJob(
+            subject=first.stem,
+            path=first,
+            calibration_frame=calibration_frame_document(None),
+            options={},
+            store=service.calibrations.store.directory,
+            device="simulated",
+            calibrator=exact,
         )
         done = service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem

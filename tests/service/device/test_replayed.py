@@ -28,7 +28,9 @@ def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) ->
 def test_measuring_the_file_again_gives_the_same_points_bit_for_bit(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         path = capture(service, fields=30)
-        job = service.jobs.submit(MeasurementJob.of(service.archive, service.instrument(None), path.stem))
+        job = service.jobs.submit(
+            MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).made_with)
+        )
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
         assert done.result["run"] == 2

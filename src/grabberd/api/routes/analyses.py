@@ -44,13 +44,13 @@ def analyse_capture(
     """
     asked = order or AnalysisOrder()
     job = service.jobs.submit(
-        AnalysisJob.of(
-            service.archive,
-            service.analyses,
-            capture_id,
-            asked.inputs,
-            bursts=asked.bursts,
-            run=asked.run,
+        AnalysisJob(
+            subject=capture_id,
+            path=service.archive.sealed_path(capture_id),
+            inputs=asked.inputs,
+            store=service.analyses.directory,
+            bursts=[service.archive.sealed_path(burst) for burst in asked.bursts],
+            run_number=asked.run,
             vacuum_log=asked.vacuum_log,
         )
     )

@@ -17,6 +17,7 @@ from grabberd.api.routes.calibration_models import (
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import JobDocument
 from grabberd.api.routes.paging import Cursor, Limit, page_of
+from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.jobs.calibration import CalibrationJob
 from grabberd.service.service import Service
 
@@ -47,15 +48,17 @@ def make_calibration(
         return _store(order, order.document, service, request, response)
     options = order.options.model_dump(exclude_none=True) if order.options else {}
     capture_id = order.capture or ""
+    path = service.archive.sealed_path(capture_id)
+    device = order.device or service.archive.document(capture_id)["device"]
     job = service.jobs.submit(
-        CalibrationJob.of(
-            service.archive,
-            service.calibrations.store,
-            service.instrument(order.device or service.archive.document(capture_id)["device"]),
-            capture_id,
-            calibrator=service.calibrator,
-            calibration_frame=order.calibration_frame,
+        CalibrationJob(
+            subject=capture_id,
+            path=path,
+            calibration_frame=calibration_frame_document(order.calibration_frame),
             options=options,
+            store=service.calibrations.store.directory,
+            device=service.instrument(device).name,
+            calibrator=service.calibrator,
             note=order.note,
         )
     )

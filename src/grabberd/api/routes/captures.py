@@ -133,8 +133,9 @@ def measure_capture(
     capture_id: CaptureId, service: ServiceOf, request: Request, response: Response
 ) -> object:
     """Measure a sealed capture again with the device's present calibration: a job that adds a run."""
+    path = service.archive.sealed_path(capture_id)
     instrument = service.instrument(service.archive.document(capture_id)["device"])
-    job = service.jobs.submit(MeasurementJob.of(service.archive, instrument, capture_id))
+    job = service.jobs.submit(MeasurementJob(subject=capture_id, path=path, made_with=instrument.made_with))
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)
 

@@ -20,10 +20,9 @@ from grabberd.storage import CaptureReader
 from grabberd.storage.capture.schema import storage_errors
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
-if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
+if TYPE_CHECKING:
     from grabberd.processes.analysis.analyse import Analysis, FieldPoints
     from grabberd.processes.analysis.tables import AnalysisTables
-    from grabberd.service.archive.archive import Archive
 
 SOURCE = "the HTTP request"
 """Where the inputs of a job come from, as the report shows it."""
@@ -54,11 +53,8 @@ class AnalysisJob(JobSpec):
     """Analyses a capture and stores tables, maps and report as its next analysis, whole or not at all.
 
     Attributes:
-        path: The capture; `bursts`: those combined with it.
-        inputs: What is known besides the points, as `analyse_file` takes it.
+        path: Path of the capture; this and the others as `analyse_file` takes them.
         store: Folder of the `AnalysisStore`.
-        run: The run whose points are analysed; None for the latest.
-        vacuum_log: Text of a vacuum logger's file.
     """
 
     kind = "analyse"
@@ -68,42 +64,6 @@ class AnalysisJob(JobSpec):
     bursts: Sequence[Path] = ()
     run_number: int | None = None
     vacuum_log: str | None = None
-
-    @classmethod
-    def of(
-        cls,
-        archive: "Archive",
-        store: AnalysisStore,
-        capture_id: str,
-        inputs: Mapping[str, Any],
-        *,
-        bursts: Sequence[str] = (),
-        run: int | None = None,
-        vacuum_log: str | None = None,
-    ) -> "AnalysisJob":
-        """Declares the analysis of a sealed capture.
-
-        Args:
-            archive: The captures.
-            store: Takes the analysis.
-            capture_id: Id of the capture.
-            inputs: What is known besides the points.
-            bursts: Ids of captures that are combined with it by phase.
-            run: The run whose points are analysed; None for the latest.
-            vacuum_log: Text of a vacuum logger's file.
-
-        Raises:
-            NotFound, Conflict: One of the captures does not exist, or is still running.
-        """
-        return cls(
-            subject=capture_id,
-            path=archive.sealed_path(capture_id),
-            inputs=dict(inputs),
-            store=store.directory,
-            bursts=[archive.sealed_path(burst) for burst in bursts],
-            run_number=run,
-            vacuum_log=vacuum_log,
-        )
 
     def run(self, progress: Progress) -> dict[str, Any]:
         """Analyses and stores.

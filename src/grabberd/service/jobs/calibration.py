@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from pydantic import ValidationError
 
@@ -19,7 +19,6 @@ from grabberd.processes.calibration.calibration_result import CalibrateResult, C
 from grabberd.processes.calibration.report_document import report_document
 from grabberd.service.calibrations.calibration_frames import (
     CALIBRATION_FRAME_KEYS,
-    calibration_frame_document,
     calibration_frame_model,
 )
 from grabberd.service.clock import SystemClock, iso_utc
@@ -28,10 +27,6 @@ from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
-
-if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
-    from grabberd.service.archive.archive import Archive
-    from grabberd.service.device.instrument import Instrument
 
 _LOCATED = 0.8
 """Share of the work that location is; the adjustment cannot tell how far it is."""
@@ -65,13 +60,11 @@ class CalibrationJob(JobSpec):
     """Calibrates from a capture, draws the report and stores all of it at once, or nothing.
 
     Attributes:
-        path: The capture.
-        calibration_frame: Document of the calibration frame.
-        options: Options of the calibrator.
+        path: Path of the capture; this, the calibration frame and the options as `calibrate_file` takes them.
         store: Folder of the `CalibrationStore`.
-        device: Name of the device the calibration belongs to.
+        device: Name of the device the calibration will belong to.
         note: Free text, kept with the calibration.
-        calibrator: What calibrates.
+        calibrator: Function that calibrates.
     """
 
     kind = "calibrate"
@@ -80,48 +73,8 @@ class CalibrationJob(JobSpec):
     options: Mapping[str, Any]
     store: Path
     device: str
-    note: str
     calibrator: Calibrator
-
-    @classmethod
-    def of(
-        cls,
-        archive: "Archive",
-        store: CalibrationStore,
-        instrument: "Instrument",
-        capture_id: str,
-        *,
-        calibrator: Calibrator,
-        calibration_frame: str | Mapping[str, Any] | None = None,
-        options: Mapping[str, Any] | None = None,
-        note: str = "",
-    ) -> "CalibrationJob":
-        """Declares a calibration from a sealed capture of the calibration frame.
-
-        Args:
-            archive: The captures.
-            store: Takes the calibration.
-            instrument: The device the calibration will belong to.
-            capture_id: Id of the capture.
-            calibrator: What calibrates.
-            calibration_frame: Name or document of the calibration frame; None if there is only one.
-            options: Options of the calibrator.
-            note: Free text, kept with the calibration.
-
-        Raises:
-            NotFound: No capture or calibration frame has that name.
-            Conflict: The capture is still running.
-        """
-        return cls(
-            subject=capture_id,
-            path=archive.sealed_path(capture_id),
-            calibration_frame=calibration_frame_document(calibration_frame),
-            options={**(options or {}), **({"note": note} if note else {})},
-            store=store.directory,
-            device=instrument.name,
-            note=note,
-            calibrator=calibrator,
-        )
+    note: str = ""
 
     def run(self, progress: Progress) -> dict[str, Any]:
         """Calibrates and stores.
@@ -133,8 +86,9 @@ class CalibrationJob(JobSpec):
             Conflict: The id is taken.
             GrabberdError: The calibrator refuses the capture.
         """
+        options = {**self.options, **({"note": self.note} if self.note else {})}
         made = self.calibrator(
-            progress, path=self.path, calibration_frame=self.calibration_frame, options=self.options
+            progress, path=self.path, calibration_frame=self.calibration_frame, options=options
         )
         record = CalibrationRecord(self.device, "capture", note=self.note, capture=self.subject)
         page, record = _drawn(made.report, record)

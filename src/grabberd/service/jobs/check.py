@@ -74,13 +74,7 @@ class CheckJob(JobSpec):
     ) -> "CheckJob":
         """Starts a capture of the calibration frame and declares its check with the device's calibration.
 
-        Args:
-            captures: Starts the capture.
-            archive: Where it is written.
-            instrument: The device to check.
-            calibration_frame: Name or document of the calibration frame; None if there is only one.
-            in_place: True if the calibration frame stands exactly where it stood at the calibration.
-            seconds: Length of the capture.
+        The calibration frame is named or given as a document; None if there is only one.
 
         Raises:
             NotFound: No calibration frame has that name.

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +13,12 @@ from grabberd.calibration import MeanImages
 from grabberd.field import NumberedField
 from grabberd.processes.calibration.identify import SeenFrame, identify
 from grabberd.reconstruction import ObjectModel
-from grabberd.service.calibrations.calibration_frames import (
-    calibration_frame_document,
-    calibration_frame_model,
-)
+from grabberd.service.calibrations.calibration_frames import calibration_frame_model
 from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture
 from grabberd.storage import CaptureReader
-
-if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
-    from grabberd.service.archive.archive import Archive
 
 VIEWS = ("left", "right")
 ENOUGH_FIELDS = 16
@@ -42,26 +36,6 @@ class IdentificationJob(JobSpec):
     kind = "identify"
     path: Path
     calibration_frame: Mapping[str, Any]
-
-    @classmethod
-    def of(
-        cls, archive: "Archive", capture_id: str, calibration_frame: str | Mapping[str, Any] | None = None
-    ) -> "IdentificationJob":
-        """Declares the identification of the calibration frame in a sealed capture.
-
-        Args:
-            archive: The captures.
-            capture_id: Id of the capture.
-            calibration_frame: Name or document of the calibration frame; None if there is only one.
-
-        Raises:
-            NotFound: No capture or calibration frame has that name.
-            Conflict: The capture is still running.
-        """
-        path = archive.sealed_path(capture_id)
-        return cls(
-            subject=capture_id, path=path, calibration_frame=calibration_frame_document(calibration_frame)
-        )
 
     def run(self, progress: Progress) -> dict[str, Any]:
         """Runs `identify_file`."""

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from grabberd import __version__
 from grabberd.errors import MeasurementError, NotReady
@@ -16,28 +16,14 @@ from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import measure_setup
 from grabberd.storage import CaptureReader, append_run
 
-if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
-    from grabberd.service.archive.archive import Archive
-    from grabberd.service.device.instrument import Instrument
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasurementJob(JobSpec):
-    """Re-measures a capture; see `measure_file` for fields and result."""
+    """Re-measures a capture; fields and result are those of `measure_file`."""
 
     kind = "measure"
     path: Path
     made_with: Mapping[str, Any]
-
-    @classmethod
-    def of(cls, archive: "Archive", instrument: "Instrument", capture_id: str) -> "MeasurementJob":
-        """Declares the re-measurement of a capture with an instrument's present calibration.
-
-        Raises:
-            NotFound, Conflict: The capture does not exist, or is still running.
-        """
-        path = archive.sealed_path(capture_id)
-        return cls(subject=capture_id, path=path, made_with=instrument.made_with)
 
     def run(self, progress: Progress) -> dict[str, int]:
         """Runs `measure_file`."""
