@@ -86,9 +86,8 @@ class CheckJob(JobSpec):
             raise NotReady(
                 f"device {instrument.name} has no calibration to check", "calibrate it, or activate one"
             )
-        document = calibration_frame_document(
-            calibration_frame
-        )  # before the capture: a wrong name must not leave one behind
+        # Before the capture starts: a wrong name must not leave one behind.
+        document = calibration_frame_document(calibration_frame)
         request = CaptureRequest(
             fields=round(seconds * instrument.rate_hz),
             bits=8,
