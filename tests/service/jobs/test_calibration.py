@@ -53,7 +53,8 @@ def test_the_calibration_is_stored_with_its_report_and_what_is_known_of_it(captu
     shares: list[float] = []
     assert run(capture, progress=shares.append) == {"calibration": "of-c1"}
     entry = store_beside(capture).get("of-c1")
-    assert entry.document["details"] == {"fields": 3, "options": {"tied": True}, "targets": 2}
+    options = {"tied": True, "note": "new mirrors"}
+    assert entry.document["details"] == {"fields": 3, "options": options, "targets": 2}
     assert (entry.record.device, entry.record.note, entry.record.capture) == ("cup", "new mirrors", "c1")
     assert entry.record.stored_utc.endswith("Z")
     report = store_beside(capture).report("of-c1")
