@@ -69,7 +69,7 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
         path = capture(service, fields=5)
         session = service.instrument(None).session
         assert session
-        monkeypatch.setattr(service.archive, "_sessions", lambda: [session])
+        monkeypatch.setattr(service.archive, "_recordings", lambda: [session])
         part = service.archive.part_of(session.id)
         part.write_bytes(path.read_bytes())
         opened = CaptureReader.__init__

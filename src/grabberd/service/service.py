@@ -14,7 +14,7 @@ from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
-from grabberd.service.calibrations.catalog import CalibrationCatalog
+from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.capture.armed_capture import ArmedCapture
 from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.disk_guard import GB, DiskGuard
@@ -24,11 +24,10 @@ from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.device.fair_lock import FairLock
 from grabberd.service.device.instrument import NOMINAL_RATE_HZ, Instrument
 from grabberd.service.idempotency import Idempotency
-from grabberd.service.jobs.calibrate_file import calibrate_capture
-from grabberd.service.jobs.calibration_job import Calibrator
-from grabberd.service.jobs.job_runner import JobRunner
+from grabberd.service.jobs.calibration import Calibrator, calibrate_file
+from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
-from grabberd.service.mqtt.publishing import Publishes, publisher_of
+from grabberd.service.mqtt.publisher_setup import MqttPublisher, create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
@@ -67,7 +66,7 @@ class Service:
         queue_s: float = 10.0,
         disk: DiskGuard | None = None,
         retention: Policy | None = None,
-        calibrator: Calibrator = calibrate_capture,
+        calibrator: Calibrator = calibrate_file,
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()
@@ -107,7 +106,7 @@ class Service:
             self.keeping.spared,
             self.keeping.delete,
         )
-        self.publisher: Publishes | None = None
+        self.publisher: MqttPublisher | None = None
         self._started = False
 
     @property
@@ -127,7 +126,7 @@ class Service:
             retention=Policy.from_config(config.storage.retention),
         )
         service.configuration = without_secrets(config.model_dump(mode="json"))
-        service.publisher = publisher_of(config, service.archive, service.state, service.clock)
+        service.publisher = create_publisher(config, service.archive, service.state, service.clock)
         return service
 
     def start(self) -> None:
@@ -267,7 +266,7 @@ class Service:
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", session.id, error.message, error.hint)
         if self.publisher is not None:
-            self.publisher.notice()
+            self.publisher.capture_ended()
 
 
 def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:

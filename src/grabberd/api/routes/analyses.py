@@ -14,7 +14,7 @@ from grabberd.api.routes.captures import CaptureId
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import JobDocument
 from grabberd.errors import ExtraMissing, NotFound
-from grabberd.service.jobs.analysis_job import order_analysis
+from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.service import Service
 from grabberd.storage.export.analysis_maps import read_map
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD
@@ -43,8 +43,16 @@ def analyse_capture(
     job, whose result has the number of the analysis. Cancelled, it leaves nothing.
     """
     asked = order or AnalysisOrder()
-    job = order_analysis(
-        service, capture_id, asked.inputs, bursts=asked.bursts, run=asked.run, vacuum_log=asked.vacuum_log
+    job = service.jobs.submit(
+        AnalysisJob(
+            subject=capture_id,
+            path=service.archive.sealed_path(capture_id),
+            inputs=asked.inputs,
+            store=service.analyses.directory,
+            bursts=[service.archive.sealed_path(burst) for burst in asked.bursts],
+            run_number=asked.run,
+            vacuum_log=asked.vacuum_log,
+        )
     )
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)

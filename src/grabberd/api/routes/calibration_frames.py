@@ -8,8 +8,11 @@ from grabberd.api.routes.captures import CaptureId
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import Document, JobDocument, shown
 from grabberd.api.routes.named_types import JsonObject
-from grabberd.service.calibrations.calibration_frames import frame_rows
-from grabberd.service.jobs.identification_job import order_identification
+from grabberd.service.calibrations.calibration_frames import (
+    calibration_frame_document,
+    calibration_frame_rows,
+)
+from grabberd.service.jobs.identification import IdentificationJob
 
 router = APIRouter(tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -42,7 +45,7 @@ class IdentificationOrder(Document):
 @router.get("/calibration-frames", response_model=CalibrationFrameList, summary="List the calibration frames")
 def list_calibration_frames() -> object:
     """The calibration frames that can be named; any other one is given as a document."""
-    return {"calibration_frames": frame_rows()}
+    return {"calibration_frames": calibration_frame_rows()}
 
 
 @router.post(
@@ -62,6 +65,8 @@ def identify_capture(
     """Find which target is which in a sealed capture of the calibration frame, before it is calibrated: a
     job, whose result has what each view shows (found, missing, other), and a problem where that is not clear.
     """
-    job = order_identification(service, capture_id, order.calibration_frame if order else None)
+    path = service.archive.sealed_path(capture_id)
+    frame = calibration_frame_document(order.calibration_frame if order else None)
+    job = service.jobs.submit(IdentificationJob(subject=capture_id, path=path, calibration_frame=frame))
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)

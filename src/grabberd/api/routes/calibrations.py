@@ -17,7 +17,8 @@ from grabberd.api.routes.calibration_models import (
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import JobDocument
 from grabberd.api.routes.paging import Cursor, Limit, page_of
-from grabberd.service.jobs.calibration_job import order_calibration
+from grabberd.service.calibrations.calibration_frames import calibration_frame_document
+from grabberd.service.jobs.calibration import CalibrationJob
 from grabberd.service.service import Service
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"], responses=PROBLEMS, route_class=OnceRoute)
@@ -46,8 +47,21 @@ def make_calibration(
     if order.document is not None:
         return _store(order, order.document, service, request, response)
     options = order.options.model_dump(exclude_none=True) if order.options else {}
-    frame, device = order.calibration_frame, order.device
-    job = order_calibration(service, order.capture or "", frame, options, device, order.note)
+    capture_id = order.capture or ""
+    path = service.archive.sealed_path(capture_id)
+    device = order.device or service.archive.document(capture_id)["device"]
+    job = service.jobs.submit(
+        CalibrationJob(
+            subject=capture_id,
+            path=path,
+            calibration_frame=calibration_frame_document(order.calibration_frame),
+            options=options,
+            store=service.calibrations.store.directory,
+            device=service.instrument(device).name,
+            calibrator=service.calibrator,
+            note=order.note,
+        )
+    )
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)
 

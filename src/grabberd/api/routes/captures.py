@@ -17,11 +17,11 @@ from grabberd.api.routes.capture_models import (
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import JobDocument
 from grabberd.api.routes.paging import Cursor, Limit, cursor_of, place_of
-from grabberd.service.archive.capture_list import CaptureQuery, Place
+from grabberd.service.archive.capture_list import CaptureQuery, Position
 from grabberd.service.archive.capture_list import list_captures as page_of_captures
 from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.clock import iso_utc
-from grabberd.service.jobs.measure_job import order_measuring
+from grabberd.service.jobs.measurement import MeasurementJob
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -60,7 +60,7 @@ def list_captures(
     pinned: Annotated[bool | None, Query(description="Only pinned ones, or only others.")] = None,
 ) -> object:
     """Captures, the newest first, page by page: one that comes or goes meanwhile shifts no page."""
-    after = None if cursor is None else Place(*place_of(cursor))
+    after = None if cursor is None else Position(*place_of(cursor))
     query = CaptureQuery(limit, after, device, _utc(since), _utc(until), search, pinned)
     documents, last = page_of_captures(service.archive, query)
     return {"captures": documents, "next": None if last is None else cursor_of(*last)}
@@ -133,7 +133,9 @@ def measure_capture(
     capture_id: CaptureId, service: ServiceOf, request: Request, response: Response
 ) -> object:
     """Measure a sealed capture again with the device's present calibration: a job that adds a run."""
-    job = order_measuring(service, capture_id)
+    path = service.archive.sealed_path(capture_id)
+    instrument = service.instrument(service.archive.document(capture_id)["device"])
+    job = service.jobs.submit(MeasurementJob(subject=capture_id, path=path, made_with=instrument.made_with))
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)
 

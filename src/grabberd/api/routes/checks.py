@@ -8,7 +8,7 @@ from pydantic import Field
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import Document, JobDocument, shown
 from grabberd.api.routes.named_types import JsonObject
-from grabberd.service.jobs.check_job import SECONDS, order_check
+from grabberd.service.jobs.check import SECONDS, CheckJob
 
 router = APIRouter(tags=["devices"], responses=PROBLEMS)
 
@@ -50,8 +50,15 @@ def check_device(
     has a verdict (fits, doubtful, recalibrate), its reasons and what to do.
     """
     asked = order or CheckOrder()
-    job = order_check(
-        service, name, asked.calibration_frame, in_place=asked.in_place, seconds=asked.duration_s
+    job = service.jobs.submit(
+        CheckJob.start(
+            service.orders,
+            service.archive,
+            service.instrument(name),
+            asked.calibration_frame,
+            in_place=asked.in_place,
+            seconds=asked.duration_s,
+        )
     )
     response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
     return job_document(job)

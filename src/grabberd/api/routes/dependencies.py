@@ -7,7 +7,7 @@ from fastapi import Depends, Request
 
 from grabberd.api.problems import Problem
 from grabberd.api.routes.models import JobDocument
-from grabberd.service.jobs.job_runner import Job
+from grabberd.service.jobs.runner import Job
 from grabberd.service.service import Service
 
 

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Path
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
 from grabberd.api.routes.models import JobDocument, JobList
 from grabberd.api.routes.paging import Cursor, Limit, page_of
-from grabberd.service.jobs.job_runner import Job
+from grabberd.service.jobs.runner import Job
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS)
 

@@ -8,7 +8,7 @@ from grabberd.api.docs.examples import JOB
 from grabberd.api.routes.named_types import (
     JobProblem,
 )
-from grabberd.service.jobs.job_runner import JobState
+from grabberd.service.jobs.runner import JobState
 
 
 class Document(BaseModel):

@@ -11,7 +11,7 @@ import yaml
 
 from grabberd.config import default_config_file, load_config
 from grabberd.errors import ConfigError
-from grabberd.service.mqtt.publishing import check_publishing
+from grabberd.service.mqtt.publisher_setup import check_mqtt
 from grabberd.service.secrets import without_secrets
 
 
@@ -26,7 +26,7 @@ def written(folder: Path, mqtt: dict[str, Any], site: dict[str, str] | None = No
 
 def complaint(file: Path) -> str:
     with pytest.raises(ConfigError) as caught:
-        check_publishing(load_config(file), file)
+        check_mqtt(load_config(file), file)
     return caught.value.message
 
 

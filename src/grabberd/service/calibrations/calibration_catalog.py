@@ -1,4 +1,4 @@
-"""The calibrations that there are: the stored ones, and those of the configuration."""
+"""The catalog of calibrations: those stored, and those of the configuration."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -11,19 +11,19 @@ from grabberd.storage.state.calibration_store import CalibrationRecord, Calibrat
 
 Document = Mapping[str, Any]
 
-HIDDEN = "the configuration has another calibration of this id, and that one is meant by it"
+HIDDEN = "the configuration has another calibration of this id, which takes precedence"
 
 
 class CalibrationCatalog:
-    """Looks calibrations up by their id; where the configuration has it too, its own is meant.
+    """Looks calibrations up by id; one of the configuration takes precedence over a stored one.
 
     Args:
-        directory: of the stored ones; nothing is written before `open`.
-        configured: the configuration's documents, by device.
+        directory: Folder of the stored calibrations; nothing is written before `open`.
+        configured: The configuration's calibration documents, by device.
 
     Attributes:
-        store: the stored ones.
-        configured: as given.
+        store: The stored calibrations.
+        configured: As given.
     """
 
     def __init__(self, directory: Path, configured: Mapping[str, Document]) -> None:
@@ -31,15 +31,15 @@ class CalibrationCatalog:
         self.configured = dict(configured)
 
     def open(self) -> None:
-        """Makes the folder and clears away what a crash left unfinished.
+        """Creates the folder and removes what a crash left unfinished.
 
         Raises:
-            StorageError: it cannot be written.
+            StorageError: The folder cannot be written.
         """
         self.store.open()
 
     def rows(self) -> list[dict[str, Any]]:
-        """All calibrations as they are listed, the newest first, the damaged ones last."""
+        """Returns all calibrations as they are listed, newest first, damaged ones last."""
         stored = self.store.list()
         also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
         rows = [self._stored_row(entry, entry.id in also_stored) for entry in stored]
@@ -51,19 +51,19 @@ class CalibrationCatalog:
         return sorted(rows, key=newest_first, reverse=True)
 
     def find(self, calibration_id: str) -> Document:
-        """The document of a calibration.
+        """Returns the document of a calibration.
 
         Raises:
-            NotFound: there is none of that id.
-            StorageError: it is damaged.
+            NotFound: No calibration has that id.
+            StorageError: The calibration is damaged.
         """
         return self._configured(calibration_id) or self.store.get(calibration_id).document
 
     def content(self, calibration_id: str) -> bytes:
-        """The document as JSON; a stored one's byte for byte as it was stored.
+        """Returns the document as JSON, byte for byte as it was stored.
 
         Raises:
-            NotFound, StorageError: see `find`.
+            NotFound, StorageError: As `find`.
         """
         configured = self._configured(calibration_id)
         if configured is None:
@@ -71,29 +71,30 @@ class CalibrationCatalog:
         return json.dumps(configured, ensure_ascii=False, indent=1).encode() + b"\n"
 
     def owners(self, calibration_id: str) -> set[str]:
-        """The devices whose calibration it is."""
+        """Returns the devices that a calibration belongs to."""
         owners = {device for device, document in self.configured.items() if document["id"] == calibration_id}
         return owners or {self.store.get(calibration_id).record.device}
 
     def report(self, calibration_id: str) -> bytes:
-        """The report as a JSON document.
+        """Returns the report as a JSON document.
 
         Raises:
-            NotFound: there is no such calibration, or no report of it.
+            NotFound: The calibration does not exist, or has no report.
         """
         report = self._beside(calibration_id, self.store.report)
         if report is None:
             raise NotFound(
-                f"calibration {calibration_id} has no report", "only those made here from a capture have one"
+                f"calibration {calibration_id} has no report",
+                "only calibrations made here from a capture have one",
             )
         return report
 
     def page(self, calibration_id: str) -> bytes:
-        """The report as HTML.
+        """Returns the report as HTML.
 
         Raises:
-            NotFound: there is no such calibration, no report of it, or it could not be drawn.
-            ExtraMissing: what draws it was not installed when the calibration was made.
+            NotFound: The calibration does not exist, has no report, or the report could not be drawn.
+            ExtraMissing: matplotlib was not installed when the calibration was made.
         """
         page = self._beside(calibration_id, self.store.page)
         if page is None:
@@ -105,13 +106,13 @@ class CalibrationCatalog:
         """Stores a complete calibration and returns its id.
 
         Raises:
-            InputError: it is none.
-            Conflict: there is one of that id.
+            InputError: The document is invalid.
+            Conflict: The id is taken.
         """
         calibration_id = str(document.get("id"))
         if self._configured(calibration_id):
             raise Conflict(
-                f"the configuration has a calibration {calibration_id} already",
+                f"the configuration already has a calibration {calibration_id}",
                 "use that one; a calibration is never changed",
             )
         return self.store.add(document, record).id
@@ -126,7 +127,7 @@ class CalibrationCatalog:
         return row | {"problem": row["problem"] or HIDDEN} if hidden else row
 
     def _beside(self, calibration_id: str, read: Callable[[str], bytes | None]) -> bytes | None:
-        """What is stored beside a calibration; nothing is beside one of the configuration alone."""
+        """Reads a file stored beside a calibration; None for one that is in the configuration alone."""
         if self._configured(calibration_id) and calibration_id not in self.store:
             return None
         return read(calibration_id)
@@ -138,5 +139,5 @@ def _no_page(calibration_id: str, record: CalibrationRecord) -> GrabberdError:
         hint = "its numbers are in report.json beside it; please report this"
         return NotFound(f"{what} could not be drawn: {record.page_problem}", hint)
     error = ExtraMissing(what, record.missing_extra)
-    error.hint += " and calibrate again; its numbers are in report.json beside it"
+    error.hint += " and recalibrate; its numbers are in report.json beside it"
     return error

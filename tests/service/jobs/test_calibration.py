@@ -12,12 +12,11 @@ from slots import slot
 from grabberd import reports
 from grabberd.acquisition import Ledger
 from grabberd.errors import Conflict, ExtraMissing, MeasurementError
-from grabberd.service.jobs.calibration_job import calibrate
+from grabberd.service.jobs.calibration import CalibrationJob
 from grabberd.storage import CaptureMeta, CaptureWriter
-from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore
+from grabberd.storage.state.calibration_store import CalibrationStore
 
 FRAME = {"targets": [{"id": 1}, {"id": 2}]}
-RECORD = CalibrationRecord("cup", "capture", note="new mirrors", capture="c1")
 
 
 @pytest.fixture
@@ -33,15 +32,17 @@ def capture(tmp_path: Path) -> Path:
 
 
 def run(capture: Path, calibrator: Any = exact, progress: Callable[[float], None] = lambda _: None) -> Any:
-    return calibrate(
-        progress,
-        calibrator=calibrator,
-        capture=capture,
-        frame=FRAME,
+    job = CalibrationJob(
+        subject="c1",
+        path=capture,
+        calibration_frame=FRAME,
         options={"tied": True},
         store=store_beside(capture).directory,
-        record=RECORD,
+        device="cup",
+        note="new mirrors",
+        calibrator=calibrator,
     )
+    return job.run(progress)
 
 
 def store_beside(capture: Path) -> CalibrationStore:
@@ -52,7 +53,8 @@ def test_the_calibration_is_stored_with_its_report_and_what_is_known_of_it(captu
     shares: list[float] = []
     assert run(capture, progress=shares.append) == {"calibration": "of-c1"}
     entry = store_beside(capture).get("of-c1")
-    assert entry.document["details"] == {"fields": 3, "options": {"tied": True}, "targets": 2}
+    options = {"tied": True, "note": "new mirrors"}
+    assert entry.document["details"] == {"fields": 3, "options": options, "targets": 2}
     assert (entry.record.device, entry.record.note, entry.record.capture) == ("cup", "new mirrors", "c1")
     assert entry.record.stored_utc.endswith("Z")
     report = store_beside(capture).report("of-c1")
@@ -92,7 +94,7 @@ def test_a_fault_in_the_drawing_does_not_cost_the_calibration(
 def test_what_cannot_be_calibrated_stores_nothing(capture: Path) -> None:
     with pytest.raises(MeasurementError):
         run(capture, without_result)
-    assert list(store_beside(capture).directory.iterdir()) == []
+    assert list(store_beside(capture).directory.glob("*")) == []
 
 
 def test_an_id_that_is_taken_is_refused_and_what_is_there_stays(capture: Path) -> None:

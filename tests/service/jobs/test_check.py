@@ -2,23 +2,29 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from running import running, sealed
 
 from grabberd.errors import NotFound, NotReady
-from grabberd.service.calibrations.calibration_frames import frame_document
+from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.recorder import CaptureRequest
-from grabberd.service.jobs.check_job import check_file, order_check
-from grabberd.service.jobs.job_runner import JobState
+from grabberd.service.jobs.check import CheckJob, check_file
+from grabberd.service.jobs.runner import JobState
+from grabberd.service.service import Service
 
 FRAME_IN_VIEW = {"scene": "calibration_frame"}
 PATIENCE_S = 60.0
 
 
+def check(service: Service, **wanted: Any) -> CheckJob:
+    return CheckJob.start(service.orders, service.archive, service.instrument(None), **wanted)
+
+
 def test_the_daemon_captures_and_checks_and_says_what_to_do(tmp_path: Path) -> None:
     with running(tmp_path, FRAME_IN_VIEW) as service:
-        job = order_check(service, "simulated", seconds=0.4)
+        job = service.jobs.submit(check(service, seconds=0.4))
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
         assert done.result["verdict"] == "fits"
@@ -35,9 +41,9 @@ def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> 
         known = dict(service.instrument(None).setup.documents["calibration"])
     left = known["views"]["left"]
     before = {**known, "views": {**known["views"], "left": {**left, "y0_px": left["y0_px"] + 2.0}}}
-    frame = frame_document(None)
-    assert check_file(lambda _: None, path=path, frame=frame)["verdict"] == "fits"
-    found = check_file(lambda _: None, path=path, frame=frame, calibration=before)
+    frame = calibration_frame_document(None)
+    assert check_file(lambda _: None, path=path, calibration_frame=frame)["verdict"] == "fits"
+    found = check_file(lambda _: None, path=path, calibration_frame=frame, calibration=before)
     assert found["verdict"] == "recalibrate"
     assert found["parallax_px"] == pytest.approx(2.0, abs=0.2)
     assert found["reasons"]
@@ -48,15 +54,13 @@ def test_a_device_without_a_calibration_has_none_to_check(tmp_path: Path) -> Non
         instrument = service.instrument(None)
         instrument.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
         with pytest.raises(NotReady, match="no calibration"):
-            order_check(service, "simulated")
+            check(service)
 
 
-def test_an_unknown_device_or_calibration_frame_is_refused_before_anything_is_captured(
+def test_an_unknown_calibration_frame_is_refused_before_anything_is_captured(
     tmp_path: Path,
 ) -> None:
     with running(tmp_path, FRAME_IN_VIEW) as service:
         with pytest.raises(NotFound):
-            order_check(service, "another")
-        with pytest.raises(NotFound):
-            order_check(service, "simulated", "no such frame")
+            check(service, calibration_frame="no such frame")
         assert service.archive.documents() == []

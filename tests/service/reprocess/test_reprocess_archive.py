@@ -1,4 +1,4 @@
-"""Measuring an archive again: a data set others read, nothing twice, nothing half, none left out unsaid."""
+"""Re-measuring an archive: a data set others read, nothing twice, nothing half, none left out unsaid."""
 
 import hashlib
 import json
@@ -19,7 +19,7 @@ from grabberd import __version__
 from grabberd.errors import Conflict, InputError, StorageError
 from grabberd.processes.measure import measure_fields
 from grabberd.service.reprocess.capture_selection import find_captures
-from grabberd.service.reprocess.reprocess import Progress
+from grabberd.service.reprocess.reprocess_archive import ReprocessProgress
 from grabberd.service.setup import measure_setup, read_documents
 from grabberd.storage import CaptureReader, append_run
 from grabberd.storage.capture.content_digest import document_sha256
@@ -201,11 +201,11 @@ def test_captures_of_another_time_may_have_another_calibration(captures: list[Pa
 def test_an_interrupted_run_leaves_nothing_half_and_the_next_goes_on(
     captures: list[Path], tmp_path: Path
 ) -> None:
-    def interrupt(far: Progress) -> None:
+    def interrupt(far: ReprocessProgress) -> None:
         if far.left < len(captures):
             raise KeyboardInterrupt
 
-    first = measured(captures, tmp_path, tell=interrupt)
+    first = measured(captures, tmp_path, on_progress=interrupt)
     assert first.interrupted
     assert 1 <= first.measured < len(captures)
     assert only_finished(tmp_path)
@@ -215,8 +215,8 @@ def test_an_interrupted_run_leaves_nothing_half_and_the_next_goes_on(
 
 
 def test_the_progress_ends_at_the_end(captures: list[Path], tmp_path: Path) -> None:
-    seen: list[Progress] = []
-    measured(captures, tmp_path, tell=seen.append)
+    seen: list[ReprocessProgress] = []
+    measured(captures, tmp_path, on_progress=seen.append)
     assert seen[-1][:3] == (4 * FIELDS, 4 * FIELDS, 0)
     assert [one.left for one in seen] == sorted((one.left for one in seen), reverse=True)
 
@@ -284,7 +284,7 @@ def test_two_captures_of_one_id_are_not_mixed(tmp_path: Path) -> None:
     together = measured([one, two], tmp_path / "out")
     assert (together.measured, [refusal.capture for refusal in together.refused]) == (1, [two])
     later = measured(two, tmp_path / "out")
-    assert "is called liner as well" in later.refused[0].problem
+    assert "is also called liner" in later.refused[0].problem
 
 
 def test_a_capture_without_a_barn_is_refused_until_it_is_named(tmp_path: Path) -> None:

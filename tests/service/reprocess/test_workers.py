@@ -1,4 +1,4 @@
-"""Measuring again on other processes: this computer's own, and those of a Dask cluster."""
+"""Re-measuring on other processes: this computer's own, and those of a Dask cluster."""
 
 import importlib.util
 import os
@@ -13,8 +13,13 @@ import pytest
 from reprocessing import CALIBRATION, OBJECT, archive, files, only_finished, table
 
 from grabberd.errors import ExtraMissing, InputError, NotReady
-from grabberd.service.reprocess.executors import cluster_workers, local_workers
-from grabberd.service.reprocess.reprocess import Progress, Request, Summary, reprocess
+from grabberd.service.reprocess.reprocess_archive import (
+    ReprocessProgress,
+    ReprocessRequest,
+    ReprocessSummary,
+    reprocess_archive,
+)
+from grabberd.service.reprocess.workers import cluster_workers, local_workers
 
 CAPTURES, FIELDS = 8, 12
 
@@ -32,16 +37,18 @@ def cluster(tmp_path: Path) -> Iterator[Any]:
         n_workers=3,
         threads_per_worker=1,
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",  # also the port of its HTTP server, which another test may have
         local_directory=str(tmp_path / "dask"),
         silence_logs=50,
     ) as one:
         yield one
 
 
-def on_cluster(captures: Path, out: Path, address: str, tell: Any = lambda _: None) -> Summary:
-    request = Request([str(captures)], out, CALIBRATION, OBJECT)
-    return reprocess(request, lambda folder: cluster_workers(address, folder), tell)
+def on_cluster(
+    captures: Path, out: Path, address: str, on_progress: Any = lambda _: None
+) -> ReprocessSummary:
+    request = ReprocessRequest([str(captures)], out, CALIBRATION, OBJECT)
+    return reprocess_archive(request, lambda folder: cluster_workers(address, folder), on_progress)
 
 
 def has_all_once(out: Path) -> bool:
@@ -60,7 +67,7 @@ def test_a_dask_cluster_loses_a_worker_and_nothing_is_missing_and_nothing_twice(
 ) -> None:
     killed: list[int] = []
 
-    def kill_one(far: Progress) -> None:
+    def kill_one(far: ReprocessProgress) -> None:
         if 0 < far.left < CAPTURES and not killed:
             killed.append(next(iter(cluster.workers.values())).pid)
             os.kill(killed[0], signal.SIGKILL)
@@ -81,15 +88,15 @@ def test_processes_here_lose_one_of_them_and_nothing_is_missing_and_nothing_twic
 ) -> None:
     killed: list[int] = []
 
-    def kill_one(far: Progress) -> None:
+    def kill_one(far: ReprocessProgress) -> None:
         if 0 < far.left < CAPTURES and not killed:
             children = Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
             workers = [pid for pid in children if b"spawn_main" in Path(f"/proc/{pid}/cmdline").read_bytes()]
             killed.append(int(workers[0]))
             os.kill(killed[0], signal.SIGKILL)
 
-    request = Request([str(captures)], tmp_path / "out", CALIBRATION, OBJECT)
-    summary = reprocess(request, lambda _: local_workers(2), kill_one)
+    request = ReprocessRequest([str(captures)], tmp_path / "out", CALIBRATION, OBJECT)
+    summary = reprocess_archive(request, lambda _: local_workers(2), kill_one)
     assert killed
     assert (summary.measured + summary.unchanged, summary.refused) == (CAPTURES, [])
     assert has_all_once(tmp_path / "out")
@@ -107,7 +114,7 @@ def test_without_dask_it_says_how_to_install_it(tmp_path: Path, monkeypatch: pyt
 def test_an_address_without_a_scheduler_is_said(
     address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("grabberd.service.reprocess.executors.CONNECT_S", 1)
+    monkeypatch.setattr("grabberd.service.reprocess.workers.CONNECT_S", 1)
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # and does not listen
         where = address.format(taken.getsockname()[1])
@@ -120,7 +127,7 @@ def test_an_address_without_a_scheduler_is_said(
 def test_a_cluster_that_goes_away_is_said_and_what_was_done_is_kept(
     captures: Path, cluster: Any, tmp_path: Path
 ) -> None:
-    def close(far: Progress) -> None:
+    def close(far: ReprocessProgress) -> None:
         if 0 < far.left < CAPTURES:
             cluster.close()
 

@@ -1,4 +1,7 @@
-"""From the configuration to a publisher, or to why there can be none."""
+"""Checks the MQTT configuration and creates the publisher.
+
+The MQTT library is an optional extra, so it is imported only where a broker is configured.
+"""
 
 import importlib.util
 from collections.abc import Callable, Mapping
@@ -12,31 +15,31 @@ from grabberd.service.archive.archive import Archive
 from grabberd.service.clock import Clock
 
 
-class Publishes(Protocol):
-    """What the service has of a publisher, without what it is made of: that is an optional part."""
+class MqttPublisher(Protocol):
+    """The publisher as the service sees it, without importing the MQTT library."""
 
     def start(self) -> None:
-        """Begins; returns at once."""
+        """Starts publishing; returns at once."""
         ...
 
-    def notice(self) -> None:
-        """A capture has ended."""
+    def capture_ended(self) -> None:
+        """Publishes the summary of a capture that has just ended."""
         ...
 
     def stop(self) -> None:
-        """Takes leave of the broker."""
+        """Disconnects cleanly."""
         ...
 
     def document(self) -> dict[str, Any]:
-        """How it is, as it is shown."""
+        """Returns the state of the connection."""
         ...
 
 
-def check_publishing(config: Config, file: Path) -> None:
-    """Whether the daemon can publish as a configuration says, or need not.
+def check_mqtt(config: Config, file: Path) -> None:
+    """Checks that the daemon can publish as its configuration says.
 
     Raises:
-        ConfigError: the barn has no name, aiomqtt is not installed, or a certificate cannot be used.
+        ConfigError: The barn has no name, aiomqtt is not installed, or a certificate cannot be used.
     """
     if config.mqtt is None:
         return
@@ -45,20 +48,20 @@ def check_publishing(config: Config, file: Path) -> None:
         raise ConfigError(problems)
 
 
-def publisher_of(
+def create_publisher(
     config: Config, archive: Archive, state: Callable[[], Mapping[str, Any]], clock: Clock
-) -> Publishes | None:
-    """What publishes, as a configuration that was checked says; None where it says nothing of MQTT.
+) -> MqttPublisher | None:
+    """Creates the publisher of a checked configuration; None if no broker is configured.
 
     Args:
-        config: the configuration.
-        archive: the captures.
-        state: gives the service's state.
-        clock: says when.
+        config: The configuration.
+        archive: The captures.
+        state: Returns the state of the service.
+        clock: Dates the messages.
     """
     if config.mqtt is None:
         return None
-    from grabberd.service.mqtt.broker import Broker, tls_context  # noqa: PLC0415 - an optional part
+    from grabberd.service.mqtt.broker import Broker, tls_context  # noqa: PLC0415 - an optional extra
     from grabberd.service.mqtt.messages import Topics  # noqa: PLC0415
     from grabberd.service.mqtt.publisher import Publisher  # noqa: PLC0415
     from grabberd.service.mqtt.summary_queue import SummaryQueue  # noqa: PLC0415
@@ -68,18 +71,19 @@ def publisher_of(
     context = None if mqtt.tls is None else tls_context(mqtt.tls)
     broker = Broker(mqtt, mqtt.client_id or f"grabberd-{quote(barn, safe='')}", context)
     outbox = Outbox(config.state_directory / "state.sqlite")
-    outgoing = SummaryQueue(archive, outbox, mqtt.queue_captures)
-    return Publisher(broker, Topics(mqtt.topic_prefix, barn), state, outgoing, clock, mqtt.every_s)
+    summaries = SummaryQueue(archive, outbox, mqtt.queue_captures)
+    return Publisher(broker, Topics(mqtt.topic_prefix, barn), state, summaries, clock, mqtt.every_s)
 
 
 def _problems(config: Config) -> list[tuple[str, str | None]]:
+    """Pairs each key that can be wrong with its problem, or with None."""
     named = bool(config.site.get("barn", "").strip())
     missing = importlib.util.find_spec("aiomqtt") is None
     error = ExtraMissing("mqtt", "mqtt")
     return [
         (
             "site.barn",
-            None if named else "mqtt needs it: the topics of barns without a name would be the same",
+            None if named else "mqtt needs it: barns without a name would share their topics",
         ),
         ("mqtt", f"{error.message}; {error.hint}" if missing else None),
         ("mqtt.tls", None if missing else _tls_problem(config)),
@@ -89,7 +93,7 @@ def _problems(config: Config) -> list[tuple[str, str | None]]:
 def _tls_problem(config: Config) -> str | None:
     if config.mqtt is None or config.mqtt.tls is None:
         return None
-    from grabberd.service.mqtt.broker import tls_context  # noqa: PLC0415 - an optional part
+    from grabberd.service.mqtt.broker import tls_context  # noqa: PLC0415 - an optional extra
 
     try:
         tls_context(config.mqtt.tls)

@@ -1,4 +1,4 @@
-"""Work for many processes: each order once, whatever becomes of the processes."""
+"""Work for many processes: each task once, whatever becomes of the processes."""
 
 import multiprocessing
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from grabberd.service.reprocess.fan_out import FanOut
+from grabberd.service.reprocess.task_pool import TaskPool
 
 POISON = -1
 
@@ -48,11 +48,11 @@ def processes() -> Executor:
 
 
 @pytest.fixture
-def crew() -> Iterator[Callable[..., FanOut[int, int]]]:
-    made: list[FanOut[int, int]] = []
+def pool() -> Iterator[Callable[..., TaskPool[int, int]]]:
+    made: list[TaskPool[int, int]] = []
 
-    def make(function: Callable[[int], int], start: Callable[[], Executor]) -> FanOut[int, int]:
-        made.append(FanOut(function, start, 4))
+    def make(function: Callable[[int], int], start: Callable[[], Executor]) -> TaskPool[int, int]:
+        made.append(TaskPool(function, start, 4))
         return made[-1]
 
     yield make
@@ -60,44 +60,44 @@ def crew() -> Iterator[Callable[..., FanOut[int, int]]]:
         one.close()
 
 
-def test_every_order_comes_back_once_with_its_result(crew: Callable[..., FanOut[int, int]]) -> None:
-    results = list(crew(squared, threads).results(range(50)))
+def test_every_task_comes_back_once_with_its_result(pool: Callable[..., TaskPool[int, int]]) -> None:
+    results = list(pool(squared, threads).results(range(50)))
     assert sorted(results) == [(number, number * number) for number in range(50)]
 
 
-def test_no_orders_start_no_process(crew: Callable[..., FanOut[int, int]]) -> None:
+def test_no_tasks_start_no_process(pool: Callable[..., TaskPool[int, int]]) -> None:
     def start() -> Executor:
         raise AssertionError
 
-    assert list(crew(squared, start).results([])) == []
+    assert list(pool(squared, start).results([])) == []
 
 
-def test_orders_are_taken_as_there_is_room_and_not_before(crew: Callable[..., FanOut[int, int]]) -> None:
+def test_tasks_are_taken_as_there_is_room_and_not_before(pool: Callable[..., TaskPool[int, int]]) -> None:
     taken = count()
-    orders = (next(taken) for _ in range(100))
-    results = crew(squared, threads).results(orders)
+    tasks = (next(taken) for _ in range(100))
+    results = pool(squared, threads).results(tasks)
     next(results)
     assert next(taken) <= 4 + 1
 
 
-def test_an_error_is_one_orders_result(crew: Callable[..., FanOut[int, int]]) -> None:
-    results = dict(crew(failing, threads).results(range(6)))
+def test_an_error_is_one_tasks_result(pool: Callable[..., TaskPool[int, int]]) -> None:
+    results = dict(pool(failing, threads).results(range(6)))
     assert isinstance(results.pop(3), ValueError)
     assert results == {number: number for number in (0, 1, 2, 4, 5)}
 
 
 @pytest.mark.slow
 def test_what_a_killed_process_had_is_done_by_another(
-    crew: Callable[..., FanOut[int, int]], tmp_path: Path
+    pool: Callable[..., TaskPool[int, int]], tmp_path: Path
 ) -> None:
-    results = list(crew(partial(dies_once, tmp_path), processes).results(range(12)))
+    results = list(pool(partial(dies_once, tmp_path), processes).results(range(12)))
     assert (tmp_path / "died").exists()
     assert sorted(results) == [(number, number) for number in range(12)]
 
 
 @pytest.mark.slow
-def test_only_the_order_that_ends_every_process_is_given_up(crew: Callable[..., FanOut[int, int]]) -> None:
-    orders = [1, 2, POISON, 3, 4, 5, 6]
-    results = dict(crew(deadly, processes).results(orders))
+def test_only_the_task_that_ends_every_process_is_given_up(pool: Callable[..., TaskPool[int, int]]) -> None:
+    tasks = [1, 2, POISON, 3, 4, 5, 6]
+    results = dict(pool(deadly, processes).results(tasks))
     assert isinstance(results.pop(POISON), BrokenExecutor)
     assert results == {number: number for number in range(1, 7)}

@@ -12,10 +12,11 @@ from running import PATIENCE_S, configuration, running, sealed, wait_until_it_ac
 
 from grabberd.config import GlassConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
+from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.recorder import CaptureRequest
-from grabberd.service.jobs.calibration_job import order_calibration
-from grabberd.service.jobs.job_runner import JobState
-from grabberd.service.jobs.measure_job import order_measuring
+from grabberd.service.jobs.calibration import CalibrationJob
+from grabberd.service.jobs.measurement import MeasurementJob
+from grabberd.service.jobs.runner import JobState
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -50,6 +51,11 @@ def capture(service: Service, **request: Any) -> Path:
     capture_id = service.start_capture(None, CaptureRequest(fields=8, **request))
     sealed(service)
     return service.archive.path(capture_id)
+
+
+def remeasure(service: Service, path: Path) -> None:
+    job = MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).made_with)
+    service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
 
 
 def z_of(path: Path, run: int) -> dict[tuple[int, int], float]:
@@ -233,10 +239,10 @@ def test_worker_and_captures_go_over_to_the_active_one(tmp_path: Path) -> None:
         with CaptureReader(before) as old, CaptureReader(after) as new:
             assert old.runs[0].made_with["calibration"]["id"] == CONFIGURED
             assert new.runs[0].made_with["calibration"] == calibration("shifted", SHIFT_MM)
-        service.jobs.wait(order_measuring(service, before.stem).id, PATIENCE_S)
+        remeasure(service, before)
         assert shift_between(before, 1, 2) == pytest.approx(SHIFT_MM, abs=0.01)
         service.activate_calibration(CONFIGURED, None)
-        service.jobs.wait(order_measuring(service, after.stem).id, PATIENCE_S)
+        remeasure(service, after)
         assert shift_between(after, 2, 1) == pytest.approx(SHIFT_MM, abs=0.01)
 
 
@@ -280,7 +286,16 @@ def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(t
         first = capture(service)
         with CaptureReader(first) as reader:
             assert reader.runs == []
-        done = service.jobs.wait(order_calibration(service, first.stem, note="first").id, PATIENCE_S)
+        job = CalibrationJob(
+            subject=first.stem,
+            path=first,
+            calibration_frame=calibration_frame_document(None),
+            options={},
+            store=service.calibrations.store.directory,
+            device="simulated",
+            calibrator=exact,
+        )
+        done = service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
         service.activate_calibration(done.result["calibration"], None)
         with CaptureReader(capture(service)) as reader:
