@@ -55,7 +55,8 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     """
     from grabberd.service.archive.retention import Policy, candidates, removals  # noqa: PLC0415
     from grabberd.service.capture.disk_guard import GB, free_bytes  # noqa: PLC0415
-    from grabberd.storage.capture.schema import SUFFIX, storage_errors  # noqa: PLC0415
+    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
+    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
     from grabberd.storage.state.annotation_store import AnnotationStore  # noqa: PLC0415
     from grabberd.storage.state.capture_index import entry_of  # noqa: PLC0415
 

@@ -11,12 +11,11 @@ from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField, RunInfo
 from grabberd.storage.capture.runs import append_run
 from grabberd.storage.capture.writer import CaptureWriter
-from grabberd.storage.export.export import (
+from grabberd.storage.export.field_pictures import export_png, field_png
+from grabberd.storage.export.points_export import (
     export_csv,
     export_parquet,
     export_ply,
-    export_png,
-    field_png,
     points_csv,
     points_ply,
 )

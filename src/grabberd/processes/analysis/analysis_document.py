@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from grabberd.analysis import Phases
 from grabberd.processes.analysis.analyse import Analysis
-from grabberd.processes.analysis.tables import AnalysisTables, Table
+from grabberd.processes.analysis.tables import AnalysisTables
+from grabberd.processes.columns import Table, json_values
 
 SCHEMA = "grabberd/analysis-report/1"
 WHOLE = ("summary", "fields", "sections", "phases", "phase_sections", "cycles", "gaps")
@@ -61,20 +62,11 @@ def table_document(table: Table, rows: NDArray[Any] | None = None) -> dict[str, 
                 "name": column.name,
                 "unit": column.unit,
                 "meaning": column.meaning,
-                "values": listed(column.values[use]),
+                "values": json_values(table.column(column.name)[use]),
             }
             for column in table.columns
         ],
     }
-
-
-def listed(values: NDArray[Any]) -> list[Any]:
-    """A column's values as JSON and CSV have them: None where there is no number."""
-    if values.dtype.kind != "f":
-        return [*map(str, values)] if values.dtype.kind in "UO" else values.tolist()
-    shown = values.astype(object)
-    shown[~np.isfinite(values)] = None
-    return list(shown.tolist())
 
 
 def _inputs(analysis: Analysis, sources: Mapping[str, str]) -> dict[str, Any]:

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis import Grid
-from grabberd.processes.analysis.analysis_document import listed
-from grabberd.processes.analysis.tables import AnalysisTables, Table
+from grabberd.processes.analysis.tables import AnalysisTables
+from grabberd.processes.columns import Table, json_values
 
 _KINDS = (("field", "targets", "n"), ("phase", "phase_targets", "phase"))
 _DIGITS = 6
@@ -38,7 +38,7 @@ def map_units(tables: AnalysisTables) -> dict[str, str]:
 
 def _columns(table: Table, rows: slice, key: str) -> dict[str, list[Any]]:
     return {
-        column.name: listed(_rounded(column.values[rows]))
+        column.name: json_values(_rounded(table.column(column.name)[rows]))
         for column in table.columns
         if column.name not in (key, "time_s")
     }

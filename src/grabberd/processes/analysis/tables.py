@@ -1,4 +1,4 @@
-"""An analysis as tables: columns of numbers with names, units and meanings, as they leave the program."""
+"""The tables of an analysis: one row for each field, phase, target, section, cycle, gap, triangle or edge."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,46 +8,23 @@ from numpy.typing import NDArray
 
 from grabberd.analysis import ChamberVacuum, Estimate, PressureMap, Section, since_touch
 from grabberd.processes.analysis.analyse import Analysis
-from grabberd.processes.analysis.columns import TABLES, Definition
+from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.analysis.strain_tables import strain_tables
 from grabberd.processes.analysis.summary import gap_values, summary_values
 from grabberd.processes.analysis.wall_state import WallState
+from grabberd.processes.columns import Table, make_table
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
-"""By the name of a column: an array, or an estimate where the column is measured."""
-
-
-class Column(NamedTuple):
-    """One column: numbers (NaN where there is none) or words, all tables' rows long."""
-
-    name: str
-    unit: str
-    meaning: str
-    values: NDArray[Any]
-
-
-class Table(NamedTuple):
-    """One table."""
-
-    name: str
-    meaning: str
-    columns: tuple[Column, ...]
-
-    def __len__(self) -> int:
-        return len(self.columns[0].values)
-
-    def column(self, name: str) -> NDArray[Any]:
-        """The values of one column."""
-        return next(column.values for column in self.columns if column.name == name)
+"""By column name: an array, or an estimate where the column is measured."""
 
 
 AnalysisTables = Mapping[str, Table]
-"""By name, in the order of `TABLES`; docs/reference/analysis.md says what each has."""
+"""By name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
 
 
 def tables(analysis: Analysis) -> AnalysisTables:
-    """All tables of an analysis; those of what there is not have no rows."""
+    """All tables of an analysis; a table of something that was not found has no rows."""
     fields = _Series(analysis.states, _field_keys(analysis), analysis.vacuum)
     phases = _Series(analysis.phases, {"phase": analysis.phase}, analysis.phase_vacuum)
     since = {"since_touch_kpa": _since(analysis, fields)}
@@ -63,23 +40,7 @@ def tables(analysis: Analysis) -> AnalysisTables:
         "gaps": gap_values(analysis),
         **strain_tables(analysis, fields.keys),
     }
-    return {name: _table(name, values[name]) for name in TABLES}
-
-
-def _table(name: str, values: Values) -> Table:
-    definition = TABLES[name]
-    columns = [
-        column for one in (*definition.key, *definition.values) for column in _columns(one, values[one.name])
-    ]
-    return Table(name, definition.meaning, tuple(columns))
-
-
-def _columns(definition: Definition, values: Any) -> list[Column]:
-    parts = values if definition.measured else (values,)
-    return [
-        Column(one.name, one.unit, one.meaning, np.atleast_1d(part).ravel())
-        for one, part in zip(definition.columns(), parts, strict=True)
-    ]
+    return {name: make_table(name, spec, values[name]) for name, spec in TABLES.items()}
 
 
 class _Series(NamedTuple):

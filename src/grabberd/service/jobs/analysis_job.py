@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from grabberd.errors import ExtraMissing
 from grabberd.service.jobs.analysis_report import write_document, write_page
 from grabberd.service.jobs.job_runner import Job, Progress
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import RECORD, AnalysisStore
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ def analyse_capture(
 
 def _write_all(folder: Path, made: "Analysed") -> dict[str, Any]:
     from grabberd.processes.analysis.maps import map_units, target_maps  # noqa: PLC0415
+    from grabberd.storage.export.analysis_export import write_csv  # noqa: PLC0415
     from grabberd.storage.export.analysis_maps import write_maps  # noqa: PLC0415
-    from grabberd.storage.export.analysis_tables import write_csv  # noqa: PLC0415
 
     write_csv(folder, made.tables)
     write_maps(folder, target_maps(made.tables, made.analysis.grid), map_units(made.tables))

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from grabberd.errors import StorageError
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 
 class DirectoryLock:

@@ -10,7 +10,8 @@ from pathlib import Path
 from grabberd.errors import CaptureFileError, StorageError
 from grabberd.storage.capture.crash_recovery import reason_of, recover
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import DAMAGED, PART, sealed_path, storage_errors
+from grabberd.storage.capture.schema import DAMAGED, PART, sealed_path
+from grabberd.storage.disk import storage_errors
 
 PREFIX = ".grabberd-"
 

@@ -1,6 +1,8 @@
 """Reading a capture file, also while it is being written: never more than fifty fields under one lock."""
 
+import os
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, Self
 
@@ -233,3 +235,19 @@ class CaptureReader:
             raise CaptureFileError(
                 f"{self.path}: points of field {n}: {error}", "measure the capture again"
             ) from error
+
+
+def stat_at_rest(path: Path) -> os.stat_result:
+    """Size and time of a file between two commits; what is read while they stay the same belongs together.
+
+    A file that cannot be read as a capture has no writer: its size and time are taken as they are.
+
+    Raises:
+        StorageError: Somebody writes it for longer than ten seconds.
+    """
+    with suppress(CaptureFileError), closing(connect(path)) as connection, reading_errors(path):
+        connection.execute("BEGIN")
+        # BEGIN alone takes no lock; after the first read nobody commits until the connection is closed.
+        connection.execute("SELECT count(*) FROM meta").fetchone()
+        return path.stat()
+    return path.stat()

@@ -14,8 +14,9 @@ from typing import IO, Any
 from grabberd.errors import StorageError
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_points
-from grabberd.storage.capture.schema import connect, storage_errors
+from grabberd.storage.capture.schema import connect
 from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
+from grabberd.storage.disk import storage_errors
 
 _HEAD = struct.Struct("<qII")
 """Of one field's points on their way: number of the field, of its points, of their bytes."""

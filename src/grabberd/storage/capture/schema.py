@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.storage.disk import storage_errors
 
 APPLICATION_ID = 0x67726162
 """The letters `grab` in the database's header, by which `file` and we know a capture."""
@@ -133,18 +134,6 @@ def _damaged(path: Path, error: Exception) -> CaptureFileError:
         f"{path} cannot be read as a capture: {error}",
         "if it was copied, copy it again; the sqlite3 program's .recover may save what is left",
     )
-
-
-@contextmanager
-def storage_errors(path: Path) -> Iterator[None]:
-    """Turns what SQLite and the system say of a disk into `StorageError`."""
-    try:
-        yield
-    except (sqlite3.OperationalError, OSError) as error:
-        raise StorageError(
-            f"{path.name} cannot be written: {error}",
-            "make room or mend the disk; what was written before is kept and readable",
-        ) from error
 
 
 @contextmanager

@@ -13,7 +13,8 @@ from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
 from grabberd.storage.capture.metadata import SEALED, CaptureMeta, read_meta, write_all_meta, write_meta
-from grabberd.storage.capture.schema import JOURNAL, create, sealed_path, storage_errors
+from grabberd.storage.capture.schema import JOURNAL, create, sealed_path
+from grabberd.storage.disk import storage_errors
 
 RUNNING = "running"
 DONE = "done"

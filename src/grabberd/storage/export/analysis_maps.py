@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grabberd.errors import NotFound
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 if TYPE_CHECKING:
     from grabberd.processes.analysis.maps import TargetMap

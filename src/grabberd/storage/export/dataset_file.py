@@ -5,25 +5,15 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
-import numpy as np
-
-from grabberd.storage.capture.schema import storage_errors
-from grabberd.storage.export.columns import COLUMNS, Rows
-from grabberd.storage.export.parquet import point_fields
-
-if TYPE_CHECKING:
-    import pyarrow as pa  # type: ignore[import-untyped]
+from grabberd.processes.columns import Rows, joined
+from grabberd.storage.disk import storage_errors
+from grabberd.storage.export.parquet_file import parquet_batch, parquet_writer
+from grabberd.storage.export.points_columns import DATASET_COLUMNS, POINT_COLUMNS
 
 KEY = "grabberd"
-CONSTANT = {
-    "capture": "id of the capture",
-    "device": "name of the grabber",
-    "calibration": "id of the calibration the points were measured with",
-}
-LABELS = "the capture's labels as they were recorded"
 
 
 def write_dataset_file(
@@ -43,18 +33,17 @@ def write_dataset_file(
     Raises:
         StorageError: it cannot be written, or its folder is gone because the program ends.
     """
-    import pyarrow as pa  # noqa: PLC0415
-    import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415
-
-    schema = dataset_schema()
+    constant = {
+        "capture": about["capture"]["id"],
+        "device": about["device"],
+        "calibration": about["calibration"]["id"],
+        "labels": about["labels"],
+    }
     fields = points = 0
-    with (
-        _own(part) as own,
-        _opened(own) as file,
-        pq.ParquetWriter(file, schema, compression="zstd") as writer,
-    ):
+    with _own(part) as own, _opened(own) as file, parquet_writer(file, DATASET_COLUMNS) as writer:
         for group in groups:
-            batch = pa.record_batch(_columns(group, about), schema=schema)
+            rows = {**joined(POINT_COLUMNS, group), **constant}
+            batch = parquet_batch(DATASET_COLUMNS, rows)
             with storage_errors(target):
                 writer.write_batch(batch)
                 _tell(part, fields := fields + len(group))
@@ -66,24 +55,14 @@ def write_dataset_file(
     return fields, points
 
 
-def dataset_schema() -> "pa.Schema":
-    """The columns of exported points, and those that tell captures apart."""
-    import pyarrow as pa  # noqa: PLC0415
-
-    text = pa.dictionary(pa.int32(), pa.string())
-    own = [pa.field(name, text, metadata={"description": words}) for name, words in CONSTANT.items()]
-    labels = pa.field("labels", pa.map_(pa.string(), pa.string()), metadata={"description": LABELS})
-    return pa.schema([*point_fields(), *own, labels])
-
-
 def read_about(path: Path) -> dict[str, Any]:
     """What a file's points come from; nothing of one that is no file of a data set.
 
     Raises:
         StorageError: it cannot be read now.
     """
-    import pyarrow as pa  # noqa: PLC0415
-    import pyarrow.parquet as pq  # noqa: PLC0415
+    import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415
+    import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415
 
     try:
         with storage_errors(path), path.open("rb") as file:
@@ -131,17 +110,6 @@ def _publish(part: Path, target: Path) -> None:
             os.fsync(file.fileno())
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(part, target)
-
-
-def _columns(group: Sequence[Rows], about: Mapping[str, Any]) -> list[Any]:
-    import pyarrow as pa  # noqa: PLC0415
-
-    columns = [np.concatenate([rows[column.name] for rows in group]) for column in COLUMNS]
-    same = np.zeros(len(columns[0]), np.int32)
-    texts = (about["capture"]["id"], about["device"], about["calibration"]["id"])
-    constant = [pa.DictionaryArray.from_arrays(pa.array(same), pa.array([text])) for text in texts]
-    labels = pa.array([list(about["labels"].items())], pa.map_(pa.string(), pa.string()))
-    return [*columns, *constant, labels.take(pa.array(same))]
 
 
 def _text(document: Mapping[str, Any]) -> str:

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError, StorageError
-from grabberd.storage.capture.schema import storage_errors
-from grabberd.storage.export.folders import new_folder
+from grabberd.storage.disk import new_folder, storage_errors
 
 Picture = NDArray[np.uint8]
 

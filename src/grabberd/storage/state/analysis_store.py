@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.errors import NotFound
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 SCRATCH = ".part-"
 RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"

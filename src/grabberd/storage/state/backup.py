@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from grabberd.errors import InputError, StorageError
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.state_database import MIGRATIONS, OWNER_ONLY
 
 SCHEMA, VERSION = "grabberd/backup", 1

@@ -24,7 +24,7 @@ from typing import Any, Literal
 
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 ID = re.compile(r"[0-9A-Za-z_-]{1,80}")
 READ_ONLY = 0o444

@@ -12,7 +12,8 @@ from typing import NamedTuple
 from grabberd.errors import CaptureFileError, LaterVersion, NotFound, StorageError
 from grabberd.storage.capture.crash_recovery import set_aside
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX, storage_errors
+from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
+from grabberd.storage.disk import storage_errors
 
 CAPTURES = (SUFFIX, PART)
 _LAST = "~"
