@@ -23,7 +23,7 @@ class Column(NamedTuple):
 
     Attributes:
         name: Name, which ends with the unit where there is one.
-        unit: Unit; "1" for a ratio, empty for numbers that count or identify, None for words of a file.
+        unit: Unit; "1" for a ratio, empty for text and for numbers that count or identify.
         dtype: numpy's name of the type in files, or `WORD` or `LABELS`.
         meaning: Description for people.
         measured: True if a column `sigma_NAME` follows with the σ of this one, in the same unit.
@@ -31,7 +31,7 @@ class Column(NamedTuple):
     """
 
     name: str
-    unit: str | None
+    unit: str
     dtype: str
     meaning: str
     measured: bool = False

@@ -1,7 +1,7 @@
-"""Captures on disk: one SQLite database a capture, an index over many, and what is exported from them.
+"""Captures on disk: one SQLite database each, what is exported from them, and the state that outlives them.
 
 A capture file is crash-safe and readable from anything that reads SQLite; `docs/reference/capture-file.md`
-describes it. It is `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
+describes it. It is called `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
 """
 
 from grabberd.storage.capture.codec import decode_points, encode_points

@@ -8,6 +8,9 @@ from pathlib import Path
 
 from grabberd.errors import StorageError
 
+OWNER_ONLY, READ_ONLY = 0o600, 0o444
+"""Permissions of files."""
+
 
 @contextmanager
 def storage_errors(path: Path) -> Iterator[None]:

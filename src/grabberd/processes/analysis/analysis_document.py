@@ -1,4 +1,4 @@
-"""An analysis as one JSON document, which its report is drawn from and which the page shows."""
+"""An analysis as one JSON document, the source of its report and of the page."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -13,16 +13,16 @@ from grabberd.processes.columns import Table, json_values
 
 SCHEMA = "grabberd/analysis-report/1"
 WHOLE = ("summary", "fields", "sections", "phases", "phase_sections", "cycles", "gaps")
-"""Tables that are in the document; the others have a row for each target, and are files of their own."""
+"""Tables in the document; those with a row for each target, triangle or edge are separate files."""
 GRID = ("target", "row", "column", "u_mm", "v_mm", "triangles")
-"""What is told of the target grid; a triangle's corners are places in `target`, counted from 0."""
+"""Attributes of the target grid in the document; a triangle's corners are indices into `target`."""
 
 _WALL_PHASES = {"a": "opening", "b": "open", "c": "closing", "d": "closed"}
 _STATES = 4
 
 
 class _Chosen(NamedTuple):
-    """A state whose maps are in the document: `key` column of the `table` with that value."""
+    """A state whose targets are in the document: the rows of `table` whose column `key` has that value."""
 
     name: str
     table: str
@@ -34,10 +34,10 @@ def analysis_document(analysis: Analysis, tables: AnalysisTables, about: Mapping
     """The document: inputs, problems, tables, and the targets of four states.
 
     Args:
-        analysis: as it was made.
-        tables: of it.
-        about: id (the capture's), created_utc, version, and what else is known of the origin: run, device,
-            captured_utc, bits, note, object, calibration, bursts, and sources, by the name of an input.
+        analysis: Analysis.
+        tables: Its tables.
+        about: Its origin: id (the capture's), created_utc, version, run, device, captured_utc, bits, note,
+            object, calibration, bursts, and sources by the name of an input.
     """
     return {
         "schema": SCHEMA,
@@ -53,7 +53,7 @@ def analysis_document(analysis: Analysis, tables: AnalysisTables, about: Mapping
 
 
 def table_document(table: Table, rows: NDArray[Any] | None = None) -> dict[str, Any]:
-    """A table, or some rows of it; numbers that are not known are null."""
+    """A table, or some rows of it; unknown numbers are null."""
     use = slice(None) if rows is None else rows
     return {
         "meaning": table.meaning,
@@ -82,13 +82,13 @@ def _inputs(analysis: Analysis, sources: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _without_log(given: Mapping[str, Any]) -> dict[str, Any]:
-    """A logger's file is said to be there; its curve is in the tables."""
+    """The inputs with a summary in place of a logger's file, whose curve is in the tables."""
     vacuum = given.get("vacuum")
     if not isinstance(vacuum, Mapping) or not isinstance(vacuum.get("log"), str):
         return dict(given)
     lines = vacuum["log"].splitlines()
-    said = f"{len(lines)} lines, the first of them: {lines[0] if lines else ''}"
-    return {**given, "vacuum": {**vacuum, "log": said}}
+    summary = f"{len(lines)} lines, the first of them: {lines[0] if lines else ''}"
+    return {**given, "vacuum": {**vacuum, "log": summary}}
 
 
 def _wall_phases(analysis: Analysis) -> Phases | None:
@@ -96,7 +96,7 @@ def _wall_phases(analysis: Analysis) -> Phases | None:
 
 
 def _bounds(analysis: Analysis) -> list[dict[str, Any]] | None:
-    """Where in the mean cycle each wall phase lies, from 0 to 1; None where there are none."""
+    """Extent of each wall phase in the mean cycle, from 0 to 1; None if there are none."""
     phases = _wall_phases(analysis)
     if phases is None:
         return None
@@ -109,7 +109,7 @@ def _bounds(analysis: Analysis) -> list[dict[str, Any]] | None:
 
 
 def _chosen(analysis: Analysis) -> list[_Chosen]:
-    """The middle of each wall phase; without phases, fields spread evenly over the capture."""
+    """The middle of each wall phase; without phases, fields spaced evenly over the capture."""
     bounds = _bounds(analysis)
     if bounds and len(analysis.phase):
         return [_in_the_middle(analysis, bound) for bound in bounds]

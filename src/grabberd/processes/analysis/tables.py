@@ -44,7 +44,7 @@ def tables(analysis: Analysis) -> AnalysisTables:
 
 
 class _Series(NamedTuple):
-    """States of the fields or of the phases, with what says which they are, and the vacuum of each."""
+    """States of the fields or of the phases, with their key columns and the vacuum of each."""
 
     states: tuple[WallState, ...]
     keys: dict[str, NDArray[Any]]
@@ -55,7 +55,7 @@ class _Series(NamedTuple):
         return [state.pressure for state in self.states]
 
     def repeated(self, counts: int | Sequence[int]) -> dict[str, NDArray[Any]]:
-        """The keys, each as often as its state has rows."""
+        """The keys, repeated for the rows of each state."""
         return {name: np.repeat(values, counts) for name, values in self.keys.items()}
 
 
@@ -76,7 +76,7 @@ def _of_fields(analysis: Analysis, fields: _Series) -> dict[str, Any]:
 
 
 def _movement(analysis: Analysis, time_s: Array) -> Estimate:
-    """At these times; NaN where it is not known."""
+    """The movement at these times; NaN where it is unknown."""
     known = analysis.movement
     if known is None:
         return _none(len(time_s))
@@ -106,7 +106,7 @@ def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str,
 
 
 def _vacuum(series: _Series) -> dict[str, Estimate]:
-    """σ of the clocks' offset is in it, by how fast the vacuum changes."""
+    """The vacuum; its σ includes that of the clocks' offset, multiplied by the slope of the vacuum."""
     if not series.vacuum:
         return {f"{name}_vacuum_kpa": _none(len(series.states)) for name in ("pulsation", "liner")}
     known = {name: np.array([getattr(one, name) for one in series.vacuum]) for name in ChamberVacuum._fields}
@@ -120,10 +120,12 @@ def _vacuum(series: _Series) -> dict[str, Estimate]:
 
 
 def _mean_contact(one: PressureMap | None) -> Estimate | None:
-    """Places share points: their own parts of σ are taken for wholly dependent, no less than the truth's."""
+    """Mean over the targets where the pressure is determined."""
     if one is None or not one.usable.any():
         return None
     use = one.usable
+    # Neighbouring targets share points, so the points' parts of their σ are neither independent nor known to
+    # depend on each other by how much: they are averaged as if wholly dependent, which is never too small.
     common = one.shares.common_kpa[:, use].mean(axis=1)
     sigma = np.sqrt(one.shares.points_kpa[use].mean() ** 2 + (common**2).sum())
     return Estimate(one.contact_kpa.value[use].mean(), sigma)
@@ -181,18 +183,18 @@ def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
         "tension2_n_per_m": tension2,
         "contact_kpa": _stacked([one and _usable(one, one.contact_kpa) for one in maps], count)[0],
         "overpressure_kpa": _stacked([one and _usable(one, one.overpressure_kpa) for one in maps], count)[0],
-        "wall_kpa": _places([one and (one, one.wall_kpa) for one in maps], count),
-        "points_sigma_kpa": _places([one and (one, one.shares.points_kpa) for one in maps], count),
+        "wall_kpa": _determined([one and (one, one.wall_kpa) for one in maps], count),
+        "points_sigma_kpa": _determined([one and (one, one.shares.points_kpa) for one in maps], count),
         "reason": np.array([reason for one in maps for reason in (one.reason if one else ("",) * count)]),
     }
 
 
 def _usable(one: PressureMap, pressure: Estimate) -> Estimate:
-    """A place that has a reason to say nothing says nothing."""
+    """The pressure where it is determined; NaN at targets that have a reason against it."""
     return Estimate(*(np.where(one.usable, part, np.nan) for part in pressure))
 
 
-def _places(parts: Sequence[tuple[PressureMap, Array] | None], count: int) -> Array:
+def _determined(parts: Sequence[tuple[PressureMap, Array] | None], count: int) -> Array:
     empty = np.full(count, np.nan)
     return _rows([np.where(part[0].usable, part[1], np.nan) if part else empty for part in parts])
 
@@ -216,13 +218,13 @@ def _none(count: int) -> Estimate:
 
 
 def _each(estimates: Sequence[Estimate | None]) -> Estimate:
-    """(S,) of single values."""
+    """(S,) estimate made of single ones."""
     rows = [(np.nan, np.nan) if one is None else (float(one.value), float(one.sigma)) for one in estimates]
     return Estimate(*np.array(rows).reshape(-1, 2).T)
 
 
 def _stacked(estimates: Sequence[Estimate | None], count: int, columns: int = 1) -> list[Estimate]:
-    """As many estimates (S · N,) as columns, from those (N,) or (N, columns) of S states."""
+    """An estimate (S · N,) for each column, made of those (N,) or (N, columns) of S states."""
     empty = np.full((count, columns), np.nan)
     values, sigmas = (
         _rows([empty if one is None else one[part].reshape(count, columns) for one in estimates])

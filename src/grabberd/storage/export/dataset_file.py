@@ -1,4 +1,4 @@
-"""One capture's points as a file of a data set: Parquet, with all that they come from in its metadata."""
+"""One capture's points as a file of a data set: Parquet, with the origin of the points in its metadata."""
 
 import json
 import os
@@ -19,19 +19,19 @@ KEY = "grabberd"
 def write_dataset_file(
     part: Path, target: Path, groups: Iterable[Sequence[Rows]], about: Mapping[str, Any]
 ) -> tuple[int, int]:
-    """Writes a capture's points, and gives the file its name when all are on the disk.
+    """Writes a capture's points, and gives the file its name when all of them are on the disk.
 
     Args:
-        part: the name it has until then, on the same disk; whoever writes the same adds his own ending.
-        target: the name it gets; a file that has it is replaced.
-        groups: fields' points, some fields at a time; may be measured while they are taken.
-        about: capture, device, calibration, labels and what else belongs into the metadata.
+        part: Name until then, on the same disk; each process adds an ending of its own.
+        target: Final name; an existing file is replaced.
+        groups: Rows of fields, some fields at a time; may be a generator that measures them.
+        about: Capture, device, calibration, labels and further metadata.
 
     Returns:
-        How many fields and points it has.
+        Number of fields and of points.
 
     Raises:
-        StorageError: it cannot be written, or its folder is gone because the program ends.
+        StorageError: It cannot be written, or its folder is gone because the program is ending.
     """
     constant = {
         "capture": about["capture"]["id"],
@@ -56,10 +56,10 @@ def write_dataset_file(
 
 
 def read_about(path: Path) -> dict[str, Any]:
-    """What a file's points come from; nothing of one that is no file of a data set.
+    """Origin of a file's points; empty if the file is not part of a data set.
 
     Raises:
-        StorageError: it cannot be read now.
+        StorageError: It cannot be read now.
     """
     import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415
     import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415
@@ -73,7 +73,7 @@ def read_about(path: Path) -> dict[str, Any]:
 
 
 def fields_so_far(part: Path) -> int:
-    """How many fields a file that is being written has; 0 where that cannot be known."""
+    """Number of fields in a file that is being written; 0 if unknown."""
     try:
         return int(_count_file(part).read_text(encoding="ascii"))
     except (OSError, ValueError):
@@ -82,7 +82,7 @@ def fields_so_far(part: Path) -> int:
 
 @contextmanager
 def _own(part: Path) -> Iterator[Path]:
-    """A name that no other process has; nothing has it afterwards."""
+    """A path that no other process uses, removed afterwards."""
     own = part.with_name(f"{part.name}-{uuid4().hex}")
     try:
         yield own
@@ -96,7 +96,7 @@ def _opened(part: Path) -> Any:
 
 
 def _tell(part: Path, fields: int) -> None:
-    """For whoever shows the progress; an error when the folder is gone, for then the run has ended."""
+    """Tells the progress; fails if the folder is gone, which means that the run has ended."""
     _count_file(part).write_text(str(fields), encoding="ascii")
 
 
@@ -107,7 +107,7 @@ def _count_file(part: Path) -> Path:
 def _publish(part: Path, target: Path) -> None:
     with storage_errors(target):
         with part.open("rb") as file:
-            os.fsync(file.fileno())
+            os.fsync(file.fileno())  # before the rename: a name never stands for half a file
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(part, target)
 

@@ -62,7 +62,7 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
 
 
 def _frames(fields: Iterable[RecordedField]) -> Iterator[tuple[RecordedField, ...]]:
-    """Top fields with the bottom field after them; others alone."""
+    """Top fields with the bottom field that follows; all others alone."""
     frame: tuple[RecordedField, ...] = ()
     for field in fields:
         n, parity = field.numbered.n, field.numbered.packed.parity

@@ -59,7 +59,8 @@ def _mesh(table: Table, part: slice, triangles: Array) -> Mesh:
     which = table.column(key)[part][0]
     time = table.column("time_s")[part][0] if "time_s" in table.rows else which
     numeric = [column for column in table.columns if column.dtype[0] in "if"]
-    seen = np.isfinite([table.column(name)[part] for name in _PLACE]).all(axis=0)
+    places: Array = np.array([table.column(name)[part] for name in _PLACE])
+    seen = np.asarray(np.isfinite(places).all(axis=0))
     vertex = np.cumsum(seen) - 1
     return Mesh(
         series,

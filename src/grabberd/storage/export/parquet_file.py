@@ -74,7 +74,7 @@ def parquet_batch(columns: Sequence[Column], rows: Rows) -> "pa.RecordBatch":
 def _field(column: Column) -> "pa.Field":
     import pyarrow as pa  # noqa: PLC0415
 
-    unit = {} if column.unit is None else {"unit": column.unit}
+    unit = {} if column.dtype in {WORD, LABELS} else {"unit": column.unit}
     return pa.field(column.name, _type(column), metadata={**unit, "description": column.meaning})
 
 

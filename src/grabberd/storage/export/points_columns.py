@@ -47,10 +47,10 @@ CLOUD_COLUMNS = (_NUMBER, *_PLACE, *_QUALITY)
 """Columns of a point cloud, for programs that know neither the time of day nor pictures."""
 DATASET_COLUMNS = (
     *POINT_COLUMNS,
-    Column("capture", None, WORD, "id of the capture"),
-    Column("device", None, WORD, "name of the grabber"),
-    Column("calibration", None, WORD, "id of the calibration the points were measured with"),
-    Column("labels", None, LABELS, "the capture's labels as they were recorded"),
+    Column("capture", "", WORD, "id of the capture"),
+    Column("device", "", WORD, "name of the grabber"),
+    Column("calibration", "", WORD, "id of the calibration the points were measured with"),
+    Column("labels", "", LABELS, "the capture's labels as they were recorded"),
 )
 
 

@@ -1,4 +1,4 @@
-"""What people say of captures after they were made: pins, notes and labels, kept apart from the files."""
+"""Annotations of captures made after recording: pins, notes and labels, stored apart from the files."""
 
 import json
 from collections.abc import Mapping
@@ -11,10 +11,12 @@ from grabberd.storage.state.state_database import StateDatabase
 
 @dataclass(frozen=True, slots=True)
 class Annotation:
-    """Of one capture; `note` and `labels` are None where those in its file stand.
+    """Annotation of one capture.
 
     Attributes:
-        pinned: it is kept until somebody unpins it.
+        pinned: True if retention must not remove the capture.
+        note: Note in place of the one in the file; None to leave that one.
+        labels: Labels in place of those in the file; None to leave those.
     """
 
     pinned: bool = False
@@ -32,29 +34,29 @@ class AnnotationStore:
         self._database = StateDatabase(path)
 
     def get(self, capture_id: str) -> Annotation:
-        """What is said of a capture.
+        """The annotation of a capture, an empty one if there is none.
 
         Raises:
-            StorageError: the file cannot be read.
+            StorageError: The file cannot be read.
         """
         with self._database.transaction() as connection:
             row = connection.execute(f"{_QUERY} WHERE capture = ?", (capture_id,)).fetchone()
             return Annotation() if row is None else _annotation(row)
 
     def all(self) -> dict[str, Annotation]:
-        """What is said of captures, by their ids.
+        """All annotations by capture id.
 
         Raises:
-            StorageError: the file cannot be read.
+            StorageError: The file cannot be read.
         """
         with self._database.transaction() as connection:
             return {row[0]: _annotation(row) for row in connection.execute(_QUERY)}
 
     def put(self, capture_id: str, annotation: Annotation) -> None:
-        """Replaces what is said of a capture.
+        """Replaces the annotation of a capture.
 
         Raises:
-            StorageError: the file cannot be written.
+            StorageError: The file cannot be written.
         """
         labels = None if annotation.labels is None else json.dumps(dict(annotation.labels))
         with self._database.transaction() as connection:
@@ -64,10 +66,10 @@ class AnnotationStore:
             )
 
     def remove(self, capture_id: str) -> None:
-        """Forgets what is said of a capture; safe where nothing is.
+        """Removes the annotation of a capture, if there is one.
 
         Raises:
-            StorageError: the file cannot be written.
+            StorageError: The file cannot be written.
         """
         with self._database.transaction() as connection:
             connection.execute("DELETE FROM annotations WHERE capture = ?", (capture_id,))

@@ -1,4 +1,4 @@
-"""Answers to requests that must take effect once, however often they are sent."""
+"""Stored answers to requests that must take effect once, however often they are sent."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -7,11 +7,13 @@ from grabberd.storage.state.state_database import StateDatabase
 
 
 class KeptAnswer(NamedTuple):
-    """What a request with a key was answered; `status` is None as long as it was not.
+    """The answer to a request with a key.
 
     Attributes:
-        digest: of the request.
-        status: of HTTP; `location` and `body` belong to it.
+        digest: Digest of the request.
+        status: HTTP status; None while the request is unanswered.
+        location: Header `Location` of the answer.
+        body: Body of the answer.
     """
 
     digest: bytes
@@ -21,16 +23,16 @@ class KeptAnswer(NamedTuple):
 
 
 class IdempotencyStore:
-    """The keys in `state.sqlite`. Times are ISO 8601 UTC, all in one format: they compare."""
+    """The keys in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
 
     def __init__(self, path: Path) -> None:
         self._database = StateDatabase(path)
 
     def begin(self, key: str, digest: bytes, now_utc: str, oldest_utc: str) -> KeptAnswer | None:
-        """Keeps a key, and forgets those from before `oldest_utc`; what is kept of it already, or None.
+        """Stores a key and drops those older than `oldest_utc`; returns what was stored for it before.
 
         Raises:
-            StorageError: the file cannot be written.
+            StorageError: The file cannot be written.
         """
         with self._database.transaction() as connection:
             connection.execute("DELETE FROM idempotency WHERE created_utc < ?", (oldest_utc,))
@@ -45,10 +47,10 @@ class IdempotencyStore:
             return None
 
     def finish(self, key: str, answer: KeptAnswer) -> None:
-        """Keeps the answer.
+        """Stores the answer.
 
         Raises:
-            StorageError: the file cannot be written.
+            StorageError: The file cannot be written.
         """
         with self._database.transaction() as connection:
             connection.execute(
@@ -57,10 +59,10 @@ class IdempotencyStore:
             )
 
     def forget(self, key: str) -> None:
-        """The request had no effect: it may come again.
+        """Removes a key whose request had no effect, so that it may be sent again.
 
         Raises:
-            StorageError: the file cannot be written.
+            StorageError: The file cannot be written.
         """
         with self._database.transaction() as connection:
             connection.execute("DELETE FROM idempotency WHERE key = ?", (key,))

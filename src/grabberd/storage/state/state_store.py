@@ -1,4 +1,4 @@
-"""What the files do not know: settings and the operator's choices; cannot be made again, so back it up."""
+"""Settings and the operator's choices, which no capture file holds."""
 
 import json
 from collections.abc import Mapping
@@ -16,18 +16,18 @@ class StateStore:
         self._database = StateDatabase(path)
 
     def open(self) -> None:
-        """Makes the file if it is not there; safe twice.
+        """Creates the file if necessary.
 
         Raises:
-            StorageError: it cannot be written, is damaged, or is of a later version.
+            StorageError: It cannot be written, is damaged, or is of a later version.
         """
         self._database.open()
 
     def get(self, key: str) -> Any:
-        """The value of a key; None where there is none.
+        """The value of a key; None if there is none.
 
         Raises:
-            StorageError: the file cannot be read.
+            StorageError: The file cannot be read.
         """
         with self._database.transaction() as connection:
             row = connection.execute("SELECT value FROM settings WHERE key = ?", (key,)).fetchone()
@@ -37,17 +37,17 @@ class StateStore:
         """Writes some keys, all or none of them.
 
         Raises:
-            StorageError: the file cannot be written.
+            StorageError: The file cannot be written.
         """
         rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
         with self._database.transaction() as connection:
             connection.executemany("INSERT OR REPLACE INTO settings VALUES (?, ?)", rows)
 
     def remove(self, key: str) -> None:
-        """Forgets a key; one that is not there stays so.
+        """Removes a key, if it exists.
 
         Raises:
-            StorageError: the file cannot be written.
+            StorageError: The file cannot be written.
         """
         with self._database.transaction() as connection:
             connection.execute("DELETE FROM settings WHERE key = ?", (key,))
