@@ -34,6 +34,13 @@ def test_integers_of_which_one_is_unknown_are_floats():
     assert json_values(table.column("count")) == [1.0, None]
 
 
+def test_a_large_table_comes_in_parts():
+    table = make_table("things", SPEC, {"count": np.arange(5), "length_mm": (np.arange(5.0), np.ones(5))})
+    parts = list(table.parts(2))
+    assert [len(rows["count"]) for rows in parts] == [2, 2, 1]
+    assert joined([COUNT], parts)["count"].tolist() == [0, 1, 2, 3, 4]
+
+
 def test_a_single_value_is_a_row():
     assert COUNT.array(3).tolist() == [3]
 

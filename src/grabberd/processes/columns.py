@@ -4,7 +4,7 @@ Points, the tables of an analysis and data sets all consist of them. `grabberd.s
 for each format, and `docs/reference/generate.py` describes the same columns.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 WORD, LABELS = "category", "map"
 """Types beyond numpy's: one word, and one mapping of words to words, for all rows of a file."""
+
+ROWS_AT_ONCE = 10_000
 
 Rows = Mapping[str, Any]
 """Values by column name: (N,) arrays, or the one value of a `WORD` or `LABELS` column."""
@@ -78,6 +80,11 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.rows[self.columns[0].name])
+
+    def parts(self, size: int = ROWS_AT_ONCE) -> Iterator[Rows]:
+        """The rows of the table, some at a time, for writers that need several times their memory."""
+        for first in range(0, len(self), size):
+            yield {name: values[first : first + size] for name, values in self.rows.items()}
 
     def column(self, name: str) -> NDArray[Any]:
         """(N,) values of one column."""

@@ -1,7 +1,9 @@
 """Files and folders on a disk: written for good, and errors as an operator can act on them."""
 
 import os
+import shutil
 import sqlite3
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +12,8 @@ from grabberd.errors import StorageError
 
 OWNER_ONLY, READ_ONLY = 0o600, 0o444
 """Permissions of files."""
+SCRATCH = ".part-"
+"""Beginning of the names of folders that are being written."""
 
 
 @contextmanager
@@ -36,6 +40,35 @@ def new_folder(directory: Path) -> None:
             raise StorageError(
                 f"the folder {directory} is not empty", "name a new one; nothing is overwritten"
             )
+
+
+@contextmanager
+def scratch_folder(directory: Path, prefix: str = SCRATCH) -> Iterator[Path]:
+    """A hidden folder in an existing one, which is removed afterwards unless it was renamed.
+
+    It is on the same disk as what stays, so that a rename publishes what was written, whole or not at all.
+
+    Raises:
+        StorageError: It cannot be made.
+    """
+    with storage_errors(directory):
+        scratch = Path(tempfile.mkdtemp(prefix=prefix, dir=directory))
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def clear_scratch(directory: Path) -> None:
+    """Creates `directory` if necessary, and removes the scratch folders that a crash left in it.
+
+    Raises:
+        StorageError: It cannot be written.
+    """
+    with storage_errors(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        for left in directory.glob(f"{SCRATCH}*"):
+            shutil.rmtree(left)
 
 
 def write_synced(path: Path, content: bytes, mode: int) -> None:

@@ -223,7 +223,7 @@ def test_the_progress_ends_at_the_end(captures: list[Path], tmp_path: Path) -> N
 
 
 def test_one_program_at_a_time_measures_into_a_data_set(captures: list[Path], tmp_path: Path) -> None:
-    with DataSet(tmp_path), pytest.raises(StorageError, match="another grabberd measures"):
+    with DataSet(tmp_path), pytest.raises(StorageError, match="another grabberd is measuring"):
         measured(captures, tmp_path)
 
 

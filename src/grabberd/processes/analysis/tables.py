@@ -80,9 +80,9 @@ def _movement(analysis: Analysis, time_s: Array) -> Estimate:
     known = analysis.movement
     if known is None:
         return _none(len(time_s))
-    place = np.minimum(np.searchsorted(known.time_s, time_s), len(known.time_s) - 1)
-    there = known.time_s[place] == time_s
-    return Estimate(*(np.where(there, part[place], np.nan) for part in (known.value_mm, known.sigma_mm)))
+    index = np.minimum(np.searchsorted(known.time_s, time_s), len(known.time_s) - 1)
+    there = known.time_s[index] == time_s
+    return Estimate(*(np.where(there, part[index], np.nan) for part in (known.value_mm, known.sigma_mm)))
 
 
 def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str, Any]:
@@ -94,9 +94,9 @@ def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str,
         "volume_mm3": _each([state.volume_mm3 for state in states]),
         **_vacuum(series),
         "mean_contact_kpa": _each([_mean_contact(one) for one in maps]),
-        "greatest_contact_kpa": _each([_at(one, place) for one, place in zip(maps, greatest, strict=True)]),
+        "greatest_contact_kpa": _each([_at(one, index) for one, index in zip(maps, greatest, strict=True)]),
         "greatest_contact_target": np.array(
-            [np.nan if place is None else analysis.grid.target[place] for place in greatest]
+            [np.nan if index is None else analysis.grid.target[index] for index in greatest]
         ),
         "determined": np.array([int(one.usable.sum()) if one else 0 for one in maps], np.int64),
         "free_residual_kpa": _each([one and one.residual_kpa for one in free]),
@@ -137,10 +137,10 @@ def _greatest(one: PressureMap | None) -> int | None:
     return int(np.argmax(np.where(one.usable, one.contact_kpa.value, -np.inf)))
 
 
-def _at(one: PressureMap | None, place: int | None) -> Estimate | None:
-    if one is None or place is None:
+def _at(one: PressureMap | None, index: int | None) -> Estimate | None:
+    if one is None or index is None:
         return None
-    return Estimate(one.contact_kpa.value[place], one.contact_kpa.sigma[place])
+    return Estimate(one.contact_kpa.value[index], one.contact_kpa.sigma[index])
 
 
 def _sections(series: _Series) -> dict[str, Any]:

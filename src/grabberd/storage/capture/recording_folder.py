@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +10,7 @@ from grabberd.errors import CaptureFileError, StorageError
 from grabberd.storage.capture.crash_recovery import reason_of, recover
 from grabberd.storage.capture.directory_lock import DirectoryLock
 from grabberd.storage.capture.schema import DAMAGED, PART, sealed_path
-from grabberd.storage.disk import storage_errors
+from grabberd.storage.disk import scratch_folder, storage_errors
 
 PREFIX = ".grabberd-"
 
@@ -26,15 +25,13 @@ def recording_folder(directory: Path) -> Iterator[Path]:
     Raises:
         StorageError: It cannot be made.
     """
-    with storage_errors(directory):
-        folder = Path(tempfile.mkdtemp(dir=directory, prefix=PREFIX))
-    lock = DirectoryLock(folder)
-    lock.acquire()
-    try:
-        yield folder
-    finally:
-        lock.release()
-        shutil.rmtree(folder, ignore_errors=True)
+    with scratch_folder(directory, PREFIX) as folder:
+        lock = DirectoryLock(folder)
+        lock.acquire()
+        try:
+            yield folder
+        finally:
+            lock.release()
 
 
 def interrupted_captures(directory: Path) -> list[Path]:

@@ -73,7 +73,7 @@ def write_csv(folder: Path, tables: AnalysisTables) -> list[Path]:
         StorageError: A file cannot be written, or exists already.
     """
     return [
-        _write(folder / f"{table.name}.csv", map(str.encode, csv_text(table.columns, [table.rows])))
+        _write(folder / f"{table.name}.csv", map(str.encode, csv_text(table.columns, table.parts())))
         for table in tables.values()
     ]
 
@@ -118,7 +118,7 @@ def _ply(folder: Path, analysis: _Analysis) -> list[Path]:
 
 
 def _ply_parts(mesh: Mesh) -> Iterable[bytes]:
-    columns = (*mesh.place, *mesh.columns)
+    columns = (*mesh.position, *mesh.columns)
     comment = f"grabberd {__version__}, {mesh.name}, x y z in mm"
     yield ply_head(columns, len(mesh), [comment], len(mesh.triangles))
     yield ply_vertices(columns, mesh.rows)

@@ -12,7 +12,7 @@ from grabberd.processes.analysis.tables import AnalysisTables
 from grabberd.processes.columns import Column, Rows, Table
 
 Array = NDArray[Any]
-_PLACE = ("x_mm", "y_mm", "z_mm")
+_POSITION = ("x_mm", "y_mm", "z_mm")
 _TABLES = {"targets": ("fields", "n", "field-{:08d}"), "phase_targets": ("phases", "phase", "phase-{:.4f}")}
 
 
@@ -25,26 +25,26 @@ class Mesh:
         name: Name of its file, without ending.
         time: Time in s, or phase.
         triangles: (K, 3) counter-clockwise as seen from outside.
-        place: Columns x_mm, y_mm, z_mm: the targets on the smooth outer face, object's frame.
+        position: Columns x_mm, y_mm, z_mm: the targets on the smooth outer face, object's frame.
         columns: Columns of the values at the targets.
-        rows: (M,) values of `place` and `columns`.
+        rows: (M,) values of `position` and `columns`.
     """
 
     series: str
     name: str
     time: float
     triangles: Array
-    place: tuple[Column, ...]
+    position: tuple[Column, ...]
     columns: tuple[Column, ...]
     rows: Rows
 
     def __len__(self) -> int:
-        return len(self.rows[_PLACE[0]])
+        return len(self.rows[_POSITION[0]])
 
     @property
     def xyz_mm(self) -> Array:
         """(M, 3) positions of the targets."""
-        return np.column_stack([self.rows[column.name] for column in self.place])
+        return np.column_stack([self.rows[column.name] for column in self.position])
 
 
 def meshes(tables: AnalysisTables, grid: Grid) -> Iterator[Mesh]:
@@ -59,15 +59,15 @@ def _mesh(table: Table, part: slice, triangles: Array) -> Mesh:
     which = table.column(key)[part][0]
     time = table.column("time_s")[part][0] if "time_s" in table.rows else which
     numeric = [column for column in table.columns if column.dtype[0] in "if"]
-    places: Array = np.array([table.column(name)[part] for name in _PLACE])
-    seen = np.asarray(np.isfinite(places).all(axis=0))
+    positions: Array = np.array([table.column(name)[part] for name in _POSITION])
+    seen = np.asarray(np.isfinite(positions).all(axis=0))
     vertex = np.cumsum(seen) - 1
     return Mesh(
         series,
         file_name.format(which),
         float(time),
         vertex[triangles[seen[triangles].all(axis=1)]],
-        tuple(column for column in numeric if column.name in _PLACE),
-        tuple(column for column in numeric if column.name not in (key, "time_s", *_PLACE)),
+        tuple(column for column in numeric if column.name in _POSITION),
+        tuple(column for column in numeric if column.name not in (key, "time_s", *_POSITION)),
         {column.name: table.column(column.name)[part][seen] for column in numeric},
     )

@@ -43,7 +43,7 @@ def write_parquet(
     """
     check_parquet()
     count = 0
-    with parquet_writer(_Sink(file), columns, metadata) as writer:
+    with parquet_writer(file, columns, metadata) as writer:
         for rows in parts:
             batch = parquet_batch(columns, rows)
             writer.write_batch(batch)
@@ -52,7 +52,7 @@ def write_parquet(
 
 
 def parquet_writer(
-    file: "IO[bytes] | _Sink", columns: Sequence[Column], metadata: Mapping[str, str] | None = None
+    file: IO[bytes], columns: Sequence[Column], metadata: Mapping[str, str] | None = None
 ) -> "pq.ParquetWriter":
     """A writer of row groups, which is closed as a context manager."""
     import pyarrow as pa  # noqa: PLC0415
@@ -100,37 +100,3 @@ def _array(column: Column, values: Any, count: int) -> "pa.Array":
     if column.dtype == WORD:
         return pa.DictionaryArray.from_arrays(same, pa.array([values]))
     return pa.array([list(values.items())], _type(column)).take(same)
-
-
-class _Sink:
-    """A file that is only written to: pyarrow asks for the position, which a pipe does not have."""
-
-    closed = False
-
-    def __init__(self, file: IO[bytes]) -> None:
-        self._file = file
-        self._position = 0
-
-    def write(self, data: Any) -> int:
-        written = len(memoryview(data))
-        self._file.write(data)
-        self._position += written
-        return written
-
-    def tell(self) -> int:
-        return self._position
-
-    def flush(self) -> None:
-        self._file.flush()
-
-    def close(self) -> None:
-        self.closed = True
-
-    def readable(self) -> bool:
-        return False
-
-    def writable(self) -> bool:
-        return True
-
-    def seekable(self) -> bool:
-        return False

@@ -48,7 +48,7 @@ def ply_vertices(columns: Sequence[Column], rows: Rows) -> bytes:
 
 
 def ply_triangles(triangles: NDArray[Any]) -> bytes:
-    """(K, 3) triangles, by the places of their corners among the vertices."""
+    """The triangles of a mesh, (K, 3) indices of vertices."""
     faces = np.empty(len(triangles), _FACE)
     faces["count"], faces["corners"] = 3, triangles
     return faces.tobytes()

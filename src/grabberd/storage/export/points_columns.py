@@ -14,7 +14,7 @@ _NUMBER = Column(
     "n", "", "i4", "number of the field: n nominal 20 ms steps after the first, lost ones included"
 )
 _UTC = Column("time_utc", "", "M8[ms]", "middle of the field's exposure; empty for a recording played again")
-_PLACE = (
+_POSITION = (
     Column("time_s", "s", "f8", "the same, from the first field of the capture on", csv_format=".6f"),
     Column("target", "", "i4", "id of the target, the same through the capture"),
     # All digits, so that CSV reads back bit for bit.
@@ -42,8 +42,8 @@ _IMAGES = tuple(
     for axis in "xy"
 )
 
-POINT_COLUMNS = (_NUMBER, _UTC, *_PLACE, *_QUALITY, *_IMAGES)
-CLOUD_COLUMNS = (_NUMBER, *_PLACE, *_QUALITY)
+POINT_COLUMNS = (_NUMBER, _UTC, *_POSITION, *_QUALITY, *_IMAGES)
+CLOUD_COLUMNS = (_NUMBER, *_POSITION, *_QUALITY)
 """Columns of a point cloud, for programs that know neither the time of day nor pictures."""
 DATASET_COLUMNS = (
     *POINT_COLUMNS,

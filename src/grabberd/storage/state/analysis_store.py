@@ -10,16 +10,14 @@ A folder is written under another name and renamed, so it exists whole or not at
 
 import json
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from grabberd.errors import NotFound
-from grabberd.storage.disk import storage_errors
+from grabberd.storage.disk import clear_scratch, scratch_folder, storage_errors
 
-SCRATCH = ".part-"
 RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
 
 
@@ -35,7 +33,7 @@ class AnalysisStore:
         Raises:
             StorageError: It cannot be written.
         """
-        self._clear()
+        clear_scratch(self.directory)
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
@@ -46,13 +44,9 @@ class AnalysisStore:
         Raises:
             StorageError: It cannot be made.
         """
-        self._clear()
-        with storage_errors(self.directory):
-            scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=self.directory))
-        try:
+        clear_scratch(self.directory)
+        with scratch_folder(self.directory) as scratch:
             yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
 
     def publish(self, capture_id: str, made: Path) -> int:
         """Gives a finished folder the next number of its capture, and returns the number.
@@ -105,12 +99,6 @@ class AnalysisStore:
         home = self.directory / capture_id
         with storage_errors(home), suppress(FileNotFoundError):
             shutil.rmtree(home)
-
-    def _clear(self) -> None:
-        with storage_errors(self.directory):
-            self.directory.mkdir(parents=True, exist_ok=True)
-            for left in self.directory.glob(f"{SCRATCH}*"):
-                shutil.rmtree(left)
 
     def _record(self, capture_id: str, number: int) -> dict[str, Any]:
         try:

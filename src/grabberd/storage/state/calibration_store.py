@@ -11,10 +11,8 @@ A folder is written under another name, synchronised and renamed, so it exists w
 import hashlib
 import json
 import re
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -23,10 +21,16 @@ from typing import Any, Literal
 
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
-from grabberd.storage.disk import READ_ONLY, storage_errors, sync_directory, write_synced
+from grabberd.storage.disk import (
+    READ_ONLY,
+    clear_scratch,
+    scratch_folder,
+    storage_errors,
+    sync_directory,
+    write_synced,
+)
 
 ID = re.compile(r"[0-9A-Za-z_-]{1,80}")
-SCRATCH = ".part-"
 REMEMBERED = 256
 
 DOCUMENT, RECORD, REPORT, PAGE = "calibration.json", "record.json", "report.json", "report.html"
@@ -83,10 +87,7 @@ class CalibrationStore:
         Raises:
             StorageError: It cannot be written.
         """
-        with storage_errors(self.directory):
-            self.directory.mkdir(parents=True, exist_ok=True)
-            for left in self.directory.glob(f"{SCRATCH}*"):
-                shutil.rmtree(left)
+        clear_scratch(self.directory)
 
     def add(
         self,
@@ -125,8 +126,7 @@ class CalibrationStore:
             self._publish(made)
         return calibration
 
-    @contextmanager
-    def scratch(self) -> Iterator[Path]:
+    def scratch(self) -> AbstractContextManager[Path]:
         """A folder beside the calibrations, removed afterwards.
 
         Raises:
@@ -134,11 +134,7 @@ class CalibrationStore:
         """
         with storage_errors(self.directory):
             self.directory.mkdir(parents=True, exist_ok=True)
-            scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=self.directory))
-        try:
-            yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+        return scratch_folder(self.directory)
 
     def __contains__(self, calibration_id: str) -> bool:
         return ID.fullmatch(calibration_id) is not None and (self.directory / calibration_id).exists()

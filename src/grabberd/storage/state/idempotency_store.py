@@ -1,6 +1,5 @@
 """Stored answers to requests that must take effect once, however often they are sent."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.storage.state.state_database import StateDatabase
@@ -22,19 +21,12 @@ class KeptAnswer(NamedTuple):
     body: bytes = b""
 
 
-class IdempotencyStore:
+class IdempotencyStore(StateDatabase):
     """The keys in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
 
-    def __init__(self, path: Path) -> None:
-        self._database = StateDatabase(path)
-
     def begin(self, key: str, digest: bytes, now_utc: str, oldest_utc: str) -> KeptAnswer | None:
-        """Stores a key and drops those older than `oldest_utc`; returns what was stored for it before.
-
-        Raises:
-            StorageError: The file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Stores a key and drops those older than `oldest_utc`; returns what was stored for it before."""
+        with self.transaction() as connection:
             connection.execute("DELETE FROM idempotency WHERE created_utc < ?", (oldest_utc,))
             row = connection.execute(
                 "SELECT digest, status, location, body FROM idempotency WHERE key = ?", (key,)
@@ -47,22 +39,14 @@ class IdempotencyStore:
             return None
 
     def finish(self, key: str, answer: KeptAnswer) -> None:
-        """Stores the answer.
-
-        Raises:
-            StorageError: The file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Stores the answer."""
+        with self.transaction() as connection:
             connection.execute(
                 "UPDATE idempotency SET status = ?, location = ?, body = ? WHERE key = ?",
                 (answer.status, answer.location, answer.body, key),
             )
 
     def forget(self, key: str) -> None:
-        """Removes a key whose request had no effect, so that it may be sent again.
-
-        Raises:
-            StorageError: The file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Removes a key whose request had no effect, so that it may be sent again."""
+        with self.transaction() as connection:
             connection.execute("DELETE FROM idempotency WHERE key = ?", (key,))

@@ -36,7 +36,13 @@ TIMEOUT_S = 10.0
 
 
 class StateDatabase:
-    """Access from any thread, and from other programs beside the daemon: each call has its own connection."""
+    """Access from any thread, and from other programs beside the daemon: each call has its own connection.
+
+    The stores in `state.sqlite` are its subclasses.
+
+    Raises:
+        StorageError: From any method of theirs: the file cannot be read or written.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path

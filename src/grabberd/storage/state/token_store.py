@@ -1,6 +1,5 @@
 """Tokens and the browser sessions they were exchanged for: hashes only, never a secret."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import Conflict, NotFound
@@ -36,19 +35,8 @@ class Holder(NamedTuple):
     expires_utc: str | None = None
 
 
-class TokenStore:
+class TokenStore(StateDatabase):
     """The tokens and sessions in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
-
-    def __init__(self, path: Path) -> None:
-        self._database = StateDatabase(path)
-
-    def open(self) -> None:
-        """Creates the file if necessary.
-
-        Raises:
-            StorageError: It cannot be written, is damaged, or is of a later version.
-        """
-        self._database.open()
 
     def add(
         self, name: str, role: str, token_hash: bytes, created_utc: str, expires_utc: str | None = None
@@ -57,9 +45,8 @@ class TokenStore:
 
         Raises:
             Conflict: A token of that name exists.
-            StorageError: The file cannot be written.
         """
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             if connection.execute("SELECT 1 FROM tokens WHERE name = ?", (name,)).fetchone():
                 raise Conflict(
                     f"token {name!r} exists already",
@@ -75,15 +62,14 @@ class TokenStore:
 
         Raises:
             NotFound: No token has that name.
-            StorageError: The file cannot be written.
         """
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             if not connection.execute("DELETE FROM tokens WHERE name = ?", (name,)).rowcount:
                 raise NotFound(f"no token {name!r}", "grabberd token list shows the existing tokens")
 
     def list(self, now_utc: str) -> list[TokenRow]:
         """All tokens, sorted by name."""
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             rows = connection.execute(
                 "SELECT name, role, created_utc, (SELECT count(*) FROM sessions "
                 "WHERE token = name AND sessions.expires_utc > ?), expires_utc FROM tokens ORDER BY name",
@@ -93,13 +79,13 @@ class TokenStore:
 
     def any(self) -> bool:
         """True if there is any token, even an expired one."""
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             return connection.execute("SELECT 1 FROM tokens").fetchone() is not None
 
     def of_token(self, token_hash: bytes) -> Holder | None:
         """Holder of a token, expired or not."""
         query = "SELECT name, role, expires_utc FROM tokens WHERE hash = ?"
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             row = connection.execute(query, (token_hash,)).fetchone()
             return None if row is None else Holder(*row)
 
@@ -110,7 +96,7 @@ class TokenStore:
             "WHERE sessions.hash = ?1 AND sessions.expires_utc > ?2 "
             "AND (tokens.expires_utc IS NULL OR tokens.expires_utc > ?2)"
         )
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             row = connection.execute(query, (session_hash, now_utc)).fetchone()
             return None if row is None else Holder(*row)
 
@@ -119,9 +105,8 @@ class TokenStore:
 
         Raises:
             NotFound: The token has been removed.
-            StorageError: The file cannot be written.
         """
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             if not connection.execute("SELECT 1 FROM tokens WHERE name = ?", (token,)).fetchone():
                 raise NotFound(f"no token {token!r}", "it has just been removed; ask for another")
             connection.execute(
@@ -136,5 +121,5 @@ class TokenStore:
 
     def remove_session(self, session_hash: bytes) -> None:
         """Ends a session, if it exists."""
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             connection.execute("DELETE FROM sessions WHERE hash = ?", (session_hash,))
