@@ -96,7 +96,7 @@ def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
 def test_a_full_disk_ends_the_capture_and_what_is_on_it_can_be_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from grabberd.storage import schema  # noqa: PLC0415
+    from grabberd.storage.capture import schema  # noqa: PLC0415
 
     create = schema.create
     monkeypatch.setattr(

@@ -180,11 +180,11 @@ def _capture_here(
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
     from grabberd.service.device.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
-    from grabberd.storage.capture.leftovers import leftovers, recording_folder  # noqa: PLC0415
+    from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder  # noqa: PLC0415
 
     warn(
         f"{part} was left by an interrupted capture; 'grabberd storage seal {part}' recovers it"
-        for part in leftovers(out.parent)
+        for part in interrupted_captures(out.parent)
     )
     sys.setswitchinterval(0.001)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the capture as Ctrl-C does

@@ -105,7 +105,7 @@ def test_the_one_that_runs_is_named_and_runs_on(tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_made_leaves_none_of_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from grabberd.storage import schema  # noqa: PLC0415
+    from grabberd.storage.capture import schema  # noqa: PLC0415
 
     create = schema.create
 
@@ -263,7 +263,7 @@ def test_the_shipped_example_of_four_captures_together(tmp_path: Path) -> None:
 def test_no_field_is_missed_however_long_the_files_take_to_be_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from grabberd.storage import schema  # noqa: PLC0415
+    from grabberd.storage.capture import schema  # noqa: PLC0415
 
     create = schema.create
     slots = 2 * 32

@@ -13,7 +13,7 @@ from grabberd.errors import CalibrationMismatch
 from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.jobs.runner import JobState
-from grabberd.storage.export.export import export_png
+from grabberd.storage import export_png
 
 
 def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) -> None:

@@ -14,8 +14,8 @@ from grabberd.api.streams.downloads import Download, download
 from grabberd.api.streams.whole_file import WholeFile
 from grabberd.service.archive.run_documents import whole_run
 from grabberd.storage import field_png, points_csv, points_ply
-from grabberd.storage.capture.at_rest import stat_at_rest
-from grabberd.storage.export.parquet import parquet_stream
+from grabberd.storage.capture.reader import stat_at_rest
+from grabberd.storage.export.parquet_stream import parquet_stream
 from grabberd.storage.export.points_document import PointsQuery, points_document
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS)

@@ -18,7 +18,7 @@ from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.capture.crash_recovery import reason_of
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.capture_index import IndexEntry
 

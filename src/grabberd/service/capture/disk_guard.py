@@ -8,7 +8,7 @@ from typing import Any
 
 from grabberd.errors import Cause, StorageError
 from grabberd.field.packed import packed_shape
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 GB = 1_000_000_000
 DEFAULT_RESERVE_BYTES = GB // 5

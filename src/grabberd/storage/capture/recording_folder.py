@@ -1,8 +1,7 @@
-"""Captures that are recorded straight into somebody's folder, and what a kill leaves of them there."""
+"""Hidden folders that `grabberd capture` records into without a daemon, and what a kill leaves there."""
 
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,43 +9,45 @@ from pathlib import Path
 from grabberd.errors import CaptureFileError, StorageError
 from grabberd.storage.capture.crash_recovery import reason_of, recover
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import DAMAGED, PART, sealed_path, storage_errors
+from grabberd.storage.capture.schema import DAMAGED, PART, sealed_path
+from grabberd.storage.disk import scratch_folder, storage_errors
 
 PREFIX = ".grabberd-"
 
 
 @contextmanager
 def recording_folder(directory: Path) -> Iterator[Path]:
-    """A hidden folder for a file that is being recorded; held against others, and gone afterwards.
+    """A hidden folder for a file that is being recorded, locked against others and removed afterwards.
+
+    The lock tells a capture in the making from one that a kill cut off: the system releases it with the
+    process, however that ends.
 
     Raises:
-        StorageError: it cannot be made.
+        StorageError: It cannot be made.
     """
-    with storage_errors(directory):
-        folder = Path(tempfile.mkdtemp(dir=directory, prefix=PREFIX))
-    lock = DirectoryLock(folder)
-    lock.acquire()
-    try:
-        yield folder
-    finally:
-        lock.release()
-        shutil.rmtree(folder, ignore_errors=True)
+    with scratch_folder(directory, PREFIX) as folder:
+        lock = DirectoryLock(folder)
+        lock.acquire()
+        try:
+            yield folder
+        finally:
+            lock.release()
 
 
-def leftovers(directory: Path) -> list[Path]:
-    """Unsealed captures in a folder that a killed `grabberd capture` left; nobody writes them any more."""
+def interrupted_captures(directory: Path) -> list[Path]:
+    """Unsealed captures in a folder that a killed `grabberd capture` left."""
     return [part for part in sorted(directory.glob(f"{PREFIX}*/*{PART}")) if _is_free(part.parent)]
 
 
 def seal(part: Path) -> Path:
-    """Seals a capture that was cut off, and puts it beside the hidden folder that it was recorded in.
+    """Seals an interrupted capture, and moves it next to the hidden folder that it was recorded in.
 
     Raises:
-        CaptureFileError: it is no `.grab.part`, cannot be read, or is of a later version; it is kept.
-        StorageError: it is still being written, or there is a capture of its name.
+        CaptureFileError: It is no `.grab.part`, cannot be read, or is of a later version; it is kept.
+        StorageError: It is still being written, or a capture of its name exists.
     """
     if part.suffix != PART or not part.is_file():
-        raise CaptureFileError(f"{part} is no capture that was cut off", "name a file NAME.grab.part")
+        raise CaptureFileError(f"{part} is not an interrupted capture", "name a file NAME.grab.part")
     hidden = part.parent.name.startswith(PREFIX)
     home = part.parent.parent if hidden else part.parent
     final = home / sealed_path(part).name
@@ -66,7 +67,7 @@ def seal(part: Path) -> Path:
 
 @contextmanager
 def _held(folder: Path) -> Iterator[None]:
-    """Nobody else records into it; a folder that nobody ever held gets no lock file."""
+    """Locks a folder against recording; one that was never locked gets no lock file."""
     lock = DirectoryLock(folder)
     if lock.path.exists():
         lock.acquire()

@@ -1,18 +1,19 @@
-"""Points taken home as PLY and Parquet say the same as the CSV."""
+"""Points of a capture as CSV, PLY and Parquet."""
 
 import csv
 import io
 import json
+import math
 import re
 import sys
 
 import numpy as np
 import pytest
 
-from grabberd.errors import ExtraMissing, NotFound, StorageError
-from grabberd.storage import export_parquet, export_ply, points_csv, points_ply
-from grabberd.storage.export.columns import COLUMNS, POINT_COLUMNS
-from grabberd.storage.export.parquet import parquet_stream
+from grabberd.errors import CaptureFileError, ExtraMissing, NotFound, StorageError
+from grabberd.storage import export_csv, export_parquet, export_ply, points_csv, points_ply
+from grabberd.storage.export.parquet_stream import parquet_stream
+from grabberd.storage.export.points_columns import POINT_COLUMNS
 from storage.captures import META, meta, points, slots, write
 
 NUMPY = {"int": "<i4", "float": "<f4", "double": "<f8"}
@@ -30,9 +31,13 @@ def read_ply(data):
     return vertices, lines
 
 
+def csv_rows(path, run=None):
+    return list(csv.DictReader(io.StringIO("".join(points_csv(path, run)))))
+
+
 def csv_columns(path, run=None):
-    rows = list(csv.DictReader(io.StringIO("".join(points_csv(path, run)))))
-    return {name: [row[name] for row in rows] for name in POINT_COLUMNS}
+    rows = csv_rows(path, run)
+    return {column.name: [row[column.name] for row in rows] for column in POINT_COLUMNS}
 
 
 def parquet(path, tmp_path, run=None):
@@ -45,6 +50,70 @@ def parquet(path, tmp_path, run=None):
 @pytest.fixture
 def capture(tmp_path):
     return write(tmp_path, slots(60), measured=range(60))
+
+
+# --- CSV ---
+
+
+def test_there_is_a_row_for_each_target_and_field(tmp_path):
+    rows = csv_rows(write(tmp_path, slots(70), measured=range(70)))
+    assert len(rows) == 70 * 5
+    assert [int(row["target"]) for row in rows[:5]] == points(0).target.tolist()
+
+
+def test_places_are_written_bit_for_bit(tmp_path):
+    (first, *_) = csv_rows(write(tmp_path, slots(1), measured=[0]))
+    assert [float(first[f"{axis}_mm"]) for axis in "xyz"] == points(0).xyz_mm[0].tolist()
+
+
+def test_standard_deviations_stand_beside_them(tmp_path):
+    (first, *_) = csv_rows(write(tmp_path, slots(1), measured=[0]))
+    one = points(0)
+    assert float(first["sigma_y_mm"]) == pytest.approx(math.sqrt(one.covariance_mm2[0, 1, 1]), rel=1e-5)
+    expected = math.sqrt(one.calibration_covariance_mm2[0, 2, 2])
+    assert float(first["calibration_sigma_z_mm"]) == pytest.approx(expected, rel=1e-5)
+    assert float(first["residual_px"]) == pytest.approx(one.residual_px[0], rel=1e-5)
+    assert float(first["right_x_px"]) == pytest.approx(one.image_px[0, 1, 0], rel=1e-5)
+
+
+def test_times_count_from_the_first_field_and_from_noon_somewhere(tmp_path):
+    rows = csv_rows(write(tmp_path, slots(60), measured=[0, 50]))
+    assert float(rows[0]["time_s"]) == 0.0
+    assert float(rows[-1]["time_s"]) == pytest.approx(1.0, abs=1e-6)
+    assert rows[-1]["time_utc"] == "2026-03-01T09:30:01.000Z"
+
+
+def test_fields_before_the_trigger_are_earlier_than_the_capture_was_asked_for(tmp_path):
+    rows = csv_rows(write(tmp_path, slots(60), measured=[0], start_ns=META.start_ns + 500_000_000))
+    assert rows[0]["time_utc"] == "2026-03-01T09:29:59.500Z"
+
+
+def test_a_recording_that_was_played_again_has_no_time_of_day(tmp_path):
+    device = {**META.device, "stream": {"live": False}}
+    rows = csv_rows(write(tmp_path, slots(1), measured=[0], device=device))
+    assert rows[0]["time_utc"] == ""
+    assert rows[0]["time_s"] == "0.000000"
+
+
+def test_a_run_can_be_chosen_and_must_exist(tmp_path):
+    path = write(tmp_path, slots(1), measured=[0])
+    assert len(csv_rows(path, 1)) == 5
+    with pytest.raises(NotFound):
+        points_csv(path, 2)
+    with pytest.raises(CaptureFileError):
+        points_csv(tmp_path / "gone.grab")
+
+
+def test_the_table_is_given_in_pieces(tmp_path):
+    assert len(list(points_csv(write(tmp_path, slots(70), measured=range(70))))) > 10
+
+
+def test_points_are_written_into_a_new_folder(tmp_path):
+    path = write(tmp_path, slots(3), measured=range(3))
+    assert export_csv(path, tmp_path / "out") == 15
+    assert len((tmp_path / "out" / "points.csv").read_text().splitlines()) == 16
+    with pytest.raises(StorageError, match="not empty"):
+        export_csv(path, tmp_path / "out")
 
 
 # --- PLY ---
@@ -94,8 +163,8 @@ def test_how_many_points_were_written_is_told(capture, tmp_path):
 
 def test_a_table_has_the_columns_of_the_csv(capture, tmp_path):
     table, text = parquet(capture, tmp_path), csv_columns(capture)
-    assert table.column_names == list(POINT_COLUMNS)
-    for column in COLUMNS:
+    assert table.column_names == [column.name for column in POINT_COLUMNS]
+    for column in POINT_COLUMNS:
         found = table[column.name].to_pylist()
         if column.name == "time_utc":
             shown = [one.isoformat(timespec="milliseconds").replace("+00:00", "Z") for one in found]
@@ -107,7 +176,7 @@ def test_a_table_has_the_columns_of_the_csv(capture, tmp_path):
 
 def test_every_column_carries_its_unit_and_meaning(capture, tmp_path):
     schema = parquet(capture, tmp_path).schema
-    for column in COLUMNS:
+    for column in POINT_COLUMNS:
         said = schema.field(column.name).metadata
         assert (said[b"unit"].decode(), said[b"description"].decode()) == (column.unit, column.meaning)
         assert column.name.endswith(f"_{column.unit}") or not column.unit
@@ -153,7 +222,7 @@ def test_who_turns_away_ends_the_process_that_writes(capture):
 
 def test_units_stand_in_the_columns_names():
     assert meta().id
-    assert {column.unit for column in COLUMNS} == {"", "s", "mm", "px"}
+    assert {column.unit for column in POINT_COLUMNS} == {"", "s", "mm", "px"}
 
 
 def test_the_process_that_writes_has_nothing_to_say(capture, capfd):

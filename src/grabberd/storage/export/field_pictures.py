@@ -1,10 +1,8 @@
-"""What is taken home from a capture file: points as CSV, PLY and Parquet, fields as pictures."""
+"""Fields of a capture as grey PNG pictures, which the replay driver can play again."""
 
 import csv
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
 
 import cv2
 import numpy as np
@@ -14,33 +12,17 @@ from grabberd.errors import InputError
 from grabberd.field import BOTTOM, TOP, PackedField, unpack
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField
-from grabberd.storage.capture.schema import storage_errors
-from grabberd.storage.export.columns import POINT_COLUMNS
-from grabberd.storage.export.csv_ply import PLY_BYTES, points_csv, points_ply
-from grabberd.storage.export.folders import new_folder
-from grabberd.storage.export.parquet import check_parquet, write_parquet
+from grabberd.storage.disk import new_folder, storage_errors
 
 MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outcome", "file")
 MANIFEST = "fields.csv"
-
-__all__ = [
-    "MANIFEST_COLUMNS",
-    "POINT_COLUMNS",
-    "export_csv",
-    "export_parquet",
-    "export_ply",
-    "export_png",
-    "field_png",
-    "points_csv",
-    "points_ply",
-]
 
 
 def field_png(path: Path, n: int) -> bytes:
     """One field as a grey PNG: its own rows where they are intact, the full height where lines are doubled.
 
     Raises:
-        CaptureFileError, NotFound: no such file or field.
+        CaptureFileError, NotFound: No such file or field.
     """
     with CaptureReader(path) as reader:
         return _png(unpack(reader.field(n).numbered.packed).luma)
@@ -51,16 +33,16 @@ def _png(luma: NDArray[np.uint8]) -> bytes:
 
 
 def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
-    """A folder of pictures, and `fields.csv`, which says what each field is; returns how many pictures.
+    """Writes a folder of pictures, and `fields.csv`, which lists the fields; returns the number of pictures.
 
     A picture is a field, or, `woven`, a frame of a top field and the bottom field after it; the rows of one
-    that is not in the file stay black, and the manifest does not list it. The folder can be played again by
-    the replay driver, with the same times, parities and gaps.
+    that is not in the file stay black, and the manifest does not list it. The replay driver plays the folder
+    again with the same times, parities and gaps.
 
     Raises:
-        CaptureFileError: no capture.
-        InputError: doubled fields cannot be woven.
-        StorageError: the folder cannot be written, or has something in it.
+        CaptureFileError: The file is no capture.
+        InputError: Doubled fields cannot be woven.
+        StorageError: The folder cannot be written, or is not empty.
     """
     with CaptureReader(path) as reader:
         if woven and reader.meta.lines == "doubled":
@@ -80,7 +62,7 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
 
 
 def _frames(fields: Iterable[RecordedField]) -> Iterator[tuple[RecordedField, ...]]:
-    """Top fields with the bottom field after them; others alone."""
+    """Top fields with the bottom field that follows; all others alone."""
     frame: tuple[RecordedField, ...] = ()
     for field in fields:
         n, parity = field.numbered.n, field.numbered.packed.parity
@@ -111,51 +93,3 @@ def _weave(fields: Sequence[PackedField]) -> NDArray[np.uint8]:
     for field in fields:
         frame[field.parity :: 2] = unpack(field).luma
     return frame
-
-
-def export_csv(path: Path, directory: Path, run: int | None = None) -> int:
-    """`points.csv` in a folder; returns how many points.
-
-    Raises:
-        CaptureFileError, NotFound: no such file or run.
-        StorageError: the folder cannot be written, or has something in it.
-    """
-    text = points_csv(path, run)
-    rows = -1
-    with _new_file(directory, "points.csv") as file:
-        for part in text:
-            file.write(part.encode())
-            rows += part.count("\n")
-    return rows
-
-
-def export_ply(path: Path, directory: Path, run: int | None = None, field: int | None = None) -> int:
-    """`points.ply` in a folder, of all fields or of one; returns how many points.
-
-    Raises:
-        CaptureFileError, NotFound, StorageError: see `points_ply` and `export_csv`.
-    """
-    parts = points_ply(path, run, field)
-    with _new_file(directory, "points.ply") as file:
-        file.write(next(parts))
-        return sum(file.write(part) for part in parts) // PLY_BYTES
-
-
-def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
-    """`points.parquet` in a folder; returns how many points.
-
-    Raises:
-        CaptureFileError, NotFound, ExtraMissing, StorageError: see `write_parquet` and `export_csv`.
-    """
-    check_parquet()
-    with CaptureReader(path) as reader:
-        number = reader.run(run).run
-    with _new_file(directory, "points.parquet") as file:
-        return write_parquet(path, number, file)
-
-
-@contextmanager
-def _new_file(directory: Path, name: str) -> Iterator[IO[bytes]]:
-    new_folder(directory)
-    with storage_errors(directory), (directory / name).open("wb") as file:
-        yield file

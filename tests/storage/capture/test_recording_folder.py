@@ -4,7 +4,7 @@ import pytest
 
 from grabberd.errors import CaptureFileError, StorageError
 from grabberd.storage import CaptureReader, CaptureWriter
-from grabberd.storage.capture.leftovers import leftovers, recording_folder, seal
+from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder, seal
 from storage.captures import meta, slots, write
 
 
@@ -35,7 +35,7 @@ def test_a_capture_that_ends_well_leaves_nothing(tmp_path):
 def test_what_was_left_is_found_and_what_is_being_written_is_not(tmp_path, left):
     with recording_folder(tmp_path) as folder:
         part = unsealed(folder)
-        assert leftovers(tmp_path) == [left]
+        assert interrupted_captures(tmp_path) == [left]
         with pytest.raises(StorageError, match="another grabberd"):
             seal(part)
 
@@ -72,5 +72,5 @@ def test_one_that_cannot_be_read_is_kept_and_says_where(left):
 @pytest.mark.parametrize("name", ["liner.grab", "nothing.grab.part"])
 def test_what_is_no_cut_off_capture_is_refused(tmp_path, name):
     write(tmp_path, slots(2))
-    with pytest.raises(CaptureFileError, match="no capture that was cut off"):
+    with pytest.raises(CaptureFileError, match="not an interrupted capture"):
         seal(tmp_path / name)

@@ -9,13 +9,7 @@ import pytest
 from grabberd.errors import ExtraMissing, InputError, StorageError
 from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.analysis.tables import tables
-from grabberd.storage.export.analysis_export import check_formats, write_analysis
-from grabberd.storage.export.analysis_tables import (
-    HDF5_NAME,
-    write_csv,
-    write_hdf5,
-    write_parquet_tables,
-)
+from grabberd.storage.export.analysis_export import HDF5_NAME, check_formats, write_analysis, write_csv
 from processes.milking import analysed, grid, still, whole
 
 ABOUT = {"id": "milking", "run": 1, "site": {"barn": "Ås"}}
@@ -36,23 +30,25 @@ def folder(made, tmp_path_factory):
 @pytest.fixture(scope="module")
 def hdf5(made, tmp_path_factory):
     h5py = pytest.importorskip("h5py")
-    with h5py.File(write_hdf5(tmp_path_factory.mktemp("hdf5"), made, grid(), ABOUT)) as file:
+    (path,) = write_analysis(tmp_path_factory.mktemp("hdf5"), made, grid(), ABOUT, ("hdf5",))
+    with h5py.File(path) as file:
         yield file
 
 
 @pytest.fixture(scope="module")
 def parquet(made, tmp_path_factory):
     pq = pytest.importorskip("pyarrow.parquet")
-    files = write_parquet_tables(tmp_path_factory.mktemp("parquet"), made, ABOUT)
+    files = write_analysis(tmp_path_factory.mktemp("parquet"), made, grid(), ABOUT, ("parquet",))
     return {path.stem: pq.read_table(path) for path in files}
 
 
-def same(found, column):
-    """Whether these are the column's values; none is none."""
-    if column.values.dtype.kind == "U":
-        assert list(found) == column.values.tolist()
+def same(found, column, table):
+    """Asserts that these are the column's values; NaN equals NaN."""
+    values = table.column(column.name)
+    if column.dtype == "U":
+        assert list(found) == values.tolist()
     else:
-        np.testing.assert_array_equal(np.asarray(found, column.values.dtype), column.values)
+        np.testing.assert_array_equal(np.asarray(found, column.dtype), values)
 
 
 # --- CSV ---
@@ -65,11 +61,12 @@ def test_csv_has_every_column_and_row_to_seven_digits(folder, made, name):
     assert head == [column.name for column in made[name].columns]
     assert len(rows) == len(made[name])
     for column, texts in zip(made[name].columns, zip(*rows, strict=True), strict=False):
-        if column.values.dtype.kind == "f":
+        values = made[name].column(column.name)
+        if column.dtype == "f8":
             found = [float(text) if text else np.nan for text in texts]
-            np.testing.assert_allclose(found, column.values, rtol=1e-6, atol=0)
+            np.testing.assert_allclose(found, values, rtol=1e-6, atol=0)
         else:
-            assert list(texts) == [str(value) for value in column.values.tolist()]
+            assert list(texts) == [str(value) for value in values.tolist()]
 
 
 def test_a_number_that_there_is_not_is_empty_in_csv(folder, made):
@@ -91,7 +88,7 @@ def test_hdf5_has_a_plain_array_with_unit_and_meaning_for_every_column(hdf5, mad
         assert stored.dtype.fields is None
         assert stored.shape == (len(made[name]),)
         assert (stored.attrs["unit"], stored.attrs["meaning"]) == (column.unit, column.meaning)
-        same(stored.asstr()[()] if column.values.dtype.kind == "U" else stored[()], column)
+        same(stored.asstr()[()] if column.dtype == "U" else stored[()], column, made[name])
 
 
 def test_the_units_in_hdf5_are_those_of_the_field(hdf5):
@@ -117,7 +114,7 @@ def test_parquet_has_every_column_with_unit_and_description(parquet, made, name)
     for column in made[name].columns:
         said = parquet[name].schema.field(column.name).metadata
         assert said == {b"unit": column.unit.encode(), b"description": column.meaning.encode()}
-        same(parquet[name][column.name].to_pylist(), column)
+        same(parquet[name][column.name].to_pylist(), column, made[name])
 
 
 def test_parquet_says_what_it_was_made_from(parquet):

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from grabberd.processes.analysis.tables import tables
-from grabberd.storage.export.analysis_meshes import meshes, write_ply, write_vtu
+from grabberd.storage.export.analysis_export import write_analysis
+from grabberd.storage.export.meshes import meshes
 from processes.milking import analysed, changed, grid, still, whole
 
 VTK = {"Float64": "<f8", "Int64": "<i8", "UInt8": "u1"}
@@ -64,8 +65,7 @@ def made():
 @pytest.fixture(scope="module")
 def folder(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("meshes")
-    write_vtu(folder, made, grid())
-    write_ply(folder, made, grid())
+    write_analysis(folder, made, grid(), {}, ("vtu", "ply"))
     return folder
 
 
@@ -76,13 +76,13 @@ def of_field(made, n, name):
 
 def test_there_is_a_mesh_for_each_field_and_phase(folder):
     for kind in ("vtu", "ply"):
-        names = {path.name for path in folder.glob(f"*.{kind}")}
+        names = {path.name for path in (folder / kind).glob(f"*.{kind}")}
         fields = {f"field-{n:08d}.{kind}" for n in range(52) if n not in {20, 21}}
         assert names == fields | {f"phase-{phase:.4f}.{kind}" for phase in (0, 0.25, 0.5, 0.75)}
 
 
 def test_vtu_has_the_targets_their_triangles_and_their_values(folder, made):
-    found, values = read_vtu(folder / "field-00000030.vtu")
+    found, values = read_vtu(folder / "vtu" / "field-00000030.vtu")
     np.testing.assert_array_equal(found["place_mm"][:, 2], of_field(made, 30, "z_mm"))
     np.testing.assert_array_equal(found["connectivity"].reshape(-1, 3), grid().triangles)
     np.testing.assert_array_equal(found["offsets"], np.arange(1, len(grid().triangles) + 1) * 3)
@@ -94,13 +94,15 @@ def test_vtu_has_the_targets_their_triangles_and_their_values(folder, made):
 
 def test_the_series_has_every_mesh_at_its_time(folder, made):
     for name, times in (("fields", made["fields"].column("time_s")), ("phases", [0, 0.25, 0.5, 0.75])):
-        sets = ElementTree.fromstring((folder / f"{name}.pvd").read_text()).findall("Collection/DataSet")
+        sets = ElementTree.fromstring((folder / "vtu" / f"{name}.pvd").read_text()).findall(
+            "Collection/DataSet"
+        )
         assert [float(one.get("timestep")) for one in sets] == list(times)
-        assert all((folder / one.get("file")).is_file() for one in sets)
+        assert all((folder / "vtu" / one.get("file")).is_file() for one in sets)
 
 
 def test_ply_has_the_same(folder, made):
-    vertices, faces = read_ply(folder / "field-00000030.ply")
+    vertices, faces = read_ply(folder / "ply" / "field-00000030.ply")
     np.testing.assert_array_equal(faces["corners"], grid().triangles)
     assert set(faces["count"]) == {3}
     for axis in "xyz":

@@ -1,9 +1,9 @@
-"""CSV files that say where targets really are."""
+"""CSV files with the true positions of targets; identifications are read in tests of `calibrate`."""
 
 import pytest
 
 from grabberd.errors import InputError
-from grabberd.storage.truth import read_truth
+from grabberd.storage.input_files import read_truth
 
 
 @pytest.fixture
