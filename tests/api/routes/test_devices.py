@@ -13,7 +13,7 @@ from grabberd.acquisition import Signal
 from grabberd.api import create_app
 from grabberd.errors import Cause
 from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 
 
 def instrument_of(client: TestClient) -> Instrument:

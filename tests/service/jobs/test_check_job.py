@@ -8,7 +8,7 @@ from running import running, sealed
 
 from grabberd.errors import NotFound, NotReady
 from grabberd.service.calibrations.calibration_frames import frame_document
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.check_job import check_file, order_check
 from grabberd.service.jobs.job_runner import JobState
 
@@ -30,7 +30,7 @@ def test_the_daemon_captures_and_checks_and_says_what_to_do(tmp_path: Path) -> N
 
 def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> None:
     with running(tmp_path, FRAME_IN_VIEW) as service:
-        service.start_capture(None, CaptureRequest(fields=20, bits=8))
+        service.capture_control.start(None, CaptureRequest(fields=20, bits=8))
         path = sealed(service).path
         known = dict(service.instrument(None).setup.documents["calibration"])
     left = known["views"]["left"]

@@ -10,7 +10,7 @@ from grabberd.field import NumberedField
 from grabberd.geometry import Calibration
 from grabberd.processes.calibration.calibration_check import Check, CheckVerdict, check
 from grabberd.service.calibrations.calibration_frames import frame_document
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.calibrate_file import frame_model, nominal_rig, rig_of
 from grabberd.service.jobs.job_runner import Job, Progress
 from grabberd.service.setup import location_settings, settings_of_capture
@@ -67,7 +67,7 @@ def order_check(
     request = CaptureRequest(
         fields=round(seconds * instrument.rate_hz), bits=8, lines="field", note=NOTE, labels={"purpose": NOTE}
     )
-    capture_id = service.start_capture(instrument.name, request)
+    capture_id = service.capture_control.start(instrument.name, request)
     return service.jobs.submit(
         "check",
         capture_id,
