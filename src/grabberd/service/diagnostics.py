@@ -70,7 +70,7 @@ def daemon_parts(service: "Service", *, words: bool = False) -> Parts:
     """
 
     def shown(document: Any) -> Any:
-        return document if words else without_words(document)
+        return document if words else without_personal_text(document)
 
     return {
         **machine_parts(),
@@ -97,12 +97,14 @@ def bundle(parts: Parts, *, words: bool = False) -> bytes:
     return file.getvalue()
 
 
-def without_words(document: Any) -> Any:
+def without_personal_text(document: Any) -> Any:
     """A JSON document without labels, notes and the site."""
     if isinstance(document, Mapping):
-        return {key: without_words(value) for key, value in document.items() if key not in PERSONAL_KEYS}
+        return {
+            key: without_personal_text(value) for key, value in document.items() if key not in PERSONAL_KEYS
+        }
     if isinstance(document, list | tuple):
-        return [without_words(inner) for inner in document]
+        return [without_personal_text(inner) for inner in document]
     return document
 
 

@@ -29,7 +29,7 @@ class Instrument:
     """Streams and measures from start to stop; captures when asked.
 
     Args:
-        setup: What the device is made of.
+        setup: Configuration, grabber and calibration of the device.
         clock: Source of time.
         site: The configuration's `site`, copied into every capture.
         queue_s: Seconds of fields that may wait for a disk that stalls.
@@ -88,7 +88,7 @@ class Instrument:
 
     @property
     def setup(self) -> DeviceSetup:
-        """What the device is made of; its calibration and threshold may be exchanged between captures."""
+        """Configuration, grabber and calibration of the device; exchanged between captures only."""
         return self.captures.setup
 
     @property

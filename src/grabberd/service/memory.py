@@ -21,7 +21,7 @@ _TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -2, -3, -8
 def keep_freed_memory() -> bool:
     """Keeps freed memory in this process from now on; returns False if its C library has no such settings."""
     try:
-        tell = ctypes.CDLL(None).mallopt
+        mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError):
         return False
     asked = {
@@ -30,4 +30,4 @@ def keep_freed_memory() -> bool:
         _MMAP_THRESHOLD: LARGEST_BYTES,
         _TOP_PAD: AHEAD_BYTES,
     }
-    return all(tell(option, value) == 1 for option, value in asked.items())
+    return all(mallopt(option, value) == 1 for option, value in asked.items())

@@ -74,5 +74,5 @@ class Notifier:
     def _complain(self, message: str, error: OSError) -> None:
         """Logs the first failure after a success."""
         if not self._unheard:
-            log.warning("systemd cannot be told %s: %s", message.partition("=")[0], error)
+            log.warning("%s cannot be sent to systemd: %s", message.partition("=")[0], error)
         self._unheard = True

@@ -156,7 +156,7 @@ class Service:
             instrument.start()
 
     def open_stores(self) -> None:
-        """Opens calibrations, analyses, tokens and settings, and takes up what was chosen before.
+        """Opens calibrations, analyses, tokens and settings, and applies the stored choices.
 
         Raises:
             StorageError: The state directory cannot be used.

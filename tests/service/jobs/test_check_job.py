@@ -46,7 +46,7 @@ def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> 
 def test_a_device_without_a_calibration_has_none_to_check(tmp_path: Path) -> None:
     with running(tmp_path, FRAME_IN_VIEW) as service:
         instrument = service.instrument(None)
-        instrument.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
+        instrument.captures.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
         with pytest.raises(NotReady, match="no calibration"):
             order_check(service, "simulated")
 

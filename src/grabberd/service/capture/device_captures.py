@@ -27,7 +27,7 @@ class DeviceCaptures:
     """The captures of one device: at most one of them is armed or running.
 
     Attributes:
-        setup: What the device is made of now; replaced between captures only.
+        setup: Configuration, grabber and calibration of the device; replaced between captures only.
         board: Status of the device.
         pipeline: Its ring and threshold.
         clock: Source of time.

@@ -86,8 +86,8 @@ class DiskGuard:
         try:
             free, left_s = self.free_bytes(folder), self.seconds_left(folder, bytes_per_s)
         except StorageError as error:
-            said = {"problem": error.message, "cause_code": cause_of(error)}
-            return {"free_bytes": None, "minutes_left": None, **said}
+            problem = {"problem": error.message, "cause_code": cause_of(error)}
+            return {"free_bytes": None, "minutes_left": None, **problem}
         left = {"free_bytes": free, "minutes_left": round(left_s / 60, 1)}
         return {**left, "problem": None, "cause_code": None}
 

@@ -56,7 +56,7 @@ RUNGS: Mapping[tuple[Trouble, bool], tuple[Rung, ...]] = {
     (Trouble.REFUSED, True): (Rung.REOPEN,),
     (Trouble.REFUSED, False): (),
 }
-"""Steps against each trouble, by whether the device is open; after them it is retried with back-off.
+"""Steps against each trouble of a device that is open, or not; after them it is retried with back-off.
 """
 
 RETRIES: Mapping[Trouble, BackOff] = {

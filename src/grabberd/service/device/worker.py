@@ -18,7 +18,7 @@ from grabberd.service.device.rig_health import RigHealth
 log = logging.getLogger(__name__)
 
 IDLE_S = 0.1
-"""Pause between two looks whether there is a calibration by now, or a capture has begun."""
+"""Longest wait for a field or a calibration before it checks for a capture, a new setup or a stop."""
 AFTER_FAULT_S = 1.0
 """Pause after a fault of the program: one that returns at once must not take the processor."""
 
@@ -45,7 +45,7 @@ class MeasurableRecording(Protocol):
         ...
 
     def measuring_ended(self, failure: str | None, findings: Mapping[str, Any] | None) -> None:
-        """Takes the end of its points: why they are incomplete, and what was found meanwhile."""
+        """Takes the end of its points, with the reason if they are incomplete, and metadata."""
         ...
 
 
@@ -80,7 +80,7 @@ class Worker(threading.Thread):
         live: The newest measured field.
         published: Notified with each of them.
         latency: Latency from a field's arrival until its points were published.
-        rig: Tells whether camera and mirrors still are as they were calibrated.
+        rig: Health of the rig: camera and mirrors compared with their calibration.
     """
 
     def __init__(
