@@ -145,6 +145,17 @@ def test_thresholds_follow_the_light_again_after_a_start_that_failed(
         assert thresholds_held(service) == set()
 
 
+def test_nothing_records_after_a_start_that_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with several(tmp_path, TWO) as service:
+        refuse_files_of("right", monkeypatch)
+        with pytest.raises(GroupRefused):
+            service.capture_control.start_group(both(CaptureRequest()))
+        for thread in threading.enumerate():
+            if thread.name.startswith("recorder-"):
+                thread.join(PATIENCE_S)
+                assert not thread.is_alive()
+
+
 def test_thresholds_follow_the_light_again_after_arming_that_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -240,6 +251,7 @@ def test_stopping_an_armed_group_leaves_nothing(tmp_path: Path) -> None:
         group_id = service.capture_control.arm_group(both(FIELDS))
         service.capture_control.stop_group(group_id)
         assert all(one.armed_capture is None for one in service.instruments.values())
+        assert thresholds_held(service) == set()
         with pytest.raises(NotFound):
             service.capture_control.captures_of(group_id)
         service.capture_control.start_group(both(FIELDS))
@@ -278,6 +290,29 @@ def test_orders_of_two_people_at_once_do_not_wait_for_each_other_for_ever(tmp_pa
             thread.join(PATIENCE_S)
         assert sorted(type(outcome).__name__ for outcome in outcomes) == ["GroupRefused", "str"]
         service.capture_control.stop_group(next(one for one in outcomes if isinstance(one, str)))
+        sealed_all(service)
+
+
+class NotedLock:
+    """A lock that notes when it is taken."""
+
+    def __init__(self, name: str, taken: list[str]) -> None:
+        self._name, self._taken = name, taken
+
+    def __enter__(self) -> None:
+        self._taken.append(self._name)
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+
+def test_locks_are_taken_in_one_order_whatever_the_order_of_the_request(tmp_path: Path) -> None:
+    with several(tmp_path, TWO) as service:
+        taken: list[str] = []
+        for name, one in service.instruments.items():
+            one.captures.lock = NotedLock(name, taken)  # type: ignore[assignment]
+        service.capture_control.start_group({"right": FIELDS, "left": FIELDS})
+        assert taken == ["left", "right"]
         sealed_all(service)
 
 
