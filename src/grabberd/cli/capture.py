@@ -24,9 +24,9 @@ from grabberd.config import Config, default_config_file
 from grabberd.errors import DeviceAbsent, StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.capture.recorder import CaptureRequest
+    from grabberd.service.capture.capture_request import CaptureRequest
     from grabberd.service.capture.recording import Recording
-    from grabberd.service.device.instrument import Instrument
+    from grabberd.service.instrument import Instrument
 
 POLL_S = 0.05
 FIELD_S = 0.02
@@ -178,7 +178,7 @@ def _capture_here(
 ) -> dict[str, Any]:
     from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
-    from grabberd.service.device.instrument import Instrument  # noqa: PLC0415
+    from grabberd.service.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
     from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder  # noqa: PLC0415
 
@@ -197,18 +197,18 @@ def _capture_here(
         warn(instrument.board.now.warnings)
         rate_hz = instrument.rate_hz
         with recording_folder(out.parent) as folder:
-            session = instrument.start_capture(
+            recording = instrument.start_capture(
                 out.stem, _request(order, rate_hz), folder / f"{out.name}.part"
             )
-            _follow(session, order, rate_hz)
-            _keep(session, out)
+            _follow(recording, order, rate_hz)
+            _keep(recording, out)
     finally:
         instrument.stop()
     return describe(out)
 
 
 def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
-    from grabberd.service.capture.recorder import CaptureRequest  # noqa: PLC0415
+    from grabberd.service.capture.capture_request import CaptureRequest  # noqa: PLC0415
 
     values = dict(order)
     values.pop("armed", None)  # without a daemon a capture always starts at once
@@ -233,7 +233,7 @@ def _wait_until_it_accepts(instrument: "Instrument") -> None:
         )
 
 
-def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None:
+def _follow(recording: "Recording", order: dict[str, Any], rate_hz: float) -> None:
     """Show progress until the file is sealed; Ctrl-C ends the recording."""
     wanted = order.get("fields") or round(order.get("duration_s", 0) * rate_hz) or None
     columns = (
@@ -244,16 +244,16 @@ def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None
     )
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("", total=wanted)
-        while not session.sealed.is_set():
+        while not recording.sealed.is_set():
             with contextlib.suppress(KeyboardInterrupt):
-                progress.update(task, completed=session.recorder.ledger.total)
-                session.sealed.wait(POLL_S)
+                progress.update(task, completed=recording.recorder.ledger.total)
+                recording.sealed.wait(POLL_S)
                 continue
-            session.stop("stopped by the operator")
+            recording.stop("stopped by the operator")
 
 
-def _keep(session: "Recording", out: Path) -> None:
+def _keep(recording: "Recording", out: Path) -> None:
     """Rename the file, complete or not, then raise the failure that made it incomplete."""
-    session.path.rename(out)
-    if session.failure is not None:
-        raise session.failure
+    recording.path.rename(out)
+    if recording.failure is not None:
+        raise recording.failure

@@ -1,16 +1,16 @@
-"""What somebody may."""
+"""Roles of those who use the daemon."""
 
 from enum import StrEnum
 
 
 class Role(StrEnum):
-    """Look; capture, calibrate and measure; everything. Each may what those before it may."""
+    """A viewer may look; an operator also capture, calibrate and measure; an admin everything."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
     ADMIN = "admin"
 
     def covers(self, least: "Role") -> bool:
-        """Whether this role is enough where `least` is asked for."""
-        order = list(Role)
-        return order.index(self) >= order.index(least)
+        """True if this role may do what `least` may."""
+        roles = list(Role)
+        return roles.index(self) >= roles.index(least)

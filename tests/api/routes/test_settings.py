@@ -58,7 +58,7 @@ def test_it_is_kept_over_a_restart(tmp_path: Path) -> None:
     first.settings.set_threshold(first.instrument(None), _fixed(55))
     again = service_in(tmp_path)
     again.open_stores()
-    assert again.instrument(None).intake.thresholds.in_force.level == 55
+    assert again.instrument(None).pipeline.thresholds.in_force.level == 55
     assert again.settings.document()["devices"]["simulated"]["as_configured"] is False
     again.settings.set_threshold(again.instrument(None), None)
     once_more = service_in(tmp_path)

@@ -13,7 +13,7 @@ from running import PATIENCE_S, configuration, running, sealed, wait_until_it_ac
 from grabberd.config import GlassConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.calibration import CalibrationJob
 from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.jobs.runner import JobState
@@ -48,7 +48,7 @@ def in_force(service: Service) -> str | None:
 
 
 def capture(service: Service, **request: Any) -> Path:
-    capture_id = service.start_capture(None, CaptureRequest(fields=8, **request))
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=8, **request))
     sealed(service)
     return service.archive.path(capture_id)
 
@@ -265,11 +265,11 @@ def test_live_points_go_on_through_an_activation(tmp_path: Path) -> None:
 def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}, object=None) as service:
         service.import_calibration(calibration("shifted", SHIFT_MM), None, "")
-        capture_id = service.start_capture(None, CaptureRequest())
+        capture_id = service.capture_control.start(None, CaptureRequest())
         with pytest.raises(CaptureRunning, match=capture_id):
             service.activate_calibration("shifted", None)
         assert in_force(service) == CONFIGURED
-        service.stop_capture(capture_id)
+        service.capture_control.stop(capture_id)
         sealed(service)
         service.activate_calibration("shifted", None)
     with at_rest(tmp_path) as service:

@@ -10,7 +10,7 @@ from grabberd.acquisition import Outcome
 from grabberd.config import CaptureConfig, RingConfig
 from grabberd.errors import Cause
 from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.readiness import lacks_of
+from grabberd.service.readiness import lacks_of
 from grabberd.storage import CaptureReader
 
 FROM_THE_FIRST = 200

@@ -18,7 +18,7 @@ from brokers import broker, needs_mosquitto, receiver
 from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
 
 from grabberd.config import MqttConfig, MqttTlsConfig, default_config_file, shipped_configs
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 
@@ -50,7 +50,7 @@ def publishing(folder: Path, port: int, **mqtt: Any) -> Iterator[Service]:
 
 
 def capture(service: Service, **labels: str) -> str:
-    capture_id = service.start_capture(None, CaptureRequest(fields=5, labels=labels))
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=5, labels=labels))
     sealed(service)
     return capture_id
 

@@ -32,7 +32,7 @@ def start_capture_group(
     names = list(service.instruments) if order.devices == "all" else list(dict.fromkeys(order.devices))
     _check_named(order, names)
     requests = {name: request_of(order, service.rate_hz(name), order.labels_of.get(name)) for name in names}
-    begin = service.orders.arm_group if order.armed else service.orders.start_group
+    begin = service.capture_control.arm_group if order.armed else service.capture_control.start_group
     group_id = begin(requests)
     response.headers["Location"] = str(request.url_for("get_capture_group", group_id=group_id))
     return _shown(service, group_id)
@@ -53,7 +53,7 @@ def get_capture_group(group_id: GroupId, service: ServiceOf) -> object:
 )
 def trigger_capture_group(group_id: GroupId, service: ServiceOf) -> object:
     """Have the armed captures of a group record, all from the same moment; 409 if they are not armed."""
-    service.orders.trigger_group(group_id)
+    service.capture_control.trigger_group(group_id)
     return _shown(service, group_id)
 
 
@@ -66,7 +66,7 @@ def trigger_capture_group(group_id: GroupId, service: ServiceOf) -> object:
 def stop_capture_group(group_id: GroupId, service: ServiceOf) -> object:
     """Stop the running captures of a group at the same moment; of armed ones nothing is left."""
     before = _shown(service, group_id)
-    service.orders.stop_group(group_id)
+    service.capture_control.stop_group(group_id)
     if all(capture["state"] == "armed" for capture in before["captures"]):
         return {**before, "captures": [_disarmed(capture) for capture in before["captures"]]}
     return _shown(service, group_id)
@@ -91,6 +91,6 @@ def _disarmed(capture: dict[str, Any]) -> dict[str, Any]:
 
 
 def _shown(service: Service, group_id: str) -> dict[str, Any]:
-    captures = service.orders.captures_of(group_id)
+    captures = service.capture_control.captures_of(group_id)
     group = captures[0]["group"]
     return {**group, "captures": captures}

@@ -19,7 +19,7 @@ from grabberd.api.routes.models import JobDocument
 from grabberd.api.routes.paging import Cursor, Limit, cursor_of, place_of
 from grabberd.service.archive.capture_list import CaptureQuery, Position
 from grabberd.service.archive.capture_list import list_captures as page_of_captures
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.clock import iso_utc
 from grabberd.service.jobs.measurement import MeasurementJob
 
@@ -40,7 +40,7 @@ def start_capture(order: CaptureOrder, service: ServiceOf, request: Request, res
     running or armed.
     """
     wanted = request_of(order, service.rate_hz(order.device))
-    begin = service.arm_capture if order.armed else service.start_capture
+    begin = service.capture_control.arm if order.armed else service.capture_control.start
     capture_id = begin(order.device, wanted)
     response.headers["Location"] = str(request.url_for("get_capture", capture_id=capture_id))
     return service.archive.document(capture_id)
@@ -77,7 +77,7 @@ def get_capture(capture_id: CaptureId, service: ServiceOf) -> object:
 )
 def patch_capture(capture_id: CaptureId, patch: CapturePatch, service: ServiceOf) -> object:
     """Change note, labels or pin. They are kept beside the file, which stays as it was recorded."""
-    service.keeping.annotate(capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels)
+    service.annotations.annotate(capture_id, pinned=patch.pinned, note=patch.note, labels=patch.labels)
     return service.archive.document(capture_id)
 
 
@@ -89,7 +89,7 @@ def patch_capture(capture_id: CaptureId, patch: CapturePatch, service: ServiceOf
 )
 def delete_capture(capture_id: CaptureId, service: ServiceOf) -> None:
     """Delete a capture and its file, for good; 409 while it is armed, running, pinned or worked on."""
-    service.keeping.delete(capture_id)
+    service.annotations.delete(capture_id)
 
 
 @router.post(
@@ -103,7 +103,7 @@ def trigger_capture(capture_id: CaptureId, service: ServiceOf) -> object:
     """Have an armed capture record, with the fields before this moment that it wants, and all others of its
     group with it; 409 if it is not armed.
     """
-    service.orders.trigger(capture_id)
+    service.capture_control.trigger(capture_id)
     return service.archive.document(capture_id)
 
 
@@ -116,7 +116,7 @@ def trigger_capture(capture_id: CaptureId, service: ServiceOf) -> object:
 def stop_capture(capture_id: CaptureId, service: ServiceOf) -> object:
     """Stop the running capture, whose file is sealed at once; of an armed one nothing is left."""
     before = service.archive.document(capture_id)
-    service.stop_capture(capture_id)
+    service.capture_control.stop(capture_id)
     if before["state"] == "armed":
         return {**before, "state": "disarmed", "ended_because": "stopped before it was triggered"}
     return service.archive.document(capture_id)

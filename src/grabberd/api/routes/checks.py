@@ -52,7 +52,7 @@ def check_device(
     asked = order or CheckOrder()
     job = service.jobs.submit(
         CheckJob.start(
-            service.orders,
+            service.capture_control,
             service.archive,
             service.instrument(name),
             asked.calibration_frame,

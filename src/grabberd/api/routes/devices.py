@@ -13,11 +13,11 @@ from grabberd.api.routes.models import Document
 from grabberd.api.routes.named_types import LackKind
 from grabberd.api.routes.state_models import DeviceDocument
 from grabberd.errors import Cause
-from grabberd.service.device.readiness import Lack, lacks_of
 from grabberd.service.live.device_document import lack_document
 from grabberd.service.live.illumination import light_document
 from grabberd.service.live.live_document import newest_points, object_document
 from grabberd.service.live.pulsation_rate import pulsation_document
+from grabberd.service.readiness import Lack, lacks_of
 from grabberd.service.service import Service
 
 router = APIRouter(tags=["devices"])

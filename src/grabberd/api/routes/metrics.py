@@ -17,9 +17,9 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.acquisition import Outcome, Signal
 from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.device.latency import BOUNDS_S
 from grabberd.service.device.recovery import Rung
+from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 
 router = APIRouter(tags=["system"])
@@ -84,7 +84,7 @@ def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
-    rings = [(one.name, one.intake.armed.ring) for one in instruments]
+    rings = [(one.name, one.pipeline.configured.ring) for one in instruments]
     slots = (((name,), ring.slots) for name, ring in rings)
     waiting = (((name,), ring.waiting) for name, ring in rings)
     deepest = (((name,), ring.deepest) for name, ring in rings)
@@ -131,7 +131,9 @@ def _cumulative(counts: tuple[int, ...]) -> Iterator[tuple[str, float]]:
 
 def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metric]:
     running = (((one.name,), float(one.running is not None)) for one in instruments)
-    ended = (((one.name, v), one.ended[v]) for one in instruments for v in ("complete", "incomplete"))
+    ended = (
+        ((one.name, v), one.captures.ended[v]) for one in instruments for v in ("complete", "incomplete")
+    )
     free = service.storage_document()["free_bytes"]
     yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
     yield _counter("grabberd_captures", "Captures that have ended.", ("device", "verdict"), ended)

@@ -13,7 +13,7 @@ from grabberd.service.archive.capture_documents import (
     running_document,
     waiting_document,
 )
-from grabberd.service.capture.armed_capture import ArmedCapture
+from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.capture.crash_recovery import reason_of

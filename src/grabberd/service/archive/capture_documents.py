@@ -6,7 +6,7 @@ from typing import Any
 from grabberd.acquisition import Ledger, Outcome
 from grabberd.errors import NotFound
 from grabberd.service.archive.run_documents import run_document
-from grabberd.service.capture.armed_capture import ArmedCapture
+from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.schema import reading_errors

@@ -11,7 +11,7 @@ from grabberd.geometry import Calibration
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.calibrations.calibration_documents import age_days
 from grabberd.service.clock import Clock, iso_utc
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 from grabberd.storage.state.state_store import StateStore
 
 log = logging.getLogger(__name__)

@@ -5,16 +5,16 @@ from typing import Any
 
 from grabberd.acquisition import Outcome
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
-from grabberd.service.device.instrument import Instrument
-from grabberd.service.device.readiness import Lack, lacks_of
 from grabberd.service.device.recovery import Rung
+from grabberd.service.instrument import Instrument
 from grabberd.service.live.live_document import live_document
+from grabberd.service.readiness import Lack, lacks_of
 
 
 def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[str, Any]:
     """A device at this moment."""
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
-    armed = instrument.intake.armed
+    armed = instrument.pipeline.configured
     session = instrument.running
     return {
         "name": instrument.name,
@@ -36,7 +36,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
             "slots": armed.ring.slots,
             "bits": armed.bits,
             "lines": armed.lines,
-            "threshold": instrument.intake.thresholds.in_force.level,
+            "threshold": instrument.pipeline.thresholds.in_force.level,
             "waiting": armed.ring.waiting,
             "deepest": armed.ring.deepest,
         },
@@ -45,7 +45,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[
         "lacks": [lack_document(one) for one in lacks_of(instrument)],
         "warnings": [*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
         "capture_id": session.id if session else None,
-        "armed_capture_id": instrument.waiting.id if instrument.waiting else None,
+        "armed_capture_id": instrument.armed_capture.id if instrument.armed_capture else None,
         "group_id": _group_id(instrument),
         "rig": instrument.worker.rig.document,
         "live": live_document(instrument),
@@ -59,5 +59,5 @@ def lack_document(lack: Lack) -> dict[str, Any]:
 
 def _group_id(instrument: Instrument) -> str | None:
     """Of the capture that is being recorded, or waits for its trigger."""
-    capture = instrument.running or instrument.waiting
+    capture = instrument.running or instrument.armed_capture
     return capture.group.id if capture is not None and capture.group is not None else None

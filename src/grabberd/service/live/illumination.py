@@ -4,7 +4,7 @@ from typing import Any
 
 from grabberd.errors import NotReady
 from grabberd.processes.light import ViewLight, light_of
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 
 FIELD_WITHIN_S = 0.5
 
@@ -15,14 +15,14 @@ def light_document(instrument: Instrument, threshold: int | None) -> dict[str, A
     Raises:
         NotReady: no field comes.
     """
-    shown = instrument.intake.newest.recent(FIELD_WITHIN_S)
+    shown = instrument.pipeline.newest.recent(FIELD_WITHIN_S)
     if shown is None:
         status = instrument.board.now
         raise NotReady(
             f"device {instrument.name} is {status.state} and has delivered no field for {FIELD_WITHIN_S:g} s",
             status.hint or "wait until its state is ready: GET /api/v1/state",
         )
-    level = instrument.intake.thresholds.in_force.level if threshold is None else threshold
+    level = instrument.pipeline.thresholds.in_force.level if threshold is None else threshold
     views = instrument.setup.config.rig.views
     columns = {name: (one.first_column, one.end_column) for name, one in views}
     lights = light_of(shown.field, level, columns)

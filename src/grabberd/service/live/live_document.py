@@ -8,8 +8,8 @@ from grabberd.processes.measure import MeasureSetup, whole
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.section_width import section_widths
 from grabberd.service.clock import Clock, iso_utc
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.device.worker import Live
+from grabberd.service.instrument import Instrument
 from grabberd.storage.export.points_document import point_columns
 
 LATENCY_OF_LATEST = 500

@@ -12,8 +12,8 @@ from grabberd.acquisition import Outcome, Slot
 from grabberd.field import PackedField, quantise, unpack
 from grabberd.reconstruction import Points
 from grabberd.service.clock import Clock
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.device.worker import Live
+from grabberd.service.instrument import Instrument
 
 HEADER = struct.Struct("<4sHHQqqHHHHHBBIII")
 """Little endian; docs/reference/live.md has it byte for byte."""
@@ -55,7 +55,7 @@ class Preview:
 
     def make(self) -> bytes | None:
         """The message of the newest field; None where there has been none since the last."""
-        slot = self._instrument.intake.armed.ring.newest
+        slot = self._instrument.pipeline.configured.ring.newest
         if slot is None or slot is self._shown:
             return None
         self._shown = slot

@@ -5,8 +5,8 @@ import threading
 import cv2
 
 from grabberd.errors import NotReady
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.device.newest_field import Shown
+from grabberd.service.instrument import Instrument
 
 FIELD_WITHIN_S = 0.5
 FAST = 1
@@ -27,7 +27,7 @@ class PreviewPicture:
         Raises:
             NotReady: no field comes.
         """
-        shown = self._instrument.intake.newest.recent(FIELD_WITHIN_S)
+        shown = self._instrument.pipeline.newest.recent(FIELD_WITHIN_S)
         if shown is None:
             status = self._instrument.board.now
             raise NotReady(
