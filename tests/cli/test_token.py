@@ -14,9 +14,9 @@ from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
 from grabberd.cli.remote.client import ask, download
+from grabberd.documents.roles import Role
 from grabberd.errors import GrabberdError, InputError
 from grabberd.service.access import Access, Identity
-from grabberd.service.roles import Role
 
 
 @pytest.fixture

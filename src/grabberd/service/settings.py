@@ -1,4 +1,4 @@
-"""What an operator has set in place of the configuration; kept over restarts."""
+"""Settings that an operator has changed from the configuration; kept over restarts."""
 
 import logging
 from collections.abc import Mapping
@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from grabberd.config import DeviceConfig, ThresholdConfig
+from grabberd.documents.settings import DeviceSettings, SettingsDocument
 from grabberd.errors import InputError
 from grabberd.service.device.instrument import Instrument
 from grabberd.storage.state.state_store import StateStore
@@ -33,9 +34,9 @@ class Settings:
             if kept is not None:
                 self._take_up(instrument, kept)
 
-    def document(self) -> dict[str, Any]:
-        """What is in force, device by device."""
-        return {"devices": {name: self._of(one) for name, one in self._instruments.items()}}
+    def document(self) -> SettingsDocument:
+        """The settings in force, by device."""
+        return SettingsDocument(devices={name: self._of(one) for name, one in self._instruments.items()})
 
     def set_threshold(self, instrument: Instrument, threshold: ThresholdConfig | None) -> None:
         """Has a device's threshold be found in another way from now on; None: as it is configured.
@@ -51,10 +52,10 @@ class Settings:
             instrument.configure(config)
         log.info("device %s: threshold %s", instrument.name, config.threshold.model_dump())
 
-    def _of(self, instrument: Instrument) -> dict[str, Any]:
+    def _of(self, instrument: Instrument) -> DeviceSettings:
         threshold = instrument.setup.config.threshold
         configured = threshold == self._configured[instrument.name].threshold
-        return {"threshold": threshold.model_dump(), "as_configured": configured}
+        return DeviceSettings(threshold=threshold, as_configured=configured)
 
     def _config(self, instrument: Instrument, threshold: ThresholdConfig | None) -> DeviceConfig:
         configured = self._configured[instrument.name]

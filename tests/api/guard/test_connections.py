@@ -19,8 +19,8 @@ from grabberd.api.guard.front import Front
 from grabberd.api.serving import server_of, tls_context
 from grabberd.api.sockets import bind
 from grabberd.config import HttpLimits, TlsConfig
+from grabberd.documents.roles import Role
 from grabberd.errors import ConfigError
-from grabberd.service.roles import Role
 
 PATIENCE_S = 20.0
 

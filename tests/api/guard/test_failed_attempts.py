@@ -8,7 +8,7 @@ import pytest
 from api.gates import Gated, Ticks, is_problem
 from grabberd.api.guard.failed_attempts import ADDRESSES, FREE_ATTEMPTS, LONGEST_WAIT_S, Attempts, client_of
 from grabberd.api.guard.refusals import Refusal
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 STATE = "/api/v1/state"
 

@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.named_types import MOST_LABELS
 from grabberd.errors import Conflict, InputError
 from grabberd.service.archive.archive import Archive
 from grabberd.service.jobs.job_runner import ENDED, JobRunner
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
-
-MOST_LABELS = 32
 
 
 class CaptureAnnotations:
@@ -90,12 +89,12 @@ class CaptureAnnotations:
         self._annotations.remove(capture_id)
 
 
-def _merged(document: Mapping[str, Any], labels: Mapping[str, str | None]) -> dict[str, str]:
-    merged = {**document["labels"], **labels}
+def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict[str, str]:
+    merged = {**document.labels, **labels}
     kept = {name: value for name, value in merged.items() if value is not None}
     if len(kept) > MOST_LABELS:
         raise InputError(
-            f"capture {document['id']} would have {len(kept)} labels, the most are {MOST_LABELS}",
+            f"capture {document.id} would have {len(kept)} labels, the most are {MOST_LABELS}",
             "take some away first: a label that is null is removed",
         )
     return kept

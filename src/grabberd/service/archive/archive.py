@@ -4,14 +4,14 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
+from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import CaptureFileError, Conflict, LaterVersion, NotFound, StorageError
 from grabberd.service.archive.capture_documents import (
+    armed_document,
     damaged_document,
     describe,
     running_document,
-    waiting_document,
 )
 from grabberd.service.capture.armed_capture import ArmedCapture
 from grabberd.service.capture.recording import Recording
@@ -115,7 +115,7 @@ class Archive:
             reason_of(path).unlink(missing_ok=True)
         self.index.remove(capture_id)
 
-    def document(self, capture_id: str) -> dict[str, Any]:
+    def document(self, capture_id: str) -> CaptureDocument:
         """A capture as it is shown.
 
         Raises:
@@ -123,21 +123,21 @@ class Archive:
         """
         return _annotated(self._document(capture_id), self._annotation(capture_id))
 
-    def current(self) -> list[dict[str, Any]]:
+    def current(self) -> list[CaptureDocument]:
         """The captures that are armed or running, as they are shown."""
         ids = {one.id for one in self._waiting()} | {one.id for one in self._sessions()}
         return [document for capture_id in ids if (document := self._if_there(capture_id)) is not None]
 
-    def _if_there(self, capture_id: str) -> dict[str, Any] | None:
+    def _if_there(self, capture_id: str) -> CaptureDocument | None:
         try:
             return self.document(capture_id)
         except NotFound:  # just disarmed
             return None
 
-    def _document(self, capture_id: str) -> dict[str, Any]:
+    def _document(self, capture_id: str) -> CaptureDocument:
         session, waiting = self._running(capture_id), self._armed(capture_id)
         if session is None and waiting is not None:
-            return waiting_document(waiting)
+            return armed_document(waiting)
         if session is not None:
             try:
                 return running_document(self.part_of(capture_id), session)
@@ -145,12 +145,12 @@ class Archive:
                 session.sealed.wait(10)
         return self._sealed_document(self.index.get(capture_id))
 
-    def documents(self) -> list[dict[str, Any]]:
+    def documents(self) -> list[CaptureDocument]:
         """All captures, the newest first."""
         running = {session.id for session in self._sessions()}
         shown = [self.document(capture_id) for capture_id in running]
         sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
-        return sorted(shown + sealed, key=lambda document: str(document["created_utc"]), reverse=True)
+        return sorted(shown + sealed, key=lambda document: document.created_utc, reverse=True)
 
     def _armed(self, capture_id: str) -> ArmedCapture | None:
         return next((one for one in self._waiting() if one.id == capture_id), None)
@@ -165,13 +165,13 @@ class Archive:
     def _running(self, capture_id: str) -> Recording | None:
         return next((session for session in self._sessions() if session.id == capture_id), None)
 
-    def _sealed_document(self, entry: IndexEntry) -> dict[str, Any]:
+    def _sealed_document(self, entry: IndexEntry) -> CaptureDocument:
         path = self.directory / entry.file
         try:
             described = self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
         except (CaptureFileError, StorageError) as error:
             return damaged_document(entry, path, error.message)
-        return described | {"id": entry.id}
+        return described.model_copy(update={"id": entry.id})
 
 
 def _recovered(part: Path) -> bool:
@@ -184,10 +184,10 @@ def _recovered(part: Path) -> bool:
     return True
 
 
-def _annotated(document: dict[str, Any], said: Annotation) -> dict[str, Any]:
-    return {
-        **document,
+def _annotated(document: CaptureDocument, said: Annotation) -> CaptureDocument:
+    changes = {
         "pinned": said.pinned,
-        "note": document["note"] if said.note is None else said.note,
-        "labels": document["labels"] if said.labels is None else dict(said.labels),
+        "note": document.note if said.note is None else said.note,
+        "labels": document.labels if said.labels is None else dict(said.labels),
     }
+    return document.model_copy(update=changes)

@@ -2,12 +2,12 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
+from grabberd.documents.calibrations import ActiveCalibration, CalibrationRow
 from grabberd.errors import CalibrationMismatch, Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
-from grabberd.service.calibrations.calibration_documents import age_days
+from grabberd.service.calibrations.calibration_documents import active_calibration
 from grabberd.service.calibrations.catalog import CalibrationCatalog
 from grabberd.service.calibrations.rejections import Rejections
 from grabberd.service.clock import Clock, iso_utc
@@ -99,45 +99,41 @@ class ActiveCalibrations:
         documents = (one.setup.documents.get("calibration") for one in self._instruments.values())
         return {str(document["id"]) for document in documents if document}
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[CalibrationRow]:
         """All calibrations as they are listed, the newest first; `active` where a device measures with it,
         `misfit` where its own device cannot.
         """
         rows, rejections = self._calibrations.rows(), self._rejections.all()
         measuring = self._measuring(rows)
         return [
-            {
-                **row,
-                "active": (row["id"], row["device"]) in measuring,
-                "misfit": self._misfit(row),
-                "rejected": asdict(rejections[row["id"]]) if row["id"] in rejections else None,
-            }
+            row.model_copy(
+                update={
+                    "active": (row.id, row.device) in measuring,
+                    "misfit": self._misfit(row),
+                    "rejected": rejections.get(row.id),
+                }
+            )
             for row in rows
         ]
 
-    def row(self, calibration_id: str, device: str | None = None) -> dict[str, Any]:
+    def row(self, calibration_id: str, device: str | None = None) -> CalibrationRow:
         """One calibration as it is listed; where several devices have it, that of the one that is named.
 
         Raises:
             NotFound: there is none of that id.
         """
-        rows = [row for row in self.rows() if row["id"] == calibration_id]
+        rows = [row for row in self.rows() if row.id == calibration_id]
         if not rows:
             raise NotFound(f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists them")
-        return next((row for row in rows if row["device"] == device), rows[0])
+        return next((row for row in rows if row.device == device), rows[0])
 
-    def document(self, instrument: Instrument) -> dict[str, Any] | None:
+    def document(self, instrument: Instrument) -> ActiveCalibration | None:
         """The calibration that a device measures with, and its age; None where it has none."""
         document = instrument.setup.documents.get("calibration")
         if not document:
             return None
         chosen = self._chosen.get(instrument.name)
-        return {
-            "id": document["id"],
-            "created_utc": document["created_utc"],
-            "age_days": round(age_days(document["created_utc"], self._clock.utc_now()), 3),  # a minute or so
-            "activated_utc": chosen.activated_utc if chosen else None,
-        }
+        return active_calibration(document, self._clock.utc_now(), chosen.activated_utc if chosen else None)
 
     def warnings(self, instrument: Instrument) -> list[str]:
         """What keeps a device from measuring, in sentences."""
@@ -151,13 +147,13 @@ class ActiveCalibrations:
         ]
         return [words for words in said if words]
 
-    def _measuring(self, rows: Sequence[Mapping[str, Any]]) -> set[tuple[str, str]]:
+    def _measuring(self, rows: Sequence[CalibrationRow]) -> set[tuple[str, str]]:
         """Ids and devices of the rows that devices measure with: each with its own, or, where it has none of
         that id, with that of another name.
         """
         owners: dict[str, set[str]] = {}
         for row in rows:
-            owners.setdefault(row["id"], set()).add(row["device"])
+            owners.setdefault(row.id, set()).add(row.device)
         measuring: set[tuple[str, str]] = set()
         for instrument in self._instruments.values():
             calibration_id = str((instrument.setup.documents.get("calibration") or {}).get("id"))
@@ -166,13 +162,13 @@ class ActiveCalibrations:
             measuring.update((calibration_id, name) for name in named)
         return measuring
 
-    def _misfit(self, row: Mapping[str, Any]) -> str | None:
+    def _misfit(self, row: CalibrationRow) -> str | None:
         """Why a calibration is not one of its device as it now is; None too where there is no such device."""
-        instrument = self._instruments.get(row["device"])
-        if instrument is None or row["problem"]:
+        instrument = self._instruments.get(row.device)
+        if instrument is None or row.problem:
             return None
         try:
-            instrument.check_fits(Calibration.from_document(self._calibrations.find(row["id"])))
+            instrument.check_fits(Calibration.from_document(self._calibrations.find(row.id)))
         except (CalibrationMismatch, NotFound, StorageError) as error:
             return error.message
         return None

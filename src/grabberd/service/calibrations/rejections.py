@@ -1,20 +1,12 @@
-"""Calibrations that were read and not accepted: they stay as they are, and stay in the list."""
+"""Rejected calibrations: read and not accepted; they stay as they are, and stay in the list."""
 
 import threading
-from dataclasses import asdict, dataclass
 
+from grabberd.documents.calibrations import CalibrationRejection
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.storage.state.state_store import StateStore
 
 KEY = "rejected_calibrations"
-
-
-@dataclass(frozen=True, slots=True)
-class Rejection:
-    """When a calibration was rejected, and what was said of it."""
-
-    rejected_utc: str
-    note: str = ""
 
 
 class Rejections:
@@ -25,13 +17,13 @@ class Rejections:
         self._clock = clock
         self._lock = threading.Lock()
 
-    def all(self) -> dict[str, Rejection]:
+    def all(self) -> dict[str, CalibrationRejection]:
         """By the calibrations' ids.
 
         Raises:
             StorageError: the state cannot be read.
         """
-        return {key: Rejection(**value) for key, value in (self._state.get(KEY) or {}).items()}
+        return {key: CalibrationRejection(**value) for key, value in (self._state.get(KEY) or {}).items()}
 
     def add(self, calibration_id: str, note: str) -> None:
         """Rejects one; a note given before is replaced.
@@ -40,7 +32,7 @@ class Rejections:
             StorageError: the state cannot be written.
         """
         with self._lock:
-            rejection = Rejection(iso_utc(self._clock.utc_now()), note)
+            rejection = CalibrationRejection(rejected_utc=iso_utc(self._clock.utc_now()), note=note)
             self._write({**self.all(), calibration_id: rejection})
 
     def lift(self, calibration_id: str) -> None:
@@ -54,5 +46,5 @@ class Rejections:
             if left.pop(calibration_id, None):
                 self._write(left)
 
-    def _write(self, rejections: dict[str, Rejection]) -> None:
-        self._state.put({KEY: {key: asdict(one) for key, one in rejections.items()}})
+    def _write(self, rejections: dict[str, CalibrationRejection]) -> None:
+        self._state.put({KEY: {key: one.model_dump() for key, one in rejections.items()}})

@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime, timedelta
-from typing import Any
 
+from grabberd.documents.captures import CaptureDocument, CaptureGroup
 from grabberd.errors import Conflict, NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.service.capture import group_start
@@ -136,8 +136,19 @@ class CaptureControl:
             raise Conflict(f"no capture of group {group_id} is running", "they have ended already")
         self._stop(waiting, sessions)
 
-    def captures_of(self, group_id: str) -> list[dict[str, Any]]:
-        """The captures of a group, as they are shown; those that were deleted are left out.
+    def group_document(self, group_id: str) -> CaptureGroup:
+        """A group with its captures; deleted ones are left out.
+
+        Raises:
+            NotFound: there is no such group.
+        """
+        captures = self.captures_of(group_id)
+        group = captures[0].group
+        assert group is not None, "captures_of finds members of the group alone"
+        return CaptureGroup(**group.model_dump(), captures=captures)
+
+    def captures_of(self, group_id: str) -> list[CaptureDocument]:
+        """The captures of a group; deleted ones are left out.
 
         Raises:
             NotFound: there is no such group.
@@ -145,12 +156,12 @@ class CaptureControl:
         going_on = [one.id for one in self._waiting(group_id)] + [one.id for one in self._sessions(group_id)]
         ended = [entry.id for entry in self._archive.index.beginning_with(f"{group_id}-")]
         found = list(self._documents(dict.fromkeys((*going_on, *ended))))
-        captures = [one for one in found if one["group"] is not None and one["group"]["id"] == group_id]
+        captures = [one for one in found if one.group is not None and one.group.id == group_id]
         if not captures:
             raise NotFound(f"no group {group_id!r}", "GET /api/v1/captures says of which group a capture is")
-        return sorted(captures, key=lambda one: str(one["id"]))
+        return sorted(captures, key=lambda one: one.id)
 
-    def _documents(self, capture_ids: Iterable[str]) -> Iterator[dict[str, Any]]:
+    def _documents(self, capture_ids: Iterable[str]) -> Iterator[CaptureDocument]:
         for capture_id in capture_ids:
             with suppress(NotFound):  # deleted or disarmed just now
                 yield self._archive.document(capture_id)

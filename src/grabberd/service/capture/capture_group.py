@@ -1,8 +1,9 @@
 """Captures that are made together: what they have in common."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
+from grabberd.documents.captures import GroupDocument
 from grabberd.service.clock import Clock, iso_utc
 
 
@@ -18,14 +19,14 @@ class Group:
     id: str
     devices: tuple[str, ...]
 
-    def document(self, start: "Moment | None") -> dict[str, Any]:
+    def document(self, start: "Moment | None") -> GroupDocument:
         """The group as each of its captures keeps it; its start is None while it is armed."""
-        return {
-            "id": self.id,
-            "devices": list(self.devices),
-            "start_utc": None if start is None else start.utc,
-            "start_ns": None if start is None else start.ns,
-        }
+        return GroupDocument(
+            id=self.id,
+            devices=list(self.devices),
+            start_utc=None if start is None else start.utc,
+            start_ns=None if start is None else start.ns,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,20 +1,8 @@
 """The states of a device, and which may follow which. Nothing else."""
 
-from enum import StrEnum
+from grabberd.documents.states import DeviceState
 
-
-class DeviceState(StrEnum):
-    """What an operator needs to know of a grabber, in a word."""
-
-    ABSENT = "absent"
-    OPENING = "opening"
-    NO_SIGNAL = "no_signal"
-    READY = "ready"
-    CAPTURING = "capturing"
-    RECOVERING = "recovering"
-    FAILED = "failed"
-    ENDED = "ended"
-
+__all__ = ["TRANSITIONS", "DeviceState", "may_follow"]
 
 _S = DeviceState
 _STREAMING = frozenset({_S.NO_SIGNAL, _S.READY, _S.CAPTURING})

@@ -44,7 +44,7 @@ def order_calibration(
         Conflict: the capture is still running.
     """
     path = service.archive.sealed_path(capture_id)
-    owner = service.instrument(device or service.archive.document(capture_id)["device"]).name
+    owner = service.instrument(device or service.archive.document(capture_id).device).name
     return service.jobs.submit(
         "calibrate",
         capture_id,

@@ -12,11 +12,11 @@ import os
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from enum import StrEnum
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any
 
+from grabberd.documents.states import JobState
 from grabberd.errors import GrabberdError, NotFound
 from grabberd.service.clock import Clock, iso_utc
 
@@ -24,16 +24,6 @@ JobFunction = Callable[..., Any]
 Progress = Callable[[float], None]
 
 NICENESS = 10
-
-
-class JobState(StrEnum):
-    """Where a job stands."""
-
-    QUEUED = "queued"
-    RUNNING = "running"
-    DONE = "done"
-    FAILED = "failed"
-    CANCELLED = "cancelled"
 
 
 ENDED = frozenset({JobState.DONE, JobState.FAILED, JobState.CANCELLED})

@@ -26,7 +26,7 @@ def order_measuring(service: "Service", capture_id: str) -> Job:
         NotFound, Conflict: there is none of that id, or it is still running.
     """
     path = service.archive.sealed_path(capture_id)
-    device = service.archive.document(capture_id)["device"]
+    device = service.archive.document(capture_id).device
     made_with = service.instrument(device).made_with
     return service.jobs.submit("measure", capture_id, measure_file, path=path, made_with=made_with)
 

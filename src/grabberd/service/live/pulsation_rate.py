@@ -1,15 +1,14 @@
-"""How fast the liner before a device pulsated last."""
+"""Latest known pulsation rate of the liner before a device."""
 
-from typing import Any
-
+from grabberd.documents.devices import PulsationDocument
 from grabberd.storage.state.analysis_store import AnalysisStore
 
 
-def pulsation_document(analyses: AnalysisStore, device: str) -> dict[str, Any]:
-    """The rate that was found in the newest analysed capture of a device; nothing but None without one."""
+def pulsation_document(analyses: AnalysisStore, device: str) -> PulsationDocument:
+    """The rate found in the newest analysed capture of a device; all None where there is none."""
     for capture_id in analyses.captures():
         for record in analyses.records(capture_id):
             rate = (record.get("summary") or {}).get("rate_per_min")
             if record.get("device") == device and rate:
-                return {"rate_per_min": rate, "capture": capture_id, "analysis": record["analysis"]}
-    return {"rate_per_min": None, "capture": None, "analysis": None}
+                return PulsationDocument(rate_per_min=rate, capture=capture_id, analysis=record["analysis"])
+    return PulsationDocument(rate_per_min=None, capture=None, analysis=None)

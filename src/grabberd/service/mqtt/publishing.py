@@ -1,12 +1,13 @@
 """From the configuration to a publisher, or to why there can be none."""
 
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 from urllib.parse import quote
 
 from grabberd.config import Config
+from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import ConfigError, ExtraMissing, Problem
 from grabberd.service.archive.archive import Archive
 from grabberd.service.clock import Clock
@@ -24,11 +25,11 @@ class Publishes(Protocol):
         ...
 
     def stop(self) -> None:
-        """Takes leave of the broker."""
+        """Disconnects cleanly."""
         ...
 
-    def document(self) -> dict[str, Any]:
-        """How it is, as it is shown."""
+    def document(self) -> MqttDocument:
+        """The connection to the broker, and the captures that wait for it."""
         ...
 
 
@@ -46,7 +47,7 @@ def check_publishing(config: Config, file: Path) -> None:
 
 
 def publisher_of(
-    config: Config, archive: Archive, state: Callable[[], Mapping[str, Any]], clock: Clock
+    config: Config, archive: Archive, state: Callable[[], StateDocument], clock: Clock
 ) -> Publishes | None:
     """What publishes, as a configuration that was checked says; None where it says nothing of MQTT.
 

@@ -1,8 +1,8 @@
 """Which captures a broker has still to be told of, kept on disk until it has taken them."""
 
 import logging
-from typing import Any
 
+from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.service.mqtt.messages import capture_summary
@@ -79,7 +79,7 @@ class SummaryQueue:
         """Whether another capture can be entered."""
         return self.waiting < self._limit
 
-    def first(self) -> tuple[str, dict[str, Any]] | None:
+    def first(self) -> tuple[str, JsonObject] | None:
         """The oldest capture that waits, by its id, and its summary; None where none does.
 
         Raises:
@@ -113,7 +113,7 @@ class SummaryQueue:
         summary = capture_summary(
             document, file=file, site=site, rate_hz=rate_hz, calibration_id=calibration_id
         )
-        self._outbox.enter(capture_id, summary)
+        self._outbox.enter(capture_id, summary.model_dump(mode="json"))
 
     def _of_the_file(self, file: str) -> tuple[dict[str, str], float, str | None]:
         try:
