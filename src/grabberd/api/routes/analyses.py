@@ -15,15 +15,14 @@ from grabberd.api.routes.dependencies import (
     ServiceOf,
     accepted,
 )
-from grabberd.documents.analyses import AnalysisList, AnalysisRow, MapDocument
+from grabberd.documents.analyses import AnalysisList, MapDocument
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.documents.requests import AnalysisRequest
-from grabberd.errors import ExtraMissing, NotFound
+from grabberd.service.archive.analysis_documents import analysis_list, report_page
 from grabberd.service.jobs.analysis_job import order_analysis
-from grabberd.service.service import Service
 from grabberd.storage.export.analysis_maps import read_map
-from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD
+from grabberd.storage.state.analysis_store import DOCUMENT, RECORD
 
 router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -58,8 +57,7 @@ def analyse_capture(
 def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
     """The analyses with their inputs and a summary of their results, newest first."""
     service.archive.document(capture_id)
-    records = service.analyses.records(capture_id)
-    return AnalysisList(analyses=[AnalysisRow.model_validate(record) for record in records])
+    return analysis_list(service.analyses, capture_id)
 
 
 @router.get(
@@ -114,8 +112,7 @@ def get_analysis_map(
 )
 def get_analysis_report(capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf) -> Response:
     """The report as a self-contained page: model and pressure, curves, maps, tables, inputs, sources."""
-    _check_drawn(service, capture_id, number)
-    page = service.analyses.file(capture_id, number, PAGE).read_bytes()
+    page = report_page(service.analyses, capture_id, number)
     return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
 
 
@@ -134,14 +131,3 @@ def get_analysis_table(
     path = service.analyses.file(capture_id, number, f"{table}.csv")
     name = f"{capture_id}-analysis-{number}-{table}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
-
-
-def _check_drawn(service: Service, capture_id: str, number: int) -> None:
-    record = next((one for one in service.analyses.records(capture_id) if one["analysis"] == number), {})
-    if record.get("missing_extra"):
-        raise ExtraMissing("the report of an analysis", record["missing_extra"])
-    if record.get("page_problem"):
-        raise NotFound(
-            f"the report of analysis {number} could not be drawn: {record['page_problem']}",
-            "its numbers are there: leave /report off the address",
-        )

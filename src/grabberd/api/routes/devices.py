@@ -18,12 +18,12 @@ from grabberd.documents.jobs import JobDocument
 from grabberd.documents.points import NewestPoints
 from grabberd.documents.problems import NotReadyProblem
 from grabberd.documents.requests import CheckRequest
+from grabberd.service.archive.analysis_documents import pulsation_document
 from grabberd.service.device.readiness import Lack, lacks_of
 from grabberd.service.jobs.check_job import order_check
 from grabberd.service.live.device_document import lack_document
 from grabberd.service.live.illumination import light_document
 from grabberd.service.live.live_document import newest_points, object_document
-from grabberd.service.live.pulsation_rate import pulsation_document
 
 router = APIRouter(tags=["devices"])
 

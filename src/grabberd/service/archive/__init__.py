@@ -1,1 +1,1 @@
-"""The captures on disk: listed, described, annotated, retained."""
+"""The archive: captures on disk, their documents, lists and annotations, and how long they are kept."""

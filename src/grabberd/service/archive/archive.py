@@ -1,4 +1,4 @@
-"""The captures on disk, and how each is described."""
+"""The captures on disk, and their documents."""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
@@ -25,17 +25,18 @@ from grabberd.storage.state.capture_index import IndexEntry
 log = logging.getLogger(__name__)
 PART = ".grab.part"
 DESCRIBED = 4096
-"""So many captures' descriptions are remembered."""
+"""Number of captures whose documents are cached."""
 
 
 class Archive:
-    """One folder of captures; running ones are described from their sessions.
+    """One folder of captures; the documents of running ones come from their recordings.
 
     Args:
-        directory: where the files are; made if it is not there.
-        sessions: gives the captures that are being recorded or sealed.
-        waiting: gives those that are armed.
-        annotation: what is said of a capture, by its id; `annotations`: of all of which something is.
+        directory: Folder of the files; created if it does not exist.
+        sessions: Returns the captures that are being recorded or sealed.
+        waiting: Returns the armed captures.
+        annotation: Returns the annotation of a capture, by its id.
+        annotations: Returns the annotations of all captures that have one, by id.
     """
 
     def __init__(
@@ -116,7 +117,7 @@ class Archive:
         self.index.remove(capture_id)
 
     def document(self, capture_id: str) -> CaptureDocument:
-        """A capture as it is shown.
+        """The document of a capture.
 
         Raises:
             NotFound: there is none of that id.
@@ -124,7 +125,7 @@ class Archive:
         return _annotated(self._document(capture_id), self._annotation(capture_id))
 
     def current(self) -> list[CaptureDocument]:
-        """The captures that are armed or running, as they are shown."""
+        """The documents of the captures that are armed or running."""
         ids = {one.id for one in self._waiting()} | {one.id for one in self._sessions()}
         return [document for capture_id in ids if (document := self._if_there(capture_id)) is not None]
 

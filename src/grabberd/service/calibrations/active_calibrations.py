@@ -100,8 +100,8 @@ class ActiveCalibrations:
         return {str(document["id"]) for document in documents if document}
 
     def rows(self) -> list[CalibrationRow]:
-        """All calibrations as they are listed, the newest first; `active` where a device measures with it,
-        `misfit` where its own device cannot.
+        """All calibrations, newest first; `active` if a device measures with it, `misfit` if its own device
+        cannot.
         """
         rows, rejections = self._calibrations.rows(), self._rejections.all()
         measuring = self._measuring(rows)
@@ -117,10 +117,10 @@ class ActiveCalibrations:
         ]
 
     def row(self, calibration_id: str, device: str | None = None) -> CalibrationRow:
-        """One calibration as it is listed; where several devices have it, that of the one that is named.
+        """One calibration; if several devices have it, that of the named device.
 
         Raises:
-            NotFound: there is none of that id.
+            NotFound: there is no calibration of that id.
         """
         rows = [row for row in self.rows() if row.id == calibration_id]
         if not rows:

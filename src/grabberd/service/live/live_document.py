@@ -37,7 +37,7 @@ def newest_points(instrument: Instrument, clock: Clock) -> NewestPoints:
     """The newest measured field, point by point.
 
     Raises:
-        NotReady: nothing has been measured yet.
+        NotReady: the device has not measured a field yet.
     """
     live = instrument.worker.live
     if live is None:

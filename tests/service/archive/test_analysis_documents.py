@@ -1,4 +1,4 @@
-"""The pulsation that was measured last, device by device."""
+"""Documents of analyses: the pulsation rate, device by device."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.documents.devices import PulsationDocument
-from grabberd.service.live.pulsation_rate import pulsation_document
+from grabberd.service.archive.analysis_documents import pulsation_document
 from grabberd.storage.state.analysis_store import RECORD, AnalysisStore
 
 NOTHING = PulsationDocument(rate_per_min=None, capture=None, analysis=None)
