@@ -127,7 +127,7 @@ def serve(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
 def test_the_daemon_refuses_to_listen_to_strangers_without_a_token(tmp_path: Path) -> None:
     result = serve(tmp_path, "--host", "0.0.0.0")
     assert result.returncode == 78
-    assert "no loopback address" in result.stderr
+    assert "not a loopback address" in result.stderr
     assert "grabberd token add" in result.stderr
     assert not list(tmp_path.glob("captures/*"))
 

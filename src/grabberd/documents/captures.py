@@ -56,7 +56,9 @@ class GroupDocument(Document):
     id: str
     devices: list[str]
     start_utc: str | None = Field(description="Common start of all its captures; null while they are armed.")
-    start_ns: int | None = Field(description="The same moment by the computer's monotonic clock.")
+    start_ns: int | None = Field(
+        description="The same moment by the computer's monotonic clock, which also times the fields."
+    )
 
 
 class CaptureDocument(Document):
@@ -115,15 +117,9 @@ class CaptureList(Document):
     next: str | None = Next
 
 
-class CaptureGroup(Document):
+class CaptureGroup(GroupDocument):
     """Captures that start at the same moment."""
 
     model_config = with_examples(GROUP)
 
-    id: str
-    devices: list[str]
-    start_utc: str | None = Field(description="Common start of all captures; null while they are armed.")
-    start_ns: int | None = Field(
-        description="The same moment by the computer's monotonic clock, which also times the fields."
-    )
     captures: list[CaptureDocument] = Field(description="Captures that exist; deleted ones are left out.")

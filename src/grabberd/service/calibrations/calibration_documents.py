@@ -40,7 +40,9 @@ def active_calibration(
     return ActiveCalibration(
         id=document["id"],
         created_utc=document["created_utc"],
-        age_days=round(age_days(document["created_utc"], now), 3),  # a minute or so
+        age_days=round(
+            age_days(document["created_utc"], now), 3
+        ),  # to some 90 s
         activated_utc=activated_utc,
     )
 

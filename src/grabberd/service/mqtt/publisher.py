@@ -82,7 +82,7 @@ class Publisher:
         self._noticed.set()
 
     def stop(self) -> None:
-        """Takes leave of the broker, and does not wait for one that is stuck."""
+        """Disconnects cleanly, without waiting for a broker that is stuck."""
         self._stopping = True
         if self._loop is not None and self._task is not None:
             with contextlib.suppress(RuntimeError):  # it has ended
