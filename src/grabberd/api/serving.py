@@ -80,7 +80,7 @@ async def _beat(heartbeat: Heartbeat) -> None:
 def server_of(
     app: FastAPI, front: Front, context: ssl.SSLContext | None = None, heartbeat: Heartbeat | None = None
 ) -> uvicorn.Server:
-    """The server of an application; it ignores forwarded-for headers."""
+    """The server of an application; it ignores a proxy's headers about its clients."""
     config = uvicorn.Config(
         app,
         http=connection_class(front.limits),

@@ -1,4 +1,4 @@
-"""Who is asking."""
+"""Identity of a client."""
 
 from typing import Literal
 

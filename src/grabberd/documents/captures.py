@@ -37,7 +37,7 @@ class RunDocument(Document):
 
 
 class MadeWith(Document):
-    """What points were measured with; null where it is not known."""
+    """Documents that points were measured with; null if unknown."""
 
     calibration: JsonObject | None
     object: JsonObject | None

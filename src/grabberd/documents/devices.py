@@ -32,7 +32,7 @@ class ViewColumnsDocument(Document):
 
 
 class DeviceLackDocument(Document):
-    """What keeps a device from measuring."""
+    """A reason why a device cannot measure."""
 
     lacks: LackKind
     message: str
@@ -41,7 +41,7 @@ class DeviceLackDocument(Document):
 
 
 class LackDocument(Document):
-    """What keeps a named device from measuring."""
+    """A reason why a device cannot measure, with the device's name."""
 
     device: str
     lacks: LackKind

@@ -122,7 +122,9 @@ class CapturePatch(Document):
     model_config = with_examples({"pinned": True, "labels": {"cow": "113", "teat": None}})
 
     note: Note | None = None
-    pinned: bool | None = Field(None, description="A pinned capture cannot be deleted.")
+    pinned: bool | None = Field(
+        None, description="A pinned capture is never deleted, neither on request nor by retention."
+    )
     labels: LabelChanges | None = Field(
         None, description="Labels to add to the present ones; null removes a label."
     )

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 
 class DeviceState(StrEnum):
-    """What an operator needs to know of a grabber, in a word."""
+    """State of a grabber, as an operator needs to know it."""
 
     ABSENT = "absent"
     OPENING = "opening"

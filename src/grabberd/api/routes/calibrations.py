@@ -133,7 +133,7 @@ def get_calibration(
     responses={200: {"content": {"text/html": {}}}, 501: {"model": Problem}},
 )
 def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) -> Response:
-    """How the calibration was made and how good it is: a page to read and sign."""
+    """The report on how the calibration was made and how good it is: a page to read and sign."""
     page = service.calibrations.page(calibration_id)
     return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
 

@@ -176,7 +176,7 @@ class Archive:
 
 
 def _recovered(part: Path) -> bool:
-    """Whether a file that a crash left is sealed or set aside now; what keeps one from it keeps no other."""
+    """True if a file that a crash left is now sealed or set aside; a failure is logged and stops no other."""
     try:
         recover(part)
     except (StorageError, LaterVersion) as error:

@@ -40,9 +40,7 @@ def active_calibration(
     return ActiveCalibration(
         id=document["id"],
         created_utc=document["created_utc"],
-        age_days=round(
-            age_days(document["created_utc"], now), 3
-        ),  # to some 90 s
+        age_days=round(age_days(document["created_utc"], now), 3),  # to some 90 s
         activated_utc=activated_utc,
     )
 

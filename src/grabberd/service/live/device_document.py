@@ -57,7 +57,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
 
 
 def lack_document(lack: Lack) -> LackDocument:
-    """What keeps a device from measuring, with the device's name."""
+    """A reason why a device cannot measure, with the device's name."""
     return LackDocument(
         device=lack.device, lacks=lack.lacks, message=lack.message, hint=lack.hint, cause_code=lack.code
     )
