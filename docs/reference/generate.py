@@ -116,11 +116,11 @@ def _http(description: dict[str, Any]) -> Iterator[str]:
             yield f"| `{method.upper()}` | `{path}` | {role} | {words} |"
     schemas = description["components"]["schemas"]
     yield "\n## A capture as it is asked for\n"
-    yield from _schema(schemas["CaptureOrder"])
+    yield from _schema(schemas["NewCapture"])
     yield "\n## Captures of several devices as they are asked for\n"
-    yield from _schema(schemas["CaptureGroupOrder"])
+    yield from _schema(schemas["NewCaptureGroup"])
     yield "\n## A calibration as it is asked for\n"
-    yield from _schema(schemas["CalibrationOrder"])
+    yield from _schema(schemas["CalibrationRequest"])
     yield "\nIts `options`:\n"
     yield from _schema(schemas["CalibrationOptions"])
 

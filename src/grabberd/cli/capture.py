@@ -157,14 +157,14 @@ def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
     """Validate the options as the API would, with errors in terms of the command line."""
     from pydantic import ValidationError  # noqa: PLC0415
 
-    from grabberd.api.routes.capture_models import CaptureOrder  # noqa: PLC0415
+    from grabberd.documents.requests import NewCapture  # noqa: PLC0415
 
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
         raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
     try:
         order = {**values, "labels": {key: value for key, _, value in pairs}}
-        return CaptureOrder.model_validate(order).model_dump(exclude_none=True)
+        return NewCapture.model_validate(order).model_dump(exclude_none=True)
     except ValidationError as error:
         faults = "; ".join(
             f"{'.'.join(str(part) for part in fault['loc']) or 'capture'}: {fault['msg']}"
@@ -204,7 +204,8 @@ def _capture_here(
             _keep(recording, out)
     finally:
         instrument.stop()
-    return describe(out)
+    # A pin belongs to the state of a daemon, and there is none here.
+    return describe(out).model_dump(mode="json", exclude={"pinned"})
 
 
 def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":

@@ -98,6 +98,7 @@ def seal(
     path = seal_part(part)
     document = describe(path)
     if json:
-        print_json({"file": str(path), **document})
+        # A pin belongs to the daemon's state, not to the file.
+        print_json({"file": str(path), **document.model_dump(mode="json", exclude={"pinned"})})
     else:
-        typer.echo(f"{path}: {document['fields']} fields, {document['ledger']['in_words']}")
+        typer.echo(f"{path}: {document.fields} fields, {document.ledger.in_words}")

@@ -7,6 +7,8 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.config import Config
+from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.access import Access
@@ -215,23 +217,26 @@ class Service:
         """
         self.active.activate(calibration_id, self.instrument(device))
 
-    def state(self) -> dict[str, Any]:
-        """State of the daemon: its devices, its disk and its broker."""
-        return {
-            "version": __version__,
-            "devices": {name: self.device_document(one) for name, one in self.instruments.items()},
-            "storage": self.storage_document(),
-            "mqtt": self.publisher.document() if self.publisher else None,
-        }
+    def state(self) -> StateDocument:
+        """State of the devices, the disk and the daemon at a glance."""
+        return StateDocument(
+            version=__version__,
+            devices={name: self.device_document(one) for name, one in self.instruments.items()},
+            storage=self.storage_document(),
+            mqtt=self.publisher.document() if self.publisher else None,
+        )
 
-    def storage_document(self) -> dict[str, Any]:
-        """State of the disk, and what has been removed from it since the start."""
-        bytes_per_s = sum(instrument.bytes_per_s for instrument in self.instruments.values())
-        removed = {"removed": self.retention.removed, "removed_bytes": self.retention.removed_bytes}
-        return self._disk.document(self.archive.directory, bytes_per_s) | removed
+    def storage_document(self) -> StorageDocument:
+        """The disk at this moment, and what has been removed from it since the start."""
+        return self._disk.document(
+            self.archive.directory,
+            sum(instrument.bytes_per_s for instrument in self.instruments.values()),
+            removed=self.retention.removed,
+            removed_bytes=self.retention.removed_bytes,
+        )
 
-    def device_document(self, instrument: Instrument) -> dict[str, Any]:
-        """Document of a device."""
+    def device_document(self, instrument: Instrument) -> DeviceDocument:
+        """A device at this moment."""
         return device_document(instrument, self.active)
 
     def _sealed(self, recording: Recording) -> None:

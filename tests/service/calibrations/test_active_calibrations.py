@@ -44,7 +44,7 @@ def two_devices(folder: Path, *names: str) -> Service:
 
 def in_force(service: Service) -> str | None:
     document = service.active.document(service.instrument(None))
-    return document["id"] if document else None
+    return document.id if document else None
 
 
 def capture(service: Service, **request: Any) -> Path:
@@ -76,21 +76,21 @@ def shift_between(path: Path, run: int, other: int) -> float:
 def test_the_configurations_calibration_is_in_force_by_itself_and_listed(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         [row] = service.active.rows()
-        assert (row["id"], row["origin"], row["active"]) == (CONFIGURED, "configuration", True)
-        assert (row["device"], row["created_utc"]) == ("simulated", "2026-01-01T00:00:00Z")
-        assert service.active.document(service.instrument(None))["activated_utc"] is None  # type: ignore[index]
+        assert (row.id, row.origin, row.active) == (CONFIGURED, "configuration", True)
+        assert (row.device, row.created_utc) == ("simulated", "2026-01-01T00:00:00Z")
+        assert service.active.document(service.instrument(None)).activated_utc is None  # type: ignore[union-attr]
 
 
 def test_an_imported_one_waits_until_it_is_activated(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         service.import_calibration(calibration("rig-7", created_utc="2026-05-01T00:00:00Z"), None, "mirrors")
-        assert [(row["id"], row["active"]) for row in service.active.rows()] == [
+        assert [(row.id, row.active) for row in service.active.rows()] == [
             ("rig-7", False),
             (CONFIGURED, True),
         ]
         service.activate_calibration("rig-7", None)
-        assert [row["active"] for row in service.active.rows()] == [True, False]
-        assert service.active.row("rig-7")["note"] == "mirrors"
+        assert [row.active for row in service.active.rows()] == [True, False]
+        assert service.active.row("rig-7").note == "mirrors"
 
 
 def test_the_choice_survives_a_restart_and_can_be_taken_back(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_choice_that_is_damaged_is_replaced_by_none_and_says_so(tmp_path: Path
         damaged, *_ = service.active.warnings(service.instrument(None))
         assert "rig-7" in damaged
         assert "cannot be used" in damaged
-        assert [row["problem"] is None for row in service.active.rows()] == [True, False]
+        assert [row.problem is None for row in service.active.rows()] == [True, False]
         service.activate_calibration(CONFIGURED, None)
         assert service.active.warnings(service.instrument(None)) == []
 
@@ -155,7 +155,7 @@ def test_one_that_is_stored_and_configured_is_listed_once_with_its_note(tmp_path
         service.import_calibration(calibration(CONFIGURED), None, "taken home")
     with at_rest(tmp_path) as service:
         [row] = service.active.rows()
-        assert (row["note"], row["origin"], row["active"]) == ("taken home", "import", True)
+        assert (row.note, row.origin, row.active) == ("taken home", "import", True)
 
 
 def test_a_stored_one_hidden_by_the_configurations_is_listed_with_that_problem(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_stored_one_hidden_by_the_configurations_is_listed_with_that_problem(t
         service.import_calibration(calibration(CONFIGURED, shift_mm=1.0), None, "")
         service.activate_calibration(CONFIGURED, None)
     with at_rest(tmp_path) as service:
-        assert sorted(bool(row["problem"]) for row in service.active.rows()) == [False, True]
+        assert sorted(bool(row.problem) for row in service.active.rows()) == [False, True]
         assert service.instrument(None).made_with["calibration"] == calibration(CONFIGURED)
 
 
@@ -225,7 +225,7 @@ def test_the_age_counts_from_the_calibrations_own_time(tmp_path: Path) -> None:
         for document in (one, other):
             service.import_calibration(document, None, "")
             service.activate_calibration(document["id"], None)
-            ages.append(service.active.document(service.instrument(None))["age_days"])  # type: ignore[index]
+            ages.append(service.active.document(service.instrument(None)).age_days)  # type: ignore[union-attr]
         assert ages[0] - ages[1] == pytest.approx(1.0, abs=1e-3)
 
 

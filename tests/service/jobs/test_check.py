@@ -31,7 +31,7 @@ def test_the_daemon_captures_and_checks_and_says_what_to_do(tmp_path: Path) -> N
         assert "go on measuring" in done.result["advice"]
         assert done.result["seen"] == done.result["of"] == 108
         assert done.result["fields"] == 20
-        assert service.archive.document(job.subject)["bits"] == 8
+        assert service.archive.document(job.subject).bits == 8
 
 
 def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Types that have a name in the API's description, so that a generated client calls them by it."""
+"""Types that have a name in OpenAPI, so that a generated client uses it instead of inventing one."""
 
 from typing import Annotated, Any, Literal
 
@@ -6,9 +6,11 @@ from pydantic import Field, StringConstraints
 from typing_extensions import TypeAliasType
 
 from grabberd.config import BitDepth, Lines, OnInterruption
-from grabberd.service.archive.annotations import MOST_LABELS
+
+MOST_LABELS = 32
 
 Label = Annotated[str, StringConstraints(max_length=200)]
+Note = Annotated[str, StringConstraints(max_length=2000)]
 
 Bits = TypeAliasType("Bits", BitDepth)
 LinesKind = TypeAliasType("LinesKind", Lines)
@@ -23,7 +25,7 @@ LabelChanges = TypeAliasType(
     "LabelChanges", Annotated[dict[Label, Label | None], Field(max_length=MOST_LABELS)]
 )
 Weights = TypeAliasType("Weights", Literal["honest", "equal"])
-FrameTreatment = TypeAliasType("FrameTreatment", Literal["weighted", "held"])
+CalibrationFrameTreatment = TypeAliasType("CalibrationFrameTreatment", Literal["weighted", "held"])
 Handedness = TypeAliasType("Handedness", Literal[-1, 1])
 CalibrationOrigin = TypeAliasType("CalibrationOrigin", Literal["capture", "import", "configuration"])
 Glass = TypeAliasType("Glass", dict[str, float])
@@ -33,3 +35,8 @@ Latency = TypeAliasType("Latency", dict[str, float])
 ViewCounts = TypeAliasType("ViewCounts", dict[str, int])
 JobProblem = TypeAliasType("JobProblem", dict[str, str])
 JsonObject = TypeAliasType("JsonObject", dict[str, Any])
+"""JSON of another schema: documents from files, configuration, and results that a job kind defines."""
+AllDevices = TypeAliasType("AllDevices", Literal["all"])
+DeviceNames = TypeAliasType(
+    "DeviceNames", Annotated[list[Annotated[str, Field(max_length=32)]], Field(min_length=1, max_length=64)]
+)

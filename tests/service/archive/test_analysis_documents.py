@@ -1,14 +1,15 @@
-"""The pulsation that was measured last, device by device."""
+"""Documents of analyses: the pulsation rate, device by device."""
 
 import json
 from pathlib import Path
 
 import pytest
 
-from grabberd.service.live.pulsation_rate import pulsation_document
+from grabberd.documents.devices import PulsationDocument
+from grabberd.service.archive.analysis_documents import pulsation_document
 from grabberd.storage.state.analysis_store import RECORD, AnalysisStore
 
-NOTHING = {"rate_per_min": None, "capture": None, "analysis": None}
+NOTHING = PulsationDocument(rate_per_min=None, capture=None, analysis=None)
 
 
 @pytest.fixture
@@ -32,13 +33,14 @@ def test_the_newest_analysed_capture_counts_and_of_it_the_newest_analysis(analys
     analysed(analyses, "20260302T090000000Z-barn", "barn", 60.0)
     analysed(analyses, "20260302T090000000Z-barn", "barn", 60.4)
     found = pulsation_document(analyses, "barn")
-    assert found == {"rate_per_min": 60.4, "capture": "20260302T090000000Z-barn", "analysis": 2}
+    expected = {"rate_per_min": 60.4, "capture": "20260302T090000000Z-barn", "analysis": 2}
+    assert found == PulsationDocument.model_validate(expected)
 
 
 def test_what_has_no_cycle_in_it_is_passed_over(analyses: AnalysisStore) -> None:
     analysed(analyses, "20260301T090000000Z-barn", "barn", 58.0)
     analysed(analyses, "20260302T090000000Z-barn", "barn", None)
-    assert pulsation_document(analyses, "barn")["rate_per_min"] == 58.0
+    assert pulsation_document(analyses, "barn").rate_per_min == 58.0
 
 
 def test_so_is_another_device_and_a_record_that_cannot_be_read(analyses: AnalysisStore) -> None:
@@ -46,4 +48,4 @@ def test_so_is_another_device_and_a_record_that_cannot_be_read(analyses: Analysi
     analysed(analyses, "20260302T090000000Z-left", "left", 62.0)
     analysed(analyses, "20260303T090000000Z-barn", "barn", 60.0)
     (analyses.directory / "20260303T090000000Z-barn" / "1" / RECORD).write_text("{")
-    assert pulsation_document(analyses, "barn")["rate_per_min"] == 58.0
+    assert pulsation_document(analyses, "barn").rate_per_min == 58.0

@@ -1,4 +1,4 @@
-"""Documents as the API's description shows them."""
+"""Example documents for the OpenAPI description."""
 
 from typing import Any
 
@@ -74,4 +74,24 @@ PROBLEM: dict[str, Any] = {
     "status": 409,
     "detail": f"capture {_ID} is running",
     "hint": f"stop it first: POST /api/v1/captures/{_ID}/stop",
+}
+
+_GROUP: dict[str, Any] = {
+    "id": "20260301T093000125Z",
+    "devices": ["left", "right"],
+    "start_utc": "2026-03-01T09:30:00.125Z",
+    "start_ns": 81_302_117_400_512,
+}
+GROUP: dict[str, Any] = {
+    **_GROUP,
+    "captures": [
+        {
+            **CAPTURE,
+            "id": f"{_GROUP['id']}-{device}",
+            "device": device,
+            "group": _GROUP,
+            "first_field_s": 0.0134,
+        }
+        for device in _GROUP["devices"]
+    ],
 }

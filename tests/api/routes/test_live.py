@@ -107,7 +107,7 @@ def test_one_that_never_reads_is_dropped_and_costs_nobody_else(
 ) -> None:
     numbers = iter(range(1_000_000))
     floods: Broadcast[bytes] = Broadcast(lambda: next(numbers).to_bytes(4, "big") + bytes(500_000), 0.001)
-    monkeypatch.setattr(daemon.app.state.live, "preview", lambda _: floods)
+    monkeypatch.setattr(daemon.app.state.feeds, "preview", lambda _: floods)
     with connected(daemon, max_queue=1, ping_interval=None) as _:
         with connected(daemon, max_size=None) as client:
             until_s = time.monotonic() + PATIENCE_S
