@@ -66,8 +66,8 @@ def analyse(
     """
     from grabberd.service.jobs.analysis import analyse_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
+    from grabberd.storage.disk import new_folder  # noqa: PLC0415
     from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
-    from grabberd.storage.export.folders import new_folder  # noqa: PLC0415
 
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
@@ -129,7 +129,7 @@ def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
 
 def _summary(made: "AnalysisOutput") -> dict[str, float]:
     """The only row of the table `summary`."""
-    return {column.name: column.values.tolist()[0] for column in made.tables["summary"].columns}
+    return {name: values.tolist()[0] for name, values in made.tables["summary"].rows.items()}
 
 
 def _show(made: "AnalysisOutput") -> None:

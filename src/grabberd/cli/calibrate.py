@@ -120,7 +120,7 @@ def _calibrated(
     """Calibrate, showing a progress bar."""
     from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
-    from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
+    from grabberd.storage.input_files import read_identifications  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
     with Progress(console=progress_console, transient=True) as progress:

@@ -24,9 +24,9 @@ from grabberd.config import Config, default_config_file
 from grabberd.errors import DeviceAbsent, StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.capture.recorder import CaptureRequest
+    from grabberd.service.capture.capture_request import CaptureRequest
     from grabberd.service.capture.recording import Recording
-    from grabberd.service.device.instrument import Instrument
+    from grabberd.service.instrument import Instrument
 
 POLL_S = 0.05
 FIELD_S = 0.02
@@ -157,14 +157,14 @@ def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
     """Validate the options as the API would, with errors in terms of the command line."""
     from pydantic import ValidationError  # noqa: PLC0415
 
-    from grabberd.api.routes.capture_models import CaptureOrder  # noqa: PLC0415
+    from grabberd.documents.requests import NewCapture  # noqa: PLC0415
 
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
         raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
     try:
         order = {**values, "labels": {key: value for key, _, value in pairs}}
-        return CaptureOrder.model_validate(order).model_dump(exclude_none=True)
+        return NewCapture.model_validate(order).model_dump(exclude_none=True)
     except ValidationError as error:
         faults = "; ".join(
             f"{'.'.join(str(part) for part in fault['loc']) or 'capture'}: {fault['msg']}"
@@ -178,13 +178,13 @@ def _capture_here(
 ) -> dict[str, Any]:
     from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
-    from grabberd.service.device.instrument import Instrument  # noqa: PLC0415
+    from grabberd.service.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
-    from grabberd.storage.capture.leftovers import leftovers, recording_folder  # noqa: PLC0415
+    from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder  # noqa: PLC0415
 
     warn(
         f"{part} was left by an interrupted capture; 'grabberd storage seal {part}' recovers it"
-        for part in leftovers(out.parent)
+        for part in interrupted_captures(out.parent)
     )
     sys.setswitchinterval(0.001)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the capture as Ctrl-C does
@@ -197,18 +197,19 @@ def _capture_here(
         warn(instrument.board.now.warnings)
         rate_hz = instrument.rate_hz
         with recording_folder(out.parent) as folder:
-            session = instrument.start_capture(
+            recording = instrument.start_capture(
                 out.stem, _request(order, rate_hz), folder / f"{out.name}.part"
             )
-            _follow(session, order, rate_hz)
-            _keep(session, out)
+            _follow(recording, order, rate_hz)
+            _keep(recording, out)
     finally:
         instrument.stop()
-    return describe(out)
+    # A pin belongs to the state of a daemon, and there is none here.
+    return describe(out).model_dump(mode="json", exclude={"pinned"})
 
 
 def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
-    from grabberd.service.capture.recorder import CaptureRequest  # noqa: PLC0415
+    from grabberd.service.capture.capture_request import CaptureRequest  # noqa: PLC0415
 
     values = dict(order)
     values.pop("armed", None)  # without a daemon a capture always starts at once
@@ -233,7 +234,7 @@ def _wait_until_it_accepts(instrument: "Instrument") -> None:
         )
 
 
-def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None:
+def _follow(recording: "Recording", order: dict[str, Any], rate_hz: float) -> None:
     """Show progress until the file is sealed; Ctrl-C ends the recording."""
     wanted = order.get("fields") or round(order.get("duration_s", 0) * rate_hz) or None
     columns = (
@@ -244,16 +245,16 @@ def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None
     )
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("", total=wanted)
-        while not session.sealed.is_set():
+        while not recording.sealed.is_set():
             with contextlib.suppress(KeyboardInterrupt):
-                progress.update(task, completed=session.recorder.ledger.total)
-                session.sealed.wait(POLL_S)
+                progress.update(task, completed=recording.recorder.ledger.total)
+                recording.sealed.wait(POLL_S)
                 continue
-            session.stop("stopped by the operator")
+            recording.stop("stopped by the operator")
 
 
-def _keep(session: "Recording", out: Path) -> None:
+def _keep(recording: "Recording", out: Path) -> None:
     """Rename the file, complete or not, then raise the failure that made it incomplete."""
-    session.path.rename(out)
-    if session.failure is not None:
-        raise session.failure
+    recording.path.rename(out)
+    if recording.failure is not None:
+        raise recording.failure

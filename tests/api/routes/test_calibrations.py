@@ -54,9 +54,9 @@ def service_of(client: TestClient) -> Service:
 
 def captured(client: TestClient) -> str:
     capture_id = str(client.post("/api/v1/captures", json={"fields": 5}).json()["id"])
-    session = service_of(client).instrument(None).session
-    assert session
-    assert session.sealed.wait(60)
+    recording = service_of(client).instrument(None).recording
+    assert recording
+    assert recording.sealed.wait(60)
     return capture_id
 
 

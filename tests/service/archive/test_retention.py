@@ -211,6 +211,6 @@ def test_a_service_removes_by_itself_what_its_configuration_says(tmp_path: Path)
         with service.retention.applied:
             assert service.retention.applied.wait_for(lambda: service.retention.removed == 2, PATIENCE_S)
         assert barn.files == {"new"}
-        assert service.state()["storage"]["removed"] == 2
+        assert service.state().storage.removed == 2
     finally:
         service.stop()

@@ -13,7 +13,7 @@ from running import PATIENCE_S, configuration, running, sealed, wait_until_it_ac
 from grabberd.config import GlassConfig, default_config_file
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.calibration import CalibrationJob
 from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.jobs.runner import JobState
@@ -44,11 +44,11 @@ def two_devices(folder: Path, *names: str) -> Service:
 
 def in_force(service: Service) -> str | None:
     document = service.active.document(service.instrument(None))
-    return document["id"] if document else None
+    return document.id if document else None
 
 
 def capture(service: Service, **request: Any) -> Path:
-    capture_id = service.start_capture(None, CaptureRequest(fields=8, **request))
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=8, **request))
     sealed(service)
     return service.archive.path(capture_id)
 
@@ -76,21 +76,21 @@ def shift_between(path: Path, run: int, other: int) -> float:
 def test_the_configurations_calibration_is_in_force_by_itself_and_listed(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         [row] = service.active.rows()
-        assert (row["id"], row["origin"], row["active"]) == (CONFIGURED, "configuration", True)
-        assert (row["device"], row["created_utc"]) == ("simulated", "2026-01-01T00:00:00Z")
-        assert service.active.document(service.instrument(None))["activated_utc"] is None  # type: ignore[index]
+        assert (row.id, row.origin, row.active) == (CONFIGURED, "configuration", True)
+        assert (row.device, row.created_utc) == ("simulated", "2026-01-01T00:00:00Z")
+        assert service.active.document(service.instrument(None)).activated_utc is None  # type: ignore[union-attr]
 
 
 def test_an_imported_one_waits_until_it_is_activated(tmp_path: Path) -> None:
     with at_rest(tmp_path) as service:
         service.import_calibration(calibration("rig-7", created_utc="2026-05-01T00:00:00Z"), None, "mirrors")
-        assert [(row["id"], row["active"]) for row in service.active.rows()] == [
+        assert [(row.id, row.active) for row in service.active.rows()] == [
             ("rig-7", False),
             (CONFIGURED, True),
         ]
         service.activate_calibration("rig-7", None)
-        assert [row["active"] for row in service.active.rows()] == [True, False]
-        assert service.active.row("rig-7")["note"] == "mirrors"
+        assert [row.active for row in service.active.rows()] == [True, False]
+        assert service.active.row("rig-7").note == "mirrors"
 
 
 def test_the_choice_survives_a_restart_and_can_be_taken_back(tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_choice_that_is_damaged_is_replaced_by_none_and_says_so(tmp_path: Path
         damaged, *_ = service.active.warnings(service.instrument(None))
         assert "rig-7" in damaged
         assert "cannot be used" in damaged
-        assert [row["problem"] is None for row in service.active.rows()] == [True, False]
+        assert [row.problem is None for row in service.active.rows()] == [True, False]
         service.activate_calibration(CONFIGURED, None)
         assert service.active.warnings(service.instrument(None)) == []
 
@@ -155,7 +155,7 @@ def test_one_that_is_stored_and_configured_is_listed_once_with_its_note(tmp_path
         service.import_calibration(calibration(CONFIGURED), None, "taken home")
     with at_rest(tmp_path) as service:
         [row] = service.active.rows()
-        assert (row["note"], row["origin"], row["active"]) == ("taken home", "import", True)
+        assert (row.note, row.origin, row.active) == ("taken home", "import", True)
 
 
 def test_a_stored_one_hidden_by_the_configurations_is_listed_with_that_problem(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_stored_one_hidden_by_the_configurations_is_listed_with_that_problem(t
         service.import_calibration(calibration(CONFIGURED, shift_mm=1.0), None, "")
         service.activate_calibration(CONFIGURED, None)
     with at_rest(tmp_path) as service:
-        assert sorted(bool(row["problem"]) for row in service.active.rows()) == [False, True]
+        assert sorted(bool(row.problem) for row in service.active.rows()) == [False, True]
         assert service.instrument(None).made_with["calibration"] == calibration(CONFIGURED)
 
 
@@ -225,7 +225,7 @@ def test_the_age_counts_from_the_calibrations_own_time(tmp_path: Path) -> None:
         for document in (one, other):
             service.import_calibration(document, None, "")
             service.activate_calibration(document["id"], None)
-            ages.append(service.active.document(service.instrument(None))["age_days"])  # type: ignore[index]
+            ages.append(service.active.document(service.instrument(None)).age_days)  # type: ignore[union-attr]
         assert ages[0] - ages[1] == pytest.approx(1.0, abs=1e-3)
 
 
@@ -265,11 +265,11 @@ def test_live_points_go_on_through_an_activation(tmp_path: Path) -> None:
 def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}, object=None) as service:
         service.import_calibration(calibration("shifted", SHIFT_MM), None, "")
-        capture_id = service.start_capture(None, CaptureRequest())
+        capture_id = service.capture_control.start(None, CaptureRequest())
         with pytest.raises(CaptureRunning, match=capture_id):
             service.activate_calibration("shifted", None)
         assert in_force(service) == CONFIGURED
-        service.stop_capture(capture_id)
+        service.capture_control.stop(capture_id)
         sealed(service)
         service.activate_calibration("shifted", None)
     with at_rest(tmp_path) as service:

@@ -10,10 +10,10 @@ from running import PATIENCE_S, running, sealed
 
 from grabberd.config import ThresholdConfig
 from grabberd.errors import CalibrationMismatch
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.measurement import MeasurementJob
 from grabberd.service.jobs.runner import JobState
-from grabberd.storage.export.export import export_png
+from grabberd.storage import export_png
 
 
 def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) -> None:
@@ -22,7 +22,7 @@ def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) ->
     for n in range(4):
         cv2.imwrite(str(pictures / f"{n}.png"), np.zeros((288, 360), np.uint8))
     with replaying(tmp_path, pictures) as service, pytest.raises(CalibrationMismatch, match="720"):
-        service.start_capture(None, CaptureRequest())
+        service.capture_control.start(None, CaptureRequest())
 
 
 def test_measuring_the_file_again_gives_the_same_points_bit_for_bit(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from running import running, sealed
 
 from grabberd.errors import NotFound, NotReady
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.check import CheckJob, check_file
 from grabberd.service.jobs.runner import JobState
 from grabberd.service.service import Service
@@ -19,7 +19,7 @@ PATIENCE_S = 60.0
 
 
 def check(service: Service, **wanted: Any) -> CheckJob:
-    return CheckJob.start(service.orders, service.archive, service.instrument(None), **wanted)
+    return CheckJob.start(service.capture_control, service.archive, service.instrument(None), **wanted)
 
 
 def test_the_daemon_captures_and_checks_and_says_what_to_do(tmp_path: Path) -> None:
@@ -31,12 +31,12 @@ def test_the_daemon_captures_and_checks_and_says_what_to_do(tmp_path: Path) -> N
         assert "go on measuring" in done.result["advice"]
         assert done.result["seen"] == done.result["of"] == 108
         assert done.result["fields"] == 20
-        assert service.archive.document(job.subject)["bits"] == 8
+        assert service.archive.document(job.subject).bits == 8
 
 
 def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> None:
     with running(tmp_path, FRAME_IN_VIEW) as service:
-        service.start_capture(None, CaptureRequest(fields=20, bits=8))
+        service.capture_control.start(None, CaptureRequest(fields=20, bits=8))
         path = sealed(service).path
         known = dict(service.instrument(None).setup.documents["calibration"])
     left = known["views"]["left"]
@@ -52,7 +52,7 @@ def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> 
 def test_a_device_without_a_calibration_has_none_to_check(tmp_path: Path) -> None:
     with running(tmp_path, FRAME_IN_VIEW) as service:
         instrument = service.instrument(None)
-        instrument.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
+        instrument.captures.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
         with pytest.raises(NotReady, match="no calibration"):
             check(service)
 

@@ -23,8 +23,8 @@ from grabberd.service.reprocess.reprocess_archive import ReprocessProgress
 from grabberd.service.setup import measure_setup, read_documents
 from grabberd.storage import CaptureReader, append_run
 from grabberd.storage.capture.content_digest import document_sha256
-from grabberd.storage.export.columns import POINT_COLUMNS
 from grabberd.storage.export.dataset import DataSet
+from grabberd.storage.export.points_columns import DATASET_COLUMNS
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +70,9 @@ def test_points_are_those_that_measuring_the_fields_gives(captures: list[Path], 
 
 
 def test_columns_are_those_of_exported_points_and_those_that_tell_captures_apart(out: Path) -> None:
-    own = ("capture", "device", "calibration", "labels")
-    assert tuple(table(out).column_names) == (*POINT_COLUMNS, *own, "barn", "day")
+    names = [column.name for column in DATASET_COLUMNS]
+    assert names[-4:] == ["capture", "device", "calibration", "labels"]
+    assert table(out).column_names == [*names, "barn", "day"]
 
 
 def test_captures_lie_in_folders_by_barn_and_day(out: Path) -> None:
@@ -222,7 +223,7 @@ def test_the_progress_ends_at_the_end(captures: list[Path], tmp_path: Path) -> N
 
 
 def test_one_program_at_a_time_measures_into_a_data_set(captures: list[Path], tmp_path: Path) -> None:
-    with DataSet(tmp_path), pytest.raises(StorageError, match="another grabberd measures"):
+    with DataSet(tmp_path), pytest.raises(StorageError, match="another grabberd is measuring"):
         measured(captures, tmp_path)
 
 

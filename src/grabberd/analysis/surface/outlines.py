@@ -46,7 +46,7 @@ def chord(outline_mm: Array) -> Measured:
 
 
 def distance_to(plane: Plane, outline_mm: Array) -> Measured:
-    """Distance along the normal through the plane's point, by the parabola through the nearest three places."""
+    """Distance along the normal through the plane's point, by a parabola through three places."""
     normal, across = _axes(plane)
     away, beside = (outline_mm - plane.point_mm) @ normal, (outline_mm - plane.point_mm) @ across
     middle = int(np.clip(np.argmin(np.abs(beside)), 1, len(away) - 2))

@@ -2,15 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import Protocol
 
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.named_types import MOST_LABELS
 from grabberd.errors import Conflict, InputError
 from grabberd.service.archive.archive import Archive
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
-
-MOST_LABELS = 32
-"""Maximum number of labels of a capture."""
 
 
 class Jobs(Protocol):
@@ -101,12 +100,12 @@ class CaptureAnnotations:
         self._annotations.remove(capture_id)
 
 
-def _merged(document: Mapping[str, Any], labels: Mapping[str, str | None]) -> dict[str, str]:
-    merged = {**document["labels"], **labels}
+def _merged(document: CaptureDocument, labels: Mapping[str, str | None]) -> dict[str, str]:
+    merged = {**document.labels, **labels}
     kept = {name: value for name, value in merged.items() if value is not None}
     if len(kept) > MOST_LABELS:
         raise InputError(
-            f"capture {document['id']} would have {len(kept)} labels; the limit is {MOST_LABELS}",
+            f"capture {document.id} would have {len(kept)} labels; the limit is {MOST_LABELS}",
             "remove some first, by setting them to null",
         )
     return kept

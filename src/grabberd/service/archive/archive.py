@@ -4,21 +4,21 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
+from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import CaptureFileError, Conflict, LaterVersion, NotFound, StorageError
 from grabberd.service.archive.capture_documents import (
+    armed_document,
     damaged_document,
     describe,
     running_document,
-    waiting_document,
 )
-from grabberd.service.capture.armed_capture import ArmedCapture
+from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.capture.crash_recovery import reason_of
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.capture_index import IndexEntry
 
@@ -118,7 +118,7 @@ class Archive:
             reason_of(path).unlink(missing_ok=True)
         self.index.remove(capture_id)
 
-    def document(self, capture_id: str) -> dict[str, Any]:
+    def document(self, capture_id: str) -> CaptureDocument:
         """Returns the document of a capture.
 
         Raises:
@@ -126,21 +126,21 @@ class Archive:
         """
         return _annotated(self._document(capture_id), self._annotation(capture_id))
 
-    def current(self) -> list[dict[str, Any]]:
+    def current(self) -> list[CaptureDocument]:
         """Returns the documents of the captures that are armed or running."""
         ids = {one.id for one in self._armed()} | {one.id for one in self._recordings()}
         return [document for capture_id in ids if (document := self._if_there(capture_id)) is not None]
 
-    def _if_there(self, capture_id: str) -> dict[str, Any] | None:
+    def _if_there(self, capture_id: str) -> CaptureDocument | None:
         try:
             return self.document(capture_id)
         except NotFound:  # disarmed since its id was read
             return None
 
-    def _document(self, capture_id: str) -> dict[str, Any]:
+    def _document(self, capture_id: str) -> CaptureDocument:
         recording, armed = self._running(capture_id), self._waiting(capture_id)
         if recording is None and armed is not None:
-            return waiting_document(armed)
+            return armed_document(armed)
         if recording is not None:
             try:
                 return running_document(self.part_of(capture_id), recording)
@@ -148,12 +148,12 @@ class Archive:
                 recording.sealed.wait(RENAMED_S)
         return self._sealed_document(self.index.get(capture_id))
 
-    def documents(self) -> list[dict[str, Any]]:
+    def documents(self) -> list[CaptureDocument]:
         """Returns the documents of all captures, newest first."""
         running = {recording.id for recording in self._recordings()}
         shown = [self.document(capture_id) for capture_id in running]
         sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
-        return sorted(shown + sealed, key=lambda document: str(document["created_utc"]), reverse=True)
+        return sorted(shown + sealed, key=lambda document: document.created_utc, reverse=True)
 
     def _waiting(self, capture_id: str) -> ArmedCapture | None:
         return next((one for one in self._armed() if one.id == capture_id), None)
@@ -168,13 +168,13 @@ class Archive:
     def _running(self, capture_id: str) -> Recording | None:
         return next((one for one in self._recordings() if one.id == capture_id), None)
 
-    def _sealed_document(self, entry: IndexEntry) -> dict[str, Any]:
+    def _sealed_document(self, entry: IndexEntry) -> CaptureDocument:
         path = self.directory / entry.file
         try:
             described = self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
         except (CaptureFileError, StorageError) as error:
             return damaged_document(entry, path, error.message)
-        return described | {"id": entry.id}
+        return described.model_copy(update={"id": entry.id})
 
 
 def _recovered(part: Path) -> bool:
@@ -187,10 +187,10 @@ def _recovered(part: Path) -> bool:
     return True
 
 
-def _annotated(document: dict[str, Any], annotation: Annotation) -> dict[str, Any]:
-    return {
-        **document,
+def _annotated(document: CaptureDocument, annotation: Annotation) -> CaptureDocument:
+    changes = {
         "pinned": annotation.pinned,
-        "note": document["note"] if annotation.note is None else annotation.note,
-        "labels": document["labels"] if annotation.labels is None else dict(annotation.labels),
+        "note": document.note if annotation.note is None else annotation.note,
+        "labels": document.labels if annotation.labels is None else dict(annotation.labels),
     }
+    return document.model_copy(update=changes)

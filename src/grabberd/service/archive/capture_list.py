@@ -5,8 +5,9 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.storage.state.annotation_store import Annotation
@@ -52,15 +53,15 @@ class CaptureQuery:
         given = (self.after, Position(self.until_utc, "") if self.until_utc else None)
         return min((position for position in given if position), default=None)
 
-    def matches(self, document: dict[str, Any]) -> bool:
+    def matches(self, document: CaptureDocument) -> bool:
         """True if a capture belongs to the list."""
         return (
             (self.after is None or position_of(document) < self.after)
-            and self.device in (None, document["device"])
-            and (self.since_utc is None or document["created_utc"] >= self.since_utc)
-            and (self.until_utc is None or document["created_utc"] < self.until_utc)
-            and self._contains(document["id"], document["note"], document["labels"])
-            and self.pinned in (None, document["pinned"])
+            and self.device in (None, document.device)
+            and (self.since_utc is None or document.created_utc >= self.since_utc)
+            and (self.until_utc is None or document.created_utc < self.until_utc)
+            and self._contains(document.id, document.note, document.labels)
+            and self.pinned in (None, document.pinned)
         )
 
     def may_match(self, entry: IndexEntry, annotation: Annotation) -> bool:
@@ -78,21 +79,21 @@ class CaptureQuery:
         return self.search is None or self.search.casefold() in text.casefold()
 
 
-def list_captures(archive: Archive, query: CaptureQuery) -> tuple[list[dict[str, Any]], Position | None]:
+def list_captures(archive: Archive, query: CaptureQuery) -> tuple[list[CaptureDocument], Position | None]:
     """Returns a page of captures, newest first, and the position to go on from, or None for the last page."""
     found = list(islice(filter(query.matches, _newest(archive, query)), query.limit + 1))
     shown = found[: query.limit]
     return shown, position_of(shown[-1]) if len(found) > query.limit else None
 
 
-def position_of(document: dict[str, Any]) -> Position:
+def position_of(document: CaptureDocument) -> Position:
     """Returns the position of a capture in the list."""
-    return Position(document["created_utc"], document["id"])
+    return Position(document.created_utc, document.id)
 
 
-def _newest(archive: Archive, query: CaptureQuery) -> Iterator[dict[str, Any]]:
+def _newest(archive: Archive, query: CaptureQuery) -> Iterator[CaptureDocument]:
     """Yields armed, running and indexed captures in one order."""
-    current = {document["id"]: document for document in archive.current()}
+    current = {document.id: document for document in archive.current()}
     ended = (entry for entry in _indexed(archive, query) if entry.id not in current)
     documents = (document for entry in ended if (document := _document(archive, entry)) is not None)
     ordered = sorted(current.values(), key=position_of, reverse=True)
@@ -110,9 +111,9 @@ def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[IndexEntry]:
         after = Position(entries[-1].created_utc, entries[-1].id)
 
 
-def _document(archive: Archive, entry: IndexEntry) -> dict[str, Any] | None:
+def _document(archive: Archive, entry: IndexEntry) -> CaptureDocument | None:
     """Returns a capture's document; None if it was deleted since its entry was read."""
     try:
-        return {**archive.document(entry.id), "created_utc": entry.created_utc}
+        return archive.document(entry.id).model_copy(update={"created_utc": entry.created_utc})
     except NotFound:
         return None

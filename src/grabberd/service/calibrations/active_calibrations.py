@@ -3,15 +3,15 @@
 import logging
 import threading
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
+from grabberd.documents.calibrations import ActiveCalibration, CalibrationRejection, CalibrationRow
 from grabberd.errors import CalibrationMismatch, Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
-from grabberd.service.calibrations.calibration_documents import age_days
+from grabberd.service.calibrations.calibration_documents import active_calibration
 from grabberd.service.clock import Clock, iso_utc
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 from grabberd.storage.state.state_store import StateStore
 
 log = logging.getLogger(__name__)
@@ -104,7 +104,7 @@ class ActiveCalibrations:
         documents = (one.setup.documents.get("calibration") for one in self._instruments.values())
         return {str(document["id"]) for document in documents if document}
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[CalibrationRow]:
         """Returns all calibrations as they are listed, newest first.
 
         `active` is true if a device measures with it; `misfit` says why its own device cannot, or is None.
@@ -112,40 +112,34 @@ class ActiveCalibrations:
         rows, rejections = self._calibrations.rows(), self._rejections.all()
         measuring = self._measuring(rows)
         return [
-            {
-                **row,
-                "active": (row["id"], row["device"]) in measuring,
-                "misfit": self._misfit(row),
-                "rejected": asdict(rejections[row["id"]]) if row["id"] in rejections else None,
-            }
+            row.model_copy(
+                update={
+                    "active": (row.id, row.device) in measuring,
+                    "misfit": self._misfit(row),
+                    "rejected": rejections.get(row.id),
+                }
+            )
             for row in rows
         ]
 
-    def row(self, calibration_id: str, device: str | None = None) -> dict[str, Any]:
+    def row(self, calibration_id: str, device: str | None = None) -> CalibrationRow:
         """Returns one calibration as it is listed; if several devices have it, that of the device named.
 
         Raises:
             NotFound: No calibration has that id.
         """
-        rows = [row for row in self.rows() if row["id"] == calibration_id]
+        rows = [row for row in self.rows() if row.id == calibration_id]
         if not rows:
             raise NotFound(f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists them")
-        return next((row for row in rows if row["device"] == device), rows[0])
+        return next((row for row in rows if row.device == device), rows[0])
 
-    def document(self, instrument: Instrument) -> dict[str, Any] | None:
+    def document(self, instrument: Instrument) -> ActiveCalibration | None:
         """Returns the calibration that a device measures with, and its age; None if it has none."""
         document = instrument.setup.documents.get("calibration")
         if not document:
             return None
         chosen = self._chosen.get(instrument.name)
-        return {
-            "id": document["id"],
-            "created_utc": document["created_utc"],
-            "age_days": round(
-                age_days(document["created_utc"], self._clock.utc_now()), 3
-            ),  # to about a minute
-            "activated_utc": chosen.activated_utc if chosen else None,
-        }
+        return active_calibration(document, self._clock.utc_now(), chosen.activated_utc if chosen else None)
 
     def warnings(self, instrument: Instrument) -> list[str]:
         """Returns what keeps a device from measuring, in sentences."""
@@ -159,14 +153,14 @@ class ActiveCalibrations:
         ]
         return [reason for reason in reasons if reason]
 
-    def _measuring(self, rows: Sequence[Mapping[str, Any]]) -> set[tuple[str, str]]:
+    def _measuring(self, rows: Sequence[CalibrationRow]) -> set[tuple[str, str]]:
         """Returns ids and devices of the rows that devices measure with.
 
         A device measures with its own row of an id or, if it was renamed since, with that of the old name.
         """
         owners: dict[str, set[str]] = {}
         for row in rows:
-            owners.setdefault(row["id"], set()).add(row["device"])
+            owners.setdefault(row.id, set()).add(row.device)
         measuring: set[tuple[str, str]] = set()
         for instrument in self._instruments.values():
             calibration_id = str((instrument.setup.documents.get("calibration") or {}).get("id"))
@@ -175,13 +169,13 @@ class ActiveCalibrations:
             measuring.update((calibration_id, name) for name in named)
         return measuring
 
-    def _misfit(self, row: Mapping[str, Any]) -> str | None:
+    def _misfit(self, row: CalibrationRow) -> str | None:
         """Says why a calibration does not fit its device as it is now; None if the device is gone, too."""
-        instrument = self._instruments.get(row["device"])
-        if instrument is None or row["problem"]:
+        instrument = self._instruments.get(row.device)
+        if instrument is None or row.problem:
             return None
         try:
-            instrument.check_fits(Calibration.from_document(self._calibrations.find(row["id"])))
+            instrument.check_fits(Calibration.from_document(self._calibrations.find(row.id)))
         except (CalibrationMismatch, NotFound, StorageError) as error:
             return error.message
         return None
@@ -227,14 +221,6 @@ def _key(device: str) -> str:
     return f"active_calibration.{device}"
 
 
-@dataclass(frozen=True, slots=True)
-class _Rejection:
-    """Time and reason of a rejection."""
-
-    rejected_utc: str
-    note: str = ""
-
-
 class _Rejections:
     """The rejected calibrations, kept in the state database; usable from any thread."""
 
@@ -243,12 +229,14 @@ class _Rejections:
         self._clock = clock
         self._lock = threading.Lock()
 
-    def all(self) -> dict[str, _Rejection]:
-        return {key: _Rejection(**value) for key, value in (self._state.get(REJECTED) or {}).items()}
+    def all(self) -> dict[str, CalibrationRejection]:
+        return {
+            key: CalibrationRejection(**value) for key, value in (self._state.get(REJECTED) or {}).items()
+        }
 
     def add(self, calibration_id: str, note: str) -> None:
         with self._lock:
-            rejection = _Rejection(iso_utc(self._clock.utc_now()), note)
+            rejection = CalibrationRejection(rejected_utc=iso_utc(self._clock.utc_now()), note=note)
             self._write({**self.all(), calibration_id: rejection})
 
     def lift(self, calibration_id: str) -> None:
@@ -257,5 +245,5 @@ class _Rejections:
             if left.pop(calibration_id, None):
                 self._write(left)
 
-    def _write(self, rejections: Mapping[str, _Rejection]) -> None:
-        self._state.put({REJECTED: {key: asdict(one) for key, one in rejections.items()}})
+    def _write(self, rejections: Mapping[str, CalibrationRejection]) -> None:
+        self._state.put({REJECTED: {key: one.model_dump() for key, one in rejections.items()}})

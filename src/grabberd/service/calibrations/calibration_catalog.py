@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from grabberd.documents.calibrations import CalibrationRow
 from grabberd.errors import Conflict, ExtraMissing, GrabberdError, NotFound
 from grabberd.service.calibrations.calibration_documents import configured_row, newest_first, stored_row
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore, StoredCalibration
@@ -38,7 +39,7 @@ class CalibrationCatalog:
         """
         self.store.open()
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[CalibrationRow]:
         """Returns all calibrations as they are listed, newest first, damaged ones last."""
         stored = self.store.list()
         also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
@@ -121,10 +122,10 @@ class CalibrationCatalog:
         found = (document for document in self.configured.values() if document["id"] == calibration_id)
         return next(found, None)
 
-    def _stored_row(self, entry: StoredCalibration, also_configured: bool) -> dict[str, Any]:
+    def _stored_row(self, entry: StoredCalibration, also_configured: bool) -> CalibrationRow:
         row = stored_row(entry)
         hidden = self._configured(entry.id) is not None and not also_configured
-        return row | {"problem": row["problem"] or HIDDEN} if hidden else row
+        return row.model_copy(update={"problem": row.problem or HIDDEN}) if hidden else row
 
     def _beside(self, calibration_id: str, read: Callable[[str], bytes | None]) -> bytes | None:
         """Reads a file stored beside a calibration; None for one that is in the configuration alone."""

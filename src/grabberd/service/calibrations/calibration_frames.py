@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import shipped_configs
+from grabberd.documents.calibrations import CalibrationFrameRow
 from grabberd.errors import NotFound
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.setup import read_yaml
@@ -19,22 +20,23 @@ def known_calibration_frames() -> dict[str, Path]:
     return {path.stem: path for path in sorted((shipped_configs() / "calibration-frames").glob("*.yaml"))}
 
 
-def calibration_frame_rows() -> list[dict[str, Any]]:
-    """Returns the known calibration frames as they are listed, by name."""
-    return [{"name": name, **_row(path)} for name, path in known_calibration_frames().items()]
+def calibration_frame_rows() -> list[CalibrationFrameRow]:
+    """The calibration frames that are known, by name."""
+    return [_row(name, path) for name, path in known_calibration_frames().items()]
 
 
-@cache  # the files do not change while the program runs
-def _row(path: Path) -> dict[str, Any]:
-    """Returns what tells one from another at a glance."""
+@cache
+def _row(name: str, path: Path) -> CalibrationFrameRow:
+    """The properties that tell one from another; cached, as the files never change while the program runs."""
     document = read_yaml(path)
     targets = document["targets"]
     spans = {axis: [target[axis] for target in targets] for axis in ("x_mm", "y_mm")}
-    return {
-        "targets": len(targets),
-        "target_diameter_mm": document["target_diameter_mm"],
-        "size_mm": sorted(round(max(span) - min(span), 1) for span in spans.values())[::-1],
-    }
+    return CalibrationFrameRow(
+        name=name,
+        targets=len(targets),
+        target_diameter_mm=document["target_diameter_mm"],
+        size_mm=sorted((round(max(span) - min(span), 1) for span in spans.values()), reverse=True),
+    )
 
 
 def calibration_frame_document(wanted: str | Mapping[str, Any] | None) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs.progress import Progress, portion
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.storage import CaptureReader
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
 
 if TYPE_CHECKING:
@@ -245,8 +245,8 @@ def _with_log(inputs: Mapping[str, Any], vacuum_log: str | None) -> Mapping[str,
 def _write_all(folder: Path, made: AnalysisOutput) -> dict[str, Any]:
     """Writes every file of a stored analysis; returns its record."""
     from grabberd.processes.analysis.maps import map_units, target_maps
+    from grabberd.storage.export.analysis_export import write_csv
     from grabberd.storage.export.analysis_maps import write_maps
-    from grabberd.storage.export.analysis_tables import write_csv
 
     write_csv(folder, made.tables)
     write_maps(folder, target_maps(made.tables, made.analysis.grid), map_units(made.tables))

@@ -13,7 +13,7 @@ from grabberd.service.calibrations.calibration_frames import (
     calibration_frame_document,
     calibration_frame_model,
 )
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.calibration import nominal_rig, recorded_rig
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
@@ -24,7 +24,7 @@ from grabberd.storage.capture.schema import SUFFIX
 if TYPE_CHECKING:  # the job process carries values, not the daemon's own objects
     from grabberd.service.archive.archive import Archive
     from grabberd.service.capture.capture_control import CaptureControl
-    from grabberd.service.device.instrument import Instrument
+    from grabberd.service.instrument import Instrument
 
 SECONDS = 10.0
 SEALING_S = 60.0
@@ -95,7 +95,7 @@ class CheckJob(JobSpec):
             note=NOTE,
             labels={"purpose": NOTE},
         )
-        capture_id = captures.start(instrument, request)
+        capture_id = captures.start(instrument.name, request)
         return cls(
             subject=capture_id,
             path=archive.directory / f"{capture_id}{SUFFIX}",

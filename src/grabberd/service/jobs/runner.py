@@ -7,11 +7,11 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any, ClassVar
 
+from grabberd.documents.states import JobState
 from grabberd.errors import Conflict, GrabberdError, NotFound
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.jobs.progress import Progress
@@ -44,16 +44,6 @@ class JobSpec(ABC):
         Raises:
             GrabberdError: The job fails; message and hint become its `problem`.
         """
-
-
-class JobState(StrEnum):
-    """State of a job."""
-
-    QUEUED = "queued"
-    RUNNING = "running"
-    DONE = "done"
-    FAILED = "failed"
-    CANCELLED = "cancelled"
 
 
 ENDED = frozenset({JobState.DONE, JobState.FAILED, JobState.CANCELLED})

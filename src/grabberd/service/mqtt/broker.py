@@ -41,7 +41,7 @@ class Connection:
         Raises:
             NotReady: The broker is gone, does not answer, or refuses the message.
         """
-        text = json.dumps(message.document, ensure_ascii=False, separators=(",", ":"))
+        text = json.dumps(message.content, ensure_ascii=False, separators=(",", ":"))
         self._client.refusal = None
         try:
             await self._client.publish(message.topic, text, QOS, message.retained, timeout=timeout_s)
@@ -127,7 +127,7 @@ class Broker:
             password=self._password(),
             identifier=self._client_id,
             protocol=aiomqtt.ProtocolVersion.V5,
-            will=aiomqtt.Will(farewell.topic, json.dumps(farewell.document), QOS, farewell.retained),
+            will=aiomqtt.Will(farewell.topic, json.dumps(farewell.content), QOS, farewell.retained),
             clean_start=True,
             keepalive=self._config.keepalive_s,
             timeout=ACKNOWLEDGED_S,

@@ -9,10 +9,11 @@ import logging
 import random
 import threading
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from grabberd import __version__
+from grabberd.documents.mqtt import OnlineMessage
+from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import GrabberdError, NotReady, StorageError
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.mqtt.broker import Broker, Connection
@@ -47,7 +48,7 @@ class Publisher:
         self,
         broker: Broker,
         topics: Topics,
-        state: Callable[[], Mapping[str, Any]],
+        state: Callable[[], StateDocument],
         summaries: SummaryQueue,
         clock: Clock,
         every_s: float,
@@ -91,16 +92,16 @@ class Publisher:
         if self._thread.is_alive():
             self._thread.join(END_S)
 
-    def document(self) -> dict[str, Any]:
-        """Returns the state of the connection and how many captures wait."""
-        return {
-            "connected": self._connected,
-            "since_utc": self._since_utc,
-            "problem": self._problem,
-            "waiting_captures": self.summaries.waiting + len(self.summaries.remaining),
-            "acknowledged_captures": self.summaries.acknowledged,
-            "missed_captures": self.summaries.missed,
-        }
+    def document(self) -> MqttDocument:
+        """The connection to the broker, and the captures that wait for it."""
+        return MqttDocument(
+            connected=self._connected,
+            since_utc=self._since_utc,
+            problem=self._problem,
+            waiting_captures=self.summaries.waiting + len(self.summaries.remaining),
+            acknowledged_captures=self.summaries.acknowledged,
+            missed_captures=self.summaries.missed,
+        )
 
     def _run(self) -> None:
         with contextlib.suppress(asyncio.CancelledError):
@@ -166,8 +167,8 @@ class Publisher:
 
     async def _publish_states(self, connection: Connection, published: dict[str, Message]) -> None:
         state = self._state()
-        for name, device in state["devices"].items():
-            message = self._topics.message(STATE, device_state(device, state["storage"]), device=name)
+        for name, device in state.devices.items():
+            message = self._topics.message(STATE, device_state(device, state.storage), device=name)
             if published.get(name) != message:
                 await connection.publish(self._dated(message))
                 published[name] = message
@@ -182,10 +183,10 @@ class Publisher:
             self.summaries.acknowledge(capture_id)
 
     def _online(self, online: bool) -> Message:
-        return self._topics.message(ONLINE, {"online": online, "version": __version__})
+        return self._topics.message(ONLINE, OnlineMessage(online=online, version=__version__))
 
     def _dated(self, message: Message) -> Message:
-        return message._replace(document={**message.document, "utc": iso_utc(self._clock.utc_now())})
+        return message._replace(content={**message.content, "utc": iso_utc(self._clock.utc_now())})
 
     def _set_connected(self, connected: bool) -> None:
         if connected == self._connected:

@@ -4,12 +4,13 @@ The MQTT library is an optional extra, so it is imported only where a broker is 
 """
 
 import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 from urllib.parse import quote
 
 from grabberd.config import Config
+from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import ConfigError, ExtraMissing, Problem
 from grabberd.service.archive.archive import Archive
 from grabberd.service.clock import Clock
@@ -30,8 +31,8 @@ class MqttPublisher(Protocol):
         """Disconnects cleanly."""
         ...
 
-    def document(self) -> dict[str, Any]:
-        """Returns the state of the connection."""
+    def document(self) -> MqttDocument:
+        """The connection to the broker, and the captures that wait for it."""
         ...
 
 
@@ -49,7 +50,7 @@ def check_mqtt(config: Config, file: Path) -> None:
 
 
 def create_publisher(
-    config: Config, archive: Archive, state: Callable[[], Mapping[str, Any]], clock: Clock
+    config: Config, archive: Archive, state: Callable[[], StateDocument], clock: Clock
 ) -> MqttPublisher | None:
     """Creates the publisher of a checked configuration; None if no broker is configured.
 

@@ -1,8 +1,8 @@
 """The summaries of captures that the broker has not taken yet, kept on disk until it has."""
 
 import logging
-from typing import Any
 
+from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.service.mqtt.messages import capture_summary
@@ -81,7 +81,7 @@ class SummaryQueue:
         """True if another capture can be entered."""
         return self.waiting < self._limit
 
-    def first(self) -> tuple[str, dict[str, Any]] | None:
+    def first(self) -> tuple[str, JsonObject] | None:
         """Returns id and summary of the oldest capture that waits, or None.
 
         Raises:
@@ -115,7 +115,7 @@ class SummaryQueue:
         summary = capture_summary(
             document, file=file, site=site, rate_hz=rate_hz, calibration_id=calibration_id
         )
-        self._outbox.enter(capture_id, summary)
+        self._outbox.enter(capture_id, summary.model_dump(mode="json"))
 
     def _file_facts(self, file: str) -> tuple[dict[str, str], float, str | None]:
         try:

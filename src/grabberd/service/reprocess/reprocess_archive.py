@@ -24,7 +24,7 @@ from grabberd.service.reprocess.workers import Workers
 from grabberd.service.setup import location_settings, read_documents
 from grabberd.storage.export.dataset import DataSet
 from grabberd.storage.export.dataset_file import fields_so_far
-from grabberd.storage.export.parquet import check_parquet
+from grabberd.storage.export.parquet_file import check_parquet
 
 TASKS_A_WORKER = 2
 """One that is measured and one that waits, so that no worker has to."""

@@ -11,13 +11,14 @@ from typing import Any, Literal, NamedTuple
 from grabberd import __version__
 from grabberd.config import RigConfig
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
+from grabberd.processes.columns import Rows
 from grabberd.processes.measure import MeasuredField, MeasureSetup
 from grabberd.processes.reprocess import measured_groups
 from grabberd.service.setup import check_rig, measure_setup, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
-from grabberd.storage.export.columns import Rows, moment_of, rows_of
 from grabberd.storage.export.dataset_file import read_about, write_dataset_file
+from grabberd.storage.export.points_columns import moment_of, rows_of
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
 """Errors that every further task would run into as well."""
