@@ -119,7 +119,7 @@ def _costs(shares: dict[str, float]) -> list[tuple[str, str]]:
 
 
 def _about(service: Service, group_id: str, watching: Witness, highest_mb: float) -> list[tuple[str, str]]:
-    first_s = [one["first_field_s"] for one in service.capture_control.captures_of(group_id)]
+    first_s = [one.first_field_s for one in service.capture_control.captures_of(group_id)]
     return [
         ("first fields after the common start", ", ".join(f"{1e3 * one:.1f} ms" for one in first_s)),
         ("lost by the drivers' buffers", str(sum(_lost(one) for one in service.instruments.values()))),

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from running import running, sealed
 
+from grabberd.documents.roles import Role
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.diagnostics import bundle, daemon_parts, machine_parts
 from grabberd.service.journal import last_lines
-from grabberd.service.roles import Role
 
 
 def read(content: bytes) -> dict[str, str]:

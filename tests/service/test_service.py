@@ -23,7 +23,7 @@ def test_a_file_whose_ledger_contradicts_itself_is_shown_as_damaged_beside_the_o
         connection.execute("INSERT INTO ledger VALUES (3, 4, 'lost', 'twice')")
         connection.commit()
         connection.close()
-        states = {document["id"]: document["state"] for document in service.archive.documents()}
+        states = {document.id: document.state for document in service.archive.documents()}
         assert states == {bad.stem: "damaged", good.stem: "sealed"}
 
 
@@ -70,7 +70,7 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
         path = capture(service, fields=5)
         recording = service.instrument(None).recording
         assert recording
-        monkeypatch.setattr(service.archive, "_sessions", lambda: [recording])
+        monkeypatch.setattr(service.archive, "_recordings", lambda: [recording])
         part = service.archive.part_of(recording.id)
         part.write_bytes(path.read_bytes())
         opened = CaptureReader.__init__
@@ -80,7 +80,7 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
             part.unlink(missing_ok=True)
 
         monkeypatch.setattr(CaptureReader, "__init__", then_gone)
-        assert service.archive.document(recording.id)["state"] == "sealed"
+        assert service.archive.document(recording.id).state == "sealed"
 
 
 def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
@@ -121,5 +121,5 @@ def test_what_a_crash_left_is_sealed_at_the_next_start(tmp_path: Path) -> None:
     part = whole.with_name(whole.name + ".part")
     whole.rename(part)
     with running(tmp_path) as service:
-        assert service.archive.document(whole.stem)["state"] == "sealed"
+        assert service.archive.document(whole.stem).state == "sealed"
         assert not part.exists()

@@ -41,7 +41,7 @@ _MOST_BITS = 8
 
 @dataclass(frozen=True, slots=True)
 class InvestigationSettings:
-    """How points are compared.
+    """Settings of the comparison of points with the truth.
 
     Attributes:
         fit: turn and shift the points onto the truth first, one motion for all fields; never scale.
@@ -189,7 +189,7 @@ def _grey(packed: PackedField) -> Field:
 
 
 def _quantised(field: Field, bits: int, threshold: int) -> PackedField:
-    """With a number of bits that no ring has, the grey values of so many bits in eight."""
+    """Quantise to a number of bits that no ring has, keeping the result in eight."""
     if bits in BIT_DEPTHS:
         return quantise(field, bits, threshold)
     low = np.uint8((1 << (_MOST_BITS - bits)) - 1)

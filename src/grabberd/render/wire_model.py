@@ -21,7 +21,7 @@ _INSIDE = 0.72
 
 
 class Look(NamedTuple):
-    """How a model is drawn.
+    """Drawing style of a model.
 
     Attributes:
         azimuth_deg: from where; `elevation_deg`: likewise, see `viewing_axes`.
@@ -83,7 +83,7 @@ def _draw_facets(
 
 
 def _on_grid(line: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which lines of the mesh go through targets."""
+    """Mask of the mesh lines that pass through targets."""
     on: NDArray[np.bool_] = (line - PER_PITCH // 2) % PER_PITCH == 0
     return on
 

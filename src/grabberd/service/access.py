@@ -8,10 +8,10 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Literal
 
+from grabberd.documents.roles import Role
 from grabberd.errors import AccessExpired, Conflict, InputError
 from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.machine_key import PREFIX, MachineKey
-from grabberd.service.roles import Role
 from grabberd.storage.state.token_store import Holder, TokenRow, TokenStore
 
 SECRET_BYTES = 32

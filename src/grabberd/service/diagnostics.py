@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from grabberd import __version__
 from grabberd.acquisition import available, discover
+from grabberd.documents.named_types import JsonObject
 from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.journal import last_lines
 from grabberd.service.journal import without_secrets as text_without_secrets
@@ -75,8 +76,8 @@ def daemon_parts(service: "Service", *, words: bool = False) -> Parts:
     return {
         **machine_parts(),
         "configuration.json": lambda: shown(without_secrets(service.configuration)),
-        "state.json": lambda: shown({**service.state(), "disk": _disk(service.archive.directory)}),
-        "captures.json": lambda: shown(service.archive.documents()),
+        "state.json": lambda: shown(_state(service)),
+        "captures.json": lambda: shown(_captures(service)),
         "jobs.json": lambda: [asdict(job) for job in service.jobs.list()],
         "log.jsonl": lambda: "\n".join(last_lines.lines) + "\n",
     }
@@ -109,7 +110,7 @@ def without_personal_text(document: Any) -> Any:
     return document
 
 
-def versions() -> dict[str, Any]:
+def versions() -> JsonObject:
     """Versions of grabberd, Python, its packages, the kernel and OpenCV."""
     import cv2  # noqa: PLC0415 - seldom asked for
 
@@ -124,12 +125,18 @@ def versions() -> dict[str, Any]:
     }
 
 
-def _grabbers() -> dict[str, Any]:
+def _grabbers() -> JsonObject:
     return {"drivers": available(), "found": [asdict(found) for found in discover()]}
 
 
-def _disk(directory: Path) -> dict[str, int]:
-    return shutil.disk_usage(directory)._asdict()
+def _captures(service: "Service") -> list[JsonObject]:
+    # Without pins: they are not in the captures' files, and an unreadable state must not hide the captures.
+    return [one.model_dump(mode="json", exclude={"pinned"}) for one in service.archive.documents()]
+
+
+def _state(service: "Service") -> JsonObject:
+    disk = shutil.disk_usage(service.archive.directory)._asdict()
+    return {**service.state().model_dump(mode="json"), "disk": disk}
 
 
 def _systemd() -> str:

@@ -7,6 +7,8 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.config import Config
+from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.access import Access
@@ -14,7 +16,7 @@ from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
-from grabberd.service.calibrations.catalog import CalibrationCatalog
+from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import GB, DiskGuard
@@ -23,11 +25,10 @@ from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.device.fair_lock import FairLock
 from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import Instrument
-from grabberd.service.jobs.calibrate_file import calibrate_capture
-from grabberd.service.jobs.calibration_job import Calibrator
-from grabberd.service.jobs.job_runner import JobRunner
+from grabberd.service.jobs.calibration import Calibrator, calibrate_file
+from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
-from grabberd.service.mqtt.publishing import Publishes, publisher_of
+from grabberd.service.mqtt.publisher_setup import MqttPublisher, create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
@@ -70,7 +71,7 @@ class Service:
         queue_s: float = 10.0,
         disk: DiskGuard | None = None,
         retention: Policy | None = None,
-        calibrator: Calibrator = calibrate_capture,
+        calibrator: Calibrator = calibrate_file,
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()
@@ -112,7 +113,7 @@ class Service:
             self.annotations.spared,
             self.annotations.delete,
         )
-        self.publisher: Publishes | None = None
+        self.publisher: MqttPublisher | None = None
         self._started = False
 
     @property
@@ -132,7 +133,7 @@ class Service:
             retention=Policy.from_config(config.storage.retention),
         )
         service.configuration = without_secrets(config.model_dump(mode="json"))
-        service.publisher = publisher_of(config, service.archive, service.state, service.clock)
+        service.publisher = create_publisher(config, service.archive, service.state, service.clock)
         return service
 
     def start(self) -> None:
@@ -216,23 +217,26 @@ class Service:
         """
         self.active.activate(calibration_id, self.instrument(device))
 
-    def state(self) -> dict[str, Any]:
-        """State of the daemon: its devices, its disk and its broker."""
-        return {
-            "version": __version__,
-            "devices": {name: self.device_document(one) for name, one in self.instruments.items()},
-            "storage": self.storage_document(),
-            "mqtt": self.publisher.document() if self.publisher else None,
-        }
+    def state(self) -> StateDocument:
+        """State of the devices, the disk and the daemon at a glance."""
+        return StateDocument(
+            version=__version__,
+            devices={name: self.device_document(one) for name, one in self.instruments.items()},
+            storage=self.storage_document(),
+            mqtt=self.publisher.document() if self.publisher else None,
+        )
 
-    def storage_document(self) -> dict[str, Any]:
-        """State of the disk, and what has been removed from it since the start."""
-        bytes_per_s = sum(instrument.bytes_per_s for instrument in self.instruments.values())
-        removed = {"removed": self.retention.removed, "removed_bytes": self.retention.removed_bytes}
-        return self._disk.document(self.archive.directory, bytes_per_s) | removed
+    def storage_document(self) -> StorageDocument:
+        """The disk at this moment, and what has been removed from it since the start."""
+        return self._disk.document(
+            self.archive.directory,
+            sum(instrument.bytes_per_s for instrument in self.instruments.values()),
+            removed=self.retention.removed,
+            removed_bytes=self.retention.removed_bytes,
+        )
 
-    def device_document(self, instrument: Instrument) -> dict[str, Any]:
-        """Document of a device."""
+    def device_document(self, instrument: Instrument) -> DeviceDocument:
+        """A device at this moment."""
         return device_document(instrument, self.active)
 
     def _sealed(self, recording: Recording) -> None:
@@ -249,7 +253,7 @@ class Service:
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
         if self.publisher is not None:
-            self.publisher.notice()
+            self.publisher.capture_ended()
 
 
 def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from grabberd.config import DeviceConfig, ThresholdConfig
+from grabberd.documents.settings import DeviceSettings, SettingsDocument
 from grabberd.errors import InputError
 from grabberd.service.instrument import Instrument
 from grabberd.storage.state.state_store import StateStore
@@ -36,9 +37,9 @@ class Settings:
             if stored is not None:
                 self._apply(instrument, stored)
 
-    def document(self) -> dict[str, Any]:
-        """Settings in force, by device."""
-        return {"devices": {name: self._of(one) for name, one in self._instruments.items()}}
+    def document(self) -> SettingsDocument:
+        """The settings in force, by device."""
+        return SettingsDocument(devices={name: self._of(one) for name, one in self._instruments.items()})
 
     def set_threshold(self, instrument: Instrument, threshold: ThresholdConfig | None) -> None:
         """Sets how a device's threshold is chosen from now on; None: as configured.
@@ -55,10 +56,10 @@ class Settings:
             instrument.configure(config)
         log.info("device %s: threshold %s", instrument.name, config.threshold.model_dump())
 
-    def _of(self, instrument: Instrument) -> dict[str, Any]:
+    def _of(self, instrument: Instrument) -> DeviceSettings:
         threshold = instrument.setup.config.threshold
         configured = threshold == self._configured[instrument.name].threshold
-        return {"threshold": threshold.model_dump(), "as_configured": configured}
+        return DeviceSettings(threshold=threshold, as_configured=configured)
 
     def _config(self, instrument: Instrument, threshold: ThresholdConfig | None) -> DeviceConfig:
         configured = self._configured[instrument.name]

@@ -79,7 +79,7 @@ def test_a_trigger_needs_no_name_where_all_that_wait_belong_together(daemon: Dae
     document = json.loads(run("trigger", "--url", daemon.url, "--json").stdout)
     assert document["group"]["id"] == group_id
     sealed_all(daemon.service)
-    assert {one["state"] for one in orders.captures_of(group_id)} == {"sealed"}
+    assert {one.state for one in orders.captures_of(group_id)} == {"sealed"}
 
 
 def test_of_two_that_wait_alone_one_has_to_be_named(daemon: Daemon) -> None:

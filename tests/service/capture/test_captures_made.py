@@ -101,4 +101,4 @@ def test_a_capture_ends_though_the_index_cannot_be_written(tmp_path: Path) -> No
         assert recording.path.suffix == ".grab"
         index.rmdir()
         service.archive.index.rebuild()
-        assert service.archive.document(recording.id)["verdict"] == "complete"
+        assert service.archive.document(recording.id).verdict == "complete"

@@ -135,14 +135,14 @@ def test_the_service_refuses_what_does_not_fit_and_goes_on(tmp_path: Path) -> No
 def test_the_state_says_how_many_minutes_are_left(tmp_path: Path) -> None:
     disk = Disk(3 * GB)
     with service_with(tmp_path, disk) as service:
-        storage = service.state()["storage"]
+        storage = service.state().storage
         per_minute = 60 * service.instrument(None).bytes_per_s
-        assert storage["free_bytes"] == 3 * GB
-        assert storage["minutes_left"] == pytest.approx(2 * GB / per_minute, abs=0.1)
+        assert storage.free_bytes == 3 * GB
+        assert storage.minutes_left == pytest.approx(2 * GB / per_minute, abs=0.1)
         disk.free = -1
-        assert service.state()["storage"]["minutes_left"] is None
-        assert "no such device" in service.state()["storage"]["problem"]
-        assert service.state()["storage"]["cause_code"] == Cause.DISK_FAILED
+        assert service.state().storage.minutes_left is None
+        assert "no such device" in service.state().storage.problem
+        assert service.state().storage.cause_code == Cause.DISK_FAILED
 
 
 def test_a_disk_that_is_away_or_read_only_says_which(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def test_a_disk_that_is_away_or_read_only_says_which(tmp_path: Path) -> None:
         return free
 
     for number, code in ((errno.ENOENT, Cause.DISK_MISSING), (errno.EROFS, Cause.DISK_READ_ONLY)):
-        assert DiskGuard(free=free_of(number)).document(tmp_path, 1.0)["cause_code"] == code
+        assert DiskGuard(free=free_of(number)).document(tmp_path, 1.0).cause_code == code
 
 
 def test_a_running_capture_is_judged_by_what_it_really_writes(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_a_group_has_a_whole_capture_of_each_device(tmp_path: Path) -> None:
             "right": f"{group_id}-right",
         }
         for document in service.capture_control.captures_of(group_id):
-            assert (document["verdict"], document["fields"]) == ("complete", 10)
+            assert (document.verdict, document.fields) == ("complete", 10)
 
 
 def test_every_file_of_a_group_says_the_same_start_by_both_clocks(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_a_capture_made_alone_is_of_no_group(tmp_path: Path) -> None:
     with several(tmp_path, TWO) as service:
         capture_id = service.capture_control.start("left", FIELDS)
         sealed_all(service)
-        assert service.archive.document(capture_id)["group"] is None
+        assert service.archive.document(capture_id).group is None
         with pytest.raises(NotFound):
             service.capture_control.captures_of(capture_id.removesuffix("-left"))
 
@@ -70,13 +70,13 @@ def test_fields_of_a_group_can_be_laid_on_one_axis(tmp_path: Path) -> None:
     with several(tmp_path, PACED) as service:
         group_id = service.capture_control.start_group(both(CaptureRequest(fields=30, pre_trigger_fields=5)))
         files = sealed_all(service)
-        documents = {one["device"]: one for one in service.capture_control.captures_of(group_id)}
+        documents = {one.device: one for one in service.capture_control.captures_of(group_id)}
         for name, file in files.items():
             with CaptureReader(file) as reader:
                 first_ns, start_ns = reader.first_time_ns, reader.meta.start_ns
             assert first_ns is not None
-            assert documents[name]["first_field_s"] == (first_ns - start_ns) / 1e9
-            assert -0.2 < documents[name]["first_field_s"] < 0.1
+            assert documents[name].first_field_s == (first_ns - start_ns) / 1e9
+            assert -0.2 < documents[name].first_field_s < 0.1
 
 
 def test_no_capture_begins_if_one_cannot(tmp_path: Path) -> None:
@@ -203,8 +203,8 @@ def test_armed_captures_begin_with_one_trigger(tmp_path: Path) -> None:
     with several(tmp_path, PACED) as service:
         group_id = service.capture_control.arm_group(both(CaptureRequest(fields=10)))
         documents = service.capture_control.captures_of(group_id)
-        assert [one["state"] for one in documents] == ["armed", "armed"]
-        assert documents[0]["group"]["start_utc"] is None
+        assert [one.state for one in documents] == ["armed", "armed"]
+        assert documents[0].group.start_utc is None
         service.capture_control.trigger_group(group_id)
         starts = set()
         for file in sealed_all(service).values():
@@ -238,7 +238,7 @@ def test_a_group_is_stopped_at_once(tmp_path: Path) -> None:
         group_id = service.capture_control.start_group(both(CaptureRequest()))
         service.capture_control.stop_group(group_id)
         sealed_all(service)
-        reasons = {one["ended_because"] for one in service.capture_control.captures_of(group_id)}
+        reasons = {one.ended_because for one in service.capture_control.captures_of(group_id)}
         assert reasons == {"stopped by the operator"}
         with pytest.raises(Conflict):
             service.capture_control.stop_group(group_id)
@@ -264,9 +264,9 @@ def test_a_group_is_found_again_after_a_restart_and_without_the_ones_deleted(tmp
         sealed_all(service)
     with several(tmp_path, {"right": {}}) as service:  # the other is configured no more
         found = service.capture_control.captures_of(group_id)
-        assert sorted(one["device"] for one in found) == ["left", "right"]
+        assert sorted(one.device for one in found) == ["left", "right"]
         service.annotations.delete(f"{group_id}-right")
-        assert [one["device"] for one in service.capture_control.captures_of(group_id)] == ["left"]
+        assert [one.device for one in service.capture_control.captures_of(group_id)] == ["left"]
 
 
 def test_orders_of_two_people_at_once_do_not_wait_for_each_other_for_ever(tmp_path: Path) -> None:
@@ -341,8 +341,8 @@ def test_the_shipped_example_of_four_captures_together(tmp_path: Path) -> None:
         group_id = service.capture_control.start_group(dict.fromkeys(quick, CaptureRequest(fields=4)))
         sealed_all(service)
         captures = service.capture_control.captures_of(group_id)
-        assert [one["device"] for one in captures] == sorted(config.devices)
-        assert {one["verdict"] for one in captures} == {"complete"}
+        assert [one.device for one in captures] == sorted(config.devices)
+        assert {one.verdict for one in captures} == {"complete"}
     finally:
         service.stop()
 

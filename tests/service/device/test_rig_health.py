@@ -67,7 +67,7 @@ def test_without_a_second_of_fields_nothing_is_kept() -> None:
 
 
 def test_what_is_not_known_is_shown_as_nothing() -> None:
-    assert fit_document(fit(RigVerdict.UNKNOWN, np.nan))["shift_px"] is None
+    assert fit_document(fit(RigVerdict.UNKNOWN, np.nan)).shift_px is None
 
 
 def test_a_capture_and_its_device_tell_whether_the_rig_fits(tmp_path: Path) -> None:
@@ -77,5 +77,5 @@ def test_a_capture_and_its_device_tell_whether_the_rig_fits(tmp_path: Path) -> N
         with CaptureReader(recording.path) as reader:
             assert reader.meta.extra["rig"]["verdict"] == "fits"
         document = service.device_document(service.instrument(None))
-    assert document["rig"]["verdict"] == "fits"
-    assert document["rig"]["residual_px"]["left"]["y"] < 0.5
+    assert document.rig.verdict == "fits"
+    assert document.rig.residual_px["left"]["y"] < 0.5

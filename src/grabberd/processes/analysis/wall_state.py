@@ -48,7 +48,7 @@ _BENT = 2
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """What is asked of every field of a capture alike.
+    """Question put to every field of a capture alike.
 
     Attributes:
         grid: of the object model; the places are its targets.
@@ -210,7 +210,7 @@ def _parts(together: Estimate) -> _OfTheWall:
 
 
 def _with_material(part: _OfTheWall, more: Array) -> _OfTheWall:
-    """With the material's share (N, 2) of the tension's variance."""
+    """Add the material's share (N, 2) to the tension's variance."""
     assert part.tension_n_per_m is not None
     value, sigma = part.tension_n_per_m
     return part._replace(tension_n_per_m=Estimate(value, np.sqrt(sigma**2 + more)))
@@ -244,7 +244,7 @@ def _forms(question: Question, wall: Wall | None, jets: Jets) -> Forms:
 
 
 def _against(surfaces: Sequence[Surface], question: Question, function: OfJets) -> Estimate:
-    """With σ of the reference too, where it was measured."""
+    """Propagate a function of the present and the reference state, with σ of a measured reference."""
     if isinstance(question.reference, Surface):
         return propagate(surfaces, function, question.places, question.reference, highest=_BENT)
     then = question.reference

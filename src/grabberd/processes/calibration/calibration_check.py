@@ -32,7 +32,7 @@ DOUBTFUL_PX, BAD_PX = 0.25, 0.5
 
 
 class CheckVerdict(StrEnum):
-    """Whether the calibration still holds."""
+    """Verdict on whether the calibration still holds."""
 
     FITS = "fits"
     DOUBTFUL = "doubtful"

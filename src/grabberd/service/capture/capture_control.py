@@ -4,8 +4,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
+from grabberd.documents.captures import CaptureDocument, CaptureGroup
 from grabberd.errors import Conflict, NotFound
 from grabberd.service.capture import group_start
 from grabberd.service.capture.capture_request import ArmedCapture, CaptureRequest, Group, NewCapture
@@ -36,7 +37,7 @@ class CaptureArchive(Protocol):
         """Path of a new capture's file while it is written."""
         ...
 
-    def document(self, capture_id: str) -> dict[str, Any]:
+    def document(self, capture_id: str) -> CaptureDocument:
         """A capture's document; raises NotFound if there is none of that id."""
         ...
 
@@ -173,8 +174,19 @@ class CaptureControl:
             raise Conflict(f"no capture of group {group_id} is running", "they have ended already")
         self._stop(armed, recordings)
 
-    def captures_of(self, group_id: str) -> list[dict[str, Any]]:
-        """Documents of the captures of a group; those that were deleted are left out.
+    def group_document(self, group_id: str) -> CaptureGroup:
+        """A group with its captures; deleted ones are left out.
+
+        Raises:
+            NotFound: There is no such group.
+        """
+        captures = self.captures_of(group_id)
+        group = captures[0].group
+        assert group is not None, "captures_of finds members of the group alone"
+        return CaptureGroup(**group.model_dump(), captures=captures)
+
+    def captures_of(self, group_id: str) -> list[CaptureDocument]:
+        """The captures of a group; deleted ones are left out.
 
         Raises:
             NotFound: There is no such group.
@@ -183,12 +195,12 @@ class CaptureControl:
         recordings = [one.id for one in self._current.recordings(group_id)]
         ended = [entry.id for entry in self._archive.index.beginning_with(f"{group_id}-")]
         found = list(self._documents(dict.fromkeys((*armed, *recordings, *ended))))
-        captures = [one for one in found if one["group"] is not None and one["group"]["id"] == group_id]
+        captures = [one for one in found if one.group is not None and one.group.id == group_id]
         if not captures:
             raise NotFound(f"no group {group_id!r}", "GET /api/v1/captures says of which group a capture is")
-        return sorted(captures, key=lambda one: str(one["id"]))
+        return sorted(captures, key=lambda one: one.id)
 
-    def _documents(self, capture_ids: Iterable[str]) -> Iterator[dict[str, Any]]:
+    def _documents(self, capture_ids: Iterable[str]) -> Iterator[CaptureDocument]:
         for capture_id in capture_ids:
             with suppress(NotFound):  # deleted or disarmed just now
                 yield self._archive.document(capture_id)

@@ -4,11 +4,11 @@ import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from grabberd.documents.state import StorageDocument
 from grabberd.errors import Cause, StorageError
 from grabberd.field.packed import packed_shape
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 GB = 1_000_000_000
 DEFAULT_RESERVE_BYTES = GB // 5
@@ -81,15 +81,30 @@ class DiskGuard:
         """Seconds until captures that together write this much have used what is free but for the reserve."""
         return max(0, self.free_bytes(folder) - self.reserve_bytes) / bytes_per_s
 
-    def document(self, folder: Path, bytes_per_s: float) -> dict[str, Any]:
-        """State of the disk, also of one that fails."""
+    def document(
+        self, folder: Path, bytes_per_s: float, *, removed: int = 0, removed_bytes: int = 0
+    ) -> StorageDocument:
+        """The disk's document, also of one that fails.
+
+        Args:
+            folder: where captures are written to.
+            bytes_per_s: rate at which all devices together write.
+            removed: number of captures that retention has removed.
+            removed_bytes: their total size.
+        """
+        free, left_s, problem, code = None, None, None, None
         try:
             free, left_s = self.free_bytes(folder), self.seconds_left(folder, bytes_per_s)
         except StorageError as error:
-            problem = {"problem": error.message, "cause_code": cause_of(error)}
-            return {"free_bytes": None, "minutes_left": None, **problem}
-        left = {"free_bytes": free, "minutes_left": round(left_s / 60, 1)}
-        return {**left, "problem": None, "cause_code": None}
+            free, problem, code = None, error.message, cause_of(error)
+        return StorageDocument(
+            free_bytes=free,
+            minutes_left=None if left_s is None else round(left_s / 60, 1),
+            problem=problem,
+            cause_code=code,
+            removed=removed,
+            removed_bytes=removed_bytes,
+        )
 
     def check_fits(self, folder: Path, bytes_per_s: float, duration_s: float | None) -> None:
         """Checks that a capture of this length fits; of one without a length, that a minute of it does.

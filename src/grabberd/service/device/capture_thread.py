@@ -8,6 +8,7 @@ from typing import Protocol
 
 from grabberd.acquisition.device import Grabber, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL
+from grabberd.documents.states import Rung
 from grabberd.errors import (
     Cause,
     DeviceError,
@@ -20,7 +21,7 @@ from grabberd.errors import (
 from grabberd.service.clock import Clock
 from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.field_pipeline import FieldPipeline
-from grabberd.service.device.recovery import Failure, Ladder, Rung, Step, reason_of, trouble_of
+from grabberd.service.device.recovery import Failure, Ladder, Step, reason_of, trouble_of
 from grabberd.service.device.status_board import StatusBoard, cause_of
 
 log = logging.getLogger(__name__)

@@ -1,20 +1,8 @@
 """States of a device, and the transitions between them. Nothing else."""
 
-from enum import StrEnum
+from grabberd.documents.states import DeviceState
 
-
-class DeviceState(StrEnum):
-    """State of a grabber in one word, as an operator sees it."""
-
-    ABSENT = "absent"
-    OPENING = "opening"
-    NO_SIGNAL = "no_signal"
-    READY = "ready"
-    CAPTURING = "capturing"
-    RECOVERING = "recovering"
-    FAILED = "failed"
-    ENDED = "ended"
-
+__all__ = ["TRANSITIONS", "DeviceState", "may_follow"]
 
 _S = DeviceState
 STREAMING = frozenset({_S.NO_SIGNAL, _S.READY, _S.CAPTURING})

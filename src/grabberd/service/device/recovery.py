@@ -8,21 +8,9 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
+from grabberd.documents.states import Rung
 from grabberd.errors import DeviceAbsent, DeviceLost, GrabberdError, StreamFailed
 from grabberd.service.device.device_state import DeviceState
-
-
-class Rung(StrEnum):
-    """Steps of the ladder, the gentlest first."""
-
-    RESTART = "restart"
-    """Stop and start the stream of the open device."""
-    REOPEN = "reopen"
-    """Close and open it."""
-    RESET = "reset"
-    """Close it, reset it, which has the effect of replugging it, and open it."""
-    RETRY = "retry"
-    """Close and open it after a wait."""
 
 
 class Trouble(StrEnum):

@@ -5,6 +5,7 @@ import math
 from collections import deque
 from typing import Any
 
+from grabberd.documents.devices import RigDocument
 from grabberd.processes.measure import MeasuredField, MeasureSetup
 from grabberd.processes.rig_watch import RigWatch
 from grabberd.reconstruction.accuracy.drift_check import RigFit, RigVerdict
@@ -65,8 +66,8 @@ class RigHealth:
         return () if self.fit is None or self.fit.verdict not in _MEANINGS else (_sentence(self.fit),)
 
     @property
-    def document(self) -> dict[str, Any] | None:
-        """The fit as a document, or None before there was one."""
+    def document(self) -> RigDocument | None:
+        """The fit of the last seconds as a document; None before the first."""
         return None if self.fit is None else fit_document(self.fit)
 
     def findings(self) -> dict[str, Any]:
@@ -89,21 +90,21 @@ class RigHealth:
             log.warning("device %s: %s", self._device, _sentence(fit))
 
 
-def fit_document(fit: RigFit) -> dict[str, Any]:
+def fit_document(fit: RigFit) -> RigDocument:
     """A fit as a document; unknown values are None."""
     residual = {
         view: {axis: _known(fit.residual_px[v, a]) for a, axis in enumerate(AXES)}
         for v, view in enumerate(VIEWS)
     }
-    return {
-        "verdict": fit.verdict,
-        "shift_px": _known(fit.shift_px),
-        "sigma_px": _known(fit.sigma_px),
-        "ratio": _known(fit.ratio),
-        "residual_px": residual,
-        "targets": fit.targets,
-        "fields": fit.fields,
-    }
+    return RigDocument(
+        verdict=fit.verdict,
+        shift_px=_known(fit.shift_px),
+        sigma_px=_known(fit.sigma_px),
+        ratio=_known(fit.ratio),
+        residual_px=residual,
+        targets=fit.targets,
+        fields=fit.fields,
+    )
 
 
 def _sentence(fit: RigFit) -> str:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.acquisition.device import Signal, StreamInfo
+from grabberd.documents.states import Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.device.device_state import DeviceState, may_follow
-from grabberd.service.device.recovery import Rung, Step
+from grabberd.service.device.recovery import Step
 
 log = logging.getLogger(__name__)
 

@@ -1,4 +1,4 @@
-"""The newest field as a PNG picture, encoded once for all who look at it."""
+"""The newest field as a PNG picture, encoded once for all clients."""
 
 import threading
 
@@ -13,7 +13,7 @@ FAST = 1
 
 
 class PreviewPicture:
-    """The picture of one device; any thread may ask."""
+    """The picture of one device; any thread may call."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument = instrument
@@ -22,10 +22,10 @@ class PreviewPicture:
         self._png = b""
 
     def png(self) -> bytes:
-        """The newest field in 8 bits, its lines as they came.
+        """The newest field in 8 bits, with its lines as recorded.
 
         Raises:
-            NotReady: no field comes.
+            NotReady: the device delivers no field.
         """
         shown = self._instrument.pipeline.newest.recent(FIELD_WITHIN_S)
         if shown is None:
