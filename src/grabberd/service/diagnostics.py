@@ -94,6 +94,7 @@ def bundle(parts: Parts, *, words: bool = False) -> bytes:
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("README.txt", about)
         for name, make in parts.items():
+            # Once more on the text: an exception or a log line may quote a secret that no key gives away.
             archive.writestr(name, text_without_secrets(_text(make)))
     return file.getvalue()
 

@@ -80,6 +80,7 @@ class Instrument:
         if recording is not None:
             recording.stop("the daemon stopped")
             recording.sealed.wait(timeout_s)
+        # All are asked to end before any is waited for.
         self._capture_thread.stop()
         self.worker.stop()
         self.pipeline.thresholds.stop(timeout_s)

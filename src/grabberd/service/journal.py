@@ -110,6 +110,7 @@ def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> N
     root.setLevel(level)
     for name in _OWN_FORMAT:
         logger = logging.getLogger(name)
+        # uvicorn brings handlers of its own, with which its lines would be no JSON.
         logger.handlers, logger.propagate = [], True
 
 

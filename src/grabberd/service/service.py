@@ -181,7 +181,7 @@ class Service:
             self.publisher.stop()
         self.jobs.stop()
         self.access.key.remove()
-        self.archive.close()
+        self.archive.close()  # last: it lets another daemon have the folder
 
     def instrument(self, name: str | None) -> Instrument:
         """An instrument by its device's name, which may be left out where there is only one.

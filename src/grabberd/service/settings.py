@@ -51,6 +51,7 @@ class Settings:
         """
         config = self._config(instrument, threshold)
         with instrument.between_captures():
+            # Stored first: if that fails, the device goes on as it was.
             self._store(instrument.name, threshold)
             instrument.configure(config)
         log.info("device %s: threshold %s", instrument.name, config.threshold.model_dump())

@@ -62,7 +62,7 @@ class DeviceCaptures:
     @property
     def running(self) -> Recording | None:
         """The capture that is recording, or None."""
-        recording = self.recording
+        recording = self.recording  # read once: another thread may begin the next capture meanwhile
         return recording if recording is not None and recording.recorder.recording else None
 
     @property
@@ -88,6 +88,7 @@ class DeviceCaptures:
 
     def sealed(self, recording: Recording) -> None:
         """Counts a recording whose file is closed, and frees the threshold that was held for it."""
+        # Before the recording counts as sealed: from then on the next capture may hold the threshold.
         self.pipeline.thresholds.release()
         self.ended[recording.verdict] += 1
         self.on_sealed(recording)

@@ -87,6 +87,7 @@ def trigger(starts: Sequence[CaptureStart], room: DiskRoom, clock: Clock) -> Non
         NotReady, CalibrationMismatch, StorageError, GroupRefused: As `start`; they stay armed.
     """
     with _locks_of(starts):
+        # Asked again under the locks: another request may have triggered or stopped one meanwhile.
         _each(starts, CaptureStart.check_armed)
         _each(starts, CaptureStart.check_streams)
         _begin(starts, room, clock)
@@ -120,6 +121,7 @@ def _begin(starts: Sequence[CaptureStart], room: DiskRoom, clock: Clock) -> None
         for one in starts:
             one.discard()
         raise
+    # No capture is the device's before all files are there: until here everything can be undone.
     for one in starts:
         one.begin()
 

@@ -98,12 +98,15 @@ class Recorder:
         self.reader.close()
 
     def run(self) -> None:
-        """Drains the ring until the recording ends; the slots in the ring at a stop still belong to it."""
+        """Drains the ring until the recording ends, and then what is left in it."""
         try:
             while self.recording:
                 self._take_one()
-            ended_ns = self._clock.now_ns()
+            ended_ns = (
+                self._clock.now_ns()
+            )  # absence counts until the stop, not until the silence is explained
             self._wait_out_silence()
+            # A stop comes at any time: what the capture thread has put into the ring by then was recorded.
             while self._wants_more and (slot := self.reader.take(0)) is not None:
                 self.take(slot)
             self._account_for_absence(ended_ns)
@@ -151,6 +154,7 @@ class Recorder:
         if self._fields is None or (self._lossless and self._source.interruption is None):
             return False
         begin_ns, missing = self._start_ns, self._fields
+        # A source that waits goes at its reader's pace: only the fields still missing have a due time.
         if self._lossless:
             begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
         return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS

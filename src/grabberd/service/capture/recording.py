@@ -72,6 +72,7 @@ class Recording:
         self._disk = disk
         self._on_sealed = on_sealed
         self._cut_by: GrabberdError | None = None
+        # The writer ends only when its points have, too.
         if not measured:
             self.writing.measuring_ended()
 
@@ -149,6 +150,7 @@ class Recording:
 
     def recorded(self) -> Iterator[NumberedField]:
         """Every good field in order: from memory, or from the file if memory has let go of it."""
+        # The backlog counts slots, the file fields: a gap between two slots has numbers, but no index.
         index, next_n = 0, 0
         while not self._past_end(index):
             try:
@@ -201,6 +203,7 @@ class Recording:
             self._seal()
         except StorageError as error:
             self.writing.failure = error
+            # Not sealed: the next start finds the .part file and seals what is in it.
             self._writer.close()
         finally:
             self.recorder.stop("storage failed")

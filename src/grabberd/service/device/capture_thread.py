@@ -159,6 +159,7 @@ class CaptureThread(threading.Thread):
     def _fault(self, error: Exception) -> GrabberdError:
         """The error for a fault of the program: the device is retried like one that refuses."""
         message = f"{type(error).__name__}: {error}"
+        # The ladder tries for ever, and a traceback each time would fill the journal.
         if message != self._last_fault:
             self._last_fault = message
             log.exception("device %s: the capture thread failed", self.name)
@@ -193,6 +194,7 @@ class CaptureThread(threading.Thread):
             self._grabber.reset()
             self._board.reset_refused(None)
         except DeviceRefused as refusal:
+            # Opened again all the same: closing and opening may help where a reset is not permitted.
             self._board.reset_refused(refusal)
         return self._reopen()
 
@@ -208,6 +210,7 @@ class CaptureThread(threading.Thread):
         if change:
             log.warning("device %s: %s", self.name, change)
             self._captures.source_ended(DeviceRefused(change, "begin a new capture"))
+        # Opening takes its time, which is no silence of the stream.
         self._flow = FieldFlow(self._clock.now_ns())
         self._ask_signal()
         if info.waits_for_reader:
@@ -271,7 +274,7 @@ class CaptureThread(threading.Thread):
     def _ended(self, error: GrabberdError) -> None:
         self._board.enter(DeviceState.ENDED, error.message, error.hint, cause_of(error))
         self._captures.source_ended(error)
-        self._wait(math.inf)
+        self._wait(math.inf)  # the thread lives on, since the heartbeat listens for it
 
     def _wait(self, seconds: float) -> None:
         """Waits for so long, or until stopped, and beats meanwhile."""

@@ -47,6 +47,7 @@ RUNGS: Mapping[tuple[Trouble, bool], tuple[Rung, ...]] = {
 """Steps against each trouble of a device that is open, or not; after them it is retried with back-off.
 """
 
+# A person may plug in an absent device at any moment; a refusal ends only when somebody acts on it.
 RETRIES: Mapping[Trouble, BackOff] = {
     Trouble.STREAM: BackOff(0.5, 2.0),
     Trouble.ABSENT: BackOff(0.25, 1.0),

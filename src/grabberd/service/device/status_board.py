@@ -104,7 +104,7 @@ class StatusBoard:
     @property
     def rate_hz(self) -> float | None:
         """Fields per second over the last `RATE_FIELDS`; None while none come."""
-        arrivals_ns = list(self._arrivals_ns)
+        arrivals_ns = list(self._arrivals_ns)  # a copy: the capture thread goes on appending
         if len(arrivals_ns) < 2 or self._clock.now_ns() - arrivals_ns[-1] > SILENT_NS:
             return None
         return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
@@ -137,7 +137,7 @@ class StatusBoard:
         """Notes that the device has been opened and granted this stream."""
         with self.changed:
             known = self._status.warnings
-            self._arrivals_ns.clear()
+            self._arrivals_ns.clear()  # the rate must not span the gap
             self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
         self._warn(known)
 

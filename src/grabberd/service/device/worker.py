@@ -141,6 +141,7 @@ class Worker(threading.Thread):
             failure = None
         finally:
             # Also after a fault: the writer seals the capture only once its points have ended.
+            # The recording stays the device's last one: without this mark it would be measured again.
             self._done = recording
             recording.measuring_ended(failure, self.rig.findings())
 
