@@ -65,9 +65,10 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         int,
         typer.Option(min=0, help="Include this many fields from the ring before the start or trigger."),
     ] = 0,
-    together: Annotated[
+    group_devices: Annotated[
         str | None,
         typer.Option(
+            "--together",
             help="Start these devices at the same moment, A,B or all; writes NAME-DEVICE.grab for each.",
             metavar="DEVICES",
         ),
@@ -102,10 +103,10 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     )
     if not out.parent.is_dir():
         raise StorageError(f"there is no folder {out.parent}", "create it, or name another file")
-    if together:
+    if group_devices:
         if device is not None:
             raise typer.BadParameter("give either --device or --together, not both")
-        _capture_together(url or DEFAULT_URL, together, order, out, token_file, json=json)
+        _capture_group(url or DEFAULT_URL, group_devices, order, out, token_file, json=json)
         return
     if out.exists():
         raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
@@ -128,7 +129,7 @@ def _say(out: Path, document: dict[str, Any]) -> None:
     typer.echo(f"{out}: {document['fields']} fields, {words}")
 
 
-def _capture_together(
+def _capture_group(
     url: str, devices: str, order: dict[str, Any], out: Path, token_file: Path | None, *, json: bool
 ) -> None:
     from grabberd.cli.remote.remote_group import capture_group_through, file_of  # noqa: PLC0415

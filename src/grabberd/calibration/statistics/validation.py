@@ -140,8 +140,8 @@ def _held_out(
 def _joint(own: Array, influence: Array, calibrated: Adjustment) -> Array:
     """(3 N, 3 N) covariance of a whole block: each target's own, and what all owe to the calibration."""
     count = len(own)
-    together = influence.reshape(3 * count, -1)
-    joint: Array = together @ calibrated.parameter_covariance @ together.T
+    joint_influence = influence.reshape(3 * count, -1)
+    joint: Array = joint_influence @ calibrated.parameter_covariance @ joint_influence.T
     blocks = joint.reshape(count, 3, count, 3)
     blocks[range(count), :, range(count)] += own
     return joint

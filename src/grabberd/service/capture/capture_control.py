@@ -193,7 +193,7 @@ class CaptureControl:
         """
         armed = [one.id for one in self._current.armed(group_id)]
         recordings = [one.id for one in self._current.recordings(group_id)]
-        ended = [entry.id for entry in self._archive.index.beginning_with(f"{group_id}-")]
+        ended = [entry.id for entry in self._archive.index.with_prefix(f"{group_id}-")]
         found = list(self._documents(dict.fromkeys((*armed, *recordings, *ended))))
         captures = [one for one in found if one.group is not None and one.group.id == group_id]
         if not captures:

@@ -120,7 +120,7 @@ class CaptureIndex:
             raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists all captures")
         return IndexEntry(*row)
 
-    def beginning_with(self, text: str) -> "builtins.list[IndexEntry]":
+    def with_prefix(self, text: str) -> "builtins.list[IndexEntry]":
         """Captures whose id begins with `text`, sorted by id."""
         self._catch_up()
         query = "SELECT * FROM captures WHERE substr(id, 1, ?) = ? ORDER BY id"
