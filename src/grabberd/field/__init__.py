@@ -6,8 +6,8 @@ quantised to a few bits and packed. Every field carries `y0` and `y_step`, so th
 """
 
 from grabberd.field.field import BOTTOM, TOP, Field, split_frame
-from grabberd.field.lines import INTERPOLATIONS, double_bits, double_lines
-from grabberd.field.packed import BIT_DEPTHS, NumberedField, PackedField, quantise, unpack
+from grabberd.field.line_doubling import INTERPOLATIONS, double_bits, double_lines
+from grabberd.field.packed_field import BIT_DEPTHS, NumberedField, PackedField, quantise, unpack
 
 __all__ = [
     "BIT_DEPTHS",

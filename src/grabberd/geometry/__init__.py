@@ -8,12 +8,9 @@ pixels and in millimetres of the object's frame; nothing here knows of fields, t
 
 from grabberd.geometry.calibration import SCHEMA, Calibration
 from grabberd.geometry.distortion import distortion
-from grabberd.geometry.document import Reading
+from grabberd.geometry.document_reader import Reading
 from grabberd.geometry.epipolar import Approach, approach
-from grabberd.geometry.glass import Plate, project_through, rays_through, seen_through
-from grabberd.geometry.inverse import correct, correct_all, directions_all, rays
-from grabberd.geometry.local_field import LocalField
-from grabberd.geometry.model import (
+from grabberd.geometry.functional_model import (
     linearise,
     linearise_parameters,
     object_derivatives,
@@ -22,7 +19,10 @@ from grabberd.geometry.model import (
     project,
     project_all,
 )
-from grabberd.geometry.nominal import NominalRig
+from grabberd.geometry.glass import Plate, project_through, rays_through, seen_through
+from grabberd.geometry.inverse_model import correct, correct_all, directions_all, rays
+from grabberd.geometry.local_field import LocalField
+from grabberd.geometry.nominal_rig import NominalRig
 from grabberd.geometry.rig import Rig
 from grabberd.geometry.rotation import rotation_angles, rotation_derivatives, rotation_matrix
 from grabberd.geometry.view import PARAMETERS, View

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import CalibrationMismatch
-from grabberd.geometry.document import Reading, is_number
+from grabberd.geometry.document_reader import Reading, is_number
 from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.view import PARAMETERS, View
 

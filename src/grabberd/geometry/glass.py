@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
-from grabberd.geometry.inverse import rays
-from grabberd.geometry.model import project
+from grabberd.geometry.functional_model import project
+from grabberd.geometry.inverse_model import rays
 from grabberd.geometry.view import View
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry.document import Reading
+from grabberd.geometry.document_reader import Reading
 
 Array = NDArray[np.float64]
 

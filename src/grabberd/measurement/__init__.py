@@ -5,9 +5,10 @@ room knows of rows, parity or bits. Everything works on the packed bits: of a fi
 bytes are empty and never looked at, and grey values are gathered only where the threshold is exceeded.
 """
 
+from grabberd.measurement.background import Background, background_of
 from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.location import METHODS, LocationSettings, measure
-from grabberd.measurement.threshold.background import Background, background_of
+from grabberd.measurement.location import measure
+from grabberd.measurement.settings import METHODS, LocationSettings
 from grabberd.measurement.threshold.threshold import ThresholdRule, choose_threshold, trinder_levels
 from grabberd.measurement.threshold.threshold_map import threshold_map, with_seen_size
 

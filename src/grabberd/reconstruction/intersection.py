@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 from grabberd.geometry import Rig, approach, correct_all, directions_all, linearise, parameter_slopes
 from grabberd.geometry.symmetric import FIRST, SECOND, inverse_symmetric
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
 from grabberd.reconstruction.image_noise import Common, ImageNoise, Whitening
 from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 

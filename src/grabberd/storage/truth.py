@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from grabberd.errors import InputError
-from grabberd.reconstruction.accuracy.comparison import Truth
+from grabberd.reconstruction.accuracy.ground_truth import Truth
 
 PLACE = ("x_mm", "y_mm", "z_mm")
 REQUIRED = ("target", *PLACE)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings, Minimum, minimise
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings, Minimum, minimise
 from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.normals import Linear, Problem, Reduced, reduced
+from grabberd.calibration.adjustment.normal_equations import Linear, Problem, Reduced, reduced
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.errors import RankDeficient
 from grabberd.geometry import View

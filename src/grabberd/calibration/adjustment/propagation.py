@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from grabberd.calibration.adjustment.adjustment import adjust
 from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.normals import Problem, State, reduced
+from grabberd.calibration.adjustment.normal_equations import Problem, State, reduced
 from grabberd.calibration.adjustment.unknowns import Unknowns
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.normals import Problem, reduced
+from grabberd.calibration.adjustment.normal_equations import Problem, reduced
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.errors import MeasurementError, RankDeficient
 from grabberd.geometry import PARAMETERS

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from grabberd.calibration.adjustment.adjustment import adjust
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.unknowns import Unknowns
 

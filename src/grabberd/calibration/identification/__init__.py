@@ -5,9 +5,13 @@ best is challenged by its neighbours a pitch away. Both views then have to agree
 rig as it was built.
 """
 
-from grabberd.calibration.identification.by_hand import Mark, identify_by_hand
-from grabberd.calibration.identification.identify import Identification, ViewIdentification, identify_frame
-from grabberd.calibration.identification.settings import IdentificationSettings
+from grabberd.calibration.identification.frame_identification import (
+    Identification,
+    ViewIdentification,
+    identify_frame,
+)
+from grabberd.calibration.identification.identification_settings import IdentificationSettings
+from grabberd.calibration.identification.manual_identification import Mark, identify_by_hand
 
 __all__ = [
     "Identification",

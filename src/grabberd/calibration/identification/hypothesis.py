@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration.adjustment.resection import resect
-from grabberd.calibration.identification.growth import Half
+from grabberd.calibration.identification.hypothesis_growth import Half
 from grabberd.geometry import View, project, rotation_matrix
 
 Array = NDArray[np.float64]

@@ -11,15 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
-from grabberd.measurement.line_shifts.banded import band_of, factor, half_solve, solve
 from grabberd.measurement.locators.locator import Chords
-from grabberd.measurement.medians import median
+from grabberd.measurement.locators.windows import LINES_APART
 
 LEAN = 0.1
 """Standard deviation of a_i, columns a frame line, at least: where too small, leans leak into the shifts."""
-LINES_APART = 2.0
-"""Frame lines from one field line to the next."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))
 """Shares of the expected line jitter that the data are asked about, and then of the best of these."""
 REFINED = np.exp2(np.arange(-2.0, 3.0) / 4.0)
@@ -91,7 +89,7 @@ def unsolved(share: Array, jitter_px: float) -> LineShifts:
 
 def _reach_px(common: Array, beside: Array) -> float:
     """Of the error's variance, and its covariance with what a blob one line further down would have."""
-    correlation = median(beside / np.maximum(common, TINY))
+    correlation = float(np.median(beside / np.maximum(common, TINY)))
     return LINES_APART / math.sqrt(-2.0 * math.log(min(max(correlation, 0.05), 0.99)))
 
 
@@ -155,7 +153,7 @@ class _System(NamedTuple):
 
     def shifts(self, jitter_px: float) -> Array:
         """(L,) the likeliest shifts."""
-        return solve(factor(self.band, jitter_px**-2), self.right)
+        return band_solve(band_factor(self.band, jitter_px**-2), self.right)
 
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
         """(N,) of what the shifts' errors do to x; and, of some, its covariance with x one line down."""
@@ -164,8 +162,8 @@ class _System(NamedTuple):
         share = np.concatenate([self.chords.share, self.chords.share[some]])
         place = np.arange(len(both))[:, np.newaxis] * len(self.right) + both
         shares = np.bincount(place.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
-        lower = factor(self.band, jitter_px**-2)
-        halves = half_solve(lower, shares.reshape(len(both), -1).T).T
+        lower = band_factor(self.band, jitter_px**-2)
+        halves = band_half_solve(lower, shares.reshape(len(both), -1).T).T
         own, below = halves[: len(self.at)], halves[len(self.at) :]
         return (own * own).sum(axis=1), (own[some] * below).sum(axis=1)
 
@@ -178,8 +176,8 @@ class _System(NamedTuple):
         return residual, float(np.sqrt(np.median(lean**2) / MEDIAN_OF_SQUARES + unsure.mean()))
 
     def _log_likelihood(self, jitter_px: float) -> float:
-        lower = factor(self.band, jitter_px**-2)
-        fit = float(self.right @ solve(lower, self.right))
+        lower = band_factor(self.band, jitter_px**-2)
+        fit = float(self.right @ band_solve(lower, self.right))
         return 0.5 * fit - float(np.log(lower[0]).sum() + len(self.right) * np.log(jitter_px))
 
 
@@ -203,3 +201,38 @@ def _peak(tried: Array, value: list[float]) -> float:
         return float(tried[int(np.argmax(value))])
     steps = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
     return float(tried[best] * (tried[1] / tried[0]) ** steps)
+
+
+def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, shape: tuple[int, int]) -> Array:
+    """(h, count) sums of the elements of a symmetric matrix, its diagonals from the main one down.
+
+    Args:
+        row: equation of each element.
+        column: likewise, at most h − 1 less.
+        value: the elements, of the same shape.
+        shape: h and how many equations there are.
+    """
+    height, count = shape
+    place = (row - column) * count + column
+    band: Array = np.bincount(place.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
+    return band
+
+
+def band_factor(band: Array, more: float) -> Array:
+    """(h, count) lower Cholesky factor of a band with so much more on its main diagonal."""
+    own = band.copy(order="F")
+    own[0] += more
+    lower: Array = lapack.dpbtrf(own, lower=1, overwrite_ab=1)[0]
+    return lower
+
+
+def band_solve(lower: Array, right: Array) -> Array:
+    """Solution for the right sides (count,) or (count, M)."""
+    solution: Array = lapack.dpbtrs(lower, right, lower=1)[0]
+    return solution
+
+
+def band_half_solve(lower: Array, right: Array) -> Array:
+    """L⁻¹ of the right sides (count, M): the products of its columns are those with the inverse between."""
+    solution: Array = lapack.dtbtrs(lower, right, uplo="L")[0]
+    return solution

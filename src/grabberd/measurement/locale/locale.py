@@ -15,7 +15,7 @@ from grabberd.measurement.locale.locale_patterns import Patterns, patterns_of
 from grabberd.measurement.locale.locale_posterior import Entries, Posterior, evidence_of, likelihoods
 from grabberd.measurement.locale.locale_table import Grid, table
 from grabberd.measurement.locators.locator import Located, Seen, meant_for
-from grabberd.measurement.medians import median
+from grabberd.measurement.locators.windows import LINES_APART
 from grabberd.measurement.sigma import binary_sigma_px
 
 Array = NDArray[np.float64]
@@ -24,7 +24,6 @@ NOISES = (0.03, 0.05, 0.1)
 """Standard deviation of a pixel, in contrasts; the field's own bits say which."""
 NOISE_BLOBS = 24
 """So many blobs are asked for it."""
-LINES_APART = 2
 JITTER_OF_CENTRE = 0.54
 """Variance of a centroid's x per variance of a line's shift, times the lines that its radius spans."""
 JITTER_OF_ENDS = {1: 0.25, 2: 0.5}
@@ -55,7 +54,7 @@ def locate_by_locale(seen: Seen) -> Located:
     spread_px, jitter_px = seen.settings.spread_px, seen.settings.line_jitter_px
     look = Appearance(1.0, 1.0, patterns.fraction, NOISES[0], spread_px, jitter_px, seen.packed.y_step)
     found = _posterior(patterns, look)
-    explained = found.evidence > median(found.evidence) - UNEXPLAINED
+    explained = found.evidence > np.median(found.evidence) - UNEXPLAINED
     blob = patterns.blob[explained]
     stretched = patterns.stretched[explained]
     from_middle_px = found.from_middle_px[explained] / stretched
@@ -90,5 +89,5 @@ def _likeliest_noise(look: Appearance, blobs: int, entries: Entries) -> float:
     tables = (table(look._replace(noise=noise)) for noise in NOISES)
     evidence = np.array([evidence_of(likelihoods([one], [blobs], entries)) for one in tables])
     # What is no target counts for little.
-    least = np.array([[median(one)] for one in evidence]) - UNEXPLAINED
+    least = np.array([[np.median(one)] for one in evidence]) - UNEXPLAINED
     return NOISES[int(np.maximum(evidence, least).sum(axis=1).argmax())]

@@ -14,8 +14,7 @@ from grabberd.measurement.locators.disc_image import (
     Y,
     disc_images,
 )
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.template import BLURRED_PX, PIXEL, ROW
 from grabberd.measurement.locators.windows import LINES_APART, Windows, windows_of
 

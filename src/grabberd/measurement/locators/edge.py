@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.windows import Windows, windows_of
 
 LOWEST, HIGHEST = 0.03, 0.97

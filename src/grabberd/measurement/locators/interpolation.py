@@ -9,11 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locators.centroid import background_in
+from grabberd.measurement.background import LEAST_NOISE, background_in
 from grabberd.measurement.locators.locator import Located, Seen
 from grabberd.measurement.locators.windows import LINES_APART, Windows, windows_of
 from grabberd.measurement.sigma import binary_sigma_px
-from grabberd.measurement.threshold.background import LEAST_NOISE
 
 Array = NDArray[np.float64]
 

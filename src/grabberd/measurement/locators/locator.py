@@ -3,19 +3,20 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
-from grabberd.field import PackedField
+from grabberd.field import BIT_DEPTHS, PackedField
+from grabberd.measurement.background import background_in
 from grabberd.measurement.labelling.runs import Runs
 from grabberd.measurement.labelling.shapes import Shapes, binary_centres
+from grabberd.measurement.settings import LocationSettings
 
-if TYPE_CHECKING:
-    from grabberd.measurement.location import LocationSettings
-
+GREY = tuple(bits for bits in BIT_DEPTHS if bits > 1)
+"""Bit depths of the locators that need grey values."""
 ALL_BUT_THE_TALLEST = 0.95
 TALLEST = 2.0
 """Blobs taller than this many of the largest diameters are no targets."""
@@ -37,7 +38,7 @@ class Seen:
     runs: Runs
     label: NDArray[np.int64]
     shapes: Shapes
-    settings: "LocationSettings"
+    settings: LocationSettings
 
     @cached_property
     def area_px(self) -> NDArray[np.float64]:
@@ -126,3 +127,9 @@ def meant_for(seen: Seen, method: str, bits: tuple[int, ...]) -> None:
             f"method {method!r} locates targets in fields of {meant} bits, not of {seen.packed.bits}",
             "use method 'automatic', which chooses by the field's bits",
         )
+
+
+def noise_of(seen: Seen) -> float:
+    """Standard deviation of a pixel in grey values: as set, or as the background shows it."""
+    known = seen.settings.noise_levels
+    return background_in(seen.packed).noise if known is None else known

@@ -16,8 +16,7 @@ from grabberd.measurement.locators.disc_image import (
     Y,
     disc_images,
 )
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Chords, Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Chords, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.weighted import moments, weights_of
 from grabberd.measurement.locators.windows import Windows, windows_of
 

@@ -7,8 +7,7 @@ centre does not depend on how the rows fall on the blob.
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Chords, Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Chords, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.windows import Windows, windows_of
 
 LEAST_SIGNAL = 40.0

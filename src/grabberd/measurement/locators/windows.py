@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.field import PackedField
+from grabberd.measurement.background import background_in
 from grabberd.measurement.labelling.mask import greys_at
-from grabberd.measurement.locators.centroid import background_in
 from grabberd.measurement.locators.locator import Seen
 
 LINES_APART = 2

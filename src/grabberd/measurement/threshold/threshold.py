@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
+from grabberd.measurement.background import Background, background_of
 from grabberd.measurement.locale.locale_prediction import Scene, best_fraction
-from grabberd.measurement.threshold.background import Background, background_of
 
 KINDS = ("fixed", "trinder", "automatic")
 

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
 from grabberd.field import Field, quantise
+from grabberd.measurement.background import background_of
 from grabberd.measurement.labelling.labels import by_component
 from grabberd.measurement.labelling.runs import find_runs
 from grabberd.measurement.labelling.shapes import shapes_of
-from grabberd.measurement.threshold.background import background_of
 from grabberd.measurement.threshold.threshold import (
     ThresholdRule,
     contrast_levels,

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
-from grabberd.reconstruction.accuracy.comparison import Coordinates, Truth
-from grabberd.reconstruction.accuracy.rigid import RigidMotion, rigid_motion
+from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth
+from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion, rigid_motion
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.reconstruction.accuracy.accuracy import pooled_variance
-from grabberd.reconstruction.series import PointSeries
+from grabberd.reconstruction.point_series import PointSeries
 
 PAPER_PX = (0.170, 0.225)
 """x and y, from 32 measurements of 108 targets on the calibration frame."""

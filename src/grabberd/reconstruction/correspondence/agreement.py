@@ -5,10 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.reconstruction.correspondence.displacement_field import Expected, Smoothness
 from grabberd.reconstruction.correspondence.hypotheses import Hypotheses
+from grabberd.reconstruction.correspondence.tiled_field import field_of
 from grabberd.reconstruction.object_model import ObjectModel
-from grabberd.reconstruction.tracking.displacement import Expected, Smoothness
-from grabberd.reconstruction.tracking.tiled_field import field_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

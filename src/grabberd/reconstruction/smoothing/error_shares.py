@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.reconstruction.series import PointSeries
+from grabberd.reconstruction.point_series import PointSeries
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -17,9 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
-from grabberd.reconstruction.series import PointSeries
-from grabberd.reconstruction.smoothing.chains import Chains, SmoothedChains, likelihood, smoothed_chains
+from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.smoothing.error_shares import ErrorShares, rest_fields
+from grabberd.reconstruction.smoothing.kalman_chains import (
+    Chains,
+    SmoothedChains,
+    likelihood,
+    smoothed_chains,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from grabberd.geometry import Rig
 from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.tracking.track import Track
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.errors import Cause, StorageError
-from grabberd.field.packed import packed_shape
+from grabberd.field.packed_field import packed_shape
 from grabberd.storage.capture.schema import storage_errors
 
 GB = 1_000_000_000

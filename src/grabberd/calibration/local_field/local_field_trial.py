@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.local_field.collocation import Collocation, Components, Solution
-from grabberd.calibration.local_field.components import most_likely
+from grabberd.calibration.local_field.component_search import most_likely
 from grabberd.geometry import LocalField, parameter_derivatives, rays
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.field.field import Field
-from grabberd.field.packed import PackedField
+from grabberd.field.packed_field import PackedField
 
 INTERPOLATIONS = ("linear", "kernel3x3")
 """How missing lines are interpolated: "linear" between the lines above and below; "kernel3x3" by the kernel

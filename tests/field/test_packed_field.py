@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from grabberd.field import BIT_DEPTHS, BOTTOM, TOP, Field, double_lines, quantise, unpack
-from grabberd.field.packed import packed_shape
+from grabberd.field.packed_field import packed_shape
 
 fields = st.builds(
     Field.intact,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.adjustment.normals import Linear, Normals, Problem, State, reduced
+from grabberd.calibration.adjustment.normal_equations import Linear, Normals, Problem, State, reduced
 from grabberd.errors import MeasurementError, RankDeficient
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ from hypothesis import given
 
 from geometry.rigs import aimed, places, views
 from grabberd.geometry import correct, distortion, project, rays
-from grabberd.geometry.inverse import TOLERANCE_MM
+from grabberd.geometry.inverse_model import TOLERANCE_MM
 
 FOLDED = replace(aimed("left"), b=(0.0, 0.0, -0.05, *(0.0,) * 6))
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd.reconstruction.smoothing.chains import Chains, likelihood, smoothed_chains
+from grabberd.reconstruction.smoothing.kalman_chains import Chains, likelihood, smoothed_chains
 
 FIELDS, COUNT = 14, 5
 

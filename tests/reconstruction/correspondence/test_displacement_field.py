@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd.reconstruction import Smoothness
-from grabberd.reconstruction.tracking.displacement import DisplacementField
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
 from reconstruction.liners import model, wall
 
 SMOOTHNESS = Smoothness(sigma_mm=3.0, reach_mm=30.0, noise_mm=0.15)

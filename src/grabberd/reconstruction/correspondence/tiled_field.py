@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Expected, Smoothness
 from grabberd.reconstruction.object_model import ObjectModel
-from grabberd.reconstruction.tracking.displacement import DisplacementField, Expected, Smoothness
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry.model import image, single
+from grabberd.geometry.functional_model import image, single
 from grabberd.geometry.rig import Rig
 from grabberd.geometry.view import View
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from grabberd.calibration.identification.growth import QUICK, THOROUGH, Effort, grow, regrow
 from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
+from grabberd.calibration.identification.hypothesis_growth import QUICK, THOROUGH, Effort, grow, regrow
 from grabberd.geometry import View
 
 HANDEDNESS = (1, -1)

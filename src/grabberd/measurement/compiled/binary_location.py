@@ -6,7 +6,6 @@ by the same functions as numpy's, and kept.
 
 import ctypes
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +14,13 @@ from grabberd.errors import MeasurementError
 from grabberd.field import PackedField
 from grabberd.kernel import DONE, MORE_ROOM, NO_FULLNESS, NO_MEMORY, NO_TABLE, Kernel
 from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.compiled.structs import Fullness, Settings, Table
+from grabberd.measurement.compiled.location_structs import Fullness, Settings, Table
 from grabberd.measurement.locale.locale import NOISES
 from grabberd.measurement.locale.locale_model import Appearance
 from grabberd.measurement.locale.locale_patterns import ROUNDED_PX as KIND_PX
 from grabberd.measurement.locale.locale_sizes import ROUNDED_PX, fullness
 from grabberd.measurement.locale.locale_table import TABLES, table
-
-if TYPE_CHECKING:
-    from grabberd.measurement.location import LocationSettings
+from grabberd.measurement.settings import LocationSettings
 
 BY_KERNEL = ("automatic", "locale", "centroid")
 COLUMNS = 9
@@ -99,7 +96,7 @@ def _floats(windows: NDArray[np.float32]) -> int:
 _known = lru_cache(maxsize=16)(_Known)
 
 
-def takes(packed: PackedField, settings: "LocationSettings") -> bool:
+def takes(packed: PackedField, settings: LocationSettings) -> bool:
     """Whether the kernel has been taught to do this."""
     return (
         packed.bits == 1
@@ -109,7 +106,7 @@ def takes(packed: PackedField, settings: "LocationSettings") -> bool:
     )
 
 
-def measure_compiled(kernel: Kernel, packed: PackedField, settings: "LocationSettings") -> Blobs:
+def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSettings) -> Blobs:
     """As `location.measure` without windows, of what the kernel takes.
 
     Raises:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from geometry.rigs import calibration
 from grabberd.geometry import Rig, project
-from grabberd.reconstruction.tracking.prediction import Prediction, _of_all, _of_those_beside
+from grabberd.reconstruction.correspondence.prediction import Prediction, _of_all, _of_those_beside
 
 RIG = Rig.of(calibration())
 PLACES = np.array([[-20.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 6.5, 0.0]])

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from grabberd.errors import MeasurementError
 from grabberd.geometry import rotation_matrix
-from grabberd.reconstruction.accuracy.rigid import rigid_motion
+from grabberd.reconstruction.accuracy.rigid_motion import rigid_motion
 
 PLACES = np.random.default_rng(1).uniform(-40, 40, (12, 3))
 ANGLES = st.tuples(*[st.floats(-1.5, 1.5)] * 3)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from grabberd.field import BOTTOM, TOP, Field, double_bits, double_lines, quantise, unpack
-from grabberd.field.lines import doubled_weights
+from grabberd.field.line_doubling import doubled_weights
 
 lumas = hnp.arrays(np.uint8, st.tuples(st.integers(2, 12), st.integers(1, 40)))
 parities = st.sampled_from([TOP, BOTTOM])

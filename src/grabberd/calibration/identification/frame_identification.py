@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification.contest import Outcome, contest, settled
-from grabberd.calibration.identification.growth import Half
 from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
-from grabberd.calibration.identification.pair import check_pair
-from grabberd.calibration.identification.settings import IdentificationSettings
+from grabberd.calibration.identification.hypothesis_growth import Half
+from grabberd.calibration.identification.hypothesis_ranking import Outcome, contest, settled
+from grabberd.calibration.identification.identification_settings import IdentificationSettings
+from grabberd.calibration.identification.view_pair_check import check_pair
 from grabberd.errors import MeasurementError
 from grabberd.geometry import NominalRig, View
 from grabberd.reconstruction import ObjectModel

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification.settings import IdentificationSettings
+from grabberd.calibration.identification.identification_settings import IdentificationSettings
 from grabberd.errors import MeasurementError
 from grabberd.geometry import NominalRig, View, rotation_matrix
 

@@ -13,11 +13,11 @@ from grabberd.errors import MeasurementError
 from grabberd.geometry import Rig
 from grabberd.kernel import DONE, Kernel
 from grabberd.reconstruction.correspondence.agreement import Agreement
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Expected
+from grabberd.reconstruction.correspondence.space_structs import World
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.tracking.compiled_structs import World
-from grabberd.reconstruction.tracking.displacement import DisplacementField, Expected
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -1,7 +1,7 @@
 import numpy as np
 
+from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.series import PointSeries
 
 
 def points(targets, start):

@@ -7,7 +7,7 @@ from grabberd.measurement.labelling.labels import by_component
 from grabberd.measurement.labelling.mask import target_bits
 from grabberd.measurement.labelling.runs import find_runs
 from grabberd.measurement.labelling.shapes import shapes_of
-from grabberd.measurement.locators.chords import binary_chords, binary_shares, grey_chords
+from grabberd.measurement.line_shifts.chords import binary_chords, binary_shares, grey_chords
 from grabberd.measurement.locators.locator import Seen
 from measurement.rendering import BOTTOM, TOP, grid_of_discs
 

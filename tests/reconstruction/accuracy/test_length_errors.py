@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from grabberd.errors import MeasurementError
-from grabberd.reconstruction.accuracy.lengths import length_errors, measuring_lines
+from grabberd.reconstruction.accuracy.length_errors import length_errors, measuring_lines
 
 X, Y = np.meshgrid(np.arange(-4, 5) * 10.0, np.arange(-2, 3) * 8.0, indexing="ij")
 PLACES = np.stack([X.ravel(), Y.ravel(), 2.0 * np.cos(X.ravel() * Y.ravel())], axis=1)

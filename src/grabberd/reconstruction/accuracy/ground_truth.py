@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.series import PointSeries
 
 _STILL_MM = 1e-6
 

@@ -1,13 +1,18 @@
 """The background of a picture: its level and its noise."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.field import PackedField, unpack
+
 LEAST_NOISE = 12**-0.5
 """What rounding to whole grey values alone leaves."""
 QUARTILE = 0.6745
+SAMPLED_EVERY_PX = 32
+"""The background is looked at on one frame line in so many."""
 
 
 class Background(NamedTuple):
@@ -29,3 +34,12 @@ def background_of(histogram: NDArray[np.integer]) -> Background:
     clipped = histogram[0] > quarters[0]
     noise = ((upper - level) if clipped else (level - lower)) / QUARTILE
     return Background(max(0.0, float(level)), max(LEAST_NOISE, float(noise)))
+
+
+def background_in(packed: PackedField) -> Background:
+    """From some of the lines that the camera delivered; interpolated ones have less noise."""
+    lines = packed.data[:, packed.parity :: SAMPLED_EVERY_PX // packed.y_step]
+    step = 256 >> packed.bits
+    levels = unpack(replace(packed, data=lines)).luma // step
+    level, noise = background_of(np.bincount(levels.ravel(), minlength=2**packed.bits))
+    return Background((level + 0.5) * step - 0.5, noise * step)

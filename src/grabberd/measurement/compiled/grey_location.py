@@ -3,25 +3,22 @@
 import ctypes
 import math
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from grabberd.field import PackedField
 from grabberd.kernel import DONE, MORE_ROOM, Kernel
 from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.compiled.binary import COLUMNS, ROOM, blobs_of, fail
-from grabberd.measurement.compiled.structs import GreySettings
+from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, blobs_of, fail
+from grabberd.measurement.compiled.location_structs import GreySettings
 from grabberd.measurement.locators.disc_image import edge_table
-from grabberd.measurement.locators.grey import GREY
-
-if TYPE_CHECKING:
-    from grabberd.measurement.location import LocationSettings
+from grabberd.measurement.locators.locator import GREY
+from grabberd.measurement.settings import LocationSettings
 
 BY_KERNEL = ("automatic", "template")
 
 
-def takes_grey(packed: PackedField, settings: "LocationSettings") -> bool:
+def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:
     """Whether the kernel has been taught to do this."""
     return (
         packed.bits in GREY
@@ -32,7 +29,7 @@ def takes_grey(packed: PackedField, settings: "LocationSettings") -> bool:
     )
 
 
-def measure_grey(kernel: Kernel, packed: PackedField, settings: "LocationSettings") -> Blobs:
+def measure_grey(kernel: Kernel, packed: PackedField, settings: LocationSettings) -> Blobs:
     """As `location.measure` without windows, of what the kernel takes.
 
     Raises:
@@ -55,7 +52,7 @@ def measure_grey(kernel: Kernel, packed: PackedField, settings: "LocationSetting
 
 
 @lru_cache(maxsize=16)
-def _settings(settings: "LocationSettings") -> GreySettings:
+def _settings(settings: LocationSettings) -> GreySettings:
     edge = np.stack(edge_table(), axis=1)
     own = GreySettings(
         settings.min_diameter_px,

@@ -7,19 +7,19 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification.contest import HANDEDNESS, settled
-from grabberd.calibration.identification.growth import TURNS, Half
-from grabberd.calibration.identification.hypothesis import Explainer
-from grabberd.calibration.identification.identify import (
+from grabberd.calibration.identification.frame_identification import (
     NAMES,
     Identification,
     ViewIdentification,
     check_count,
     identified,
 )
-from grabberd.calibration.identification.pair import check_pair
+from grabberd.calibration.identification.hypothesis import Explainer
+from grabberd.calibration.identification.hypothesis_growth import TURNS, Half
+from grabberd.calibration.identification.hypothesis_ranking import HANDEDNESS, settled
+from grabberd.calibration.identification.identification_settings import IdentificationSettings
 from grabberd.calibration.identification.poses import Poses, improved, pixels
-from grabberd.calibration.identification.settings import IdentificationSettings
+from grabberd.calibration.identification.view_pair_check import check_pair
 from grabberd.errors import InputError
 from grabberd.geometry import NominalRig, View
 from grabberd.reconstruction import ObjectModel
