@@ -10,7 +10,7 @@ from grabberd.geometry import (
     Rig,
     View,
     distortion,
-    object_derivatives,
+    linearise,
     parameter_derivatives,
     project,
     project_all,
@@ -19,6 +19,10 @@ from grabberd.geometry import (
 
 STEPS = (1e-4, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3, *(1e-5,) * 9)
 STRAIGHT = View("left", 0, 720, 0.01, 0.005, 1, 8.0, 100.0, 200.0, 0.0, 0.0, 0.0, 0.0, 0.0, 240.0)
+
+
+def object_derivatives(view, xyz):
+    return linearise(Rig.of_views([view]), xyz)[1][:, 0].transpose(2, 0, 1)
 
 
 def by_the_book(view, place):

@@ -83,12 +83,6 @@ class FieldNumbering:
         self._interruption = reason
         self._sequence.forget()
 
-    def due_n(self, time_ns: int) -> int:
-        """The number after the last field that should have come by a time of the driver's clock."""
-        if not self._clock.locked:
-            return self._n + 1
-        return self._n + 1 + max(0, int(self._clock.steps_to(time_ns - self._offset_ns)))
-
     def number(
         self,
         grabbed: GrabbedField,

@@ -8,7 +8,7 @@ from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
 from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.propagation import Propagated, intersect_network, propagate
-from grabberd.calibration.adjustment.rank import NullVector, check_depth, check_rank, null_vectors
+from grabberd.calibration.adjustment.rank import NullVector, check_depth, check_rank
 from grabberd.calibration.adjustment.resection import Resection, resect
 from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
 from grabberd.calibration.adjustment.unmodelled import with_unmodelled
@@ -71,7 +71,6 @@ __all__ = [
     "intersect_network",
     "mean_images",
     "normality",
-    "null_vectors",
     "propagate",
     "resect",
     "spatial_blocks",

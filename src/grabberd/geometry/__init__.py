@@ -13,13 +13,12 @@ from grabberd.geometry.epipolar import Approach, approach
 from grabberd.geometry.functional_model import (
     linearise,
     linearise_parameters,
-    object_derivatives,
     parameter_derivatives,
     parameter_slopes,
     project,
     project_all,
 )
-from grabberd.geometry.glass import Plate, project_through, rays_through, seen_through
+from grabberd.geometry.glass import Plate, project_through, seen_through
 from grabberd.geometry.inverse_model import correct, correct_all, directions_all, rays
 from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.nominal_rig import NominalRig
@@ -45,14 +44,12 @@ __all__ = [
     "distortion",
     "linearise",
     "linearise_parameters",
-    "object_derivatives",
     "parameter_derivatives",
     "parameter_slopes",
     "project",
     "project_all",
     "project_through",
     "rays",
-    "rays_through",
     "rotation_angles",
     "rotation_derivatives",
     "rotation_matrix",

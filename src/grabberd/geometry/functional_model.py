@@ -54,11 +54,6 @@ def project_all(rig: Rig, xyz_mm: Array) -> Array:
     return image(rig, _ideal(rig, xyz_mm).xy_mm).pixels
 
 
-def object_derivatives(view: View, xyz_mm: Array) -> Array:
-    """(N, 2, 3) float64, derivatives of `project` by X, Y, Z, in px/mm."""
-    return linearise(single(view), xyz_mm)[1][:, 0].transpose(2, 0, 1)
-
-
 def parameter_derivatives(view: View, xyz_mm: Array) -> Array:
     """(N, 2, 18) float64, derivatives of `project` by the view's `PARAMETERS`, in px per their unit."""
     return parameter_slopes(single(view), xyz_mm)[:, 0].transpose(2, 0, 1)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from grabberd.errors import InputError
 from grabberd.geometry.functional_model import project
-from grabberd.geometry.inverse_model import rays
 from grabberd.geometry.view import View
 
 Array = NDArray[np.float64]
@@ -93,23 +92,6 @@ def seen_through(plate: Plate, center_mm: Array, xyz_mm: Array) -> Array:
 def project_through(plate: Plate, view: View, xyz_mm: Array) -> Array:
     """(N, 2) frame pixels of places (N, 3) seen through a plate by a view that was calibrated without it."""
     return project(view, seen_through(plate, view.center_mm, xyz_mm))
-
-
-def rays_through(plate: Plate, view: View, xy_px: Array) -> tuple[Array, Array]:
-    """The rays behind the plate, of a view that was calibrated without it.
-
-    Args:
-        plate: somewhere between camera and object.
-        view: calibrated without the plate.
-        xy_px: (N, 2) frame pixels.
-
-    Returns:
-        for each ray a point of its own (N, 3), in place of the projection centre, and its unit direction
-        (N, 3); NaN where `rays` gives NaN.
-    """
-    center, directions = rays(view, xy_px)
-    along = np.sign(directions @ plate.unit) * plate.shift_mm(directions)
-    return center + along[:, np.newaxis] * plate.unit, directions
 
 
 def _unit(vectors: Array) -> Array:

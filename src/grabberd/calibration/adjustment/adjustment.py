@@ -84,16 +84,6 @@ class Adjustment:
         return self.residual_px / (self.sigma0 * self.network.sigma_px * np.sqrt(controlled))
 
     @property
-    def place_redundancy(self) -> Array:
-        """(T, 3) redundancy of the given places: with that of the image points it sums to the freedom."""
-        sigma = self.network.target_sigma_mm
-        weighted = (sigma > 0) & np.isfinite(sigma)
-        variance = np.einsum("tkk->tk", self.place_covariance_mm2) / self.sigma0**2
-        left = np.zeros_like(sigma)
-        left[weighted] = 1.0 - variance[weighted] / sigma[weighted] ** 2
-        return left
-
-    @property
     def parameter_covariance(self) -> Array:
         """(18 V, 18 V) of all views' `PARAMETERS`, zero where held."""
         selection = self.unknowns.selection

@@ -42,20 +42,6 @@ class NullVector:
         )
 
 
-def null_vectors(
-    jacobian: Array, names: Sequence[str], threshold: float = THRESHOLD
-) -> tuple[NullVector, ...]:
-    """The null vectors of any Jacobian, its columns brought to the same length first.
-
-    Args:
-        jacobian: (M, U) derivatives of M observations of equal weight.
-        names: of the U parameters.
-        threshold: singular values under this share of the largest count as zero.
-    """
-    matrix = jacobian.T @ jacobian
-    return _null_vectors(matrix, np.diag(matrix), names, threshold)
-
-
 def check_rank(network: Network, unknowns: Unknowns) -> None:
     """Whether a network determines its unknowns: to be asked before it is adjusted.
 
@@ -83,20 +69,25 @@ def check_rank(network: Network, unknowns: Unknowns) -> None:
             "check the rig's nominal geometry and the calibration frame's file",
         )
     normals = problem.normals(linear)
-    found = _null_vectors(reduced(normals).matrix, np.diag(normals.matrix), unknowns.names, THRESHOLD)
+    found = null_vectors(reduced(normals).matrix, np.diag(normals.matrix), unknowns.names)
     if found:
         raise _deficient(found)
     _check_depth(network, unknowns)
 
 
-def _null_vectors(
-    matrix: Array, diagonal: Array, names: Sequence[str], threshold: float
-) -> tuple[NullVector, ...]:
+def null_vectors(matrix: Array, diagonal: Array, names: Sequence[str]) -> tuple[NullVector, ...]:
+    """Find what a normal matrix leaves undetermined, each parameter scaled to its own effect first.
+
+    Args:
+        matrix: (U, U) normal matrix, other unknowns eliminated.
+        diagonal: (U,) squared lengths of the parameters' columns in the Jacobian.
+        names: of the U parameters.
+    """
     scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     squares, vectors = np.linalg.eigh(matrix * scale * scale[:, np.newaxis])
     if not len(squares):
         return ()
-    null = squares <= threshold**2 * max(squares[-1], 0.0)
+    null = squares <= THRESHOLD**2 * max(squares[-1], 0.0)
     singular = float(np.sqrt(max(squares[0], 0.0) / squares[-1])) if squares[-1] > 0 else 0.0
     return tuple(_named(vector, names, singular) for vector in _plain(vectors[:, null]).T)
 

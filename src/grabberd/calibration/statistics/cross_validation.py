@@ -53,12 +53,6 @@ class Validation:
         rmse: Array = np.sqrt(np.append(squares, squares.sum()))
         return rmse
 
-    @property
-    def normalised(self) -> Array:
-        """(N, 3) errors over their predicted σ."""
-        sigma: Array = np.sqrt(np.einsum("nkk->nk", self.covariance_mm2))
-        return self.error_mm / sigma
-
 
 def spatial_blocks(places_mm: Array, count: int) -> NDArray[np.intp]:
     """(T,) block of each of T places (T, 3): the largest block is halved along its longest extent, and so on.
