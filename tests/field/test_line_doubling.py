@@ -125,5 +125,5 @@ def test_doubled_bits_are_not_doubled_again_and_grey_levels_not_at_all():
     [lambda field: double_lines(field, "cubic"), lambda field: double_bits(quantise(field, 1, 9), "cubic")],
 )
 def test_an_unknown_interpolation_is_refused(doubling):
-    with pytest.raises(ValueError, match="'cubic' is none of linear, kernel3x3"):
+    with pytest.raises(ValueError, match="unknown interpolation 'cubic'; choose from linear, kernel3x3"):
         doubling(Field.intact(np.zeros((4, 8), np.uint8), TOP))

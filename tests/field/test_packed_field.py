@@ -103,5 +103,5 @@ def test_an_even_map_of_thresholds_is_the_threshold():
 
 @pytest.mark.parametrize(("bits", "shape"), [(2, (4, 8)), (8, (4, 8)), (1, (4, 7))])
 def test_a_map_of_thresholds_is_for_one_bit_and_for_its_own_size(bits, shape):
-    with pytest.raises(ValueError, match="do not fit a field of"):
+    with pytest.raises(ValueError, match="does not fit a field of"):
         quantise(Field.intact(np.zeros((4, 8), np.uint8), TOP), bits, np.zeros(shape, np.uint8))

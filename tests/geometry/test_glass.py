@@ -73,5 +73,5 @@ def test_a_plate_put_in_shifts_the_picture_by_more_than_a_pixel():
 
 @pytest.mark.parametrize("wrong", [(0.0, 1.5), (-1.0, 1.5), (3.0, 0.9), (3.0, 1.5, (0.0, 0.0, 0.0))])
 def test_what_is_no_plate_is_refused(wrong):
-    with pytest.raises(InputError, match="no plate is"):
+    with pytest.raises(InputError, match="invalid plate"):
         Plate(*wrong)

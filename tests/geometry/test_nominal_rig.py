@@ -62,5 +62,5 @@ def test_y_runs_to_the_right_in_a_right_handed_view_and_to_the_left_in_a_mirrore
 
 
 def test_numbers_that_belong_to_different_rigs_are_refused():
-    with pytest.raises(InputError, match=r"makes a convergence of 29\.9 degrees, but 60 are stated"):
+    with pytest.raises(InputError, match=r"implies a convergence of 29\.9 degrees, but 60 are stated"):
         rig(convergence=2.0).views()

@@ -1,4 +1,4 @@
-"""The missing lines of a field (paper 3.3)."""
+"""Interpolation of a field's missing lines (paper 3.3)."""
 
 from dataclasses import replace
 
@@ -10,19 +10,19 @@ from grabberd.field.field import Field
 from grabberd.field.packed_field import PackedField
 
 INTERPOLATIONS = ("linear", "kernel3x3")
-"""How missing lines are interpolated: "linear" between the lines above and below; "kernel3x3" by the kernel
-¼ (1 2 1) by ½ (1 2 1), which is the same but smooths every line along x as well."""
+"""Methods of interpolation: "linear" between the lines above and below; "kernel3x3" by the kernel ¼ (1 2 1)
+by ½ (1 2 1), which is the same but smooths every line along x as well."""
 
 
 def double_lines(field: Field, interpolation: str = "linear") -> Field:
-    """The field with its missing lines interpolated on the grey values, a picture of full height.
+    """Interpolate the missing lines of a field on its grey values, giving a picture of full height.
 
-    A missing line is the mean of its neighbours, rounded half up; beyond the outermost line its only
-    neighbour is repeated. A field whose lines are doubled already is returned as it is, so a recording of
-    doubled fields passes through unchanged. A field has at least two rows.
+    A missing line is the mean of its neighbours, rounded half up; beyond the outermost line the only
+    neighbour is repeated. A field already doubled is returned as it is, so a recording of doubled fields
+    passes through unchanged. The field must have at least two rows.
 
     Raises:
-        ValueError: an interpolation that is none of `INTERPOLATIONS`.
+        ValueError: The interpolation is not one of `INTERPOLATIONS`.
     """
     _known(interpolation)
     if field.y_step == 1:
@@ -31,6 +31,7 @@ def double_lines(field: Field, interpolation: str = "linear") -> Field:
     rows, columns = luma.shape
     doubled = np.empty((2 * rows, columns), np.uint8)
     doubled[field.parity :: 2] = luma
+    # cv2 rounds half to even; a quarter added makes every .5 round up.
     between = cv2.addWeighted(luma[:-1], 0.5, luma[1:], 0.5, 0.25)
     doubled[1 + field.parity : 2 * rows - 1 + field.parity : 2] = between
     doubled[-1 if field.parity == 0 else 0] = luma[-1 if field.parity == 0 else 0]
@@ -38,24 +39,24 @@ def double_lines(field: Field, interpolation: str = "linear") -> Field:
 
 
 def _smoothed(luma: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Every line by ¼ (1 2 1) along x; at the ends the outermost pixel is repeated."""
+    """Smooth every line by ¼ (1 2 1) along x, repeating the outermost pixel at the ends."""
     row = np.array([0.25, 0.5, 0.25], np.float32)
     smoothed = cv2.sepFilter2D(luma, cv2.CV_8U, row, np.ones(1, np.float32), borderType=cv2.BORDER_REPLICATE)
     return np.asarray(smoothed, np.uint8)
 
 
 def double_bits(packed: PackedField, interpolation: str = "linear") -> PackedField:
-    """The field of 1 bit with its missing lines interpolated after the threshold, and thresholded once more.
+    """Interpolate the missing lines of a 1-bit field after the threshold, and threshold once more.
 
-    This is for comparison; interpolated before the threshold a field is worth more. As weights
-    (`doubled_weights`) linearly interpolated bits have exactly the centroid of the intact ones, so nothing is
-    won; setting every pixel that has half of the greatest weight then makes it worse.
+    Kept for comparison: interpolating before the threshold is better. As weights (`doubled_weights`) linearly
+    interpolated bits have exactly the centroid of the intact ones, so nothing is gained; setting every pixel
+    of at least half the greatest weight then makes it worse.
 
     Raises:
-        ValueError: more than 1 bit, or an interpolation that is none of `INTERPOLATIONS`.
+        ValueError: More than 1 bit, or an interpolation that is not one of `INTERPOLATIONS`.
     """
     if packed.bits != 1:
-        raise ValueError(f"lines are doubled after the threshold at 1 bit, not at {packed.bits}")
+        raise ValueError(f"lines can be doubled after the threshold only at 1 bit, not at {packed.bits} bits")
     if packed.y_step == 1:
         return packed
     bits = np.unpackbits(packed.data[0], axis=1, count=packed.columns)
@@ -65,18 +66,18 @@ def double_bits(packed: PackedField, interpolation: str = "linear") -> PackedFie
 
 
 def doubled_weights(bits: NDArray[np.uint8], parity: int, interpolation: str = "linear") -> NDArray[np.uint8]:
-    """Interpolated bits before they are thresholded again, a picture of full height.
+    """Interpolate bits without thresholding them again, giving a picture of full height.
 
     Args:
         bits: (rows, columns) uint8, 0 or 1.
-        parity: of the field.
-        interpolation: one of `INTERPOLATIONS`.
+        parity: Parity of the field.
+        interpolation: One of `INTERPOLATIONS`.
 
     Returns:
-        (2 rows, columns) uint8: in halves where "linear", in eighths where "kernel3x3".
+        (2 rows, columns) uint8: in halves for "linear", in eighths for "kernel3x3".
 
     Raises:
-        ValueError: an interpolation that is none of `INTERPOLATIONS`.
+        ValueError: The interpolation is not one of `INTERPOLATIONS`.
     """
     _known(interpolation)
     weight = bits
@@ -92,4 +93,4 @@ def doubled_weights(bits: NDArray[np.uint8], parity: int, interpolation: str = "
 
 def _known(interpolation: str) -> None:
     if interpolation not in INTERPOLATIONS:
-        raise ValueError(f"interpolation {interpolation!r} is none of {', '.join(INTERPOLATIONS)}")
+        raise ValueError(f"unknown interpolation {interpolation!r}; choose from {', '.join(INTERPOLATIONS)}")

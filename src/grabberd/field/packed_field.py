@@ -1,4 +1,4 @@
-"""A field quantised to a few bits and packed, as the ring and the capture file keep it (paper 3.4)."""
+"""Packed fields: quantised to a few bits, as the ring and the capture file keep them (paper 3.4)."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from grabberd.field.field import Field
 
 BIT_DEPTHS = (1, 2, 3, 4, 5, 6, 8)
-"""The bit depths that a field can be quantised to."""
+"""Bit depths that a field can be quantised to."""
 MEDIAN_EVERY = 8
-"""Of a smooth map of thresholds one pixel in so many, each way, tells the median."""
+"""Pixels between samples, each way, for the median of a threshold map: the map is smooth, so few suffice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,13 +22,13 @@ class PackedField:
         data: uint8, C-contiguous. Up to 6 bits: (bits, rows, ceil(columns / 8)), one plane a bit, the most
             significant first, eight pixels a byte with the leftmost in its highest bit. 8 bits: (1, rows,
             columns).
-        bits: bits a pixel, one of `BIT_DEPTHS`.
-        columns: pixels a row.
-        parity: of the field that the camera delivered.
-        y0: frame line of row 0.
-        y_step: frame lines from row to row.
-        threshold: the grey value in force: at 1 bit a pixel is set where its luma exceeds it; with more bits
-            it is the level that separates target from background.
+        bits: Bits per pixel, one of `BIT_DEPTHS`.
+        columns: Pixels per row.
+        parity: Parity of the field that the camera delivered.
+        y0: Frame line of row 0.
+        y_step: Frame lines from row to row.
+        threshold: Grey value in force: at 1 bit a pixel is set if its luma exceeds it; with more bits it is
+            the level that separates targets from background.
     """
 
     data: NDArray[np.uint8]
@@ -46,13 +46,13 @@ class PackedField:
 
 
 class NumberedField(NamedTuple):
-    """A packed field and its place in time.
+    """A packed field with its number and time.
 
     Attributes:
-        n: nominal 20 ms steps since the numbering began, lost fields included.
-        time_ns: middle of the exposure, CLOCK_MONOTONIC.
-        sequence: the driver's own count, or None where it has none.
-        packed: the field.
+        n: Nominal steps (20 ms in PAL) since numbering began, lost fields included.
+        time_ns: Middle of the exposure, CLOCK_MONOTONIC.
+        sequence: The driver's own count, or None if it has none.
+        packed: The field.
     """
 
     n: int
@@ -67,24 +67,25 @@ def packed_shape(rows: int, columns: int, bits: int) -> tuple[int, int, int]:
 
 
 def quantise(field: Field, bits: int, threshold: int | NDArray[np.uint8]) -> PackedField:
-    """The field with `bits` bits a pixel, packed; it shares no memory with `field`.
+    """Quantise a field to `bits` bits per pixel and pack it; the result shares no memory with `field`.
 
-    At 1 bit a pixel is set where luma > threshold; with more, the most significant bits are kept.
+    At 1 bit a pixel is set if luma > threshold; with more, the most significant bits are kept.
 
     Args:
-        field: grey values.
-        bits: one of `BIT_DEPTHS`.
-        threshold: of all pixels; or, at 1 bit, (rows, columns) uint8 of each one, whose median is then the
-            packed field's.
+        field: Grey values.
+        bits: One of `BIT_DEPTHS`.
+        threshold: One for all pixels; or, at 1 bit, (rows, columns) uint8, one for each, whose median becomes
+            the packed field's.
 
     Raises:
-        ValueError: thresholds pixel by pixel for more than 1 bit, or for a picture of another size.
+        ValueError: A threshold map was given for more than 1 bit, or has another shape than the field.
     """
     if not isinstance(threshold, np.ndarray):
         return _packed(field, bits, threshold, threshold)
     if bits != 1 or threshold.shape != field.luma.shape:
         raise ValueError(
-            f"thresholds of shape {threshold.shape} do not fit a field of {field.luma.shape} and {bits} bits"
+            f"a threshold map of shape {threshold.shape} does not fit a field of {field.luma.shape} "
+            f"at {bits} bits"
         )
     median = int(np.median(threshold[::MEDIAN_EVERY, ::MEDIAN_EVERY]))
     return _packed(field, bits, threshold, median)
@@ -111,12 +112,10 @@ def _planes(luma: NDArray[np.uint8], bits: int, threshold: int | NDArray[np.uint
 
 
 def unpack(packed: PackedField) -> Field:
-    """Grey values again: 0 and 255 at 1 bit, the middle of each level otherwise, the original luma at 8 bits.
+    """Restore grey values: 0 and 255 at 1 bit, the original luma at 8 bits, else the middle of each level.
 
-    At 8 bits the luma is a view into the packed data, otherwise it is new.
-
-    Quantising the result again with the same number of bits (and any threshold from 0 to 254 at 1 bit) gives
-    the same planes.
+    At 8 bits the luma is a view into the packed data, otherwise it is new. Quantising the result again with
+    the same number of bits (and any threshold from 0 to 254 at 1 bit) gives the same planes.
     """
     return Field(_levels(packed), packed.parity, packed.y0, packed.y_step)
 

@@ -1,9 +1,10 @@
-"""The cameras in numbers: where a point of the object appears, and on which ray it lies (paper 3.6).
+"""Camera geometry: where a point of the object appears, and on which ray an image point lies (paper 3.6).
 
-A `View` is one virtual camera, a `Calibration` the two of them with their covariance as a document keeps it,
-a `Rig` the same views made ready for computing. The functional model is the paper's (4)–(7) with b1 as an
-affinity and b8 and b9 apart; its derivatives are analytic, its inverse is iterated. Everything is in frame
-pixels and in millimetres of the object's frame; nothing here knows of fields, targets or adjustments.
+A `View` is one virtual camera, a `Calibration` the two of them with their covariance as stored in a document,
+a `Rig` the same views prepared for fast computation. The functional model is the paper's (4)–(7) with b1 as
+an affinity and b8 and b9 separate; its derivatives are analytic, its inverse is iterated. Everything is in
+frame pixels and in millimetres of the object's frame; nothing here knows about fields, targets or
+adjustments.
 """
 
 from grabberd.geometry.calibration import SCHEMA, Calibration

@@ -1,9 +1,9 @@
-"""The functional model: from a point of the object to frame pixels (paper eqs. 4–7).
+"""Functional model: from a point of the object to frame pixels (paper eqs. 4–7).
 
     x = −f·u/w + dx,  y = −f·v/w + dy,  (u, v, w) = R·(X − X0),  column = x0 + x/px,  line = y0 − y/py
 
 x and y are in mm, reduced to the principal point, y up. The camera looks along −z, so points in front have
-w < 0; what lies in or behind the plane of the projection centre gives NaN.
+w < 0; a point in or behind the plane of the projection centre gives NaN.
 """
 
 from functools import lru_cache
@@ -20,7 +20,9 @@ Array = NDArray[np.float64]
 
 
 class _Ideal(NamedTuple):
-    """Ideal points `xy_mm` (2, V, N), places `away_mm` (V, 3, N) from the centre, `closeness` −1/w (V, N)."""
+    """Ideal points `xy_mm` (2, V, N), offsets `away_mm` (V, 3, N) from the centre, `closeness` −1/w (V,
+    N).
+    """
 
     xy_mm: Array
     away_mm: Array
@@ -28,9 +30,9 @@ class _Ideal(NamedTuple):
 
 
 class Image(NamedTuple):
-    """Ideal points as the frame shows them: `pixels` (2, V, N), and their slopes in px/mm.
+    """Ideal points mapped to the frame: `pixels` (2, V, N), and their slopes in px/mm.
 
-    `own` (2, V, N) is the slope of a coordinate by its own ideal coordinate, `other` that by the other one.
+    `own` (2, V, N) is the derivative of a coordinate by its own ideal coordinate, `other` that by the other.
     """
 
     pixels: Array
@@ -38,19 +40,19 @@ class Image(NamedTuple):
     other: Array
 
     def pixel_slopes(self, ideal_slopes: Array) -> Array:
-        """(2, V, K, N) slopes of the ideal coordinates become slopes of the frame pixels."""
+        """Convert slopes of the ideal coordinates (2, V, K, N) to slopes of the frame pixels."""
         direct = self.own[:, :, np.newaxis] * ideal_slopes
         direct += self.other[:, :, np.newaxis] * ideal_slopes[::-1]
         return direct
 
 
 def project(view: View, xyz_mm: Array) -> Array:
-    """(N, 2) float64, frame pixels of N points (N, 3) of the object; NaN for points behind the camera."""
+    """Project N object points (N, 3) to (N, 2) float64 frame pixels; NaN for points behind the camera."""
     return project_all(single(view), xyz_mm)[:, 0].T
 
 
 def project_all(rig: Rig, xyz_mm: Array) -> Array:
-    """(2, V, N) float64, frame pixels (x, y) in every view of N points (N, 3); NaN behind a camera."""
+    """Project N points (N, 3) into every view: (2, V, N) float64 frame pixels (x, y); NaN behind a camera."""
     return image(rig, _ideal(rig, xyz_mm).xy_mm).pixels
 
 
@@ -60,7 +62,7 @@ def parameter_derivatives(view: View, xyz_mm: Array) -> Array:
 
 
 def linearise(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
-    """The projection of N points (N, 3) and its derivatives by X, Y, Z.
+    """Project N points (N, 3), with derivatives by X, Y, Z.
 
     Returns:
         (2, V, N) frame pixels and (2, V, 3, N) px/mm.
@@ -71,16 +73,16 @@ def linearise(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
 
 
 def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
-    """(2, V, 18, N) float64, derivatives of the frame pixels by the `PARAMETERS` of the view they lie in."""
+    """(2, V, 18, N) float64, derivatives of the frame pixels by the `PARAMETERS` of their view."""
     return linearise_parameters(rig, xyz_mm)[1]
 
 
 def linearise_parameters(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
-    """The projection of N points (N, 3) and its derivatives by the `PARAMETERS` of the view they lie in.
+    """Project N points (N, 3), with derivatives by the `PARAMETERS` of each view.
 
     Returns:
         (2, V, N) frame pixels and (2, V, 18, N); the derivatives by the projection centre are those by the
-        point itself with the other sign.
+        point itself with the opposite sign.
     """
     ideal = _ideal(rig, xyz_mm)
     seen = image(rig, ideal.xy_mm)
@@ -94,7 +96,7 @@ def linearise_parameters(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
 
 
 def image(rig: Rig, ideal_mm: Array) -> Image:
-    """The frame pixels of the ideal points (2, V, N), with their slopes (paper eqs. 4–7)."""
+    """Map ideal points (2, V, N) to frame pixels, with slopes (paper eqs. 4–7)."""
     values = (rig.image @ monomials(ideal_mm)).reshape(len(rig.views), 4, 2, -1)
     own, other, own_slope, other_slope = values.transpose(1, 2, 0, 3)
     pixels = ideal_mm * own
@@ -105,7 +107,7 @@ def image(rig: Rig, ideal_mm: Array) -> Image:
 
 @lru_cache(maxsize=64)
 def single(view: View) -> Rig:
-    """The rig of one view alone."""
+    """Make a rig of one view."""
     return Rig.of_views([view])
 
 
@@ -118,18 +120,18 @@ def _ideal(rig: Rig, xyz_mm: Array) -> _Ideal:
 
 
 def _object_slopes(rig: Rig, ideal: _Ideal) -> Array:
-    """(2, V, 3, N): derivatives of the ideal coordinates by X, Y, Z."""
+    """(2, V, 3, N) derivatives of the ideal coordinates by X, Y, Z."""
     return _perspective_slopes(rig, ideal, rig.rotation[..., np.newaxis])
 
 
 def _angle_slopes(rig: Rig, ideal: _Ideal) -> Array:
-    """(2, V, 3, N): derivatives of the ideal coordinates by ω, φ, κ."""
+    """(2, V, 3, N) derivatives of the ideal coordinates by ω, φ, κ."""
     turned = rig.rotation_rates @ ideal.away_mm
     return _perspective_slopes(rig, ideal, turned.transpose(1, 2, 0, 3))
 
 
 def _perspective_slopes(rig: Rig, ideal: _Ideal, camera_slopes: Array) -> Array:
-    """The quotient rule of the perspective, from the slopes (V, 3, K, N) of the camera coordinates."""
+    """Apply the quotient rule of the perspective to the slopes (V, 3, K, N) of the camera coordinates."""
     sideways = camera_slopes[:, :2].swapaxes(0, 1) * rig.f_mm[:, :, np.newaxis]
     inward = ideal.xy_mm[:, :, np.newaxis] * camera_slopes[:, 2]
     return (sideways + inward) * ideal.closeness[:, np.newaxis]

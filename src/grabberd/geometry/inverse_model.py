@@ -1,4 +1,4 @@
-"""From frame pixels back to the ideal point and its ray (the inverse of paper eqs. 4–7)."""
+"""Inverse model: from frame pixels back to the ideal point and its ray (inverse of paper eqs. 4–7)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,31 +10,31 @@ from grabberd.geometry.view import View
 Array = NDArray[np.float64]
 
 TOLERANCE_MM = 1e-10
-"""An ideal point is found when the last step towards it was smaller than this."""
+"""Length of the last step below which an ideal point counts as found."""
 _MOST_STEPS = 30
 
 
 def correct(view: View, xy_px: Array) -> Array:
-    """The ideal points of observed ones: distortion taken off, reduced to the principal point.
+    """Compute ideal points from observed ones: distortion removed, reduced to the principal point.
 
-    Newton's iteration, until its step is below `TOLERANCE_MM`; never a single step.
+    Newton's iteration until its step is below `TOLERANCE_MM`, never a single step.
 
     Args:
-        view: the view that they were observed in.
+        view: View that they were observed in.
         xy_px: (N, 2) float64, frame pixels.
 
     Returns:
-        (N, 2) float64, mm, y up. NaN where the iteration does not settle or settles beyond the fold of the
-        distortion, where no point of the object can be seen; NaN in gives NaN out.
+        (N, 2) float64, mm, y up. NaN where the iteration does not converge, or converges beyond the fold of
+        the distortion, where no object point can be seen; NaN in gives NaN out.
     """
     return correct_all(single(view), xy_px.T[:, np.newaxis])[:, 0].T
 
 
 def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
-    """The rays on which observed points lie.
+    """Compute the rays on which observed points lie.
 
     Returns:
-        the projection centre (3,) in mm and unit vectors (N, 3) from it toward the object, both in the
+        The projection centre (3,) in mm and unit vectors (N, 3) from it toward the object, both in the
         object's frame; NaN where `correct` gives NaN.
     """
     directions = directions_all(single(view), correct_all(single(view), xy_px.T[:, np.newaxis]))
@@ -42,7 +42,7 @@ def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
 
 
 def correct_all(rig: Rig, xy_px: Array) -> Array:
-    """`correct` for all views of a rig at once: (2, V, N) frame pixels to (2, V, N) mm."""
+    """Apply `correct` to all views of a rig at once: (2, V, N) frame pixels to (2, V, N) mm."""
     ideal = (xy_px - rig.origin_px) * rig.pixel_mm
     upright = np.sign(rig.pixel_mm[0] * rig.pixel_mm[1])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -68,7 +68,7 @@ def directions_all(rig: Rig, ideal_mm: Array) -> Array:
 
 
 def _newton_step(rig: Rig, ideal: Array, observed_px: Array) -> tuple[Array, Array]:
-    """The step (2, V, N) in mm; the determinant (V, N) of the slopes, whose sign tells the fold's side."""
+    """The step (2, V, N) in mm, and the slopes' determinant (V, N), whose sign changes at the fold."""
     seen = image(rig, ideal)
     excess = seen.pixels - observed_px
     area = seen.own[0] * seen.own[1] - seen.other[0] * seen.other[1]

@@ -1,4 +1,4 @@
-"""The rig as it was built: its nominal numbers, each to about ten per cent, and the views that they make."""
+"""Nominal rig: dimensions as built, each good to about ten per cent, and the views that follow from them."""
 
 import math
 from dataclasses import dataclass
@@ -11,6 +11,7 @@ from grabberd.geometry.rotation import rotation_angles
 from grabberd.geometry.view import View
 
 _MOST_CONTRADICTION = 1.4
+"""Ratio of stated to computed convergence: three numbers, each good to ten per cent, agree within it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,13 +19,16 @@ class NominalRig:
     """Prior knowledge of a rig: one camera that sees the object's origin in the middle of either half.
 
     Attributes:
-        columns: picture width in pixels; `lines`: height in frame lines.
-        left: first frame column of the left view's half and the one after its last; `right` likewise.
-        distance_mm: of the virtual cameras from the object's plane.
-        base_mm: between the virtual cameras, along the object's Y.
-        convergence_deg: between the middle rays of the two halves.
-        focal_length_mm: of the lens.
-        pixel_x_mm: pixel pitch along a line; `pixel_y_mm`: from frame line to frame line.
+        columns: Picture width in pixels.
+        lines: Picture height in frame lines.
+        left: First frame column of the left view's half, and the one after its last.
+        right: Likewise for the right view.
+        distance_mm: Distance of the virtual cameras from the object's plane.
+        base_mm: Distance between the virtual cameras, along the object's Y.
+        convergence_deg: Angle between the middle rays of the two halves.
+        focal_length_mm: Focal length of the lens.
+        pixel_x_mm: Pixel pitch along a line.
+        pixel_y_mm: Pitch from frame line to frame line.
     """
 
     columns: int
@@ -39,17 +43,17 @@ class NominalRig:
     pixel_y_mm: float
 
     def views(self, handedness: tuple[int, int] = (1, 1)) -> tuple[View, View]:
-        """The two virtual cameras, without distortion, with the principal point in the picture's centre.
+        """Make the two virtual cameras, without distortion, with the principal point in the picture's centre.
 
-        Base, distance and convergence say one thing twice; what they contradict each other in is shared
-        among the three in equal proportions. A view's camera is turned against the ray to the object's
-        origin, because the middle of its half is not the middle of the picture.
+        Base, distance and convergence are redundant; their contradiction is shared among the three in equal
+        proportions. A view's camera is turned away from the ray to the object's origin, because the middle of
+        its half is not the middle of the picture.
 
         Args:
-            handedness: of the left and of the right view, +1 or −1.
+            handedness: Of the left and the right view, +1 or −1.
 
         Raises:
-            InputError: base and distance make quite another convergence.
+            InputError: Base and distance imply a very different convergence.
         """
         share = self._contradiction() ** (1 / 3)
         aside_mm, height_mm = 0.5 * self.base_mm * share, self.distance_mm / share
@@ -59,14 +63,14 @@ class NominalRig:
         )
 
     def _contradiction(self) -> float:
-        """Stated convergence over the one that base and distance make."""
+        """Ratio of the stated convergence to the one implied by base and distance."""
         made_deg = 2 * math.degrees(math.atan(0.5 * abs(self.base_mm) / self.distance_mm))
         ratio = self.convergence_deg / made_deg
         if not 1 / _MOST_CONTRADICTION < ratio < _MOST_CONTRADICTION:
             raise InputError(
-                f"the rig's base {self.base_mm:g} mm at {self.distance_mm:g} mm distance makes a convergence "
-                f"of {made_deg:.1f} degrees, but {self.convergence_deg:g} are stated",
-                "measure base_mm, distance_mm and convergence_deg of the rig again: ten per cent is enough",
+                f"the rig's base {self.base_mm:g} mm at {self.distance_mm:g} mm distance implies a "
+                f"convergence of {made_deg:.1f} degrees, but {self.convergence_deg:g} are stated",
+                "check base_mm, distance_mm and convergence_deg on the rig: ten per cent is accurate enough",
             )
         return ratio
 
