@@ -1,4 +1,4 @@
-"""The background of a picture: its level and its noise."""
+"""Background of a picture: its level and noise."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -9,24 +9,25 @@ from numpy.typing import NDArray
 from grabberd.field import PackedField, unpack
 
 LEAST_NOISE = 12**-0.5
-"""What rounding to whole grey values alone leaves."""
+"""Standard deviation of rounding to whole grey values, the least that any picture has."""
 QUARTILE = 0.6745
+"""Distance of the quartiles from the mean of a normal distribution, in σ."""
 SAMPLED_EVERY_PX = 32
-"""The background is looked at on one frame line in so many."""
+"""Frame lines between those sampled for the background."""
 
 
 class Background(NamedTuple):
-    """What is behind the targets, in grey values: `level` and its standard deviation `noise`."""
+    """Grey level behind the targets, and its standard deviation `noise`."""
 
     level: float
     noise: float
 
 
 def background_of(histogram: NDArray[np.integer]) -> Background:
-    """The background, from how often each grey value (256 of them, or fewer coarse levels) occurs.
+    """Estimate the background from a histogram of grey values (256, or fewer coarse levels).
 
-    It has to be more than half of the picture. Targets brighten only the upper side, so the noise is taken
-    from the lower quartile; where black is clipped at 0, from the upper one.
+    The background must fill more than half of the picture. Targets brighten only the upper side, so the noise
+    is taken from the lower quartile; if black is clipped at 0, from the upper one.
     """
     cumulated = np.cumsum(histogram, dtype=np.float64)
     quarters = cumulated[-1] * np.array([0.25, 0.5, 0.75])
@@ -37,7 +38,7 @@ def background_of(histogram: NDArray[np.integer]) -> Background:
 
 
 def background_in(packed: PackedField) -> Background:
-    """From some of the lines that the camera delivered; interpolated ones have less noise."""
+    """Estimate the background from some of the delivered lines; interpolated ones have less noise."""
     lines = packed.data[:, packed.parity :: SAMPLED_EVERY_PX // packed.y_step]
     step = 256 >> packed.bits
     levels = unpack(replace(packed, data=lines)).luma // step

@@ -1,4 +1,4 @@
-"""From a packed field to its blobs (paper 3.5)."""
+"""Location: from a packed field to its blobs (paper 3.5)."""
 
 from functools import cache
 from importlib import import_module
@@ -22,16 +22,16 @@ from grabberd.measurement.settings import AUTOMATIC, LOCATORS, LocationSettings
 
 
 def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: LocationSettings) -> Blobs:
-    """The targets seen in a field, of both views, in the order of their first row and column.
+    """Locate the targets in a field, both views together, in the order of their first row and column.
 
     Args:
-        packed: the field; with more than 1 bit, pixels above its `threshold` belong to targets.
+        packed: The field; with more than 1 bit, pixels above its `threshold` belong to targets.
         windows: (M, 4) float64 x0, y0, x1, y1 in frame pixels, edges included: only blobs whose centre lies
-            in one of them are returned. None: all of them.
-        settings: which blobs are targets, and how their centres are taken.
+            in one of them are returned. None returns all.
+        settings: Which blobs are targets, and how their centres are computed.
 
     Returns:
-        Blobs in frame pixels, whatever the field's parity and bits; none where nothing exceeds the threshold.
+        Blobs in frame pixels, whatever the field's parity and bits; empty if nothing exceeds the threshold.
     """
     if KERNEL and takes(packed, settings):
         blobs = measure_compiled(KERNEL, packed, settings)
@@ -43,7 +43,9 @@ def measure(packed: PackedField, windows: NDArray[np.float64] | None, settings: 
 
 
 def measure_by_numpy(packed: PackedField, settings: LocationSettings) -> Blobs:
-    """All targets seen in a field, for any method and any number of bits: what the kernel has to equal."""
+    """Locate all targets with numpy, for any method and bit depth: the reference that the kernel must
+    equal.
+    """
     runs, label, count = by_component(find_runs(target_bits(packed)))
     seen = Seen(packed, runs, label, shapes_of(runs, label, count), settings)
     located = _locator(settings.method, packed.bits)(seen)

@@ -25,25 +25,26 @@ METHODS = (AUTOMATIC, *LOCATORS)
 
 @dataclass(frozen=True, slots=True)
 class LocationSettings:
-    """How targets are located.
+    """Settings of target location.
 
     Attributes:
-        method: one of `METHODS`; "automatic" is the one that measured best for the field's bits, "locale" at
-            1 bit and "template" with more; "weighted" is nearly as good as that in half its time; "centroid"
-            weighs all pixels alike at 1 bit, and by g − T with more bits (paper eqs. 1, 2).
-        min_diameter_px: blobs that are smaller than a disc of this diameter, in frame pixels, are no targets.
-        max_diameter_px: neither are larger ones.
-        noise_levels: standard deviation of a pixel in grey values; None: taken from each field's background.
-        target_px: diameter of the targets' discs in frame pixels; None: from the field's own blobs.
-        spread_px: standard deviation of the spread function, frame pixels.
-        line_jitter_px: standard deviation of a field line's shift in x, frame pixels, as it is expected; 0:
-            lines are not shifted.
-        line_jitter_known: it is known well enough not to be estimated from each field's own shifts.
-        line_shifts: whether the shifts are solved for, and their standard deviation with them; None: with
-            more than 1 bit, where it takes a third off the error in space; at 1 bit it takes a thirtieth.
+        method: One of `METHODS`; "automatic" picks the most accurate for the field's bits, "locale" at 1 bit
+            and "template" with more; "weighted" is nearly as accurate as "template" in half the time;
+            "centroid" weights all pixels equally at 1 bit, and by g − T with more bits (paper eqs. 1, 2).
+        min_diameter_px: Blobs smaller than a disc of this diameter, in frame pixels, are not targets.
+        max_diameter_px: Blobs larger than a disc of this diameter are not targets.
+        noise_levels: Standard deviation of a pixel in grey values; None takes it from each field's
+            background.
+        target_px: Diameter of the targets' discs in frame pixels; None takes it from the field's own blobs.
+        spread_px: Standard deviation of the spread function, frame pixels.
+        line_jitter_px: Expected standard deviation of a field line's shift in x, frame pixels; 0 if lines do
+            not shift.
+        line_jitter_known: True if that is known well enough not to be estimated from each field.
+        line_shifts: True to solve for the shifts and their standard deviation. None does so with more than 1
+            bit, where it removes a third of the error in space; at 1 bit it removes a thirtieth.
 
     Raises:
-        ValueError: an unknown method, or limits that no blob can meet.
+        ValueError: The method is unknown, or a limit is out of range.
     """
 
     method: str = "automatic"
@@ -58,7 +59,7 @@ class LocationSettings:
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
-            raise ValueError(f"method {self.method!r} is none of {', '.join(METHODS)}")
+            raise ValueError(f"unknown method {self.method!r}; choose from {', '.join(METHODS)}")
         if not 0 <= self.min_diameter_px < self.max_diameter_px:
             limits = f"min_diameter_px {self.min_diameter_px} and max_diameter_px {self.max_diameter_px}"
             raise ValueError(f"no blob can meet {limits}")
@@ -66,4 +67,4 @@ class LocationSettings:
             raise ValueError(f"target_px {self.target_px} is not positive")
         if not (self.spread_px > 0 and self.line_jitter_px >= 0):
             lengths = f"spread_px {self.spread_px} and line_jitter_px {self.line_jitter_px}"
-            raise ValueError(f"{lengths} have to be positive")
+            raise ValueError(f"{lengths} are out of range (above 0; at least 0)")

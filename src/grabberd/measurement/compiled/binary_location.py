@@ -1,7 +1,7 @@
-"""Location at 1 bit by the compiled kernel: numpy's blobs in a small part of its time.
+"""Location at 1 bit by the compiled kernel: the same blobs as numpy's, many times faster.
 
-The kernel finds components, sizes and places in one call. What it lacks a table for, it says; tables are made
-by the same functions as numpy's, and kept.
+The kernel finds components, sizes and positions in one call. If it lacks a table it reports which; tables are
+made by the same functions as numpy's, and kept.
 """
 
 import ctypes
@@ -24,13 +24,15 @@ from grabberd.measurement.settings import LocationSettings
 
 BY_KERNEL = ("automatic", "locale", "centroid")
 COLUMNS = 9
+"""Numbers per blob that the kernel writes."""
 ROOM = 256
+"""Blobs that the first call has room for; a field of 216 targets needs no second one."""
 MOST_TABLES, MOST_FULLNESS = TABLES // len(NOISES), 64
-"""So many sizes are kept from field to field; then it begins anew."""
+"""Number of sizes kept from field to field before all are dropped."""
 
 
 class _Kept:
-    """Settings and the tables that they point to; never changed, so that threads may share them."""
+    """Settings and the tables that they point to; immutable, so that threads may share them."""
 
     def __init__(self, known: "_Known", tables: tuple[Table, ...], fullnesses: tuple[Fullness, ...]) -> None:
         self.tables, self.fullnesses = tables, fullnesses
@@ -49,7 +51,7 @@ class _Kept:
 
 
 class _Known:
-    """What the kernel is told beside the picture, and the tables that were made for it so far."""
+    """Kernel inputs other than the picture, with the tables made so far."""
 
     def __init__(
         self, least_px: float, greatest_px: float, jitter_px: float, spread_px: float | None, y_step: int
@@ -69,7 +71,7 @@ class _Known:
         own = Table(
             addresses, _floats(windows[0]), int(grid.columns), int(grid.rows), int(wide), int(high), fraction
         )
-        own.windows = windows  # what is at the addresses has to stay
+        own.windows = windows  # the arrays at the addresses must stay alive
         self.kept = _Kept(self, (*kept.tables, own), kept.fullnesses)
         return self.kept
 
@@ -81,14 +83,14 @@ class _Known:
         return self.kept
 
     def begin(self) -> _Kept:
-        """What is kept, for a field; emptied between fields alone, however many sizes one of them shows."""
+        """The tables for a field; dropped only between fields, however many sizes one of them shows."""
         if len(self.kept.tables) > MOST_TABLES or len(self.kept.fullnesses) > MOST_FULLNESS:
             self.kept = _Kept(self, (), ())
         return self.kept
 
 
 def _floats(windows: NDArray[np.float32]) -> int:
-    """How many there are, of which windows overlap."""
+    """Number of distinct values behind overlapping windows."""
     last = zip(windows.shape, windows.strides, strict=True)
     return 1 + sum(int((size - 1) * stride // windows.itemsize) for size, stride in last)
 
@@ -97,7 +99,7 @@ _known = lru_cache(maxsize=16)(_Known)
 
 
 def takes(packed: PackedField, settings: LocationSettings) -> bool:
-    """Whether the kernel has been taught to do this."""
+    """True if the kernel covers this field and these settings."""
     return (
         packed.bits == 1
         and settings.method in BY_KERNEL
@@ -107,10 +109,10 @@ def takes(packed: PackedField, settings: LocationSettings) -> bool:
 
 
 def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSettings) -> Blobs:
-    """As `location.measure` without windows, of what the kernel takes.
+    """Measure as `location.measure` without windows, for fields that the kernel covers.
 
     Raises:
-        MeasurementError: there is no memory, or the kernel finds something wrong with the picture.
+        MeasurementError: There is not enough memory, or the kernel refuses the picture.
     """
     known = _known(
         settings.min_diameter_px,
@@ -139,20 +141,20 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
 
 
 def blobs_of(out: NDArray[np.float64], count: int, reach_px: float, jitter_px: float | None = None) -> Blobs:
-    """What the kernel wrote of so many blobs (COLUMNS, room)."""
+    """Convert the first `count` blobs that the kernel wrote into `out` (COLUMNS, room)."""
     xy, sigma = (out[first : first + 2].reshape(-1)[: 2 * count].reshape(count, 2) for first in (0, 2))
     common, area, width, height, at_border = out[4:, :count]
     return Blobs(xy, sigma, common, area, width, height, at_border != 0.0, reach_px, jitter_px)
 
 
 def fail(status: int, packed: PackedField) -> None:
-    """Say what the kernel ended with.
+    """Raise the error for a kernel status.
 
     Raises:
-        MeasurementError: always.
+        MeasurementError: Always.
     """
-    what = "no memory is left" if status == NO_MEMORY else "the compiled kernel refused the picture"
+    what = "not enough memory" if status == NO_MEMORY else "the compiled kernel refused the picture"
     raise MeasurementError(
         f"{what}: {packed.rows} rows of {packed.columns} columns at {packed.bits} bit",
-        "report it, with the picture" if status != NO_MEMORY else "give the computer more memory",
+        "report this together with the picture" if status != NO_MEMORY else "free some memory, or add more",
     )

@@ -1,4 +1,4 @@
-"""Location with more than 1 bit by the compiled kernel: the fitted disc and the line shifts, in one call."""
+"""Location with more than 1 bit by the compiled kernel: fitted discs and line shifts in one call."""
 
 import ctypes
 import math
@@ -19,7 +19,7 @@ BY_KERNEL = ("automatic", "template")
 
 
 def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:
-    """Whether the kernel has been taught to do this."""
+    """True if the kernel covers this field and these settings."""
     return (
         packed.bits in GREY
         and settings.method in BY_KERNEL
@@ -30,10 +30,10 @@ def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:
 
 
 def measure_grey(kernel: Kernel, packed: PackedField, settings: LocationSettings) -> Blobs:
-    """As `location.measure` without windows, of what the kernel takes.
+    """Measure as `location.measure` without windows, for fields that the kernel covers.
 
     Raises:
-        MeasurementError: there is no memory, or the kernel finds something wrong with the picture.
+        MeasurementError: There is not enough memory, or the kernel refuses the picture.
     """
     data = np.ascontiguousarray(packed.data)
     _, rows, stride = data.shape
@@ -65,5 +65,5 @@ def _settings(settings: LocationSettings) -> GreySettings:
         ctypes.c_void_p(edge.ctypes.data),
         len(edge),
     )
-    own.edge_values_kept = edge  # what is at the address has to stay
+    own.edge_values_kept = edge  # the array at the address must stay alive
     return own

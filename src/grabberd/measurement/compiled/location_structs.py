@@ -1,4 +1,4 @@
-"""The structures of kernel.h and grey.h that location fills in and reads, member by member."""
+"""Structures of kernel.h and grey.h used by location, member by member."""
 
 import ctypes
 from typing import Any
@@ -10,7 +10,7 @@ _WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 
 
 class Table(ctypes.Structure):
-    """The tables of one size of target and one threshold: one for each noise."""
+    """Tables for one target size and one threshold, one per noise level."""
 
     _fields_ = (
         ("values", _ADDRESS * len(NOISES)),
@@ -25,13 +25,13 @@ class Table(ctypes.Structure):
 
 
 class Fullness(ctypes.Structure):
-    """How full interpolated rows are, for one size of target."""
+    """Fullness of interpolated rows for one target size."""
 
     _fields_ = (("half_width_px", _REAL), ("half_height_px", _REAL), ("ratio", _REAL * len(FRACTIONS)))
 
 
 class GreySettings(ctypes.Structure):
-    """What location with more than 1 bit is made with, beside the picture."""
+    """Inputs of location with more than 1 bit, other than the picture."""
 
     _fields_ = (
         ("min_diameter_px", _REAL),
@@ -48,7 +48,7 @@ class GreySettings(ctypes.Structure):
 
 
 class Settings(ctypes.Structure):
-    """What location is made with, beside the picture."""
+    """Inputs of location at 1 bit, other than the picture."""
 
     _fields_ = (
         ("min_diameter_px", _REAL),

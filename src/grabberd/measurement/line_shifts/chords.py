@@ -1,4 +1,4 @@
-"""The chords of the runs above the threshold."""
+"""Chords of blobs on the delivered lines, from runs above the threshold."""
 
 from typing import NamedTuple
 
@@ -16,18 +16,18 @@ Array = NDArray[np.float64]
 
 
 def binary_chords(seen: Seen) -> Chords:
-    """Every pixel weighs the same: a line's share is that of the blob's pixels on it."""
+    """Make chords with all pixels weighted equally; a line's share is that of the blob's pixels on it."""
     length = (seen.runs.last - seen.runs.first + 1).astype(np.float64)
     middle = (seen.runs.first + seen.runs.last) / 2
     return _chords(seen, _Cuts(length, middle, np.full(len(length), END_QUANTISED_PX)))
 
 
 def grey_chords(seen: Seen, noise: float) -> Chords:
-    """Pixels weigh by g − T.
+    """Make chords with pixels weighted by g − T.
 
     Args:
-        seen: the field and its components.
-        noise: standard deviation of a pixel, grey values.
+        seen: The field and its components.
+        noise: Standard deviation of a pixel, grey values.
     """
     grey, column, begin = run_greys(seen.packed, seen.runs)
     weight = (grey - seen.packed.threshold).astype(np.float64)
@@ -37,11 +37,11 @@ def grey_chords(seen: Seen, noise: float) -> Chords:
 
 
 class Shares(NamedTuple):
-    """By how much each line moves the x of N blobs, of at most h lines each.
+    """Influence of each line's shift on the x of N blobs of at most h lines.
 
     Attributes:
         blob: (N,) int64, the component of each.
-        share: (N, h) float64, as of `Chords`.
+        share: (N, h) float64, as in `Chords`.
     """
 
     blob: NDArray[np.int64]
@@ -49,7 +49,7 @@ class Shares(NamedTuple):
 
 
 def binary_shares(seen: Seen) -> Shares:
-    """The shares of `binary_chords` alone, in a third of the time; none where no blob has a chord."""
+    """Compute only the shares of `binary_chords`, three times faster; empty if no blob has a chord."""
     low = seen.low
     runs, label = seen.runs, seen.label
     length, row = runs.last - runs.first + 1, runs.row
@@ -68,7 +68,7 @@ def binary_shares(seen: Seen) -> Shares:
 
 
 class _Cuts(NamedTuple):
-    """What each run contributes to its blob, its middle in columns, and the σ of that; (R,) each."""
+    """Each run's weight in its blob, its middle in columns, and the middle's σ; (R,) each."""
 
     amount: Array
     middle: Array
@@ -76,7 +76,7 @@ class _Cuts(NamedTuple):
 
 
 def _chords(seen: Seen, cuts: _Cuts) -> Chords:
-    """Interpolated rows make no chord; their share is that of the lines beside them."""
+    """Make chords of delivered rows; interpolated rows give their share to the lines beside them."""
     low = seen.low
     chosen = low[seen.label]
     cuts = _Cuts(*(values[chosen] for values in cuts))
@@ -94,12 +94,13 @@ def _chords(seen: Seen, cuts: _Cuts) -> Chords:
 
 
 class _Grid(NamedTuple):
-    """Where R runs belong in an array of N blobs by h lines; a row between two lines belongs to both.
+    """Position of R runs in an array of N blobs by h lines; a row between two lines belongs to both.
 
     Attributes:
         line: (N,) int64, each blob's first line.
         height: h.
-        before: (R,) int64, flat index of the line that is, or comes before, each run's row; `after` likewise.
+        before: (R,) int64, flat index of the line at or before each run's row.
+        after: (R,) int64, flat index of the line at or after it.
     """
 
     line: NDArray[np.int64]
@@ -117,7 +118,7 @@ class _Grid(NamedTuple):
         return cls(line, height, *(blob * height + at - line[blob] for at in (before, after)))
 
     def part_before(self, amount: Array) -> Array:
-        """(R,) what of a row belongs to the line before it: all or nothing where only one is bright."""
+        """(R,) share of a row that belongs to the line before it: all or nothing if only one is bright."""
         bright = amount.ravel() > 0
         part: Array = 0.5 + 0.5 * (bright[self.before].astype(np.float64) - bright[self.after])
         return part

@@ -1,4 +1,4 @@
-"""The centroid of a blob's pixels (paper eqs. 1, 2), for any number of bits."""
+"""Centroid locator: the centroid of a blob's pixels (paper eqs. 1, 2), for any number of bits."""
 
 from grabberd.measurement.background import background_in
 from grabberd.measurement.labelling.shapes import grey_centres
@@ -7,7 +7,7 @@ from grabberd.measurement.sigma import binary_sigma_px, grey_sigma_px
 
 
 def locate_by_centroid(seen: Seen) -> Located:
-    """Every pixel weighs the same at 1 bit, and g − T with more bits."""
+    """Locate by centroids, with all pixels weighted equally at 1 bit, and by g − T with more bits."""
     return _binary(seen) if seen.packed.bits == 1 else _grey(seen)
 
 
