@@ -13,7 +13,7 @@ def test_a_mask_or_indices_choose_blobs():
 
 @pytest.mark.parametrize("sigma", [0.0, -0.1, np.nan])
 def test_a_blob_that_claims_to_be_exact_is_refused(sigma):
-    with pytest.raises(MeasurementError, match="of 2 blobs some have no place or no standard deviation"):
+    with pytest.raises(MeasurementError, match="some of 2 blobs have no position, or no standard deviation"):
         ViewBlobs(np.zeros((2, 2)), np.array([[0.1, 0.1], [0.1, sigma]]))
 
 

@@ -1,8 +1,8 @@
-"""From blobs of two views to the points of an object's targets (paper 3.7).
+"""Reconstruction: from blobs in two views to the points of an object's targets (paper 3.7).
 
-Which blob is which target is decided by the object model and the calibration (`correspondence`), then from
-field to field by prediction (`tracking`); where the rays of both views meet, with its covariance, is
-`intersection`'s.
+Object model and calibration decide which blob is which target (`correspondence`), and prediction carries that
+from field to field (`tracking`); `intersection` computes where the rays of both views meet, with covariance;
+`smoothing` filters points over time, `accuracy` compares them with the truth and with the calibration.
 """
 
 from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings

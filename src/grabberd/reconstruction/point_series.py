@@ -1,4 +1,4 @@
-"""The points of many fields as arrays: fields along one axis, targets along the other."""
+"""Point series: points of many fields as arrays, fields along one axis, targets along the other."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -19,9 +19,9 @@ class PointSeries:
     """Points of F fields and T targets; NaN where a target has no point in a field.
 
     Attributes:
-        n: (F,) int64, field numbers, ascending; a field without any point is there too.
-        time_s: (F,) since the first field.
-        target: (T,) int32, ids, ascending, of all targets that have a point anywhere.
+        n: (F,) int64, field numbers, ascending, including fields without any point.
+        time_s: (F,) time since the first field.
+        target: (T,) int32, ids, ascending, of all targets with a point in any field.
         xyz_mm: (F, T, 3), in the object's frame.
         covariance_mm2: (F, T, 3, 3), see `Points`.
         calibration_covariance_mm2: (F, T, 3, 3), see `Points`.
@@ -38,7 +38,7 @@ class PointSeries:
 
     @classmethod
     def of(cls, measured: Iterable[tuple[int, int, Points]]) -> "PointSeries":
-        """From field numbers, times in ns, and points, in order."""
+        """Collect from field numbers, times in ns, and points, in order."""
         numbers, times_ns, points = _columns(measured)
         target = np.unique(np.concatenate([np.empty(0, np.int32), *(one.target for one in points)]))
         filled = [_spread(one, target) for one in points]
@@ -54,17 +54,17 @@ class PointSeries:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """(F, T) which targets have a point in which field."""
+        """(F, T) True where a target has a point in a field."""
         seen: NDArray[np.bool_] = np.isfinite(self.xyz_mm[:, :, 0])
         return seen
 
     @property
     def parity(self) -> NDArray[np.intp]:
-        """(F,) 0 or 1: fields of the same number show the same lines; parities alternate every 20 ms."""
+        """(F,) 0 or 1: fields of equal parity show the same lines; parities alternate every 20 ms."""
         return (self.n & 1).astype(np.intp)
 
     def part(self, span: slice, chosen: slice | NDArray[np.intp] = ALL) -> "PointSeries":
-        """The same in some of its fields, and of some of its targets by index."""
+        """Select some fields, and some targets by index."""
         return PointSeries(
             self.n[span],
             self.time_s[span],
@@ -76,7 +76,7 @@ class PointSeries:
         )
 
     def without(self, gone: NDArray[np.bool_]) -> "PointSeries":
-        """The same without some of its points (F, T)."""
+        """Remove some points (F, T)."""
         kept = np.where(gone, np.nan, 1.0)[:, :, np.newaxis]
         return replace(self, xyz_mm=self.xyz_mm * kept)
 
@@ -87,7 +87,7 @@ def _columns(measured: Iterable[tuple[int, int, Points]]) -> tuple[list[int], li
 
 
 def _spread(points: Points, target: NDArray[np.int32]) -> tuple[Array, ...]:
-    """Every array of the points with a row for each of the targets, NaN where there is no point."""
+    """Spread every array of the points over all targets, NaN where there is no point."""
     place = np.searchsorted(target, points.target)
     arrays = (points.xyz_mm, points.covariance_mm2, points.calibration_covariance_mm2, points.image_px)
     spread = tuple(np.full((len(target), *array.shape[1:]), np.nan) for array in arrays)

@@ -1,4 +1,4 @@
-"""What reconstruction takes of the blobs of one view: where they are, and how well that is known."""
+"""Blobs of one view as reconstruction uses them: positions and their uncertainty."""
 
 import math
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ class ViewBlobs:
         xy_px: (N, 2) float64, frame pixels.
         sigma_px: (N, 2) float64, above 0: standard deviation of `xy_px` from location alone, without line
             jitter.
-        common_px: (N,) float64, standard deviation of the error in x that blobs on the same lines share in
-            both views; None: as the line jitter of `ImageNoise` has it.
-        common_reach_px: blobs so many frame lines apart have e^−½ of that error in common.
+        common_px: (N,) float64, standard deviation of the error in x shared by blobs on the same lines in
+            both views; None takes it from the line jitter of `ImageNoise`.
+        common_reach_px: Distance in frame lines over which its correlation falls to e^−½.
 
     Raises:
-        MeasurementError: a place or a standard deviation is not a number, or a standard deviation not above
+        MeasurementError: A position or standard deviation is not finite, or a standard deviation is not above
             0.
     """
 
@@ -32,18 +32,18 @@ class ViewBlobs:
     common_reach_px: float = 0.0
 
     def __post_init__(self) -> None:
-        # The least of numbers, and their sum of squares, are no number where one of them is none.
+        # The minimum, and the sum of squares, are NaN if any value is.
         least_px = np.minimum.reduce(self.sigma_px, axis=None, initial=np.inf)
         if not (least_px > 0.0 and math.isfinite(np.vdot(self.xy_px, self.xy_px))):
             raise MeasurementError(
-                f"of {len(self)} blobs some have no place or no standard deviation above 0",
-                "this is a fault of the location method: choose another, and report it",
+                f"some of {len(self)} blobs have no position, or no standard deviation above 0",
+                "this is a bug in the location method: choose another, and report it",
             )
 
     def __len__(self) -> int:
         return len(self.xy_px)
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "ViewBlobs":
-        """The blobs that a mask or index array chooses."""
+        """Select blobs by a mask or index array."""
         common_px = None if self.common_px is None else self.common_px[chosen]
         return ViewBlobs(self.xy_px[chosen], self.sigma_px[chosen], common_px, self.common_reach_px)

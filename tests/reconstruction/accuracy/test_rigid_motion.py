@@ -53,5 +53,5 @@ def test_covariances_turn_with_it():
 
 @pytest.mark.parametrize("places", [PLACES[:2], np.outer(np.arange(5.0), [1, 2, 3])], ids=["two", "a line"])
 def test_places_on_a_line_determine_no_motion(places):
-    with pytest.raises(MeasurementError, match="determine no rigid motion"):
+    with pytest.raises(MeasurementError, match="do not determine a rigid motion"):
         rigid_motion(places, places)

@@ -1,4 +1,4 @@
-"""What is compared with what: measured places of many fields, and where the targets really were."""
+"""Ground truth: the targets' real positions, and the measured ones that are compared with them."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -10,16 +10,17 @@ from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.points import Points
 
 _STILL_MM = 1e-6
+"""Movement below this counts as standing still."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coordinates:
-    """Points of many fields.
+    """Measured points of many fields.
 
     Attributes:
-        fields: (F,) int64, numbers of all fields that were measured, those without a point too.
-        n: (K,) int64, each point's field.
-        target: (K,) int32, its target; a target is at most once in a field.
+        fields: (F,) int64, numbers of all measured fields, including those without a point.
+        n: (K,) int64, field of each point.
+        target: (K,) int32, its target, at most once per field.
         xyz_mm: (K, 3) float64, in the object's frame.
     """
 
@@ -30,7 +31,7 @@ class Coordinates:
 
     @classmethod
     def of(cls, measured: Iterable[tuple[int, Points]]) -> "Coordinates":
-        """From field numbers and their points."""
+        """Collect from field numbers and their points."""
         pairs = list(measured)
         points = [Points.none(), *(points for _, points in pairs)]
         return cls(
@@ -42,23 +43,24 @@ class Coordinates:
 
     @classmethod
     def of_series(cls, series: PointSeries) -> "Coordinates":
-        """All points of a series, in order of field and target."""
+        """Collect all points of a series, in order of field and target."""
         field, target = np.nonzero(series.seen)
         return cls(series.n, series.n[field], series.target[target], series.xyz_mm[field, target])
 
     def at(self, xyz_mm: NDArray[np.float64]) -> "Coordinates":
-        """The same points at other places (K, 3)."""
+        """Copy with other positions (K, 3)."""
         return replace(self, xyz_mm=xyz_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Truth:
-    """Where the targets really were.
+    """True positions of the targets.
 
     Attributes:
-        n: (K,) int64, field of each row; None: the object stood still and a row holds for every field.
-        target: (K,) int32; `xyz_mm`: (K, 3) float64, in the object's frame.
-        expected: (K,) bool, it could be seen in both views, so that its absence is a miss.
+        n: (K,) int64, field of each row; None if the object stood still and a row holds for every field.
+        target: (K,) int32, target ids.
+        xyz_mm: (K, 3) float64, in the object's frame.
+        expected: (K,) bool, True if the target was visible in both views, so that its absence is a miss.
     """
 
     n: NDArray[np.int64] | None
@@ -68,7 +70,7 @@ class Truth:
 
     @property
     def still(self) -> bool:
-        """Whether every target is in one place in all fields."""
+        """True if every target keeps its position in all fields."""
         if self.n is None:
             return True
         order = np.argsort(self.target, kind="stable")
@@ -76,7 +78,7 @@ class Truth:
         return not (moved[np.diff(self.target[order]) == 0] > _STILL_MM).any()
 
     def in_fields(self, fields: NDArray[np.int64]) -> "Truth":
-        """The rows of these fields, one for each field and target."""
+        """Expand or select the rows of these fields, one for each field and target."""
         if self.n is not None:
             chosen = np.isin(self.n, fields)
             return Truth(self.n[chosen], self.target[chosen], self.xyz_mm[chosen], self.expected[chosen])
@@ -91,7 +93,7 @@ class Truth:
     def row_of(
         self, n: NDArray[np.int64], target: NDArray[np.int32]
     ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Which row each of K points (field, target) has, and (K,) which points have one; fields given."""
+        """Find the row of each of K points (field, target), and which points (K,) have one; needs `n`."""
         assert self.n is not None
         if not len(self.target):
             return np.empty(0, np.intp), np.zeros(len(n), np.bool_)
@@ -107,7 +109,7 @@ def _key(n: NDArray[np.int64], target: NDArray[np.int32]) -> NDArray[np.int64]:
 
 
 def true_places(truth: Truth, series: PointSeries) -> NDArray[np.float64]:
-    """(F, T, 3) where the targets of a series really were; NaN where the truth does not say."""
+    """(F, T, 3) true positions of a series' targets; NaN where the truth has none."""
     rows = truth.in_fields(series.n)
     fields, targets = series.xyz_mm.shape[:2]
     row, known = rows.row_of(np.repeat(series.n, targets), np.tile(series.target, fields))

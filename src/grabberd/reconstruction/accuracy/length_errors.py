@@ -1,13 +1,13 @@
 """Length-measuring error between targets, after VDI/VDE 2634 part 1.
 
-The guideline asks for at least seven measuring lines of at least five lengths each, spread over the volume
-and its directions. Between the targets of an object they are chosen like this, from the true places alone:
+The guideline requires at least seven measuring lines of at least five lengths each, spread over the volume
+and its directions. Between the targets of an object they are chosen from the true positions alone:
 
-- A line goes from a target to another; four more targets divide it, those nearest to its fifths. All six are
-  different, and the five lengths are those from its beginning.
-- The first line is the longest. Each further one is that of which the length, times the sine of the least
-  angle to the lines chosen before, is greatest. Lengths and angles are in units of the volume's extents: so
-  depth counts as much as width.
+- A line runs from one target to another, divided by the four targets nearest to its fifths. All six differ,
+  and the five lengths are measured from its beginning.
+- The first line is the longest. Each further one maximises its length times the sine of the least angle to
+  the lines chosen before. Lengths and angles are in units of the volume's extents, so that depth counts as
+  much as width.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ Indices = NDArray[np.intp]
 LINES = 7
 LENGTHS = 5
 _FLATTEST = 0.02
-"""Extents below this share of the largest count as this share."""
+"""Least extent, as a share of the largest, so that a flat object does not blow up its depth."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,9 @@ class MeasuredLine:
     """One measuring line.
 
     Attributes:
-        targets: ids of the six targets, from its beginning to its end.
-        length_mm: the five true lengths, in the mean of the fields.
-        error_mm: for each of them the error that is farthest from 0 in all fields: measured minus true.
+        targets: Ids of the six targets, from its beginning to its end.
+        length_mm: The five true lengths, averaged over the fields.
+        error_mm: For each of them the largest error in any field: measured minus true.
     """
 
     targets: tuple[int, ...]
@@ -43,13 +43,13 @@ class MeasuredLine:
 
 @dataclass(frozen=True, slots=True)
 class LengthErrors:
-    """The length-measuring error and what it is held against.
+    """Length-measuring error and its required limit.
 
     Attributes:
-        lines: that were measured.
-        measured: how many lengths, fields counted.
-        greatest_mm: the error farthest from 0 of all.
-        limit_mm: what is required.
+        lines: Lines that were measured.
+        measured: Number of lengths, counted in every field.
+        greatest_mm: The error largest in size.
+        limit_mm: Greatest error allowed.
     """
 
     lines: tuple[MeasuredLine, ...]
@@ -59,23 +59,23 @@ class LengthErrors:
 
     @property
     def passed(self) -> bool:
-        """Whether no length is off by more than the limit."""
+        """True if no length is off by more than the limit."""
         return abs(self.greatest_mm) <= self.limit_mm
 
 
 def length_errors(
     target: NDArray[np.int32], measured_mm: Array, true_mm: Array, limit_mm: float
 ) -> LengthErrors:
-    """The length-measuring error of F fields.
+    """Compute the length-measuring error over F fields.
 
     Args:
         target: (T,) ids.
-        measured_mm: (F, T, 3) places, NaN where a target was not found.
-        true_mm: (F, T, 3) true places, NaN where they are not known.
-        limit_mm: the greatest error that is allowed.
+        measured_mm: (F, T, 3) positions, NaN where a target was not found.
+        true_mm: (F, T, 3) true positions, NaN where unknown.
+        limit_mm: Greatest error allowed.
 
     Raises:
-        MeasurementError: too few targets for seven lines of five lengths.
+        MeasurementError: There are too few targets for seven lines of five lengths.
     """
     both = np.isfinite(measured_mm).all(axis=2) & np.isfinite(true_mm).all(axis=2)
     usable = np.flatnonzero(both.any(axis=0))
@@ -89,7 +89,7 @@ def length_errors(
         raise MeasurementError(
             f"{int(np.isnan(worst).sum())} of {worst.size} lengths could be measured in no field, because "
             "their targets were never found together",
-            "capture more fields, or bring the object where all targets are seen",
+            "capture more fields, or place the object where all targets are visible",
         )
     return LengthErrors(
         lines=tuple(
@@ -103,10 +103,10 @@ def length_errors(
 
 
 def measuring_lines(xyz_mm: Array) -> Indices:
-    """(7, 6) indices of the targets of seven measuring lines, from the true places (T, 3).
+    """Choose seven measuring lines, as (7, 6) indices of targets, from the true positions (T, 3).
 
     Raises:
-        MeasurementError: there are not seven lines of five lengths in different directions.
+        MeasurementError: There are fewer than seven lines of five lengths in different directions.
     """
     candidates = _candidates(xyz_mm)
     scaled = _scaled(xyz_mm)
@@ -124,13 +124,13 @@ def measuring_lines(xyz_mm: Array) -> Indices:
         raise MeasurementError(
             f"between {len(xyz_mm)} targets there are {len(chosen)} measuring lines of {LENGTHS} lengths in "
             f"different directions; {LINES} are needed",
-            "take an object with more targets, or see that more of them are found",
+            "use an object with more targets, or make sure that more of them are found",
         )
     return candidates[chosen]
 
 
 def _candidates(xyz_mm: Array) -> Indices:
-    """(C, 6) all pairs of targets with the four that divide the way between them, where all six differ."""
+    """(C, 6) all pairs of targets with the four that divide the line between them, where all six differ."""
     if len(xyz_mm) <= LENGTHS:
         return np.empty((0, LENGTHS + 1), np.intp)
     first, last = np.triu_indices(len(xyz_mm), 1)
@@ -153,14 +153,14 @@ def _scaled(xyz_mm: Array) -> Array:
 
 
 def _lengths(xyz_mm: Array, lines: Indices) -> Array:
-    """(F, L, 5) from the first target of each line to its others."""
+    """(F, L, 5) lengths from the first target of each line to its others."""
     ends = xyz_mm[:, lines]
     lengths: Array = np.linalg.norm(ends[:, :, 1:] - ends[:, :, :1], axis=3)
     return lengths
 
 
 def _farthest(error: Array) -> Array:
-    """(L, 5) of F fields the value farthest from 0; NaN where there is none."""
+    """(L, 5) value largest in size over F fields; NaN where there is none."""
     size = np.where(np.isfinite(error), np.abs(error), -1.0).argmax(axis=0)
     farthest: Array = np.take_along_axis(error, size[np.newaxis], axis=0)[0]
     return farthest

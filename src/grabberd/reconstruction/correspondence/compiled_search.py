@@ -1,7 +1,8 @@
-"""Tracked targets by the compiled kernel: numpy's sightings in a small part of its time.
+"""Search for targets near their expected positions by the compiled kernel: numpy's sightings, many times
+faster.
 
-One call predicts the images, finds the nearest blobs, intersects the rays and keeps whose rays meet; a second
-one asks whether these agree with one another.
+One call predicts the images, finds the nearest blobs, intersects the rays and keeps those that meet; a second
+one checks that these agree with one another.
 """
 
 from typing import Any, NamedTuple
@@ -23,17 +24,19 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _NUMBERS = 32
-"""Of every target: place, covariance, the calibration's, image, residual, displacement and its variance."""
+"""Numbers per target: position, covariance, calibration covariance, image, residual, displacement,
+variance."""
 
 
 class Near(NamedTuple):
-    """What `Sighting` has, of K targets.
+    """Contents of a `Sighting` of K targets.
 
     Attributes:
-        points: their points; `target`, `left`, `right`, `expected`: as of `Sighting`.
-        settled: (M, 3) where all targets of the model are, and (M,) the standard deviation of that.
-        surprise: root mean square distance from the predicted places, in standard deviations; None where
-            somebody was left out.
+        points: Their points.
+        target, left, right, expected: As in `Sighting`.
+        settled: (M, 3) positions of all targets of the model, and (M,) their standard deviations.
+        surprise: Root mean square distance from the predicted positions, in standard deviations; None if a
+            target was dropped.
     """
 
     points: Points
@@ -46,7 +49,7 @@ class Near(NamedTuple):
 
 
 def world_of(rig: Rig, agreement: Agreement, noise: ImageNoise) -> World:
-    """What the kernel has to know of rig, object and noise."""
+    """Collect what the kernel needs about rig, object and noise."""
     settings, field = agreement.settings, agreement.field
     neighbours, apart_mm = agreement.pairs
     arrays = {
@@ -66,7 +69,7 @@ def world_of(rig: Rig, agreement: Agreement, noise: ImageNoise) -> World:
 
 
 class Nearby:
-    """The search for targets near where they must be, of one object before one rig."""
+    """Search for one object's targets near their expected positions, as seen by one rig."""
 
     def __init__(self, kernel: Kernel, rig: Rig, agreement: Agreement, noise: ImageNoise) -> None:
         self._kernel = kernel
@@ -74,10 +77,10 @@ class Nearby:
         self._world = world_of(rig, agreement, noise)
 
     def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Near:
-        """As `Correspondence.near`.
+        """Search as `Correspondence.near`.
 
         Raises:
-            MeasurementError: no memory is left.
+            MeasurementError: There is not enough memory.
         """
         room = len(self._agreement.model)
         index, number = np.empty((3, room), np.int64), np.empty(_NUMBERS * room)
@@ -93,13 +96,13 @@ class Nearby:
         )
         if status != DONE:
             raise MeasurementError(
-                f"{len(left)} and {len(right)} blobs, {room} targets: no memory is left for them",
-                "give the computer more memory",
+                f"not enough memory for {len(left)} and {len(right)} blobs and {room} targets",
+                "free some memory, or add more",
             )
         return self._agreeing(_Found.of(index, number, count, room), surprise)
 
     def _agreeing(self, found: "_Found", surprise: float) -> Near:
-        """Those that the others do not contradict, the worst dropped first (as `Agreement.consistent`)."""
+        """Drop targets that the others contradict, the worst first (as `Agreement.consistent`)."""
         model, all_stay = self._agreement.model, True
         count = len(model)
         expected, settled = np.empty((count, 3)), np.empty(10 * count)
@@ -121,7 +124,7 @@ class Nearby:
         )
 
     def _say(self, found: "_Found", expected: Array) -> tuple[Array | bytes, Array]:
-        """Weights of the targets found; none where the field, by parts, has said already what is expected."""
+        """Weights of the targets found; empty if a field by parts has already computed the expectation."""
         field = self._agreement.field
         if isinstance(field, DisplacementField):
             say = field.say(found.target)

@@ -1,9 +1,9 @@
-"""How far an object's targets are from their nominal places: a smooth field over the object.
+"""Displacement field: a smooth field of the targets' displacements from their nominal positions.
 
-Neighbouring targets move alike, and that is all that is assumed: the displacements are a Gaussian random
-field with a Matérn 5/2 covariance over the targets' nominal distances, the same in X, Y and Z. What some
-targets show then says where the others are, and how surely (kriging). This is the prior knowledge that
-decides correspondence where the epipolar geometry cannot.
+The only assumption is that neighbouring targets move alike: the displacements are a Gaussian random field
+with a Matérn 5/2 covariance over the targets' nominal distances, the same in X, Y and Z. The targets seen
+then predict the others, with σ (kriging). This is the prior knowledge that decides correspondence where the
+epipolar geometry cannot.
 """
 
 from dataclasses import dataclass, field
@@ -18,17 +18,17 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _KEPT = 32
-"""For so many sets of seen targets it is kept what they say, some 100 kB each."""
+"""Number of sets of seen targets whose predictors are kept, some 100 kB each."""
 
 
 @dataclass(frozen=True, slots=True)
 class Smoothness:
-    """What is known of an object's deformation beforehand.
+    """Prior knowledge of an object's deformation.
 
     Attributes:
-        sigma_mm: standard deviation of a displacement in each of X, Y, Z.
-        reach_mm: correlation length: targets much nearer than this move alike.
-        noise_mm: standard deviation of a measured displacement around the smooth field.
+        sigma_mm: Standard deviation of a displacement in each of X, Y, Z.
+        reach_mm: Correlation length: targets much nearer than this move alike.
+        noise_mm: Standard deviation of a measured displacement around the smooth field.
     """
 
     sigma_mm: float = 3.0
@@ -37,11 +37,11 @@ class Smoothness:
 
 
 class Expected(NamedTuple):
-    """What the *other* seen targets say of each target, its own measurement left out.
+    """Prediction of each target from the *other* seen targets, leaving out its own measurement.
 
     Attributes:
-        displacement_mm: (M, 3) the displacement that they make it have.
-        sigma_mm: (M,) its standard deviation in each coordinate, without the noise of the target's own
+        displacement_mm: (M, 3) predicted displacements.
+        sigma_mm: (M,) their standard deviation in each coordinate, without the noise of the target's own
             measurement.
     """
 
@@ -50,9 +50,10 @@ class Expected(NamedTuple):
 
 
 class Say(NamedTuple):
-    """What K seen targets of M say of all: `sigma_mm` (M,), and `weights` (M, K) of their displacements.
+    """Predictor of all M targets from K seen ones: `weights` (M, K) of their displacements, and `sigma_mm`
+    (M,).
 
-    These lie column by column in memory.
+    The weights are stored column by column, as the kernel reads them.
     """
 
     weights: Array
@@ -61,13 +62,13 @@ class Say(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DisplacementField:
-    """The field of an object of M targets.
+    """Field of an object of M targets.
 
     Attributes:
-        nominal_mm: (M, 3) the targets' nominal places.
+        nominal_mm: (M, 3) the targets' nominal positions.
         precision: (M, M), inverse of the covariance of measured displacements, in 1/mm².
-        noise_mm: see `Smoothness`.
-        most_kept: for how many sets of seen targets it is kept what they say.
+        noise_mm: See `Smoothness`.
+        most_kept: Number of sets of seen targets whose predictors are kept.
     """
 
     nominal_mm: Array
@@ -78,14 +79,14 @@ class DisplacementField:
 
     @classmethod
     def of(cls, model: ObjectModel, smoothness: Smoothness) -> "DisplacementField":
-        """The field of this object."""
+        """Make the field of an object."""
         return cls.through(model.xyz_mm, smoothness)
 
     @classmethod
     def through(
         cls, nominal_mm: Array, smoothness: Smoothness, most_kept: int = _KEPT
     ) -> "DisplacementField":
-        """The field of the targets at these nominal places (M, 3)."""
+        """Make the field of targets at nominal positions (M, 3)."""
         apart = np.linalg.norm(nominal_mm[:, np.newaxis] - nominal_mm, axis=2) / smoothness.reach_mm
         scaled = np.sqrt(5.0) * apart
         covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
@@ -93,19 +94,19 @@ class DisplacementField:
         return cls(nominal_mm, np.linalg.inv(covariance), smoothness.noise_mm, most_kept)
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
-        """What the seen targets say of all: of an unseen one all of them, of a seen one all but itself.
+        """Predict all targets: an unseen one from all seen ones, a seen one from all but itself.
 
         Args:
-            seen: (M,) which targets have been measured.
-            displacement_mm: (M, 3) their displacements; what stands at unseen ones is not looked at.
+            seen: (M,) True for targets that have been measured.
+            displacement_mm: (M, 3) their displacements; rows of unseen ones are ignored.
         """
         say = self.say(np.flatnonzero(seen))
         return Expected(say.weights @ displacement_mm[seen], say.sigma_mm)
 
     def say(self, inside: Indices) -> Say:
-        """What some targets (K,), ascending, say of all.
+        """Make or recall the predictor of all targets from some (K,), ascending.
 
-        From field to field mostly the same are seen: what was worked out for them is kept.
+        From field to field mostly the same targets are seen, so predictors are kept.
         """
         key = inside.tobytes()
         say = self._kept.get(key)

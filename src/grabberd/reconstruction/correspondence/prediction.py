@@ -1,4 +1,4 @@
-"""Where the targets must appear in the next field."""
+"""Prediction of target images in the next field, and assignment of the blobs near them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,17 +12,17 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 FEW_PAIRS = 1 << 15
-"""So many pairs of target and blob are all looked at sooner than those beside each other are found."""
+"""Number of target–blob pairs up to which comparing all is faster than finding those near each other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prediction:
-    """The images that M targets must have in V views.
+    """Predicted images of M targets in V views.
 
     Attributes:
-        places_mm: (M, 3) where the targets must be.
-        image_px: (2, V, M) where they must appear, frame pixels x and y; infinite behind a camera.
-        reach_px: (2, V, M) how far from there they may appear.
+        places_mm: (M, 3) predicted positions.
+        image_px: (2, V, M) predicted images, frame pixels x and y; infinite behind a camera.
+        reach_px: (2, V, M) greatest distance from there at which they may appear.
     """
 
     places_mm: Array
@@ -33,14 +33,14 @@ class Prediction:
     def of(
         cls, rig: Rig, places_mm: Array, sigma_mm: Array, sigma_px: Array | float, gate: float
     ) -> "Prediction":
-        """From places (M, 3), known to `sigma_mm` (M,) in each coordinate, and a blob's σ in px.
+        """Predict images from positions and their uncertainty.
 
         Args:
-            rig: the views.
-            places_mm: predicted places.
-            sigma_mm: their standard deviations.
-            sigma_px: of a blob's image; broadcasts against (2, V, M).
-            gate: how many standard deviations a target may be off.
+            rig: The views.
+            places_mm: (M, 3) predicted positions.
+            sigma_mm: (M,) their standard deviation in each coordinate.
+            sigma_px: Standard deviation of a blob's image; broadcasts against (2, V, M).
+            gate: Greatest deviation of a target, in standard deviations.
         """
         image, slopes = linearise(rig, places_mm)
         reach = gate * np.hypot(np.sqrt((slopes * slopes).sum(axis=2)) * sigma_mm, sigma_px)
@@ -48,14 +48,14 @@ class Prediction:
         return cls(places_mm, np.where(before, image, np.inf), np.where(before, reach, 1.0))
 
     def nearest(self, view: int, xy_px: Array) -> Indices:
-        """(M,) index of the blob that is each target's, -1 where there is none.
+        """Assign a blob to each target: (M,) indices, −1 for none.
 
-        A blob is a target's where it lies within reach of its predicted image, no other blob is nearer to
-        that, and it is nearer to no other target's; near in units of the reach.
+        A blob is assigned to a target if it lies within reach of the predicted image and each is the other's
+        nearest, measured in units of the reach.
 
         Args:
-            view: index of the view.
-            xy_px: (N, 2) the blobs of that view.
+            view: Index of the view.
+            xy_px: (N, 2) blobs of that view.
         """
         image, reach = self.image_px[:, view], self.reach_px[:, view]
         if not len(xy_px):
@@ -65,8 +65,10 @@ class Prediction:
         )
 
     def windows(self, views: Sequence[View]) -> Array:
-        """(K, 4) x0, y0, x1, y1 in frame pixels: all places within reach that lie in a view's half."""
-        # What is infinite stays so, and clipping leaves nothing between the edges of such a window.
+        """(K, 4) windows x0, y0, x1, y1 in frame pixels that cover all positions within reach in a view's
+        half.
+        """
+        # Infinite edges stay infinite, and clipping leaves such a window empty.
         low, high = self.image_px - self.reach_px, self.image_px + self.reach_px
         boxes = np.concatenate([low, high]).transpose(1, 2, 0)
         for view, of_view in zip(views, boxes, strict=True):
@@ -76,7 +78,7 @@ class Prediction:
 
 
 def _of_all(image: Array, reach: Array, places: Array) -> Indices:
-    """Every target (2, M) with every blob (2, N)."""
+    """Compare every target (2, M) with every blob (2, N)."""
     off = places[:, np.newaxis] - image[:, :, np.newaxis]
     off *= 1.0 / reach[:, :, np.newaxis]
     off *= off
@@ -88,7 +90,7 @@ def _of_all(image: Array, reach: Array, places: Array) -> Indices:
 
 
 def _of_those_beside(image: Array, reach: Array, places: Array) -> Indices:
-    """The same, in a time that grows with the number of targets, not with its square."""
+    """Do the same in time linear in the number of targets."""
     target, blob = _beside(image, reach, places)
     off = (places[:, blob] - image[:, target]) * (1.0 / reach[:, target])
     away = (off * off).sum(axis=0)
@@ -104,12 +106,13 @@ def _of_those_beside(image: Array, reach: Array, places: Array) -> Indices:
 def _beside(image: Array, reach: Array, places: Array) -> tuple[Indices, Indices]:
     """Targets (P,) and blobs (P,) of all pairs that may be within reach, and some more.
 
-    Blobs are sorted into cells as large as the farthest reach, so that a target's are in nine of them.
+    Blobs are sorted into cells the size of the farthest reach, so that a target's candidates are in nine
+    cells.
 
     Args:
-        image: (2, M) of the targets.
-        reach: (2, M) of them.
-        places: (2, N) of the blobs.
+        image: (2, M) predicted images of the targets.
+        reach: (2, M) their reach.
+        places: (2, N) blobs.
     """
     targets = np.flatnonzero(np.isfinite(image).all(axis=0))
     if not (len(targets) and places.shape[1]):
@@ -135,7 +138,7 @@ def _beside(image: Array, reach: Array, places: Array) -> tuple[Indices, Indices
 
 
 def _least(away: Array, own: Indices, other: Indices) -> Indices:
-    """Of all pairs with the same `own` the nearest, of equally near ones that with the first `other`."""
+    """Nearest pair for each `own`; among equally near ones that with the first `other`."""
     order = np.lexsort((other, away, own))
     is_first = np.append(True, own[order][1:] != own[order][:-1])[: len(order)]
     least: Indices = order[is_first]

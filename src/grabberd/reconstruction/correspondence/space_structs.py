@@ -1,4 +1,4 @@
-"""The structures of space.h, filled in from a rig, an object and what is believed of them."""
+"""Structures of space.h, filled in from a rig, an object and their settings."""
 
 import ctypes
 from typing import Any, Self
@@ -38,7 +38,7 @@ class _Rig(ctypes.Structure):
 
 
 class World(ctypes.Structure):
-    """What does not change from field to field; the arrays that it points to stay as long as it does."""
+    """Data that do not change from field to field; keeps alive the arrays that it points to."""
 
     _fields_ = (
         ("rig", _Rig),
@@ -58,7 +58,7 @@ class World(ctypes.Structure):
 
     @classmethod
     def of(cls, rig: Rig, arrays: dict[str, NDArray[Any]], numbers: dict[str, float]) -> Self:
-        """Of a rig of two views, the object's arrays and the numbers, by the names above."""
+        """Fill in from a rig of two views and the object's arrays and numbers, by the names above."""
         kept = {name: np.ascontiguousarray(one) for name, one in arrays.items()}
         addresses = {name: one.ctypes.data for name, one in kept.items()}
         world = cls(targets=len(kept["nominal_mm"]), pairs=len(kept["neighbours"]), **addresses, **numbers)
@@ -88,5 +88,5 @@ def _local(field: LocalField, sigma_px: NDArray[np.float64]) -> _LocalField:
 
 
 def takes(rig: Rig) -> bool:
-    """Whether the kernel has been taught such a rig."""
+    """True if the kernel covers this rig."""
     return len(rig.views) == 2 and (rig.factor is None or rig.factor.shape[2] <= _MOST_ERRORS)

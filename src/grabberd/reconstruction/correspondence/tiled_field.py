@@ -1,8 +1,10 @@
-"""The displacement field of an object of many targets, by parts: the cost grows with them, not their square.
+"""Tiled displacement field for objects of many targets: computed by parts, at linear instead of quadratic
+cost.
 
-Near targets hide what far ones would say (kriging's screening). So every part of the object asks only those
-who are in it or round it, and a few from everywhere, for where a large area is hidden. From field to field
-only the parts in which somebody comes or goes are worked out anew.
+Near targets screen the influence of far ones (kriging's screening effect). So every part of the object uses
+only the targets in and around it, and a few from everywhere, in case a large area is hidden. From field to
+field only parts in which a target appears or disappears are recomputed. On a grid of 864 targets that moves
+predictions by a tenth of their σ (docs/decisions/0014).
 """
 
 from typing import NamedTuple
@@ -17,17 +19,17 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 MOST_AT_ONCE = 512
-"""Of an object of more targets the field is taken by parts."""
+"""Greatest number of targets whose field is computed as a whole."""
 PART = 64
-"""Targets of a part, at most."""
+"""Greatest number of targets in a part."""
 ROUND = 96
-"""Targets round a part."""
+"""Number of targets used around a part."""
 EVERYWHERE = 32
-"""Targets from all over the object, about."""
+"""Approximate number of targets used from all over the object."""
 
 
 class _Part(NamedTuple):
-    """Whom a part asks, (A,) indices, of which its own targets are the first; and their field."""
+    """Targets used by a part, (A,) indices starting with its `own` ones, and their field."""
 
     asked: Indices
     own: int
@@ -35,7 +37,7 @@ class _Part(NamedTuple):
 
 
 class _Told(NamedTuple):
-    """By whom a part's targets are told, indices both, and with which weights."""
+    """Weights that predict a part's targets from seen ones, both given as indices."""
 
     targets: Indices
     seen: Indices
@@ -43,7 +45,7 @@ class _Told(NamedTuple):
 
 
 class _Say(NamedTuple):
-    """What the targets of a set, by its bytes, say of all: `sigma_mm` (M,)."""
+    """Predictor of all targets from a set of seen ones, which `key` holds as bytes; `sigma_mm` (M,)."""
 
     key: bytes
     parts: list[_Told]
@@ -51,7 +53,7 @@ class _Say(NamedTuple):
 
 
 class TiledField:
-    """The field of an object of M targets, as `DisplacementField`, by parts."""
+    """Field of an object of M targets, like `DisplacementField`, by parts."""
 
     def __init__(self, nominal_mm: Array, smoothness: Smoothness) -> None:
         self.nominal_mm = nominal_mm
@@ -64,7 +66,7 @@ class TiledField:
         self._last: _Say | None = None
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
-        """As `DisplacementField.expect`."""
+        """Predict as `DisplacementField.expect`."""
         say, key = self._last, seen.tobytes()
         if say is None or say.key != key:
             say = self._last = self._say(key, seen)
@@ -86,14 +88,14 @@ class TiledField:
 
 
 def field_of(model: ObjectModel, smoothness: Smoothness) -> "DisplacementField | TiledField":
-    """The field of an object: of few targets as a whole, of many by parts."""
+    """Make the field of an object: as a whole for few targets, by parts for many."""
     if len(model) <= MOST_AT_ONCE:
         return DisplacementField.of(model, smoothness)
     return TiledField(model.xyz_mm, smoothness)
 
 
 def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:
-    """Halved across the longest side until no part has more."""
+    """Halve across the longest side until no part has more than `most` targets."""
     if len(targets) <= most:
         return [targets]
     places = nominal_mm[targets]

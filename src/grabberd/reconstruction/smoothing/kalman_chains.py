@@ -1,8 +1,8 @@
-"""Kalman filter and smoother of many scalar chains side by side: place, rate, and two locked errors.
+"""Kalman filter and smoother for many scalar chains in parallel: position, rate, and two locked errors.
 
-The state of a chain is (x, v, c, d): a place, its rate, and two errors of unit variance. A measurement is
-z = x + h_c·c ± h_d·d + white noise, with + for one parity and − for the other. Arrays keep the chains along
-their last axis.
+The state of a chain is (x, v, c, d): a position, its rate, and two errors of unit variance. A measurement is
+z = x + h_c·c ± h_d·d + white noise, with + for one parity and − for the other. Chains run along the last axis
+of all arrays.
 """
 
 from dataclasses import dataclass, replace
@@ -15,8 +15,9 @@ Array = NDArray[np.float64]
 
 _STATES = 4
 _MOST_SURPRISE = 25.0
+"""Greatest squared innovation in the likelihood: 5 σ."""
 AT_ONCE = 1_000_000
-"""Measurements that are smoothed at once; each of them takes two hundred bytes."""
+"""Measurements smoothed at once; each takes two hundred bytes."""
 _START_MM2 = 1e4
 _START_RATE_MM2_S2 = 500.0**2
 _ACCELERATES_EVERY_S = 0.02
@@ -29,12 +30,13 @@ class Chains:
     Attributes:
         value_mm: (F, B), NaN where nothing was measured.
         white_mm2: (F, B) variance of the white noise.
-        common_mm: (F, B) h_c, standard deviation of the locked error that both parities have in common.
-        opposite_mm: (F, B) ±h_d, of the locked error in which they differ, with the sign of the parity.
-        keeps: (F, B) how much of the locked errors before is still there, 0 to 1.
-        elapsed_s: (F,) since the measurement before; 0 at the first.
-        acceleration_mm_s2: (F,) standard deviation of the acceleration since the measurement before, drawn
-            anew every 20 ms; 0 everywhere: rest.
+        common_mm: (F, B) h_c, standard deviation of the locked error common to both parities.
+        opposite_mm: (F, B) ±h_d, standard deviation of the locked error in which they differ, with the
+            parity's sign.
+        keeps: (F, B) correlation of the locked errors with those of the previous measurement, 0 to 1.
+        elapsed_s: (F,) time since the previous measurement; 0 for the first.
+        acceleration_mm_s2: (F,) standard deviation of the acceleration since the previous measurement, drawn
+            anew every 20 ms; 0 everywhere means rest.
     """
 
     value_mm: Array
@@ -46,7 +48,7 @@ class Chains:
     acceleration_mm_s2: Array
 
     def part(self, chosen: slice) -> "Chains":
-        """Some of the chains."""
+        """Select some of the chains."""
         return replace(
             self,
             value_mm=self.value_mm[:, chosen],
@@ -58,7 +60,7 @@ class Chains:
 
 
 class SmoothedChains(NamedTuple):
-    """(F, B) places, their variances, and rates."""
+    """(F, B) positions, their variances, and rates."""
 
     value_mm: Array
     variance_mm2: Array
@@ -66,7 +68,9 @@ class SmoothedChains(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """What a filter step leaves behind: state (4, B) and its covariance (4, 4, B), gain, surprise, weight."""
+    """Result of a filter step: state (4, B) and covariance (4, 4, B), gain, innovation, its inverse
+    variance.
+    """
 
     state: Array
     covariance: Array
@@ -76,9 +80,9 @@ class _Step(NamedTuple):
 
 
 def likelihood(chains: Chains) -> Array:
-    """(B,) logarithm of the likelihood of each chain's measurements, but for a constant.
+    """(B,) log likelihood of each chain's measurements, up to a constant.
 
-    None counts for more than five standard deviations, so that a wild one decides nothing.
+    Each counts for at most five standard deviations, so that no outlier decides.
     """
     total = np.zeros(chains.value_mm.shape[1])
     state, covariance = _start(chains)
@@ -91,13 +95,13 @@ def likelihood(chains: Chains) -> Array:
 
 
 def smoothed_chains(chains: Chains, at_once: int = AT_ONCE) -> SmoothedChains:
-    """Places and rates from all measurements, those before and those after.
+    """Smooth positions and rates using all measurements, earlier and later ones.
 
-    Where nothing has been measured yet the filter knows nothing, and what is returned there is worthless.
+    Results before a chain's first measurement are meaningless.
 
     Args:
         chains: B chains of F measurements.
-        at_once: no more measurements than these at a time, for memory's sake.
+        at_once: Greatest number of measurements processed at a time, to limit memory.
     """
     fields, count = chains.value_mm.shape
     width = max(at_once // max(fields, 1), 1)
@@ -115,7 +119,7 @@ def _smoothed(chains: Chains) -> SmoothedChains:
 
 
 def _start(chains: Chains) -> tuple[Array, Array]:
-    """Near the first measurement of each chain, which counts again when it comes: to 100 mm."""
+    """Start near each chain's first measurement, to 100 mm so that it can be used again."""
     count = chains.value_mm.shape[1]
     first = np.isfinite(chains.value_mm).argmax(axis=0)
     state = np.zeros((_STATES, count))
@@ -128,7 +132,7 @@ def _start(chains: Chains) -> tuple[Array, Array]:
 
 
 def _step(chains: Chains, k: int, state: Array, covariance: Array) -> _Step:
-    """Prediction to measurement k, and what it changes."""
+    """Predict measurement k and update with it."""
     state, covariance = _predicted(chains, k, state, covariance)
     common, opposite = chains.common_mm[k], chains.opposite_mm[k]
     seen = covariance[:, 0] + common * covariance[:, 2] + opposite * covariance[:, 3]
@@ -161,7 +165,9 @@ def _predicted(chains: Chains, k: int, state: Array, covariance: Array) -> tuple
 
 
 def _backward(chains: Chains, steps: list[_Step]) -> SmoothedChains:
-    """Modified Bryson–Frazier's recursion: what later measurements say, as a gradient and its information."""
+    """Run the modified Bryson–Frazier recursion, which carries later measurements back as gradient and
+    information.
+    """
     shape = chains.value_mm.shape
     value, variance, rate = (np.empty(shape) for _ in range(3))
     gradient = np.zeros((_STATES, shape[1]))
@@ -177,7 +183,7 @@ def _backward(chains: Chains, steps: list[_Step]) -> SmoothedChains:
 
 
 def _before(chains: Chains, k: int, step: _Step, gradient: Array, information: Array) -> tuple[Array, Array]:
-    """Gradient and information carried back over measurement k and the time before it."""
+    """Carry gradient and information back over measurement k and the time before it."""
     carried = np.einsum("ijb,jb->ib", information, step.gain)
     pull = (step.gain * gradient).sum(axis=0) + step.surprise * step.weight
     certainty = (step.gain * carried).sum(axis=0) + step.weight
