@@ -1,7 +1,10 @@
-"""The rig's numbers from pictures of known targets (paper 3.6): adjustment, significance, validation.
+"""Calibration: the rig's parameters from pictures of known targets (paper 3.6).
 
-A `Network` says which blob is which target in which view and how well each is known, `Unknowns` which of the
-views' parameters are sought, held, shared or tied; `adjust` finds them. Any number of views and targets.
+A `Network` states which blob is which target in which view, and their σ; `Unknowns` which of the views'
+parameters are free, held, shared or tied; `adjust` estimates them, for any number of views and targets.
+`mean_images` averages the pictures beforehand and `identification` names the targets in them; afterwards
+`statistics` judges the result, `local_field` describes what the model leaves, and `glass_transfer` carries a
+calibration over to a glass plate.
 """
 
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust

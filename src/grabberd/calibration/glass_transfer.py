@@ -1,4 +1,4 @@
-"""A calibration carried over to a plate of glass that was put in since."""
+"""Transfer of a calibration to a glass plate inserted since."""
 
 from dataclasses import replace
 
@@ -12,19 +12,19 @@ from grabberd.geometry import Calibration, Plate, project_through
 
 
 def with_glass(calibration: Calibration, plate: Plate, places_mm: NDArray[np.float64]) -> Calibration:
-    """The same rig with a plate put in, by views adjusted to what it would see through the plate.
+    """Adjust the views of a calibration to what the rig would see through a plate.
 
-    Equations (4)–(7) take up the plate's effect to some thousandths of a pixel, so measuring needs no other
-    model. Covariance and local fields are kept: they belong to the mirrors and lens in front of it. Nothing
-    here knows how thick the plate really is or how it stands; calibrating through it is better.
+    Equations (4)–(7) absorb the plate's effect to some thousandths of a pixel, so measuring needs no other
+    model. Covariance and local fields are kept, since they belong to the mirrors and the lens. The real
+    thickness and tilt of the plate are not verified; calibrating through it is better.
 
     Args:
-        calibration: made without glass.
-        plate: between the cameras and the object.
-        places_mm: (N, 3) places that fill the measuring volume, in depth too; a hundred are enough.
+        calibration: Calibration made without glass.
+        plate: Plate between the cameras and the object.
+        places_mm: (N, 3) positions that fill the measuring volume, in depth too; a hundred are enough.
 
     Raises:
-        MeasurementError: the places do not determine the views, as `adjust`.
+        MeasurementError: The positions do not determine the views, as `adjust`.
     """
     views = calibration.views
     pictures = np.concatenate([project_through(plate, view, places_mm) for view in views])

@@ -1,7 +1,7 @@
-"""Mean places of what stands still through a capture, with honest weights (paper 3.6).
+"""Mean images of targets at rest throughout a capture, with realistic weights (paper 3.6).
 
-Averaging divides noise by √n, but not the error of quantisation: a target that stands still has the same one
-in every field of a parity. Fields of the other parity cut it at other lines, so two parities have two.
+Averaging divides noise by √n, but not the quantisation error: a target at rest has the same one in every
+field of a parity. Fields of the other parity cut it at other lines, so there are two such errors.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 _FIELD_ORDER_GATE_PX = 3.5
-"""A wrong field order shifts one parity by two frame lines against the other."""
+"""Gate for pairing targets of both parities: a wrong field order shifts them by two frame lines."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,8 +25,8 @@ class FieldImages:
 
     Attributes:
         xy_px: (N, 2) frame pixels.
-        sigma_px: (N, 2) standard deviation of one field's location, without line jitter.
-        parity: of the field.
+        sigma_px: (N, 2) standard deviation of location in one field, without line jitter.
+        parity: Parity of the field.
         jitter_px: (N,) standard deviation in x from line jitter.
     """
 
@@ -37,20 +37,20 @@ class FieldImages:
 
     @property
     def jitter_px2(self) -> Array:
-        """(N, 2) variance from line jitter: nothing in y."""
+        """(N, 2) variance from line jitter, zero in y."""
         variance: Array = np.multiply.outer(np.square(self.jitter_px) * np.ones(len(self.xy_px)), (1.0, 0.0))
         return variance
 
 
 @dataclass(frozen=True, slots=True)
 class MeansSettings:
-    """What counts as standing still.
+    """Criteria for being at rest.
 
     Attributes:
-        gate_px: blobs of two fields nearer than this are one target's.
-        least_share: of the fields of a parity that a target has to be found in.
-        most_shift_px: by which a whole field may be shifted against the others.
-        most_gone: share of the targets that a field may not show.
+        gate_px: Distance within which blobs of two fields belong to one target.
+        least_share: Least share of the fields of a parity in which a target must be found.
+        most_shift_px: Greatest shift of a whole field against the others.
+        most_gone: Greatest share of the targets that a field may fail to show.
     """
 
     gate_px: float = 1.5
@@ -61,16 +61,17 @@ class MeansSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanImages:
-    """N targets, in the order in which they were met.
+    """Means of N targets, in the order in which they were first seen.
 
     Attributes:
         xy_px: (N, 2) mean frame pixels.
-        sigma_px: (N, 2) their standard deviations: σ² = σq² + s²/n of a parity, both by their weights.
-        fields: (N,) number of fields that each was found in.
-        scatter_px: (N, 2) s, standard deviation of one field about its parity's mean; NaN where no parity has
+        sigma_px: (N, 2) their standard deviations: σ² = σq² + s²/n for one parity, both combined by their
+            weights.
+        fields: (N,) number of fields in which each was found.
+        scatter_px: (N, 2) s, standard deviation of one field about its parity's mean; NaN if no parity has
             two fields.
-        of_fields: number of fields in all.
-        dropped: number of blobs of all fields that belong to none of them.
+        of_fields: Total number of fields.
+        dropped: Number of blobs in all fields that belong to none of the targets.
     """
 
     xy_px: Array
@@ -86,10 +87,10 @@ class MeanImages:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sums:
-    """What is known of the clusters of one parity.
+    """Running sums of the clusters of one parity.
 
     Attributes:
-        count: (N,) fields.
+        count: (N,) number of fields.
         xy_px: (N, 2) mean.
         square_px2: (N, 2) Σ (x − mean)².
         variance_px2: (N, 2) mean of the single fields' σ².
@@ -104,11 +105,11 @@ class _Sums:
 
     @classmethod
     def new(cls, count: int) -> "_Sums":
-        """Clusters without a field."""
+        """Make clusters without a field."""
         return cls(np.zeros(count, np.intp), *np.zeros((4, count, 2)))
 
     def joined(self, other: "_Sums") -> "_Sums":
-        """These and others."""
+        """Concatenate with others."""
         return _Sums(
             np.concatenate([self.count, other.count]),
             np.concatenate([self.xy_px, other.xy_px]),
@@ -118,7 +119,7 @@ class _Sums:
         )
 
     def select(self, chosen: NDArray[np.bool_] | Indices) -> "_Sums":
-        """Some of them."""
+        """Select some of them."""
         return _Sums(
             self.count[chosen],
             self.xy_px[chosen],
@@ -129,9 +130,10 @@ class _Sums:
 
     @property
     def mean_variance_px2(self) -> Array:
-        """(N, 2) variance of the mean: quantisation whole, noise divided by the number of fields.
+        """(N, 2) variance of the mean: quantisation undivided, noise divided by the number of fields.
 
-        Quantisation is what the scatter does not show of the σ expected, and never more than the location's.
+        Quantisation is the part of the expected variance that the scatter does not show, at most the
+        location's.
         """
         noise = self._noise_px2()
         quantisation = np.clip(self.variance_px2 + self.jitter_px2 - noise, 0.0, self.variance_px2)
@@ -141,7 +143,7 @@ class _Sums:
     def _noise_px2(self) -> Array:
         """(N, 2) variance of one field: each target's own, as far as they differ more than by chance.
 
-        Where no target was found twice, it is what line jitter makes.
+        If no target was found twice, the variance of line jitter.
         """
         freedom = self.count - 1
         if not freedom.any():
@@ -156,15 +158,15 @@ class _Sums:
 
 
 def mean_images(fields: Sequence[FieldImages], settings: MeansSettings | None = None) -> MeanImages:
-    """The mean places of everything that stands still in a capture.
+    """Average the positions of everything at rest in a capture.
 
     Args:
-        fields: the blobs of each, of one view or of both, without those that a border cuts off; a field may
-            show none.
-        settings: what counts as standing still.
+        fields: The blobs of each field, of one view or both, without those cut off by a border; a field may
+            have none.
+        settings: Criteria for being at rest.
 
     Raises:
-        MeasurementError: the calibration frame moved, or the parities contradict each other (a wrong field
+        MeasurementError: The calibration frame moved, or the parities contradict each other (a wrong field
             order); the message says which, with values.
     """
     settings = settings or MeansSettings()
@@ -177,7 +179,7 @@ def mean_images(fields: Sequence[FieldImages], settings: MeansSettings | None = 
 
 
 def _still(fields: Sequence[FieldImages], parity: int, settings: MeansSettings) -> _Sums:
-    """What stands still in the fields of one parity."""
+    """Clusters at rest in the fields of one parity."""
     sums = _Sums.new(0)
     for one in fields:
         sums = _added(sums, one, settings.gate_px)
@@ -188,7 +190,9 @@ def _still(fields: Sequence[FieldImages], parity: int, settings: MeansSettings) 
 
 
 def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
-    """The clusters with one more field: Welford's running mean; what is met for the first time is added."""
+    """Add a field to the clusters by Welford's running mean; blobs seen for the first time become
+    clusters.
+    """
     cluster, blob = _pairs(sums.xy_px, field.xy_px, gate_px)
     new = np.setdiff1d(np.arange(len(field.xy_px)), blob)
     grown = sums.joined(_Sums.new(len(new)))
@@ -204,7 +208,7 @@ def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
 
 
 def _pairs(first: Array, second: Array, gate_px: float) -> tuple[Indices, Indices]:
-    """Indices of those that are each other's nearest, and near enough."""
+    """Indices of pairs that are each other's nearest, within the gate."""
     if not len(first) or not len(second):
         return np.empty(0, np.intp), np.empty(0, np.intp)
     between = np.linalg.norm(first[:, np.newaxis] - second, axis=2)
@@ -215,11 +219,11 @@ def _pairs(first: Array, second: Array, gate_px: float) -> tuple[Indices, Indice
 
 
 def _check_field(kept: _Sums, field: FieldImages, name: str, settings: MeansSettings) -> None:
-    """Whether a field shows what the others show, where they show it."""
+    """Check that a field shows the same targets as the others, at the same positions."""
     if not len(field.xy_px):
         return
     cluster, blob = _pairs(kept.xy_px, field.xy_px, settings.gate_px)
-    hint = "hold frame and rig still, and take the capture again"
+    hint = "keep calibration frame and rig still, and repeat the capture"
     gone = 1.0 - len(cluster) / max(len(kept.count), 1)
     elsewhere = 1.0 - len(blob) / len(field.xy_px)
     if min(gone, elsewhere) > settings.most_gone or not len(kept.count):
@@ -238,7 +242,7 @@ def _check_field(kept: _Sums, field: FieldImages, name: str, settings: MeansSett
 
 
 def _check_field_order(parities: Sequence[_Sums]) -> None:
-    """Whether both parities show the targets at the same height."""
+    """Check that both parities show the targets at the same height."""
     if len(parities) < 2:
         return
     first, second = _pairs(parities[0].xy_px, parities[1].xy_px, _FIELD_ORDER_GATE_PX)
@@ -247,12 +251,12 @@ def _check_field_order(parities: Sequence[_Sums]) -> None:
         raise MeasurementError(
             f"the fields of both parities lie {np.median(lower):.1f} frame lines apart: the field order "
             "is wrong",
-            "set the device's field order the other way round; in one capture it must not change",
+            "reverse the device's field order; it must not change within a capture",
         )
 
 
 def _joined(parities: Sequence[_Sums], fields: Sequence[FieldImages], settings: MeansSettings) -> MeanImages:
-    """Both parities' means, weighted by their variances; what only one shows is kept as it is."""
+    """Combine both parities' means by their variances; targets seen in only one are kept as they are."""
     same = _same(parities, settings.gate_px)
     seen = same >= 0
     padded = [one.select(np.maximum(index, 0)) for one, index in zip(parities, same, strict=True)]
@@ -272,7 +276,7 @@ def _joined(parities: Sequence[_Sums], fields: Sequence[FieldImages], settings: 
 
 
 def _same(parities: Sequence[_Sums], gate_px: float) -> Indices:
-    """(P, N) index of each target in each parity; −1 where that does not show it."""
+    """(P, N) index of each target in each parity; −1 if it does not show it."""
     first, *others = parities
     same, places = np.arange(len(first.count))[np.newaxis], first.xy_px
     for other in others:

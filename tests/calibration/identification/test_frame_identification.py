@@ -119,7 +119,7 @@ def test_another_calibration_frame_than_the_files_is_refused():
 def test_a_base_that_is_far_from_nominal_is_refused():
     _, sights = scene(7)
     narrow = replace(NOMINAL, base_mm=85.0, convergence_deg=20.0)
-    with pytest.raises(MeasurementError, match=r"base comes out as 1\d\d mm, the nominal rig has 85 mm"):
+    with pytest.raises(MeasurementError, match=r"base comes out as 1\d\d mm, but the nominal rig has 85 mm"):
         identify(sights, narrow)
 
 

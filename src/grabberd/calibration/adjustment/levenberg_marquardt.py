@@ -1,4 +1,4 @@
-"""Levenberg and Marquardt's way to the least squares of a network."""
+"""Levenberg–Marquardt iteration to the least-squares solution of a network."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -14,17 +14,17 @@ Array = NDArray[np.float64]
 _HINT_START = "check the rig's nominal geometry, the calibration frame's file and which target is which"
 _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e12
 _EXACT = 1e-6
-"""σ0² of pictures without any error, below which nothing is gained."""
+"""σ0² below which pictures count as free of error, and iterating gains nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdjustmentSettings:
-    """When an adjustment has converged, and when it is given up.
+    """Criteria of convergence of an adjustment.
 
     Attributes:
-        settled: converged where the next step would change the sum of squares by less than this share.
-        most_steps: after so many it has not converged.
-        damping: Marquardt's, to begin with.
+        settled: Relative change of the sum of squares by the next step below which it has converged.
+        most_steps: Number of steps after which it is given up.
+        damping: Initial Marquardt damping.
     """
 
     settled: float = 1e-10
@@ -33,7 +33,7 @@ class AdjustmentSettings:
 
 
 class Minimum(NamedTuple):
-    """Where the iteration ended: the state, the network linearised there, its normals, steps taken."""
+    """End of the iteration: the state, the network linearised there, its normals, and the steps taken."""
 
     state: State
     linear: Linear
@@ -42,7 +42,7 @@ class Minimum(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """Changes of the unknowns (U,) and places (3, P); by how much they promise to lessen the squares."""
+    """Changes of the unknowns (U,) and positions (3, P), and the decrease of the squares they promise."""
 
     unknowns: Array
     places: Array
@@ -50,11 +50,11 @@ class _Step(NamedTuple):
 
 
 def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
-    """The state of least squares.
+    """Iterate to the least-squares state.
 
     Raises:
-        MeasurementError: the start lies behind a camera, or no convergence.
-        RankDeficient: an unknown that nothing depends on.
+        MeasurementError: The start lies behind a camera, or the iteration does not converge.
+        RankDeficient: No image point depends on one of the unknowns.
     """
     state, damping = problem.start, settings.damping
     linear = problem.at(state)
@@ -75,6 +75,7 @@ def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
             damping = max(5 * damping, 1e-6)
             if damping > _MOST_DAMPING:
                 raise _no_convergence(steps, linear.omega, problem)
+        # Trust the linear model more, as is or less, by how much of its promise was kept.
         kept = (linear.omega - there.omega) / step.promise
         damping *= 0.1 if kept > 0.75 else 1.0 if kept > 0.25 else 3.0
         state, linear, damping = trial, there, max(damping, _LEAST_DAMPING)
@@ -92,7 +93,7 @@ def _step(normals: Normals, scale: Array, damping: float) -> _Step:
 
 
 def _scale(problem: Problem, normals: Normals) -> Array:
-    """(U,) what gives the normal matrix a diagonal of ones."""
+    """(U,) scale that gives the normal matrix a unit diagonal."""
     diagonal = np.diag(normals.matrix)
     if not (diagonal > 0).all():
         names = [

@@ -1,4 +1,4 @@
-"""The normal equations of a network, with the targets' places eliminated (Schur's complement)."""
+"""Normal equations of a network, with the targets' positions eliminated (Schur complement)."""
 
 from typing import NamedTuple
 
@@ -19,20 +19,20 @@ _CENTER = slice(PARAMETERS.index("X0_mm"), PARAMETERS.index("Z0_mm") + 1)
 
 
 class State(NamedTuple):
-    """Values of all unknowns: the views, and the targets' places (T, 3) in mm."""
+    """Values of all unknowns: the views, and the targets' positions (T, 3) in mm."""
 
     views: tuple[View, ...]
     xyz_mm: Array
 
 
 class Linear(NamedTuple):
-    """A network linearised at a state; all is whitened, and zero where a target was not seen.
+    """Network linearised at a state; everything is whitened, and zero where a target was not seen.
 
     Attributes:
         image: (2, V, T) misclosures of the image points; NaN behind a camera.
-        offset: (3, P) misclosures of the places that move.
-        slopes: (2, V, 18, T) of the image points by the parameters of their view.
-        omega: sum of the squared misclosures; infinite where one is not a number.
+        offset: (3, P) misclosures of the free positions.
+        slopes: (2, V, 18, T) derivatives of the image points by the parameters of their view.
+        omega: Sum of the squared misclosures; infinite if one is NaN.
     """
 
     image: Array
@@ -42,12 +42,14 @@ class Linear(NamedTuple):
 
 
 class Normals(NamedTuple):
-    """The normal equations of U parameters and P places.
+    """Normal equations of U parameters and P positions.
 
     Attributes:
-        matrix: (U, U) of the parameters alone; `right`: (U,).
-        own: (6, P) of each place, its upper triangle; `own_right`: (3, P).
-        cross: (3, P, U) of place and parameters.
+        matrix: (U, U) block of the parameters.
+        right: (U,) its right side.
+        own: (6, P) block of each position, as its upper triangle.
+        own_right: (3, P) its right side.
+        cross: (3, P, U) blocks of positions and parameters.
     """
 
     matrix: Array
@@ -58,12 +60,13 @@ class Normals(NamedTuple):
 
 
 class Reduced(NamedTuple):
-    """Normal equations without the places.
+    """Normal equations after eliminating the positions.
 
     Attributes:
-        matrix: (U, U); `right`: (U,).
-        inverse: (3, 3, P) own⁻¹ of each place.
-        coupling: (3, P, U) own⁻¹·cross: by how much a place follows the parameters, with the other sign.
+        matrix: (U, U).
+        right: (U,).
+        inverse: (3, 3, P) own⁻¹ of each position.
+        coupling: (3, P, U) own⁻¹·cross: minus the derivative of a position by the parameters.
     """
 
     matrix: Array
@@ -73,14 +76,16 @@ class Reduced(NamedTuple):
 
 
 class Problem:
-    """A network laid out with one column a target in every view: what a view does not see weighs nothing.
+    """Network laid out with one column per target in every view; targets a view does not see have weight 0.
 
     Attributes:
-        network: what is given; `unknowns`: what is sought.
-        selection: (18 V, U) parameters' changes from the unknowns'.
-        moving: (P,) intp, the targets whose place is sought: not held, and seen at all.
-        loose: (3, P) bool, their coordinates that are not held; `prior`: (3, P) 1/σ, 0 if unknown.
-        freedom: degrees of freedom.
+        network: The input.
+        unknowns: The parameters to estimate.
+        selection: (18 V, U) changes of the parameters from those of the unknowns.
+        moving: (P,) intp, targets whose position is free: not held, and seen at all.
+        loose: (3, P) bool, their coordinates that are not held.
+        prior: (3, P) 1/σ, 0 if unknown.
+        freedom: Degrees of freedom.
     """
 
     def __init__(self, network: Network, unknowns: Unknowns) -> None:
@@ -101,38 +106,38 @@ class Problem:
         self.freedom = 2 * len(network) - len(unknowns) - int(np.isinf(sigma).sum())
 
     def check(self) -> None:
-        """Whether there are enough observations at all.
+        """Check that there are enough observations.
 
         Raises:
-            MeasurementError: fewer than unknowns, or targets seen too rarely.
+            MeasurementError: There are fewer than unknowns, or targets are seen too rarely.
         """
         self.check_places()
         if self.freedom < 1:
             raise MeasurementError(
                 f"{len(self.network)} image points do not determine {len(self.unknowns)} parameters",
-                "more targets have to be seen, or more parameters held",
+                "make more targets visible, or hold more parameters",
             )
 
     def check_places(self) -> None:
-        """Whether every target that was seen was seen often enough.
+        """Check that every target seen was seen in enough views.
 
         Raises:
-            MeasurementError: it was not; the message names the targets.
+            MeasurementError: Some were not; the message names them.
         """
         if rare := np.flatnonzero(self.network.undetermined).tolist():
             raise MeasurementError(
-                f"targets {', '.join(map(str, rare))} have too few image points for their unknown places",
-                "leave out targets that one view alone sees, or give their places with a standard deviation",
+                f"targets {', '.join(map(str, rare))} have too few image points for their unknown positions",
+                "leave out targets seen by a single view, or give their positions with a standard deviation",
             )
 
     @property
     def start(self) -> State:
-        """The values to start from; parameters that share an unknown start from their mean."""
+        """Start values; parameters that share an unknown start from their mean."""
         unknowns, views = self.unknowns, self.network.views
         return State(unknowns.with_values(views, unknowns.values(views)), self.network.target_mm)
 
     def moved(self, state: State, step: Array, places: Array) -> State:
-        """The state after a step (U,) of the unknowns and (3, P) of the places."""
+        """Apply a step (U,) of the unknowns and (3, P) of the positions."""
         views = self.unknowns.moved(state.views, step)
         if not len(self.moving):
             return State(views, state.xyz_mm)
@@ -141,7 +146,7 @@ class Problem:
         return State(views, xyz)
 
     def at(self, state: State) -> Linear:
-        """The network linearised at a state."""
+        """Linearise the network at a state."""
         computed, slopes = linearise_parameters(Rig.of_views(state.views), state.xyz_mm)
         image = (self._observed - computed) * self._weight
         slopes *= self._weight[:, :, np.newaxis]
@@ -153,7 +158,7 @@ class Problem:
         return Linear(image, offset, slopes, omega if np.isfinite(omega) else np.inf)
 
     def normals(self, linear: Linear) -> Normals:
-        """The normal equations of a linearised network."""
+        """Form the normal equations of a linearised network."""
         matrix, right = self._of_parameters(linear)
         if not len(self.moving):
             nothing = np.empty((6, 0))
@@ -166,7 +171,7 @@ class Problem:
         return Normals(matrix, right, own, own_right, self._cross(places, linear.slopes))
 
     def by_place(self, linear: Linear) -> Array:
-        """(2, V, 3, P) whitened slopes by the places: by the projection centre with the other sign."""
+        """(2, V, 3, P) whitened slopes by the positions: minus those by the projection centre."""
         slopes: Array = -linear.slopes[:, :, _CENTER][..., self.moving] * self.loose
         return slopes
 
@@ -182,7 +187,7 @@ class Problem:
         return residuals
 
     def _of_parameters(self, linear: Linear) -> tuple[Array, Array]:
-        """Views do not share slopes, so the matrix is one block a view, folded onto the unknowns."""
+        """Parameter block: one block per view, since views share no slopes, folded onto the unknowns."""
         slopes, folding = linear.slopes, self._blocks.swapaxes(1, 2)
         matrix = folding @ (slopes @ slopes.swapaxes(2, 3)).sum(axis=0) @ self._blocks
         right = folding @ (slopes @ linear.image[..., np.newaxis]).sum(axis=0)
@@ -198,7 +203,7 @@ class Problem:
 
 
 def reduced(normals: Normals, damping: float = 0.0) -> Reduced:
-    """The places eliminated; `damping` is Marquardt's on their own diagonals."""
+    """Eliminate the positions; `damping` is Marquardt's on their own diagonals."""
     count, unknowns = normals.cross.shape[1:]
     if not count:
         return Reduced(normals.matrix, normals.right, np.empty((3, 3, 0)), normals.cross)

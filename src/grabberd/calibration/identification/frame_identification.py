@@ -1,9 +1,9 @@
-"""Which blob of either view is which target of the calibration frame, without any click (paper 3.6).
+"""Automatic identification of the calibration frame's targets among the blobs of both views (paper 3.6).
 
-The nominal rig is true to ten per cent, which on a periodic grid is a whole pitch, so every hypothesis is
-tried: every target at some blobs, the frame turned in any way, either handedness of either view. Each is
-judged by the view that it makes: depth differences of the targets tell a wrong one. An unclear winner is
-refused.
+The nominal rig is good to ten per cent, which on a periodic grid is a whole pitch, so every hypothesis is
+tried: every target at some blobs, the calibration frame rotated in any way, either handedness of either view.
+    Each is judged by
+the view that it implies: depth differences of the targets reveal a wrong one. An ambiguous winner is refused.
 """
 
 from collections.abc import Sequence
@@ -25,23 +25,23 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 NAMES = ("left", "right")
-WAY_OUT = "or say which target is which by hand"
+WAY_OUT = "or identify some targets by hand"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewIdentification:
-    """One view's B blobs identified.
+    """Identification of one view's B blobs.
 
     Attributes:
-        view: the view that sees the targets like this: a start for the adjustment, handedness included.
-        target: (B,) index of each blob's target in the calibration frame; −1: it belongs to none.
-        residual_px: (B, 2) of the view's rough model; NaN where there is no target.
-        rms_px: of these residuals.
-        runner_up_rms_px: of the best hypothesis that says something else, over the blobs that it explains;
-            NaN where there is none.
-        runner_up_targets: how many those are.
-        margin: by how much its −2 ln(likelihood) is worse; infinite where there is none.
-        description: the hypothesis that won, and by what, for people.
+        view: The view that fits: start values for the adjustment, handedness included.
+        target: (B,) index of each blob's target in the calibration frame; −1 for none.
+        residual_px: (B, 2) residuals of the view's rough model; NaN without a target.
+        rms_px: Root mean square of these residuals.
+        runner_up_rms_px: That of the best contradicting hypothesis, over the blobs that it explains; NaN if
+            there is none.
+        runner_up_targets: Number of those blobs.
+        margin: Difference of its −2 ln(likelihood) to the winner's; infinite if there is none.
+        description: Description of the winning hypothesis, for people.
     """
 
     view: View
@@ -55,25 +55,25 @@ class ViewIdentification:
 
     @property
     def unmatched(self) -> Indices:
-        """Indices of the blobs that belong to no target."""
+        """Indices of blobs without a target."""
         return np.flatnonzero(self.target < 0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Identification:
-    """Both views identified."""
+    """Identification of both views."""
 
     left: ViewIdentification
     right: ViewIdentification
 
     @property
     def views(self) -> tuple[View, View]:
-        """Left and right, to start an adjustment from."""
+        """Left and right view, as start values for an adjustment."""
         return self.left.view, self.right.view
 
     @property
     def handedness(self) -> tuple[int, int]:
-        """Of the left and the right view."""
+        """Handedness of the left and the right view."""
         return self.left.view.handedness, self.right.view.handedness
 
 
@@ -84,17 +84,17 @@ def identify_frame(
     right_px: Array,
     settings: IdentificationSettings | None = None,
 ) -> Identification:
-    """The targets of a calibration frame among the blobs of both views.
+    """Identify the targets of a calibration frame among the blobs of both views.
 
     Args:
-        nominal: the rig as it was built, each number to ten per cent.
-        frame: the calibration frame; Z points toward the cameras, in its plane it may be turned in any way.
+        nominal: The nominal rig, each number good to ten per cent.
+        frame: The calibration frame; Z points toward the cameras, its rotation in the plane is free.
         left_px: (B, 2) frame pixels of the left view's blobs, targets and others, in any order.
-        right_px: likewise of the right view.
-        settings: what is believed.
+        right_px: Likewise for the right view.
+        settings: Criteria of acceptance.
 
     Raises:
-        MeasurementError: a view is dark or shows too few targets, no hypothesis or more than one explains it,
+        MeasurementError: A view is dark or shows too few targets, no hypothesis or more than one explains it,
             or the views contradict each other or the nominal rig; the message says which, with values.
     """
     settings = settings or IdentificationSettings()
@@ -125,7 +125,7 @@ def _found(
 def _swapped(
     nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
 ) -> bool:
-    """Whether all is well with each camera where the other one should be."""
+    """True if identification succeeds with the two cameras exchanged."""
     try:
         _found(replace(nominal, base_mm=-nominal.base_mm), frame, blobs_px, settings)
     except MeasurementError:
@@ -134,10 +134,10 @@ def _swapped(
 
 
 def check_count(name: str, count: int, what: str, least: int) -> None:
-    """Whether a view shows enough.
+    """Check that a view shows enough blobs or targets.
 
     Raises:
-        MeasurementError: it is dark, or shows too few.
+        MeasurementError: It is dark, or shows too few.
     """
     if not count:
         raise MeasurementError(
@@ -147,7 +147,7 @@ def check_count(name: str, count: int, what: str, least: int) -> None:
     if count < least:
         raise MeasurementError(
             f"the {name} view shows {count} {what}, at least {least} are needed",
-            "bring the calibration frame into both views, check light and threshold",
+            "place the calibration frame in both views; check light and threshold",
         )
 
 
@@ -167,17 +167,17 @@ def identified(
     settings: IdentificationSettings,
     handedness: int | None,
 ) -> ViewIdentification:
-    """What the winner of a contest says.
+    """Accept the winner of a contest of hypotheses.
 
     Args:
-        half: the blobs.
-        rivals: the hypotheses.
-        frame: the calibration frame.
-        settings: what is believed.
-        handedness: the only one allowed, if any.
+        half: The blobs.
+        rivals: The hypotheses.
+        frame: The calibration frame.
+        settings: Criteria of acceptance.
+        handedness: The only one allowed, if any.
 
     Raises:
-        MeasurementError: the winner is not clear, or clearly not of the handedness allowed.
+        MeasurementError: The winner is ambiguous, or clearly not of the handedness allowed.
     """
     outcome = settled(rivals)
     if handedness is not None:
@@ -198,7 +198,7 @@ def identified(
 
 
 def described(hypothesis: Hypothesis, half: Half, frame: ObjectModel) -> str:
-    """A hypothesis for people."""
+    """Describe a hypothesis for people."""
     known = np.flatnonzero(hypothesis.target >= 0)
     if not len(known):
         return "nothing explained"
@@ -233,7 +233,7 @@ def _check_explained(
 def _check_handedness(
     half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings, handedness: int
 ) -> None:
-    """An unclear picture is decided by the handedness stated; a clear one is not overruled."""
+    """Let the stated handedness decide an ambiguous picture, but never overrule a clear one."""
     if outcome.winner.view.handedness == handedness or outcome.margin < settings.margin:
         return
     raise MeasurementError(
@@ -244,7 +244,7 @@ def _check_handedness(
 
 
 def _check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings) -> None:
-    """Whether nothing else explains a view nearly as well."""
+    """Check that nothing else explains a view nearly as well."""
     if outcome.runner_up is None or outcome.margin >= settings.margin:
         return
     raise MeasurementError(

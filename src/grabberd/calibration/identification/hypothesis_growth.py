@@ -1,9 +1,9 @@
-"""Hypotheses of which target is which, grown from one blob over the whole calibration frame.
+"""Growth of hypotheses about an identification, from one blob over the whole calibration frame.
 
-Every target may be the one seen at an anchor, the frame turned in any way and the view of either handedness.
-From there a hypothesis grows: it predicts its nearest targets, takes the blobs nearest to the predictions,
-improves its pose, and looks further. Nothing here needs a grid: it is the targets' depths that tell a wrong
-hypothesis, and its growth is where they show.
+Any target may be the one seen at an anchor, with the calibration frame rotated in any way and the view of
+either handedness. From there a hypothesis grows: it predicts its nearest targets, takes the blobs nearest to
+the predictions, improves its pose, and looks further. No grid is needed: the targets' depths reveal a wrong
+hypothesis as it grows.
 """
 
 from dataclasses import dataclass, replace
@@ -18,17 +18,18 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 TURNS = 12
-"""Equal steps of a whole turn that the calibration frame may be mounted at; each catches ± half a step."""
+"""Rotations of the calibration frame that are tried, in equal steps; each converges from ± half a step."""
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """How hard hypotheses are sought.
+    """Effort of the search for hypotheses.
 
     Attributes:
-        anchors: number of blobs to start from.
-        turns: equal steps of a whole turn that are tried.
-        rounds: targets looked at, gate as a share of the blobs' spacing, how many of the best stay (0: all).
+        anchors: Number of blobs to start from.
+        turns: Number of rotations tried, in equal steps.
+        rounds: For each round: targets predicted, gate as a share of the blobs' spacing, number of the best
+            that are kept (0: all).
     """
 
     anchors: int
@@ -66,10 +67,12 @@ class Half:
     """The blobs of one half of the picture.
 
     Attributes:
-        view: the nominal view; `lines`: the picture's height.
+        view: The nominal view.
+        lines: Height of the picture.
         xy_px: (B, 2) blobs.
-        spacing_px: median distance of a blob from the nearest other one.
-        corner_px: (2,) of the raster; `nearest`: (I, J) the blob nearest to its cell in x, y.
+        spacing_px: Median distance of a blob from the nearest other one.
+        corner_px: (2,) corner of a raster over the blobs.
+        nearest: (I, J) the blob nearest to each raster cell in x, y.
     """
 
     view: View
@@ -81,7 +84,7 @@ class Half:
 
     @classmethod
     def of(cls, view: View, lines: int, xy_px: Array) -> "Half":
-        """From at least two blobs."""
+        """Prepare at least two blobs."""
         spacing = float(np.median(np.sqrt(np.sort(_squares(xy_px, xy_px), axis=1)[:, 1])))
         corner = xy_px.min(axis=0) - spacing
         cells = np.ceil((xy_px.max(axis=0) + spacing - corner) / _CELL_PX).astype(int)
@@ -90,28 +93,30 @@ class Half:
         return cls(view, lines, xy_px, spacing, corner, nearest.reshape(*cells))
 
     def handed(self, handedness: int) -> "Half":
-        """The same blobs, the nominal view of this handedness."""
+        """The same blobs with a nominal view of this handedness."""
         if handedness == self.view.handedness:
             return self
         middle = np.array([0.5 * (self.view.first_column + self.view.end_column - 1), self.view.y0_px])
         return replace(self, view=mirrored(self.view, middle))
 
     def closest(self, predicted_px: Array) -> tuple[Indices, Array]:
-        """The blob nearest to each prediction (…, 2), and the way (…, 2) from the prediction to it."""
+        """Find the blob nearest to each prediction (…, 2), and the vector (…, 2) from the prediction to
+        it.
+        """
         cell = np.nan_to_num((predicted_px - self.corner_px) / _CELL_PX, nan=-1.0)
         index = np.clip(cell, 0, np.array(self.nearest.shape) - 1).astype(np.intp)
         blob = self.nearest[index[..., 0], index[..., 1]]
         return blob, self.xy_px[blob] - predicted_px
 
     def shows(self, predicted_px: Array) -> NDArray[np.bool_]:
-        """(…) whether predictions lie in this half."""
+        """(…) True for predictions inside this half."""
         x, y = predicted_px[..., 0], predicted_px[..., 1]
         across = (x >= self.view.first_column) & (x <= self.view.end_column - 1)
         inside: NDArray[np.bool_] = across & (y >= 0) & (y <= self.lines - 1)
         return inside
 
     def anchors(self, count: int) -> Indices:
-        """Blobs to start from, those amid the others first and away from one another."""
+        """Choose blobs to start from, central ones first, and away from one another."""
         away = np.sqrt(_squares(self.xy_px, np.median(self.xy_px, axis=0)[np.newaxis])[:, 0])
         order = np.argsort(away, kind="stable")
         apart = np.sqrt(_squares(self.xy_px, self.xy_px))
@@ -124,11 +129,13 @@ class Half:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Growth:
-    """H hypotheses with the target that each one started from.
+    """H hypotheses with the target that each started from.
 
     Attributes:
-        half: what they explain; `poses`: theirs; `start`: (H,) target at their anchor.
-        cost: (H,) share of what they predict that is not there, from 0 to 1.
+        half: The blobs that they explain.
+        poses: Their poses.
+        start: (H,) target at their anchor.
+        cost: (H,) share of their predictions without a blob, 0 to 1.
     """
 
     half: Half
@@ -137,12 +144,14 @@ class Growth:
     cost: Array
 
     def best(self, count: int) -> "Growth":
-        """The best of them."""
+        """Select the best."""
         chosen = np.argsort(self.cost, kind="stable")[:count]
         return Growth(self.half, self.poses.select(chosen), self.start[chosen], self.cost[chosen])
 
     def views(self, xyz_mm: Array, count: int) -> list[View]:
-        """The best that differ, by more than a third of the spacing where they see targets (T, 3)."""
+        """Views of the best that differ by more than a third of the spacing in where they see targets (T,
+        3).
+        """
         predicted = pixels(self.half.view, self.poses.seen_mm(xyz_mm))
         chosen: list[int] = []
         for index in np.argsort(self.cost, kind="stable").tolist():
@@ -153,18 +162,18 @@ class Growth:
 
 
 def grow(half: Half, xyz_mm: Array, effort: Effort) -> Growth:
-    """The best hypotheses of the handedness of the half's nominal view; any target may be at any anchor.
+    """Grow hypotheses of the handedness of the half's nominal view, with any target at any anchor.
 
     Args:
-        half: the blobs, with the nominal view.
-        xyz_mm: (T, 3) the calibration frame.
-        effort: how hard they are sought.
+        half: The blobs, with the nominal view.
+        xyz_mm: (T, 3) targets of the calibration frame.
+        effort: Effort of the search.
     """
     return _grown(half, xyz_mm, half.anchors(effort.anchors), np.arange(len(xyz_mm)), effort)
 
 
 def regrow(half: Half, xyz_mm: Array, anchor: int, targets: Indices) -> Growth:
-    """Hypotheses with one of some targets at an anchor, turned by quarters."""
+    """Grow hypotheses with one of some targets at an anchor, rotated by quarter turns."""
     return _grown(half, xyz_mm, np.array([anchor]), targets, replace(QUICK, turns=4))
 
 
@@ -182,7 +191,7 @@ def _grown(half: Half, xyz_mm: Array, anchors: Indices, targets: Indices, effort
 
 
 def _round(growth: Growth, xyz_mm: Array, nearby: Indices, gate: float) -> Growth:
-    """Predict the targets (T, K) near the start, take what is there, improve the pose; the cost is before."""
+    """Predict targets (T, K) near the start, match blobs, improve the pose; the cost is that before."""
     half, places = growth.half, xyz_mm[nearby[growth.start]]
     predicted = pixels(half.view, growth.poses.seen_mm(places))
     _, misfit = half.closest(predicted)
@@ -196,7 +205,7 @@ def _round(growth: Growth, xyz_mm: Array, nearby: Indices, gate: float) -> Growt
 
 
 def _cost(square: Array, shown: NDArray[np.bool_]) -> Array:
-    """(H,) mean truncated square of what should be seen; 1 where most lies outside the half."""
+    """(H,) mean truncated square over targets that should be seen; 1 if most lie outside the half."""
     count = shown.sum(axis=1)
     total = np.where(shown, np.minimum(square, 1.0), 0.0).sum(axis=1)
     cost: Array = np.where(count >= 0.5 * shown.shape[1], total / np.maximum(count, 1), 1.0)

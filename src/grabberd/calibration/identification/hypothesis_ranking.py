@@ -1,4 +1,4 @@
-"""The contest of all hypotheses of one view: the winner, and the best of those that say something else."""
+"""Ranking of one view's hypotheses: the winner, and the best one that contradicts it."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -12,29 +12,29 @@ from grabberd.geometry import View
 HANDEDNESS = (1, -1)
 _FINALISTS = 3
 _CHALLENGED = 24
-"""A winner is challenged by so many targets around its own: every shift by one and by two pitches."""
+"""Number of neighbouring targets that challenge a winner: all shifts by one and by two pitches."""
 _MOST_CHALLENGES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outcome:
-    """The winner, and the best hypothesis that says something else (None: there is none)."""
+    """The winner, and the best hypothesis that contradicts it, or None."""
 
     winner: Hypothesis
     runner_up: Hypothesis | None
 
     @property
     def margin(self) -> float:
-        """By how much the runner-up is worse."""
+        """Cost difference to the runner-up; infinite if there is none."""
         return np.inf if self.runner_up is None else self.runner_up.cost - self.winner.cost
 
 
 def contest(explainer: Explainer, convincing: float) -> list[Hypothesis]:
-    """The hypotheses of either handedness that explain a view best, the winner's challengers among them.
+    """Find the hypotheses of either handedness that explain a view best, including the winner's challengers.
 
     Args:
-        explainer: of the view's blobs.
-        convincing: share of the blobs that a winner has to explain; else they are sought harder.
+        explainer: Explainer of the view's blobs.
+        convincing: Share of the blobs that a winner must explain; otherwise the search is repeated harder.
     """
     rivals: list[Hypothesis] = []
     for effort in (QUICK, THOROUGH):
@@ -45,7 +45,7 @@ def contest(explainer: Explainer, convincing: float) -> list[Hypothesis]:
 
 
 def settled(rivals: Iterable[Hypothesis]) -> Outcome:
-    """Winner and runner-up of some hypotheses."""
+    """Determine the winner and the runner-up of some hypotheses."""
     ranked = sorted(rivals, key=_cost)
     others = (one for one in ranked[1:] if not one.says_the_same(ranked[0]))
     return Outcome(ranked[0], next(others, None))
@@ -58,7 +58,7 @@ def _grown(explainer: Explainer, effort: Effort) -> list[Hypothesis]:
 
 
 def _challenged(explainer: Explainer, rivals: list[Hypothesis]) -> list[Hypothesis]:
-    """The rivals after the winner has been challenged by what is easily mistaken for it."""
+    """Rivals after challenging the winner with what is easily mistaken for it."""
     winner: Hypothesis | None = None
     for _ in range(_MOST_CHALLENGES):
         best = min(rivals, key=_cost)

@@ -1,21 +1,22 @@
-"""What is believed of an identification."""
+"""Settings of identification."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
 class IdentificationSettings:
-    """When an identification is believed.
+    """Criteria for accepting an identification.
 
     Attributes:
-        handedness: of the left and of the right view, +1 or −1; None: found from the picture.
-        least_targets: a view with fewer identified targets determines nothing.
-        least_share: of a view's blobs that the winner has to explain.
-        sigma_px: standard deviation of an image coordinate in all, what a rough model leaves included.
-        most_rms_px: of the identified targets' residuals; more belongs to another calibration frame.
-        margin: by how much the runner-up's −2 ln(likelihood) has to exceed the winner's.
-        relative: share by which the base and the distance may differ from nominal.
-        relative_deg: angle by which the views' relative orientation may differ from nominal.
+        handedness: Of the left and the right view, +1 or −1; None finds it from the picture.
+        least_targets: Least number of identified targets that determines a view.
+        least_share: Share of a view's blobs that the winner must explain.
+        sigma_px: Total standard deviation of an image coordinate, including errors of the rough model.
+        most_rms_px: Greatest RMS of the identified targets' residuals; more indicates another calibration
+            frame.
+        margin: Least difference of −2 ln(likelihood) between runner-up and winner.
+        relative: Greatest relative deviation of base and distance from nominal.
+        relative_deg: Greatest deviation of the views' relative orientation from nominal.
     """
 
     handedness: tuple[int | None, int | None] = (None, None)

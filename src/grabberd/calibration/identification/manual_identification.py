@@ -1,4 +1,4 @@
-"""Identifications made by hand: the way out where the picture alone does not tell."""
+"""Manual identification: from targets marked by a person, if the picture alone is ambiguous."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,13 +27,13 @@ from grabberd.reconstruction import ObjectModel
 Array = NDArray[np.float64]
 
 LEAST_MARKS = 4
-"""A view needs so many; targets that do not all lie on one line."""
+"""Marks needed in each view, of targets that are not all on one line."""
 _STEPS = 15
 
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """A person says: the blob near (x_px, y_px), frame pixels, of this view is the target of this id."""
+    """Statement that the blob near (x_px, y_px), frame pixels, in a view is the target with an id."""
 
     view: Literal["left", "right"]
     target: int
@@ -49,22 +49,22 @@ def identify_by_hand(
     marks: Sequence[Mark],
     settings: IdentificationSettings | None = None,
 ) -> Identification:
-    """The targets of a calibration frame, some of them marked by hand; the others follow from these.
+    """Identify the targets of a calibration frame from some that are marked by hand.
 
-    The blob nearest to a mark takes its target; the rest is predicted from the view that the marks make.
+    The blob nearest to a mark gets its target; the rest are predicted from the view that the marks determine.
 
     Args:
-        nominal: the rig as it was built.
-        frame: the calibration frame.
+        nominal: The nominal rig.
+        frame: The calibration frame.
         left_px: (B, 2) frame pixels of the left view's blobs.
-        right_px: likewise of the right view.
-        marks: at least four in each view.
-        settings: what is believed.
+        right_px: Likewise for the right view.
+        marks: At least four in each view.
+        settings: Criteria of acceptance.
 
     Raises:
-        InputError: too few marks, an unknown target, one marked twice, no blob near a mark, or a mark that
-            contradicts the others.
-        MeasurementError: as `identify_frame`.
+        InputError: There are too few marks, an unknown target, one marked twice, no blob near a mark, or a
+            mark that contradicts the others.
+        MeasurementError: As `identify_frame`.
     """
     settings = settings or IdentificationSettings()
     sides = [
@@ -95,7 +95,7 @@ def _by_marks(
 
 
 def _given(half: Half, frame: ObjectModel, marks: Sequence[Mark]) -> dict[int, int]:
-    """Targets (index) by blob."""
+    """Marked targets (index) by blob."""
     if len(marks) < LEAST_MARKS:
         raise InputError(
             f"{len(marks)} targets are marked in the {half.view.name} view, {LEAST_MARKS} are needed",
@@ -105,7 +105,7 @@ def _given(half: Half, frame: ObjectModel, marks: Sequence[Mark]) -> dict[int, i
     for mark in marks:
         blob, target = _blob(half, mark), _target(frame, mark)
         if blob in given or target in given.values():
-            raise InputError(f"{_named(mark)} is marked twice", "leave one of both marks out")
+            raise InputError(f"{_named(mark)} is marked twice", "remove one of the two marks")
         given[blob] = target
     return given
 
@@ -124,7 +124,7 @@ def _target(frame: ObjectModel, mark: Mark) -> int:
     index = np.flatnonzero(frame.target == mark.target)
     if not len(index):
         raise InputError(
-            f"the calibration frame {frame.name} has no target {mark.target}", "give ids of its file"
+            f"the calibration frame {frame.name} has no target {mark.target}", "use ids from its file"
         )
     return int(index[0])
 
@@ -134,7 +134,7 @@ def _named(mark: Mark) -> str:
 
 
 def _seen(half: Half, frame: ObjectModel, given: Mapping[int, int]) -> View:
-    """The view that sees the marked targets best, with the nominal lens."""
+    """Find the view that fits the marked targets best, with the nominal lens."""
     xy_px, xyz_mm = half.xy_px[list(given)], frame.xyz_mm[list(given.values())]
     middle = np.array([xy_px.mean(axis=0)])
     poses = Poses.anchored(half.view, TURNS, middle, np.array([xyz_mm.mean(axis=0)]))
@@ -147,7 +147,7 @@ def _seen(half: Half, frame: ObjectModel, given: Mapping[int, int]) -> View:
 
 
 def _check_marks(explainer: Explainer, view: View, frame: ObjectModel) -> None:
-    """Whether each mark lies where the winner sees its target."""
+    """Check that each mark lies where the winner sees its target."""
     blobs, targets = list(explainer.given), list(explainer.given.values())
     predicted = explainer.predicted(view)[targets]
     away = np.linalg.norm(explainer.half.xy_px[blobs] - predicted, axis=1)
@@ -157,5 +157,5 @@ def _check_marks(explainer: Explainer, view: View, frame: ObjectModel) -> None:
         raise InputError(
             f"the marks in the {view.name} view contradict each other: target {frame.target[targets[worst]]} "
             f"at ({x:.0f}, {y:.0f}) lies {away[worst]:.1f} px from where the others have it",
-            "mark it again, or leave it out",
+            "mark it again, or remove it",
         )

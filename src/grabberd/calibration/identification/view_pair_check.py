@@ -1,4 +1,4 @@
-"""Both views together: whether two identifications are one rig's, and near the nominal one."""
+"""Check of both views together: two identifications must belong to one rig, close to the nominal one."""
 
 import math
 
@@ -13,11 +13,11 @@ Array = NDArray[np.float64]
 
 
 def check_pair(left: View, right: View, nominal: NominalRig, settings: IdentificationSettings) -> None:
-    """Whether the views lie to one another, and to the calibration frame, as the nominal rig says.
+    """Check that the views are oriented relative to one another and to the calibration frame as nominal.
 
     Raises:
-        MeasurementError: the views are turned against one another, or base or distance are not the rig's; the
-            message has the values.
+        MeasurementError: The views are rotated against one another, or base or distance differ; the message
+            has the values.
     """
     wanted = nominal.views((left.handedness, right.handedness))
     base_mm, nominal_mm = _base(left, right), _base(*wanted)
@@ -26,8 +26,8 @@ def check_pair(left: View, right: View, nominal: NominalRig, settings: Identific
     )
     if turned_deg > settings.relative_deg:
         raise MeasurementError(
-            f"the views are turned by {turned_deg:.0f} degrees against one another from where the nominal "
-            f"rig has them, up to {settings.relative_deg:g} are allowed",
+            f"the views are rotated against one another by {turned_deg:.0f} degrees from the nominal rig; "
+            f"up to {settings.relative_deg:g} are allowed",
             "check the rig's nominal geometry and that the file belongs to this calibration frame",
         )
     _check_length("base", _length(base_mm), _length(nominal_mm), settings.relative)
@@ -38,9 +38,9 @@ def check_pair(left: View, right: View, nominal: NominalRig, settings: Identific
 def _check_length(what: str, found_mm: float, nominal_mm: float, allowed: float) -> None:
     if abs(found_mm / nominal_mm - 1) > allowed:
         raise MeasurementError(
-            f"the {what} comes out as {found_mm:.0f} mm, the nominal rig has {nominal_mm:.0f} mm",
+            f"the {what} comes out as {found_mm:.0f} mm, but the nominal rig has {nominal_mm:.0f} mm",
             "check the rig's nominal geometry, the focal length too, and that the file belongs to this "
-            "calibration frame: one with another pitch shows like this",
+            "calibration frame: another pitch has the same effect",
         )
 
 

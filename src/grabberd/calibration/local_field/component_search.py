@@ -1,4 +1,4 @@
-"""Which components explain residuals best: restricted maximum likelihood over a grid that becomes finer."""
+"""Component search: restricted maximum likelihood over a grid that is refined step by step."""
 
 from collections.abc import Iterable
 from itertools import product
@@ -12,16 +12,17 @@ Logs: TypeAlias = tuple[float, ...]
 
 _START = ((-2.0, 0.0), (-0.5, 0.5, 1.5), (-1.0, 0.0), (-6.0, 0.0))
 _LIMITS = ((-10.0, 2.0), (-1.0, 3.0), (-5.0, 5.0), (-6.0, 4.0))
-"""Binary logarithms of the signal by what the trend leaves, of the length by the targets' distance (shorter
-ones no target shows, longer ones the global model takes), of noise and places' σ by the given ones."""
+"""Binary logarithms: of the signal relative to what the trend leaves, of the length relative to the targets'
+distance (shorter ones no target shows, longer ones the global model absorbs), of the σ of noise and positions
+relative to the given ones."""
 _FINEST = 0.125
 
 
 def most_likely(collocation: Collocation) -> Components:
-    """The components of greatest restricted likelihood.
+    """Find the components of greatest restricted likelihood.
 
-    The σ of noise and of the places come out as multiples of the given ones: a certificate may be better or
-    worse than it says, and only if that is known are its errors told from the signal.
+    The σ of noise and positions are estimated as multiples of the given ones: a certificate may be better or
+    worse than stated, and only with its true σ can its errors be told from the signal.
     """
     search = _Search(collocation)
     logs = max(search.grid(), key=search.value)
@@ -36,7 +37,7 @@ def most_likely(collocation: Collocation) -> Components:
 
 
 class _Search:
-    """Likelihoods by binary logarithms, each computed once."""
+    """Likelihoods by binary logarithms of the components, each computed once."""
 
     def __init__(self, collocation: Collocation) -> None:
         self._collocation = collocation
@@ -45,25 +46,25 @@ class _Search:
         self._known: dict[Logs, float] = {}
 
     def grid(self) -> Iterable[Logs]:
-        """Where to start from."""
+        """Start values."""
         return product(*_START[: self._axes])
 
     def around(self, logs: Logs, step: float) -> Iterable[Logs]:
-        """The neighbours along each axis, within the limits."""
+        """Neighbours along each axis, within the limits."""
         for axis, sign in product(range(self._axes), (-1, 1)):
             low, high = _LIMITS[axis]
             moved = min(max(logs[axis] + sign * step, low), high)
             yield (*logs[:axis], moved, *logs[axis + 1 :])
 
     def value(self, logs: Logs) -> float:
-        """The logarithmic likelihood, the given σ of noise being true to a factor of two or so."""
+        """Log likelihood, with a prior that the given σ of noise is right to a factor of about two."""
         if logs not in self._known:
             doubt = 0.5 * logs[2] ** 2
             self._known[logs] = self._collocation.likelihood(self.components(logs)) - doubt
         return self._known[logs]
 
     def components(self, logs: Logs) -> Components:
-        """What the logarithms stand for; places that are held have no errors."""
+        """Convert the logarithms to components; held positions have no errors."""
         found = [unit * 2.0**log for unit, log in zip(self._units, logs, strict=False)]
         return Components(found[0], found[1], found[2], found[3] if self._axes == 4 else 0.0)
 
@@ -76,6 +77,6 @@ def _left_px(collocation: Collocation) -> float:
 
 
 def _spacing_px(collocation: Collocation) -> float:
-    """Median distance of an image point to the nearest."""
+    """Median distance of an image point to its nearest neighbour."""
     apart = collocation.distance_px + np.where(np.eye(len(collocation.network)) > 0, np.inf, 0.0)
     return float(np.median(apart.min(axis=1)))

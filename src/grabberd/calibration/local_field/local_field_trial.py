@@ -1,7 +1,8 @@
-"""Beyond the global model: the local fields of the views, from what an adjustment leaves.
+"""Trial of local fields: estimated from an adjustment's residuals, accepted only if they predict better.
 
-Collocation separates them from the trend and from the errors of the calibration frame; the views are
-adjusted again without them. They are accepted only if targets that were held out are predicted better.
+Collocation separates them from the trend and from errors of the calibration frame; the views are then
+adjusted again to image points less the fields. They are accepted only if held-out targets are predicted
+better.
 """
 
 from dataclasses import dataclass, replace
@@ -19,21 +20,23 @@ from grabberd.geometry import LocalField, parameter_derivatives, rays
 Array = NDArray[np.float64]
 
 _ROUNDS = 3
-"""Of adjustment and collocation; they solve one linear problem, and its curvature asks for more than one."""
+"""Rounds of adjustment and collocation; the problem is nearly linear, and its curvature needs more than
+one."""
 _SETTLED = AdjustmentSettings(settled=1e-7)
-"""Each of them starts beside its end."""
+"""Coarser convergence, since each adjustment starts close to its solution."""
 _NODES_A_LENGTH = 1.6
-"""A spline with this many nodes a correlation length follows the signal to a few per cent of it."""
+"""Spline nodes per correlation length: enough to follow the signal to a few per cent."""
 _DECIMALS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class LocalFieldSettings:
-    """When local fields are accepted.
+    """Criteria for accepting local fields.
 
     Attributes:
-        significance: the squares of the held-out errors must be less by this many standard errors.
-        relevance: and their root mean square by this share; correlated noise is significant too.
+        significance: Least decrease of the squared held-out errors, in standard errors.
+        relevance: Least relative decrease of their root mean square, because correlated noise is significant
+            too.
     """
 
     significance: float = 2.0
@@ -42,18 +45,18 @@ class LocalFieldSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalFieldTrial:
-    """Whether the views have local fields, and what follows.
+    """Result of trying local fields.
 
     Attributes:
-        accepted: whether held-out targets are predicted better with them, as the settings ask.
-        fields: one a view; None where nothing was accepted.
-        adjustment: the views that belong to the fields, adjusted to image points less the fields; its σ are
-            those found and taken for true, so σ0 is 1: the fields have taken their part of the residuals. The
-            given adjustment where nothing was accepted.
-        components: signal, correlation length, and the multiples of the given σ.
-        held_out_px: (V, 2) RMS error in each view of predicting a target that was left out, per coordinate:
-            without field, with it.
-        gain: by how many standard errors their squares are less.
+        accepted: True if they predict held-out targets better by the margins of the settings.
+        fields: One per view; None if nothing was accepted.
+        adjustment: The views that belong to the fields, adjusted to image points less the fields; its σ are
+            those estimated and taken as true, so σ0 is 1, since the fields have absorbed part of the
+            residuals. The given adjustment if nothing was accepted.
+        components: Signal, correlation length, and multiples of the given σ.
+        held_out_px: (V, 2) RMS error per coordinate in each view of predicting a target left out: without
+            field, with it.
+        gain: Decrease of their squares in standard errors.
     """
 
     accepted: bool
@@ -70,17 +73,17 @@ def try_local_fields(
     settings: LocalFieldSettings | None = None,
     unmodelled_px: float = 0.0,
 ) -> LocalFieldTrial:
-    """Estimates the local fields that an adjustment's residuals show, and tries them on held-out targets.
+    """Estimate local fields from an adjustment's residuals, and try them on held-out targets.
 
     Args:
-        adjustment: of all views, without blunders.
-        lines: height of the picture in frame lines.
-        settings: when to accept.
-        unmodelled_px: the part of the image points' σ that stands for what the model misses, and that is
-            sought here (`with_unmodelled`).
+        adjustment: Adjustment of all views, without blunders.
+        lines: Height of the picture in frame lines.
+        settings: Criteria of acceptance.
+        unmodelled_px: Part of the image points' σ that stands for errors of the model (`with_unmodelled`),
+            which are estimated here.
 
     Raises:
-        MeasurementError: the adjustment with the fields taken off does not converge.
+        MeasurementError: The adjustment with the fields subtracted does not converge.
     """
     located = _located(adjustment.network, unmodelled_px)
     collocation = _collocation(adjustment, located)
@@ -103,7 +106,7 @@ def _acceptable(rough: Array, smooth: Array, gain: float, settings: LocalFieldSe
 
 
 def _located(network: Network, unmodelled_px: float) -> Network:
-    """The network with the σ of location alone."""
+    """Network with the σ of location alone."""
     return replace(network, sigma_px=np.sqrt(network.sigma_px**2 - unmodelled_px**2))
 
 
@@ -124,7 +127,7 @@ def _rms(network: Network, *errors: Array) -> Array:
 
 
 def _refined(adjustment: Adjustment, network: Network, components: Components) -> tuple[Adjustment, Solution]:
-    """Adjustment and signal in turns; the last solution belongs to the last adjustment."""
+    """Alternate adjustment and signal; the last solution belongs to the last adjustment."""
     weighted = replace(
         network,
         sigma_px=network.sigma_px * components.noise,
@@ -140,7 +143,7 @@ def _refined(adjustment: Adjustment, network: Network, components: Components) -
 
 
 def _certain(adjustment: Adjustment) -> Adjustment:
-    """The same with σ0 = 1."""
+    """Copy with σ0 = 1."""
     variance = adjustment.sigma0**2
     return replace(
         adjustment,
@@ -152,7 +155,9 @@ def _certain(adjustment: Adjustment) -> Adjustment:
 
 
 def _field(solution: Solution, adjustment: Adjustment, view: int, lines: int) -> LocalField:
-    """The solution's signal at nodes over the view's half, and how well trend and signal are known there."""
+    """Local field from the solution's signal at nodes over the view's half, with σ of trend and signal
+    there.
+    """
     own = adjustment.views[view]
     step = float(np.round(solution.components.length_px / _NODES_A_LENGTH, 1))
     columns, rows = (int(np.ceil(size / step)) + 1 for size in (own.end_column - own.first_column, lines))
@@ -166,7 +171,7 @@ def _field(solution: Solution, adjustment: Adjustment, view: int, lines: int) ->
 
 
 def _sigma(solution: Solution, adjustment: Adjustment, view: int, xy_px: Array) -> Array:
-    """(N, 2) what the adjustment's own covariance does not account for, at the targets' mean distance."""
+    """(N, 2) σ not included in the adjustment's own covariance, at the targets' mean distance."""
     trend = _trend(adjustment, view, xy_px)
     own = ((trend @ adjustment.covariance) * trend).sum(axis=2)
     left = np.maximum(solution.variance(view, xy_px, trend) - own, 0.0)
@@ -176,7 +181,7 @@ def _sigma(solution: Solution, adjustment: Adjustment, view: int, xy_px: Array) 
 
 
 def _trend(adjustment: Adjustment, view: int, xy_px: Array) -> Array:
-    """(2, N, U) slopes by the unknowns of what is seen at places (N, 2) of a view."""
+    """(2, N, U) slopes by the unknowns at positions (N, 2) of a view."""
     own = adjustment.views[view]
     away_mm = np.linalg.norm(adjustment.xyz_mm - own.center_mm, axis=1).mean()
     center, directions = rays(own, xy_px)

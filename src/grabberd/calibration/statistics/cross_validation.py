@@ -1,4 +1,4 @@
-"""Cross-validation: targets held out in blocks of space, measured with what the others calibrate."""
+"""Cross-validation: targets held out in spatial blocks, measured with a calibration from the others."""
 
 from dataclasses import dataclass, replace
 
@@ -19,17 +19,19 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Validation:
-    """Held-out targets, measured against where the calibration frame has them.
+    """Held-out targets, measured and compared with their given positions.
 
     Attributes:
-        target: (N,) intp, index of the target; `block`: (N,) intp, which it was held out with.
+        target: (N,) intp, index of the target.
+        block: (N,) intp, block that it was held out with.
         error_mm: (N, 3) measured minus given.
-        covariance_mm2: (N, 3, 3) predicted, of pointing, calibration and the given place, scaled with σ0².
-        unchecked: (K,) intp, targets that fewer than two views see or whose place is not given.
+        covariance_mm2: (N, 3, 3) predicted from pointing, calibration and the given position, scaled with
+            σ0².
+        unchecked: (K,) intp, targets that fewer than two views see or whose position is not given.
         chi2: eᵀC⁻¹e summed over the blocks, the calibration's errors being common to a block.
         freedom: 3 N.
-        block_p: (B,) of so large a chi2 of a block where the predicted covariance is true; an exact F test,
-            as the σ0 that scales the covariance comes from the other blocks.
+        block_p: (B,) probability of a block's chi2 at least so large if the predicted covariance is true; an
+            exact F test, since the σ0 that scales the covariance comes from the other blocks.
     """
 
     target: NDArray[np.intp]
@@ -43,22 +45,22 @@ class Validation:
 
     @property
     def p(self) -> float:
-        """Of the worst block, times the number of blocks, which depend on one another (Bonferroni)."""
+        """Worst block's p times the number of blocks, which are not independent (Bonferroni)."""
         return min(1.0, len(self.block_p) * float(self.block_p.min()))
 
     @property
     def rmse_mm(self) -> Array:
-        """(4,) root mean square errors in X, Y, Z, and of all three together: √(X² + Y² + Z²)."""
+        """(4,) root mean square errors in X, Y, Z, and combined: √(X² + Y² + Z²)."""
         squares = np.mean(self.error_mm**2, axis=0)
         rmse: Array = np.sqrt(np.append(squares, squares.sum()))
         return rmse
 
 
 def spatial_blocks(places_mm: Array, count: int) -> NDArray[np.intp]:
-    """(T,) block of each of T places (T, 3): the largest block is halved along its longest extent, and so on.
+    """Divide positions (T, 3) into blocks, (T,), by repeatedly halving the largest along its longest extent.
 
     Raises:
-        MeasurementError: fewer places than blocks.
+        MeasurementError: There are fewer positions than blocks.
     """
     if not 1 <= count <= len(places_mm):
         raise MeasurementError(
@@ -76,16 +78,16 @@ def spatial_blocks(places_mm: Array, count: int) -> NDArray[np.intp]:
 def cross_validate(
     network: Network, unknowns: Unknowns, blocks: int = 6, settings: AdjustmentSettings | None = None
 ) -> Validation:
-    """Holds the targets out block by block, calibrates with the others, and intersects those held out.
+    """Hold the targets out block by block, calibrate with the others, and intersect those held out.
 
     Args:
-        network: image points; targets that two views see and whose place is given can be held out.
-        unknowns: which parameters are sought.
-        blocks: in how many blocks.
-        settings: of the adjustments.
+        network: Image points; targets seen by two views and with a given position can be held out.
+        unknowns: Parameters to estimate.
+        blocks: Number of blocks.
+        settings: Settings of the adjustments.
 
     Raises:
-        MeasurementError: fewer such targets than blocks, or as `adjust`, without one of the blocks.
+        MeasurementError: There are fewer such targets than blocks; or as `adjust`, without one of the blocks.
     """
     network = network.starting_from(adjust(network, unknowns, settings).views)
     able = np.isfinite(network.target_sigma_mm).all(axis=1) & (network.sightings > 1)
@@ -132,7 +134,7 @@ def _held_out(
 
 
 def _joint(own: Array, influence: Array, calibrated: Adjustment) -> Array:
-    """(3 N, 3 N) covariance of a whole block: each target's own, and what all owe to the calibration."""
+    """(3 N, 3 N) covariance of a whole block: each target's own, plus the common part of the calibration."""
     count = len(own)
     together = influence.reshape(3 * count, -1)
     joint: Array = together @ calibrated.parameter_covariance @ together.T
@@ -142,7 +144,7 @@ def _joint(own: Array, influence: Array, calibrated: Adjustment) -> Array:
 
 
 def _only(network: Network, held: NDArray[np.intp]) -> Network:
-    """The network with these targets alone, numbered anew."""
+    """Network with these targets only, renumbered."""
     return replace(
         network,
         target=np.searchsorted(held, network.target),

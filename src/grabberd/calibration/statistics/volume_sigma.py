@@ -1,4 +1,4 @@
-"""The σ of X, Y, Z that a calibration promises, all over the volume of its frame."""
+"""Predicted σ of X, Y, Z over the volume of the calibration frame."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class VolumeSigma:
-    """A grid of planes, from the deepest Z up; NaN where fewer than two views see the place.
+    """Covariances on a grid of planes, from the lowest Z up; NaN where fewer than two views see the point.
 
     Attributes:
         xyz_mm: (planes, rows, columns, 3): rows along X, columns along Y.
         pointing_mm2: (planes, rows, columns, 3, 3) covariance from one field's image points.
-        calibration_mm2: likewise, from the calibration; no averaging reduces it.
+        calibration_mm2: Likewise, from the calibration; not reduced by averaging.
     """
 
     xyz_mm: Array
@@ -30,12 +30,12 @@ class VolumeSigma:
 
     @property
     def sigma_mm(self) -> Array:
-        """(planes, rows, columns, 3) of X, Y, Z altogether."""
+        """(planes, rows, columns, 3) total σ of X, Y, Z."""
         return _sigma(self.pointing_mm2 + self.calibration_mm2)
 
     @property
     def calibration_sigma_mm(self) -> Array:
-        """(planes, rows, columns, 3) of X, Y, Z from the calibration alone."""
+        """(planes, rows, columns, 3) σ of X, Y, Z from the calibration alone."""
         return _sigma(self.calibration_mm2)
 
 
@@ -45,13 +45,13 @@ def volume_sigma(
     shape: tuple[int, int, int] = (3, 12, 9),
     local_fields: Sequence[LocalField | None] = (),
 ) -> VolumeSigma:
-    """The σ of points over the box that the targets fill.
+    """Predict the σ of points over the bounding box of the targets.
 
     Args:
-        adjusted: the calibration.
-        sigma_px: pointing in x and y; without it, that of the calibration's own image points.
-        shape: number of planes of Z, of rows along X, of columns along Y.
-        local_fields: of the views, whose σ the calibration's share contains then.
+        adjusted: The calibration.
+        sigma_px: Pointing σ in x and y; by default that of the calibration's own image points.
+        shape: Number of planes of Z, rows along X, columns along Y.
+        local_fields: Local fields of the views, whose σ then enters the calibration's share.
     """
     sigma = np.array(sigma_px or adjusted.sigma0 * np.sqrt(np.mean(adjusted.network.sigma_px**2, axis=0)))
     grid = _grid(adjusted.xyz_mm, shape)
@@ -69,7 +69,9 @@ def volume_sigma(
 
 
 def _field_share(local_fields: Sequence[LocalField | None], xy: Array, influence: Array) -> Array:
-    """(N, 3, 3): an image point in error moves a place as its view's principal point does."""
+    """(N, 3, 3) share of the local fields: an image error moves a point as its view's principal point
+    does.
+    """
     share = np.zeros((len(influence), 3, 3))
     for index, local_field in enumerate(local_fields):
         if local_field is not None:
