@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 VERNIER_CURVED = (0.02, 0.06)
 """Error in x, y of a straight line between two samples of a curved edge: frame pixels, measured."""
 PARABOLA_CURVED = (0.02, 0.03)
-"""Error in x, y of a parabola through three samples of a peak that is none: frame pixels, measured."""
+"""Error in x, y of a parabola through three samples of a peak that is no parabola: frame pixels, measured."""
 PARABOLA_NOISE = 1.3
 """Noise of the correlation's peak, in units of the Cramér–Rao bound."""
 
