@@ -72,7 +72,7 @@ def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accur
     """
     if not len(measured.n):
         raise MeasurementError(
-            f"there are no points in {len(measured.fields)} fields",
+            f"there is no point in {len(measured.fields)} fields",
             "check that calibration and object model belong to this capture's rig and object",
         )
     rows = truth.in_fields(measured.fields)
