@@ -12,7 +12,7 @@ import numpy as np
 
 from grabberd.calibration import Mark
 from grabberd.errors import InputError
-from grabberd.reconstruction.accuracy.comparison import Truth
+from grabberd.reconstruction.accuracy.ground_truth import Truth
 
 POSITION = ("x_mm", "y_mm", "z_mm")
 TRUTH_COLUMNS = ("target", *POSITION)
