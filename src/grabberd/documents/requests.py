@@ -229,7 +229,7 @@ class CalibrationChoice(Document):
 
 
 class RejectionRequest(Document):
-    """Why a calibration is not accepted."""
+    """Rejection of a calibration, with its reason."""
 
     model_config = with_examples({"note": "the frame was touched while it was captured"})
 

@@ -31,7 +31,7 @@ _Reason = tuple[Literal["device", "signal", "calibration"], str, str, Cause | No
 
 
 def lacks_of(instrument: Instrument) -> list[Lack]:
-    """Everything that a device lacks; empty if points can be measured."""
+    """List of all that a device lacks; empty if points can be measured."""
     status = instrument.board.now
     reasons = (_device(status), _signal(status), _calibration(instrument))
     return [Lack(instrument.name, *reason) for reason in reasons if reason]

@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 
 class Service:
-    """Everything that runs; `start` and `stop` frame its life.
+    """The running daemon without its server: instruments, archive, jobs, stores; `start` and `stop` frame its life.
 
     Attributes:
         instruments: The instruments, by the name of their device.

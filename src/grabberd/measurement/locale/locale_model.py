@@ -22,7 +22,7 @@ _NEWTON_STEPS = 6
 
 
 class Appearance(NamedTuple):
-    """Everything except position that decides the bits of a target.
+    """Properties other than position that decide the bits of a target.
 
     Attributes:
         half_width_px: Half the width of the region above the threshold.

@@ -30,7 +30,7 @@ EVERY_X, EVERY_Y = 2, 1
 
 
 class Scene(NamedTuple):
-    """Everything except the threshold that decides the error at 1 bit.
+    """Properties other than the threshold that decide the error at 1 bit.
 
     Attributes:
         target_px: Diameter of the discs, frame pixels.

@@ -172,7 +172,7 @@ def _object_axes(axes: "Axes", scene: _Scene, flat: list[int]) -> None:
 
 
 def _meeting(scene: _Scene, geometry: Mapping[str, Any]) -> Array | None:
-    """Where the central rays of the first and last half meet in the plan; None if not before the base."""
+    """Point seen from above where the central rays of both halves meet; None if not in front of the base."""
     first, last = scene.centers[0][[0, 2]], scene.centers[-1][[0, 2]]
     rays = [np.mean(camera["corners"], axis=0) @ scene.turn.T for camera in geometry["cameras"]]
     directions = np.stack([rays[0][[0, 2]], -rays[-1][[0, 2]]], axis=1)

@@ -213,7 +213,7 @@ class Recording:
 
     @property
     def _cut_off(self) -> str | None:
-        """Why points are missing for fields that were written."""
+        """Reason why points are missing for fields that were written."""
         failure = self.writing.failure
         return f"writing ended early: {failure.message}" if failure and self.measured else None
 

@@ -133,7 +133,7 @@ class FieldPipeline:
 
 
 def _change(before: StreamInfo | None, now: StreamInfo) -> str | None:
-    """How the pictures of a stream differ from those before, in a sentence; None if they are the same."""
+    """Difference between the pictures of a stream and those before, in a sentence; None if there is none."""
     if before is None or _pictures(before) == _pictures(now):
         return None
     return f"the grabber grants {_described(now)} now, not {_described(before)} as before"

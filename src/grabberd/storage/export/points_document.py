@@ -17,7 +17,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True, slots=True)
 class PointsQuery:
-    """Which points are wanted.
+    """Selection of points.
 
     Attributes:
         run: its number; None: the newest.
