@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 
 class Service:
-    """The running daemon without its server: instruments, archive, jobs, stores; `start` and `stop` frame its life.
+    """The daemon without its server: instruments, archive, jobs, stores; it lives from `start` to `stop`.
 
     Attributes:
         instruments: The instruments, by the name of their device.
