@@ -12,7 +12,7 @@ STATE ?= .state
 PEERS := .venv-bench
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check pytest test-browser browser mosquitto screenshots test-vm test-wheel test-install check-units install uninstall bundle bench profile measured soak faults docs format lock clean
+.PHONY: help run test check pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install check-units install uninstall bundle bench profile measured soak faults docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -42,6 +42,9 @@ browser:
 	@command -v chromium >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	  && { apt-get install --yes --no-install-recommends chromium || { apt-get update && apt-get install --yes --no-install-recommends chromium; }; } ; } \
 	  || echo "*** Chromium is missing, so the page is NOT tested: sudo apt-get install chromium ***"
+
+test-affected: $(READY)  ## the tests nearest to what this branch changes, in half a minute (BASE=commit, TEST_SECONDS=60)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.affected $(if $(BASE),--base $(BASE)) $(if $(TEST_SECONDS),--seconds $(TEST_SECONDS))
 
 mosquitto:
 	@command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
