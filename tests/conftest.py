@@ -8,17 +8,26 @@ How long each file's tests take is kept for `make test-affected`.
 
 import os
 import signal
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from affected.durations import Durations
 
+HERE = Path(__file__).parent
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("shared", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("shared")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+LONGEST = ("browser", "faults")
+"""Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The order is otherwise that of the files, which `--no-loadscope-reorder` keeps among the workers."""
+    items.sort(key=lambda item: item.path.relative_to(HERE).parts[0] not in LONGEST)
 
 
 def pytest_configure(config: pytest.Config) -> None:
