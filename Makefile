@@ -13,9 +13,12 @@ PEERS := .venv-bench
 WHEELS := build/wheel
 # One more than there are processors: tests of whole daemons and of the page wait for half of their time.
 WORKERS ?= $(shell expr $$(nproc) + 1)
+NODE := node_modules/ready
+PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
+PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -25,12 +28,18 @@ run: $(READY)  ## start the daemon on the simulated grabber at http://127.0.0.1:
 
 test: check pytest test-wheel test-install  ## every check and test that this machine can run
 
-check: $(READY)  ## ruff, mypy and the arrows between the rooms
+check: $(READY) check-page  ## ruff, mypy, the arrows between the rooms and the page's types
 	$(BIN)/ruff format --check src drivers tests docs
 	$(BIN)/ruff check src drivers tests docs
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	@systemd/check-units.sh
+
+check-page: npm  ## the page's modules against the types of the API
+	@! command -v npm >/dev/null || $(MAKE) --no-print-directory node_modules/page-checked
+
+types: npm  ## the page's types, from docs/reference/openapi.json
+	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
 pytest: $(READY) browser mosquitto  ## the tests alone, on all processors
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
@@ -53,6 +62,11 @@ mosquitto:
 	@command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	  && { apt-get install --yes --no-install-recommends mosquitto || { apt-get update && apt-get install --yes --no-install-recommends mosquitto; }; } ; } \
 	  || echo "*** mosquitto is missing, so the MQTT publisher is NOT tested: sudo apt-get install mosquitto ***"
+
+npm:
+	@command -v npm >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
+	  && { apt-get install --yes --no-install-recommends npm || { apt-get update && apt-get install --yes --no-install-recommends npm; }; } ; } \
+	  || echo "*** npm is missing, so the page's types are NOT checked: sudo apt-get install npm ***"
 
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
@@ -94,9 +108,10 @@ soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients comin
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
 
-docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures
+docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures; and the page's types
 	$(BIN)/python docs/reference/generate.py
 	$(BIN)/python docs/images/draw.py
+	@$(MAKE) --no-print-directory types
 
 format: $(READY)  ## lay out the code
 	$(BIN)/ruff format src drivers tests docs
@@ -106,7 +121,7 @@ lock: $(READY)  ## write down the versions that the tests passed with
 	$(BIN)/pip freeze --exclude-editable | LC_ALL=C sort > constraints.txt
 
 clean:  ## remove what make made, but no captures
-	rm -rf $(VENV) $(PEERS) build dist .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(PEERS) node_modules build dist .mypy_cache .ruff_cache .pytest_cache
 
 $(READY): pyproject.toml constraints.txt hatch_build.py $(wildcard src/grabberd/kernel/*.[ch])
 	@test -n "$(PYTHON)" || { echo "Python 3.11 or newer is missing: sudo apt-get install python3 python3-venv"; exit 1; }
@@ -120,3 +135,12 @@ $(PEERS)/ready: tests/bench/peers/peers.txt
 	$(PYTHON) -m venv $(PEERS)
 	$(PEERS)/bin/python -m pip install --quiet --requirement tests/bench/peers/peers.txt
 	touch $@
+
+$(NODE): package.json package-lock.json .npmrc
+	npm ci --ignore-scripts
+	@touch $@
+
+node_modules/page-checked: $(NODE) tsconfig.json docs/reference/openapi.json $(PAGE_SOURCES)
+	@npm run --silent types -- --check >/dev/null || { echo "$(PAGE_TYPES) is not what docs/reference/openapi.json gives: make types"; exit 1; }
+	npm run --silent check
+	@touch $@

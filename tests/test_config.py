@@ -97,13 +97,13 @@ def test_a_missing_calibration_is_named_with_its_full_path(tmp_path: Path) -> No
 def test_a_fixed_threshold_needs_its_value_and_no_other_has_one(tmp_path: Path) -> None:
     for threshold in ("{kind: fixed}", "{kind: automatic, value: 60}"):
         found = problems_of(tmp_path, f"devices: {{one: {{driver: fake, threshold: {threshold}}}}}")
-        assert "'value' belongs to kind fixed" in found["devices.one.threshold"]
+        assert "kind fixed requires 'value'" in found["devices.one.threshold"]
 
 
 def test_a_map_of_thresholds_is_for_automatic_and_one_bit(tmp_path: Path) -> None:
     fixed = "threshold: {kind: fixed, value: 60, map: true}"
     found = problems_of(tmp_path, f"devices: {{one: {{driver: fake, {fixed}}}}}")
-    assert "'map' belongs to kind automatic" in found["devices.one.threshold"]
+    assert "'map' requires kind automatic" in found["devices.one.threshold"]
     grey = "ring: {bits: 8}, threshold: {map: true}"
     found = problems_of(tmp_path, f"devices: {{one: {{driver: fake, {grey}}}}}")
     assert "threshold.map needs ring.bits: 1, not 8" in found["devices.one"]

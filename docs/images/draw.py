@@ -24,7 +24,8 @@ from grabberd.render import synthetic_view
 from grabberd.render.model_pictures import Gallery, Modelling
 from grabberd.render.viewpoint import SIDES
 from grabberd.render.wire_model import Look
-from grabberd.reports.chapters.shape import curves, shape
+from grabberd.reports.columns import Columns
+from grabberd.reports.figures import model_svg, states_of, time_svg
 from grabberd.service.setup import read_yaml, set_up
 
 THRESHOLD = 60
@@ -76,13 +77,16 @@ def analysis(setup: MeasureSetup) -> dict[str, str]:
     inputs = read_inputs(read_yaml(shipped_configs() / "analysis" / "liner.yaml"), grid)
     found = analyse([fields], grid, inputs)
     document = analysis_document(found, tables(found), {})
-    chapters = {"model": shape(document), "curves": curves(document)}
-    return {name: _first_figure(chapter) for name, chapter in chapters.items()}
+    states, label = states_of(document), "Model of the wall and map of its pressure"
+    columns = {name: Columns(table) for name, table in document["tables"].items()}
+    figures = {
+        "model": model_svg(states, "contact_kpa", "pressure", f"{label} in {len(states)} states"),
+        "curves": time_svg(columns, "Curves over time with bands of one σ"),
+    }
+    return {name: _on_white(figure) for name, figure in figures.items()}
 
 
-def _first_figure(chapter: str) -> str:
-    end = "</svg>"
-    figure = chapter[chapter.index("<svg") : chapter.index(end) + len(end)]
+def _on_white(figure: str) -> str:
     return figure.replace("<svg ", '<svg style="background: white" ', 1) + "\n"
 
 

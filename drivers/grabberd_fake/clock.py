@@ -35,7 +35,7 @@ class JumpingClock:
         self._now_ns = now_ns
 
     def now_ns(self) -> int:
-        """Where it stands."""
+        """Present time of the clock, in ns."""
         return self._now_ns
 
     def sleep_until_ns(self, time_ns: int) -> None:

@@ -1,4 +1,4 @@
-"""What a grabber does wrong, by script.
+"""Scripted faults of a grabber.
 
 A fault holds for a window of camera fields, counted from the first field after the first `open`, or after the
 script's cue; the script runs once, however often the grabber is opened again. A new kind is a dataclass and a
@@ -41,15 +41,15 @@ class Fault:
 
     @property
     def fields(self) -> int:
-        """For how many fields it holds."""
+        """Number of fields for which the fault lasts."""
         raise NotImplementedError
 
     def holds(self, number: int) -> bool:
-        """Whether it holds for this field."""
+        """True if the fault applies to this field."""
         return self.first <= number < self.first + self.fields
 
     def check(self) -> Iterator[str]:
-        """What is wrong with it."""
+        """Problems of this fault's options."""
         if (self.at_s is None) == (self.at_field is None):
             yield "at_s: give either at_s or at_field"
 
@@ -83,18 +83,18 @@ STEPS = ("restart", "reopen", "reset")
 
 
 @dataclass(frozen=True)
-class Mendable(Lasting):
-    """A fault that lasts for `duration_s`, or `until` it is mended by a step or a harder one."""
+class Recoverable(Lasting):
+    """A fault that lasts for `duration_s`, or `until` it is cleared by a step or a harder one."""
 
     until: str = choice("time", *STEPS)
 
     @property
     def fields(self) -> int:
-        """The duration in fields; far more than there are where it has to be mended."""
+        """The duration in fields; far more than there are where it has to be cleared."""
         return super().fields if self.until == "time" else math.ceil(FOREVER_S * 50)
 
-    def is_mended_by(self, step: str) -> bool:
-        """Whether this step ends it."""
+    def is_cleared_by(self, step: str) -> bool:
+        """True if this recovery step ends the fault."""
         return self.until in STEPS[: STEPS.index(step) + 1]
 
 
@@ -147,7 +147,7 @@ class Timestamp(Lasting):
     says: str = choice("zero", "backward", "another_clock")
 
     def time_ns(self, number: int, true_ns: int) -> int:
-        """What the driver says of field `number`, which is of `true_ns`."""
+        """Time stamp that the driver reports for field `number`, exposed at `true_ns`."""
         if self.says == "zero":
             return 0
         if self.says == "backward":
@@ -174,7 +174,7 @@ class DeadInput(Lasting):
 
 
 @dataclass(frozen=True)
-class Stall(Mendable):
+class Stall(Recoverable):
     """Nothing comes, and no error; the driver's sequence does not move."""
 
     delivers: ClassVar[bool] = False
@@ -182,7 +182,7 @@ class Stall(Mendable):
 
 
 @dataclass(frozen=True)
-class Fail(Mendable):
+class Fail(Recoverable):
     """The stream fails with an error while the device stays there."""
 
     until: str = choice("restart", "time", "reopen", "reset")

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
 
-from grabberd_fake.faults import Fault, Mendable, Unplug, Wrap
+from grabberd_fake.faults import Fault, Recoverable, Unplug, Wrap
 
 F = TypeVar("F", bound=Fault)
 
@@ -13,7 +13,7 @@ class Script:
 
     def __init__(self, faults: Sequence[Fault]) -> None:
         self._faults = tuple(faults)
-        self._mended_at: dict[Fault, int] = {}
+        self._cleared_at: dict[Fault, int] = {}
 
     def at(self, number: int, kind: type[F]) -> F | None:
         """The fault of this kind that holds for a field."""
@@ -21,24 +21,24 @@ class Script:
         return next(found, None)
 
     def delivers(self, number: int) -> bool:
-        """Whether the field reaches the driver's buffers."""
+        """True if the field reaches the driver's buffers."""
         return all(fault.delivers or not self._holds(fault, number) for fault in self._faults)
 
-    def mend(self, step: str, number: int) -> None:
+    def clear(self, step: str, number: int) -> None:
         """Ends the faults that this step helps against, from a field on."""
         for fault in self._faults:
-            if isinstance(fault, Mendable) and fault.is_mended_by(step) and self._holds(fault, number):
-                self._mended_at[fault] = number
+            if isinstance(fault, Recoverable) and fault.is_cleared_by(step) and self._holds(fault, number):
+                self._cleared_at[fault] = number
 
     def _holds(self, fault: Fault, number: int) -> bool:
         return fault.holds(number) and number < self._end(fault)
 
     def _end(self, fault: Fault) -> int:
         end = fault.first + fault.fields
-        return min(end, self._mended_at.get(fault, end))
+        return min(end, self._cleared_at.get(fault, end))
 
     def uncounted(self, number: int) -> int:
-        """How many fields before this one the sequence passed over; overlaps count once."""
+        """Number of fields before this one that the sequence skipped; overlaps count once."""
         return sum(last - first for first, last in self._silent_windows(number))
 
     def _silent_windows(self, number: int) -> Iterator[tuple[int, int]]:
@@ -59,5 +59,5 @@ class Script:
         return sum(fault.first + fault.fields <= number for fault in moves)
 
     def counts_losses(self) -> bool:
-        """Whether the sequence shows every field that is lost."""
+        """True if the sequence shows every lost field."""
         return all(fault.counted for fault in self._faults)

@@ -72,7 +72,7 @@ class FakeGrabber:
         """
         if self._stream is not None:
             raise DeviceRefused("the simulated grabber is open already", "close it first")
-        self._mend("reopen")
+        self._clear_faults("reopen")
         self._start(self._check_opening)
         return self._info()
 
@@ -94,7 +94,7 @@ class FakeGrabber:
                 stream.give_back()
 
     def signal(self) -> Signal:
-        """What the script says of now; unknown while it is not open."""
+        """Signal at this moment according to the script; unknown while closed."""
         if self._stream is None:
             return Signal.UNKNOWN
         number = self._number_now()
@@ -115,7 +115,7 @@ class FakeGrabber:
         self._check_plug()
         if self._rows_now() != self._stream.rows:
             raise DeviceRefused("the standard has changed: other pictures would come", "open it again")
-        self._mend("restart")
+        self._clear_faults("restart")
         self._start(self._check_stream)
         return self._info()
 
@@ -129,7 +129,7 @@ class FakeGrabber:
         if self._stream is not None:
             raise DeviceRefused("the simulated grabber is open", "close it first")
         self._refuse_if_unplugged()
-        self._mend("reset")
+        self._clear_faults("reset")
 
     def close(self) -> None:
         """Lets go of the buffers."""
@@ -151,8 +151,8 @@ class FakeGrabber:
             self._origin = self._field_now() + 1
         return _NEVER if self._origin is None else self._origin
 
-    def _mend(self, step: str) -> None:
-        self._script.mend(step, self._number_now())
+    def _clear_faults(self, step: str) -> None:
+        self._script.clear(step, self._number_now())
 
     def _rows_now(self) -> int:
         return ROWS if self._script.at(self._number_now(), Standard) is None else _NTSC_ROWS

@@ -98,7 +98,7 @@ def profile(x_mm: Array, length_mm: float) -> tuple[Array, Array]:
 
 
 def closure(options: LinerOptions, time_ns: int) -> float:
-    """How far it is closed, 0 to 1, in opening (a, with each period's start), open, closing, closed (d).
+    """Degree of closing, 0 to 1, through opening (a, from each period's start), open, closing and closed (d).
 
     The transitions are cubic, so the speed is continuous and at most 1.5 times the mean.
     """

@@ -9,7 +9,7 @@ from grabberd_fake.reading import Group, by, choice, integer, number
 
 @dataclass(frozen=True, slots=True)
 class MaterialOptions:
-    """What the wall is made of. It decides the truth of tension and pressure, not the movement.
+    """The wall's material. It determines the true tension and pressure, not the movement.
 
     Attributes:
         law: `neo_hookean` (incompressible, shear modulus E/3) or `linear` (Hooke in plane stress, in
@@ -24,7 +24,7 @@ class MaterialOptions:
     pretension_n: float = number(60.0, 0, 500)
 
     def check(self) -> Iterator[str]:
-        """What is wrong across keys."""
+        """Problems that involve several keys."""
         if self.law == "neo_hookean" and self.poisson != 0.5:
             yield f"poisson: {self.poisson:g}, but neo_hookean rubber is incompressible: 0.5"
 
@@ -82,11 +82,11 @@ class LinerOptions:
 
     @property
     def targets_over_middle_mm(self) -> float:
-        """How far the targets lie outside the middle surface."""
+        """Distance of the targets from the middle surface."""
         return self.wall_mm / 2 + self.target_thickness_mm
 
     def check(self) -> Iterator[str]:
-        """What is wrong across keys."""
+        """Problems that involve several keys."""
         if self.opening + self.open + self.closing > 1 + 1e-12:
             yield "opening + open + closing: more than the whole period"
         if self.deflection_mm > 0.7 * self.radius_mm:

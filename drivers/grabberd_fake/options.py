@@ -50,7 +50,7 @@ class CameraOptions:
     decentering: tuple[float, ...] = ruled(ListOf(Number(-0.01, 0.01)), (8e-5, -6e-5))
 
     def check(self) -> Iterator[str]:
-        """What is wrong across keys."""
+        """Problems that involve several keys."""
         if len(self.radial) != 3:
             yield f"radial: {list(self.radial)} has not 3 numbers"
         if len(self.decentering) != 2:
@@ -88,7 +88,7 @@ class RigOptions:
 
 @dataclass(frozen=True, slots=True)
 class PictureOptions:
-    """What the camera makes of the scene. Grey values are those of the 8-bit picture before gamma and gain.
+    """The camera's picture of the scene. Grey values are those of the 8-bit picture before gamma and gain.
 
     Attributes:
         background: grey value between the targets; `contrast`: by how much targets are brighter.
@@ -133,7 +133,7 @@ class PointOption:
     nz: float = number(1.0, -1, 1)
 
     def check(self) -> Iterator[str]:
-        """What is wrong across keys."""
+        """Problems that involve several keys."""
         if self.nx == self.ny == self.nz == 0:
             yield "nx, ny, nz: all zero"
 
@@ -183,7 +183,7 @@ class FakeOptions:
         return read(cls, values, "")
 
     def check(self) -> Iterator[str]:
-        """What is wrong across keys."""
+        """Problems that involve several keys."""
         ids = [point.id for point in self.points]
         if len(set(ids)) < len(ids):
             yield "points: an id is given twice"

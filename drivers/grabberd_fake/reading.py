@@ -15,7 +15,7 @@ _NOTHING = object()
 
 
 class Rule:
-    """What a value may be: `read` returns it in its own type or appends to `problems` why not."""
+    """Type of a value: `read` returns the value converted, or appends the reason why not to `problems`."""
 
     def read(self, key: str, value: Any, problems: list[str]) -> Any:
         """The value, or None after a problem."""

@@ -1,4 +1,4 @@
-"""Where camera and mirrors stand: the reference rig from its base and distance, and what a workshop makes of
+"""Position of camera and mirrors: the reference rig from its base and distance, and what a workshop makes of
 it.
 
 Nominally everything lies in the plane of Y and Z: the camera on the Z axis, looking down; for each half of

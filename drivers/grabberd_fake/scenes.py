@@ -1,4 +1,4 @@
-"""What stands before the camera: the liner and things that stand still."""
+"""Scenes in front of the camera: the liner, and objects at rest."""
 
 import math
 from typing import Protocol
@@ -26,11 +26,11 @@ class Scene(Protocol):
     moves: bool
 
     def targets(self, time_ns: int) -> Targets:
-        """Where they are; the world runs on the clock, so the time alone decides."""
+        """Positions of the targets; they depend on the time alone."""
         ...
 
     def nominal(self) -> Targets:
-        """Where the object model has them."""
+        """Positions of the targets in the object model."""
         ...
 
 

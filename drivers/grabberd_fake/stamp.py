@@ -19,7 +19,7 @@ ROWS = _ROWS
 
 
 class Stamp(NamedTuple):
-    """What a stamp says."""
+    """Content of a stamp."""
 
     number: int
     parity: int

@@ -50,11 +50,11 @@ class Stream:
         self._next = max(self._next, newest + 1)
 
     def has_field(self) -> bool:
-        """Whether a field waits."""
+        """True if a field is waiting."""
         return bool(self._waiting)
 
     def next_arrival_ns(self) -> int:
-        """When the next field is due."""
+        """Time at which the next field is due."""
         return self._next * PERIOD_NS + ARRIVAL_NS
 
     def take(self) -> GrabbedField:

@@ -1,4 +1,4 @@
-"""What is true at a time: of options, or of every field of a capture file."""
+"""Truth at a time, for options or for every field of a capture file."""
 
 import json
 import sqlite3
@@ -26,7 +26,7 @@ WALL_CSV_HEADER = ",".join(
 
 
 def truth_at(options: FakeOptions | Mapping[str, Any], time_ns: int) -> Truth:
-    """What is true of the targets at a time.
+    """Truth of the targets at a time.
 
     Args:
         options: as `FakeGrabber` takes them.

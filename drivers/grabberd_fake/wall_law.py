@@ -1,4 +1,4 @@
-"""What the wall answers to being deformed: tension and bending moment, as tensors of its middle surface.
+"""Response of the wall to deformation: tension and bending moment, as tensors of its middle surface.
 
 Components are contravariant in the coordinates of the material (along the tube, round the wall), (2, 2, …).
 `reference` is the metric of the open, mounted liner, `metric` the present one. Lengths in mm, stress in MPa,

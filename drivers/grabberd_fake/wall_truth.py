@@ -1,4 +1,4 @@
-"""What is true of the liner's wall: strain, curvature, tension, moment and pressure at its middle surface.
+"""Truth of the liner's wall: strain, curvature, tension, moment and pressure at its middle surface.
 
 The wall stands on a grid round the whole tube and along its whole length, and is differentiated there as the
 Fourier series that it is: the collapse is one period of a cosine along the length. The targets' places are
@@ -30,7 +30,7 @@ GRID = (64, 256)
 
 
 class WallTruth(NamedTuple):
-    """What is true of the wall's middle surface under N targets.
+    """Truth of the wall's middle surface under N targets.
 
     The bases are orthonormal: 0 along the tube, 1 perpendicular to it in the wall, towards increasing s, that
     is y where the wall faces the cameras. κ > 0 has its centre inside.
@@ -66,7 +66,7 @@ class WallTruth(NamedTuple):
 def truth_of_wall(
     options: FakeOptions | Mapping[str, Any], time_ns: int, reference_ns: int | None = None
 ) -> WallTruth:
-    """What is true of the liner's wall at a time.
+    """Truth of the liner's wall at a time.
 
     Args:
         options: as `FakeGrabber` takes them; the scene has to be `liner`.

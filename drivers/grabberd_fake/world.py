@@ -26,7 +26,7 @@ _COPY_EVERY_PX = 0.25
 
 
 class Truth(NamedTuple):
-    """What is true of N targets at one time.
+    """Truth of N targets at one time.
 
     Attributes:
         ids: (N,) int32, ascending.
@@ -58,7 +58,7 @@ class World:
         self._sensor = Sensor(options.picture)
 
     def truth(self, time_ns: int) -> Truth:
-        """What is true at a time."""
+        """Truth at a time."""
         targets = self.scene.targets(time_ns)
         left, right = (disc_images(view, targets, self._options.target_diameter_mm) for view in self.views)
         seen = [

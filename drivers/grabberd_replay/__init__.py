@@ -6,7 +6,7 @@ delivered are the recording's own times, parities and gaps.
 
 What it does not do: it has no signal to lose and never says that there is none; a recording of 1 to 6 bits
 comes as the grey values in the middle of its levels; a video's field order is not looked up in the file, and
-a picture of it that decodes with errors comes as the decoder mends it.
+a picture of it that decodes with errors comes as the decoder conceals it.
 """
 
 from grabberd_replay.grabber import ReplayGrabber

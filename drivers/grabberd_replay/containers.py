@@ -1,4 +1,4 @@
-"""What kind of video file it is, by its first bytes and never by its name.
+"""Kind of a video file, told by its first bytes and never by its name.
 
 FFmpeg opens much more than videos (text as a picture of it, playlists that name other files): only what is
 listed here is given to it.
@@ -51,5 +51,7 @@ def container_of(path: Path) -> Container | None:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
     except OSError as error:
-        raise DeviceRefused(f"{path} cannot be read: {error.strerror}", "mend the file's rights") from error
+        raise DeviceRefused(
+            f"{path} cannot be read: {error.strerror}", "correct the file's permissions"
+        ) from error
     return next((container for container in CONTAINERS if container.head.match(head)), None)

@@ -29,7 +29,7 @@ _LUMA_HINT = "convert it once: ffmpeg -i {name} -vf extractplanes=y,setfield=pro
 
 
 class Layout(NamedTuple):
-    """Where the luma is among the bytes of a picture: `first`, then every `step`-th byte."""
+    """Position of the luma among the bytes of a picture: `first`, then every `step`-th byte."""
 
     bytes_per_pixel: float
     first: int = 0
@@ -49,7 +49,7 @@ LAYOUTS = {
 
 
 class Header(NamedTuple):
-    """What a video says of itself.
+    """Properties of a video as its header states them.
 
     Attributes:
         lines, columns: of a picture.
@@ -95,7 +95,7 @@ class Decoder:
 
     @property
     def luma(self) -> str:
-        """How the grey values are had, in words."""
+        """Description of how the grey values are obtained."""
         return self._way.words
 
     @property

@@ -64,7 +64,7 @@ def _piece(text: str) -> tuple[int, str]:
 
 
 def missing_names(paths: Sequence[Path]) -> dict[str, str]:
-    """Where names are numbered: by the name of a picture, that of the missing one right before it.
+    """Missing pictures of numbered names: for a picture's name, the name missing right before it.
 
     The step from number to number is the smallest that occurs; names without numbers, or with different texts
     about them, tell nothing.
@@ -91,5 +91,5 @@ def _missing(path: Path, header: Header) -> PictureError:
 
 
 def colours_of(header: Header) -> dict[str, str]:
-    """That grey was computed from colours, where it was."""
+    """Remark that grey was computed from colours, if it was."""
     return {"colours": "converted to luma by Rec. 601"} if header.coloured else {}

@@ -26,7 +26,7 @@ _RECORDINGS = f"a capture file, a folder of PNG pictures, or a video ({KINDS})"
 
 
 class Pace(StrEnum):
-    """How fast a recording is played."""
+    """Pace at which a recording is played."""
 
     FREE = "free"
     REAL = "real"

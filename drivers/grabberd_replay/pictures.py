@@ -14,7 +14,7 @@ from grabberd_replay.recording import Batch, Format
 
 
 class Pictures(StrEnum):
-    """What a picture is."""
+    """Kind of a picture: woven frame or single field."""
 
     AUTO = "auto"
     FRAMES = "frames"
@@ -23,7 +23,7 @@ class Pictures(StrEnum):
 
     @property
     def fields(self) -> int:
-        """How many fields are in one."""
+        """Number of fields in one picture."""
         return 2 if self is Pictures.FRAMES else 1
 
 
@@ -35,7 +35,7 @@ _FIELD_LINES = (288, 240)
 
 
 def recognise(path: Path, pictures: Pictures, lines: int) -> Pictures:
-    """What the pictures of this height are that `path` has.
+    """Kind of pictures of this height in `path`.
 
     Raises:
         DeviceRefused: their height does not tell, or frames have an odd number of lines.
@@ -87,7 +87,7 @@ class Splitter(NamedTuple):
     def format(
         self, lines: int, columns: int, details: dict[str, str], remarks: tuple[str, ...] = ()
     ) -> Format:
-        """How the fields of pictures of this size come."""
+        """Recording properties of pictures of this size."""
         return Format(
             columns=columns,
             field_rows=lines // self.pictures.fields,
@@ -124,7 +124,7 @@ def parity_named(name: str) -> int:
 
 
 def older_parity(order: FieldOrder) -> int:
-    """Which parity of a frame was exposed first.
+    """Parity of a frame that was exposed first.
 
     Raises:
         ValueError: frames have no such order.

@@ -16,7 +16,7 @@ _GREY = (0, 4)
 
 
 class Header(NamedTuple):
-    """What a PNG says of itself; `coloured` is whether grey has to be computed from colours."""
+    """Header of a PNG; `coloured` is true if grey has to be computed from colours."""
 
     lines: int
     columns: int
@@ -61,7 +61,7 @@ def _bytes(path: Path, expected: Header | None) -> bytes:
         hint = "put it back; what came before it is kept"
         raise PictureError(f"{path} is missing{what}", hint) from error
     except OSError as error:
-        hint = "mend the file's rights"
+        hint = "correct the file's permissions"
         raise PictureError(f"{path} cannot be read: {error.strerror}{what}", hint) from error
 
 

@@ -1,4 +1,4 @@
-"""What every kind of recording is to the driver."""
+"""Interface of every kind of recording to the driver."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ Batch = Sequence[GrabbedField]
 
 @dataclass(frozen=True, slots=True)
 class Format:
-    """How a recording's fields come; the terms are those of `StreamInfo`."""
+    """Properties of a recording's fields, in the terms of `StreamInfo`."""
 
     columns: int
     field_rows: int
@@ -43,7 +43,7 @@ class Recording(Protocol):
 
 
 def counts_like_numbers(sequences: Sequence[int | None], numbers: Sequence[int]) -> bool:
-    """Whether a driver's count grew like the numbers of the fields, and so told of every loss."""
+    """True if the driver's count grew with the field numbers, and so showed every loss."""
     if not sequences or None in sequences:
         return False
     first = sequences[0]

@@ -98,7 +98,7 @@ def _codec(decoder: Decoder) -> str:
 
 
 def _remarks(decoder: Decoder, rate_hz: float) -> Iterator[str]:
-    """What a person has to know of a video that is not what a PAL grabber gave."""
+    """Remarks on a video that did not come from a PAL grabber."""
     header, codec = decoder.header, _codec(decoder)
     if not decoder.uncompressed and codec.upper() not in _LOSSLESS:
         yield (

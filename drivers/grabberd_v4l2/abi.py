@@ -49,7 +49,7 @@ EVENT_SOURCE_CHANGE = 5
 
 
 class Capability(c.Structure):
-    """What a node is."""
+    """Capabilities of a node."""
 
     _fields_ = (
         ("driver", c.c_char * 16),
@@ -135,13 +135,13 @@ class _Fmt(c.Union):
 
 
 class Format(c.Structure):
-    """What is asked for and granted, by kind of stream."""
+    """Format requested and granted, by kind of stream."""
 
     _fields_ = (("type", c.c_uint32), ("fmt", _Fmt))
 
 
 class RequestBuffers(c.Structure):
-    """How many buffers are asked for and granted."""
+    """Number of buffers requested and granted."""
 
     _fields_ = (
         ("count", c.c_uint32),
@@ -222,7 +222,7 @@ class Event(c.Structure):
 
 
 class EventSubscription(c.Structure):
-    """Which events are wanted."""
+    """Subscription to events."""
 
     _fields_ = (
         ("type", c.c_uint32),

@@ -1,4 +1,4 @@
-"""What a video node answers to questions; one that streams for somebody else answers all the same."""
+"""Queries that a video node answers, even while it streams for another program."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -30,7 +30,7 @@ FAMILIES = {
 
 @dataclass(frozen=True, slots=True)
 class Answers:
-    """What a node says of itself.
+    """Properties that a node reports.
 
     Attributes:
         kernel_driver: e.g. "bttv"; `card`: the device's own name.

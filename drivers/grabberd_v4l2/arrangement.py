@@ -1,4 +1,4 @@
-"""How fields lie in the buffers of a kernel's driver."""
+"""Arrangement of fields in the buffers of a kernel driver."""
 
 from enum import IntEnum
 

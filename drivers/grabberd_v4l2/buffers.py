@@ -52,7 +52,7 @@ class Buffers:
 
     @property
     def queued(self) -> int:
-        """How many the kernel has."""
+        """Number of buffers that the kernel holds."""
         return len(self._pages) - len(self._idle) - len(self._taken)
 
     def queue_idle(self) -> OSError | None:

@@ -1,4 +1,4 @@
-"""What a person is told of a stream that was granted."""
+"""Remarks for the operator on a granted stream."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -52,7 +52,7 @@ def stream_info(
 
 
 def remarks_on_place(path: Path, roots: Roots) -> tuple[str, ...]:
-    """What is to be minded where the device is plugged in."""
+    """Warnings about the USB port."""
     nodes = video_nodes(roots)
     return tuple(remark for node in nodes if node.path == path for remark in remarks_on(node, nodes))
 

@@ -63,7 +63,7 @@ def _found(seen: _Seen, nodes: Sequence[VideoNode], profiles: Profiles) -> Found
 
 
 def _faults(seen: _Seen) -> Iterator[str]:
-    """What makes a grabber unusable, by its own answers."""
+    """Reasons why a grabber is unusable, from its own answers."""
     if seen.refusal:
         return
     answers = seen.answers
@@ -105,7 +105,7 @@ def _refusal(node: VideoNode, error: OSError) -> str:
 
 
 def _ways(node: VideoNode, nodes: Sequence[VideoNode]) -> Iterator[dict[str, str]]:
-    """How the configuration may name it, the most lasting first."""
+    """Ways in which the configuration can identify the device, the most durable first."""
     if node.by_path is not None:
         yield {"device": str(node.by_path)}
     if node.usb is not None and node.index == 0:
@@ -127,7 +127,7 @@ def _equal_ones(node: VideoNode, nodes: Sequence[VideoNode]) -> int:
 
 
 def _facts(node: VideoNode, answers: Answers) -> Iterator[tuple[str, str]]:
-    """What is known, without what is not."""
+    """Known facts only."""
     usb = node.usb
     facts = {
         "node": str(node.path),

@@ -1,4 +1,4 @@
-"""What the kernel's refusals mean, and what a person can do about them."""
+"""Meaning of the kernel's error numbers, and what a person can do about them."""
 
 import errno
 import os
@@ -14,7 +14,7 @@ GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
 
 
 class _Meaning(NamedTuple):
-    """What an answer means; without a cause the device does not answer as it should."""
+    """Meaning of an error number; without a cause the device misbehaves."""
 
     cause: Cause | None
     what: str

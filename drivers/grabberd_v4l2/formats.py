@@ -7,7 +7,7 @@ from numpy.typing import DTypeLike, NDArray
 
 
 class PixelFormat(NamedTuple):
-    """How a format keeps its pixels.
+    """Memory layout of a pixel format.
 
     Attributes:
         word: one pixel, whose low byte is its luma; the high one, if any, is chroma.
@@ -73,6 +73,6 @@ def bytes_per_pixel(fourcc: str) -> int:
 
 
 def needed_bytes(fourcc: str, lines: int, columns: int, bytes_per_line: int) -> int:
-    """What a whole picture fills of its buffer, chroma included; less than that has come short."""
+    """Bytes of a whole picture, chroma included; a buffer with fewer is truncated."""
     padding = bytes_per_line - columns * bytes_per_pixel(fourcc)
     return int(lines * FORMATS[fourcc].planes) * bytes_per_line - padding

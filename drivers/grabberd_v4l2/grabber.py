@@ -101,7 +101,7 @@ class V4l2Grabber:
             yield [] if filled is None else _fields(running, filled)
 
     def signal(self) -> Signal:
-        """What the card says, where it is known to tell; unknown while it is not open."""
+        """Signal as the card reports it, if it is known to report one; unknown while closed."""
         return Signal.UNKNOWN if self._running is None else self._running.watch.look()
 
     def restart(self) -> StreamInfo:

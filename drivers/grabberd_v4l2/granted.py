@@ -1,4 +1,4 @@
-"""What a driver of the kernel granted, read back after everything was asked for."""
+"""Settings that a kernel driver granted, read back after all were requested."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which grabber is meant, and under which node it is to be found today."""
+"""Identity of a grabber, and the node it is found under today."""
 
 import re
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class Identity:
         return cls(usb=_checked_usb(usb), serial=serial, port=_checked_port(port))
 
     def matches(self, place: UsbPlace) -> bool:
-        """Whether a USB device is the one that is meant."""
+        """True if a USB device matches the identity."""
         wanted = ((self.usb, place.vendor_product), (self.serial, place.serial), (self.port, place.port))
         return self.usb is not None and all(want is None or want == got for want, got in wanted)
 

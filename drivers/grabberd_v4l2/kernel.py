@@ -49,7 +49,7 @@ class Kernel(Protocol):
         ...
 
     def poll(self, fd: int, timeout_s: float) -> int:
-        """What is ready, of POLL_*; 0 after the time-out."""
+        """Poll for POLL_* events; returns 0 after the timeout."""
         ...
 
     def now_ns(self) -> int:

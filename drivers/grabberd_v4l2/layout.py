@@ -53,7 +53,7 @@ class _Part(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Where the fields are in every buffer of a stream.
+    """Position of the fields in every buffer of a stream.
 
     Attributes:
         granted: the stream.
@@ -160,7 +160,7 @@ def _believed(granted: Granted, profile: Profile) -> Arrangement:
 
 
 def _places(arrangement: Arrangement, rows: int) -> dict[int, slice]:
-    """Which lines of a frame each parity has."""
+    """Lines of a frame that belong to each parity."""
     if arrangement in _STACKED:
         upper = _OLDER[arrangement]
         return {upper: slice(0, rows), 1 - upper: slice(rows, 2 * rows)}

@@ -30,7 +30,7 @@ _OTHER_KINDS = {
 
 
 def capture_node(node: Node) -> Capability:
-    """What the node is, if pictures can be streamed from it.
+    """Capabilities of the node; raises if it cannot stream pictures.
 
     Raises:
         DeviceRefused: they cannot.
@@ -81,7 +81,7 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
 
 
 def picture_bytes(granted: Granted) -> int:
-    """What a whole picture fills of its buffer."""
+    """Bytes that a whole picture fills of its buffer."""
     return needed_bytes(granted.fourcc, granted.lines, granted.columns, granted.bytes_per_line)
 
 
@@ -107,7 +107,7 @@ def _best(inputs: Sequence[abi.Input], options: V4l2Options) -> abi.Input:
 
 
 def _named(node: Node, inputs: Sequence[abi.Input], wanted: str) -> abi.Input:
-    """By number or name; the beginning of a name is enough where it is that of one input only."""
+    """Find an input by number or name; a unique prefix of a name is enough."""
     folded = wanted.casefold()
     exact = [one for one in inputs if folded in (str(one.index), _name(one).casefold())]
     begun = [one for one in inputs if _name(one).casefold().startswith(folded)]
@@ -173,7 +173,7 @@ def _common_formats(node: Node, wanted: Sequence[str]) -> Sequence[str]:
 
 
 def _granted(node: Node, lines: int, fourcc: str, order: int) -> abi.PixFormat | None:
-    """What the card makes of a wish; None if it will not hear of it."""
+    """Format that the card offers for a requested one; None if it refuses."""
     try:
         node.set_format(COLUMNS, lines, fourcc, order)
     except OSError as error:

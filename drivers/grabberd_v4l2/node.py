@@ -13,7 +13,7 @@ _ENDLESS = 256
 
 
 class Capability(NamedTuple):
-    """What a node is: names, and what this very node can do (`CAP_*`)."""
+    """Names of a node, and the capabilities of this very node (`CAP_*`)."""
 
     driver: str
     card: str
@@ -40,31 +40,31 @@ class Node:
             self._kernel.close(fd)
 
     def poll(self, timeout_s: float) -> int:
-        """What is ready, of POLL_*."""
+        """Poll for POLL_* events."""
         return self._kernel.poll(self._open_fd(), timeout_s)
 
     def capability(self) -> Capability:
-        """What it is."""
+        """Query the capabilities of the node."""
         asked = self._call(ioctls.QUERYCAP, abi.Capability())
         own = asked.capabilities & abi.CAP_DEVICE_CAPS
         flags = asked.device_caps if own else asked.capabilities
         return Capability(_text(asked.driver), _text(asked.card), _text(asked.bus_info), flags)
 
     def inputs(self) -> tuple[abi.Input, ...]:
-        """The card's sockets."""
+        """The card's inputs."""
         return tuple(self._enumerated(ioctls.ENUMINPUT, lambda index: abi.Input(index=index)))
 
     def input(self) -> abi.Input:
-        """The socket in use, with its status."""
+        """The selected input, with its status."""
         number = self._call(ioctls.G_INPUT, abi.Integer()).value
         return self._call(ioctls.ENUMINPUT, abi.Input(index=number))
 
     def set_input(self, index: int) -> None:
-        """Chooses a socket."""
+        """Select an input."""
         self._call(ioctls.S_INPUT, abi.Integer(index))
 
     def standards(self) -> tuple[abi.Standard, ...]:
-        """What the socket in use can have."""
+        """Standards that the selected input supports."""
         return tuple(self._enumerated(ioctls.ENUMSTD, lambda index: abi.Standard(index=index)))
 
     def standard(self) -> int:
@@ -72,39 +72,39 @@ class Node:
         return int(self._call(ioctls.G_STD, abi.StandardSet()).value)
 
     def set_standard(self, standard: int) -> None:
-        """Chooses a standard."""
+        """Set a standard."""
         self._call(ioctls.S_STD, abi.StandardSet(standard))
 
     def seen_standard(self) -> int:
-        """The standards that the signal may be of; 0 without one."""
+        """Standards that the signal may have; 0 without a signal."""
         return int(self._call(ioctls.QUERYSTD, abi.StandardSet()).value)
 
     def pixel_formats(self) -> tuple[str, ...]:
-        """Names of the formats that it delivers, its own preference first."""
+        """Names of the pixel formats that the node delivers, its own preference first."""
         described = self._enumerated(
             ioctls.ENUM_FMT, lambda index: abi.FmtDesc(index=index, type=abi.CAPTURE)
         )
         return tuple(abi.fourcc_name(one.pixelformat) for one in described)
 
     def set_format(self, columns: int, lines: int, fourcc: str, field: int) -> None:
-        """Asks for a picture; what is granted is to be read by `format`."""
+        """Request a picture format; read what was granted by `format`."""
         self._call(ioctls.S_FMT, _asked(columns, lines, fourcc, field))
 
     def tried_format(self, columns: int, lines: int, fourcc: str, field: int) -> abi.PixFormat:
-        """What would be granted, without changing anything."""
+        """Format that would be granted, without setting it."""
         return _picture(self._call(ioctls.TRY_FMT, _asked(columns, lines, fourcc, field)))
 
     def format(self) -> abi.PixFormat:
-        """What is granted."""
+        """The picture format that is set."""
         return _picture(self._call(ioctls.G_FMT, abi.Format(type=abi.CAPTURE)))
 
     def request_buffers(self, count: int) -> int:
-        """Has that many buffers made, or as many as it likes; 0 frees them."""
+        """Allocate this many buffers, or as many as the driver grants; 0 frees them."""
         wanted = abi.RequestBuffers(count=count, type=abi.CAPTURE, memory=abi.MEMORY_MMAP)
         return int(self._call(ioctls.REQBUFS, wanted).count)
 
     def buffer(self, index: int) -> abi.Buffer:
-        """Where a buffer is and what it is doing."""
+        """Query the position and the state of a buffer."""
         return self._call(ioctls.QUERYBUF, _mapped(index))
 
     def map(self, buffer: abi.Buffer) -> Pages:
@@ -112,7 +112,7 @@ class Node:
         return self._kernel.mmap(self._open_fd(), buffer.length, buffer.m.offset)
 
     def queue(self, index: int) -> None:
-        """Gives a buffer to the kernel to be filled."""
+        """Hand a buffer to the kernel to be filled."""
         self._call(ioctls.QBUF, _mapped(index))
 
     def dequeue(self) -> abi.Buffer:

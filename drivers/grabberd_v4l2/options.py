@@ -53,7 +53,7 @@ class V4l2Options(BaseModel):
 
     @property
     def identity(self) -> Identity:
-        """Which grabber is meant."""
+        """Identity of the grabber, as the options give it."""
         return Identity.from_options(self.device, self.usb, self.serial, self.port)
 
     @property

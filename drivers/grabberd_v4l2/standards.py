@@ -34,7 +34,7 @@ def bits(name: str) -> int:
 
 
 def name(standard: int) -> str:
-    """What to call a set of bits."""
+    """Name of a set of standard bits."""
     exact = next((known for known, its in NAMES.items() if its == standard), None)
     return exact or next((known for known, its in NAMES.items() if its & standard), _other(standard))
 
@@ -44,10 +44,10 @@ def _other(standard: int) -> str:
 
 
 def is_50_hz(standard: int) -> bool:
-    """Whether it is surely one of 625 lines."""
+    """True if the standard certainly has 625 lines."""
     return bool(standard & abi.STD_625_50) and not standard & abi.STD_525_60
 
 
 def is_60_hz(standard: int) -> bool:
-    """Whether it is surely one of 525 lines: PAL-M, PAL-60, NTSC."""
+    """True if the standard certainly has 525 lines: PAL-M, PAL-60, NTSC."""
     return bool(standard & abi.STD_525_60) and not standard & abi.STD_625_50

@@ -83,7 +83,7 @@ class Stream:
         self._buffers.release()
 
     def source_changed(self) -> bool:
-        """Whether the kernel has said so since this was last asked."""
+        """True if the kernel signalled it since the last call."""
         changed, self._source_changed = self._source_changed, False
         return changed
 

@@ -1,4 +1,4 @@
-"""What the kernel tells of video nodes and of USB without opening anything: /sys and the links in /dev."""
+"""Facts about video nodes and USB that need no open device: /sys and the links in /dev."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Roots(NamedTuple):
-    """Where the kernel's and udev's trees stand."""
+    """Root folders of the kernel's and udev's trees."""
 
     sys: Path = Path("/sys")
     dev: Path = Path("/dev")
@@ -104,13 +104,13 @@ def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dic
 
 
 def _links(folder: Path) -> dict[Path, Path]:
-    """What each node is called in a folder of links; of several names the first."""
+    """Name of each node in a folder of links; the first of several."""
     links = sorted(folder.iterdir(), reverse=True) if folder.is_dir() else []
     return {_real(link): link for link in links}
 
 
 def _real(path: Path) -> Path:
-    """Where a link leads; one that vanishes while it is read leads nowhere."""
+    """Target of a link; the link itself if it vanishes while it is read."""
     try:
         return path.resolve()
     except OSError:
@@ -144,7 +144,7 @@ def _told(words: dict[str, str]) -> Iterator[str]:
 
 
 def _text(file: Path) -> str:
-    """What stands in an attribute, "" where there is none or its device has just gone."""
+    """Value of an attribute; "" if it does not exist or its device has just gone."""
     try:
         return file.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:

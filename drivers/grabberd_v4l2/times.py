@@ -1,4 +1,4 @@
-"""When the fields in a buffer were exposed, and which of the driver's count they are.
+"""Exposure times and sequence numbers of the fields in a buffer.
 
 Drivers stamp a buffer in software when the last field in it is over. A camera without a shutter exposes a
 field while it reads the one before, so the exposure ends as the read-out begins: its middle lies 1.5 field
@@ -22,7 +22,7 @@ _WRAP = 2**32
 
 
 class Stamp(NamedTuple):
-    """What came with a buffer.
+    """Metadata that came with a buffer.
 
     Attributes:
         time_ns: the driver's timestamp.
@@ -87,7 +87,7 @@ class FieldTimes:
         self._count, self._last_ns = None, None
 
     def handed_back(self, stamp: Stamp) -> bool:
-        """Whether a buffer was returned without a field of the camera; to be asked of each, in order.
+        """True if a buffer was returned without a field of the camera; call it for each buffer, in order.
 
         A driver that gives up waiting for the camera flags all its buffers and returns them at one time; the
         first of them stands for the field that did not come.

@@ -49,7 +49,7 @@ def reset_of(
 
 
 def remarks_on(node: VideoNode, nodes: Iterable[VideoNode]) -> Iterator[str]:
-    """What is to be minded where a grabber is plugged in; `nodes` are all of the computer's."""
+    """Warnings about the USB port of a grabber; `nodes` are all video nodes of the computer."""
     if node.usb is None:
         return
     if node.usb.speed_mbit_s < HIGH_SPEED_MBIT_S:

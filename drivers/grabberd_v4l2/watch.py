@@ -1,4 +1,4 @@
-"""What a card says of its camera while it streams, asked about once a second."""
+"""Signal status of a streaming card, polled about once a second."""
 
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ class Watch:
         self.tells = False
 
     def look(self) -> Signal:
-        """Whether there is a camera; unknown where the card does not tell."""
+        """Signal status; unknown if the card does not report one."""
         signal, trouble = self._look()
         self.tells = signal is not Signal.UNKNOWN
         if trouble is None:

@@ -1,34 +1,34 @@
 """Every error that grabberd raises on purpose.
 
-    GrabberdError                 message and hint; nobody raises it bare
-    ├── ConfigError               the configuration cannot be used: all problems at once (exit 78)
-    ├── DeviceError               the grabber does not do what is asked of it
-    │   ├── DriverMissing         no such driver, or its dependency is not installed
-    │   ├── DeviceAbsent          it is not there (yet): worth trying again
-    │   ├── DeviceLost            it went away while it streamed: close, then open again
-    │   ├── StreamFailed          it is there, but streams no more: restart, open again, reset
-    │   ├── DeviceRefused         it is there and says no (busy, rights, standard): a person has to act
-    │   └── StreamEnded           a recording has no further field; what came before is good
-    ├── InputError                a file or value from outside is not what it should be
-    │   ├── PictureError          a picture: missing, truncated, of another size
-    │   ├── CaptureFileError      a capture file: damaged, not a capture
-    │   │   └── LaterVersion      written by a later version: nothing is wrong with it, leave it alone
-    │   └── CalibrationMismatch   a calibration that belongs to another picture size, glass or rig
+    GrabberdError                 message and hint; never raised itself
+    ├── ConfigError               the configuration is invalid: lists all problems at once (exit 78)
+    ├── DeviceError               the grabber does not do what it was asked to
+    │   ├── DriverMissing         unknown driver, or its dependency is not installed
+    │   ├── DeviceAbsent          not plugged in (yet): worth trying again
+    │   ├── DeviceLost            disappeared while streaming: close, then open again
+    │   ├── StreamFailed          present, but no longer streaming: restart, reopen, reset
+    │   ├── DeviceRefused         present, but busy, not permitted or misconfigured: a person has to act
+    │   └── StreamEnded           end of a recording; everything before it is good
+    ├── InputError                a file or value from outside is invalid
+    │   ├── PictureError          a picture is missing, truncated or of the wrong size
+    │   ├── CaptureFileError      a capture file is damaged, or not a capture file
+    │   │   └── LaterVersion      written by a later version: not damaged, leave it alone
+    │   └── CalibrationMismatch   a calibration of another picture size, glass or rig
     ├── NotFound                  no capture, run, field or job of that name
-    ├── Conflict                  it cannot be done now
-    │   ├── CaptureRunning        a capture is running: carries its id
-    │   ├── GroupRefused          captures cannot all begin together, so none does: carries why, by device
-    │   └── NotReady              the device does not stream, or there is no calibration
-    ├── RingOverrun               a reader that may miss nothing was overtaken: its capture ends
-    ├── AccessExpired             a token has been good until a day that has passed
+    ├── Conflict                  not possible in the present state
+    │   ├── CaptureRunning        another capture is running: carries its id
+    │   ├── GroupRefused          not all captures of a group can start, so none does: carries the refusals
+    │   └── NotReady              the device does not stream, or has no calibration
+    ├── RingOverrun               a reader that must not miss anything was overtaken: its capture ends
+    ├── AccessExpired             the token has expired
     ├── StorageError              the disk is full, read-only or broken
-    ├── ExtraMissing              an optional part of grabberd is not installed: carries its name
-    └── MeasurementError          the data do not determine what is asked of them
-        ├── RankDeficient         some unknowns only together: names them
-        └── AnalysisError         the points do not give the surface, strain or pressure asked of them
+    ├── ExtraMissing              an optional dependency is not installed: carries the extra's name
+    └── MeasurementError          the data do not determine the result
+        ├── RankDeficient         some unknowns are determined only in combination: names them
+        └── AnalysisError         the points do not determine the surface, strain, pressure or cycle
 
-A class exists because somebody reacts differently to it. A message says what failed, on what, with which
-values; the hint says what to do.
+A class exists only where a caller reacts differently to it. A message says what failed, on what, with which
+values; the hint says what to do about it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +37,7 @@ from typing import NamedTuple
 
 
 class GrabberdError(Exception):
-    """What failed, on what, with which values; `hint` says what the operator can do."""
+    """Base class; `message` says what failed, on what, with which values, `hint` what the operator can do."""
 
     def __init__(self, message: str, hint: str) -> None:
         super().__init__(message)
@@ -46,7 +46,7 @@ class GrabberdError(Exception):
 
 
 class Problem(NamedTuple):
-    """One thing that is wrong in a configuration."""
+    """One problem in a configuration file."""
 
     file: str
     key: str
@@ -57,20 +57,20 @@ class Problem(NamedTuple):
 
 
 class ConfigError(GrabberdError):
-    """The configuration cannot be used; `problems` has all of them."""
+    """The configuration is invalid; `problems` lists everything that is wrong with it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         count = f"{len(problems)} problem" + ("" if len(problems) == 1 else "s")
         listing = "\n".join(f"  {problem}" for problem in problems)
         super().__init__(
             f"the configuration has {count}:\n{listing}",
-            "mend these keys; 'grabberd check-config FILE' checks without starting anything",
+            "fix these keys; 'grabberd check-config FILE' checks without starting anything",
         )
         self.problems = tuple(problems)
 
 
 class Cause(StrEnum):
-    """Why the instrument cannot do its work, in a word that programs and the page's texts go by."""
+    """Machine-readable code of the reason why an instrument cannot work; the page has a text for each."""
 
     NOT_OPENED = "not_opened"
     """The daemon has only just started."""
@@ -79,24 +79,24 @@ class Cause(StrEnum):
     DEVICE_LOST = "device_lost"
     STREAM_FAILED = "stream_failed"
     DEVICE_BUSY = "device_busy"
-    """Another program has it."""
+    """Another program holds the device."""
     NO_RIGHTS = "no_rights"
     NO_BANDWIDTH = "no_bandwidth"
-    """Its USB bus has no room for its stream."""
+    """The USB bus has too little bandwidth left for the stream."""
     WRONG_STANDARD = "wrong_standard"
-    """What comes is no PAL."""
+    """The signal is not PAL."""
     SEVERAL_DEVICES = "several_devices"
-    """More than one is what the configuration asks for."""
+    """More than one device matches the configuration."""
     DEVICE_REFUSED = "device_refused"
-    """It says no for another reason."""
+    """The device refused for another reason."""
     RECORDING_ENDED = "recording_ended"
     RECORDING_DAMAGED = "recording_damaged"
     FAULT = "fault"
-    """Of this program."""
+    """An unexpected error in grabberd itself."""
     NO_SIGNAL = "no_signal"
-    """The grabber says that there is no camera."""
+    """The grabber reports that no camera is connected."""
     NO_PICTURE = "no_picture"
-    """What comes is made up by the grabber."""
+    """The grabber delivers a picture of its own: blue, bars, snow."""
     NO_CALIBRATION = "no_calibration"
     NO_OBJECT = "no_object"
     CALIBRATION_MISFIT = "calibration_misfit"
@@ -106,37 +106,37 @@ class Cause(StrEnum):
 
 
 class DeviceError(GrabberdError):
-    """The grabber does not do what is asked of it; `cause` is why."""
+    """The grabber does not do what it was asked to; `cause` is the reason code."""
 
     cause = Cause.DEVICE_REFUSED
 
 
 class DriverMissing(DeviceError):
-    """No such driver, or what it needs is not installed."""
+    """The driver is unknown, or a dependency of it is not installed."""
 
     cause = Cause.DRIVER_MISSING
 
 
 class DeviceAbsent(DeviceError):
-    """The grabber is not there (yet)."""
+    """The grabber is not plugged in (yet)."""
 
     cause = Cause.DEVICE_ABSENT
 
 
 class DeviceLost(DeviceError):
-    """The grabber went away while it streamed."""
+    """The grabber disappeared while it was streaming."""
 
     cause = Cause.DEVICE_LOST
 
 
 class StreamFailed(DeviceError):
-    """The grabber is there, but streams no more."""
+    """The grabber is present, but no longer streaming."""
 
     cause = Cause.STREAM_FAILED
 
 
 class DeviceRefused(DeviceError):
-    """The grabber is there and says no."""
+    """The grabber is present, but cannot be used until a person acts."""
 
     def __init__(self, message: str, hint: str, cause: Cause = Cause.DEVICE_REFUSED) -> None:
         super().__init__(message, hint)
@@ -144,29 +144,29 @@ class DeviceRefused(DeviceError):
 
 
 class StreamEnded(DeviceError):
-    """A recording has no further field."""
+    """The end of a recording was reached."""
 
     cause = Cause.RECORDING_ENDED
 
 
 class InputError(GrabberdError):
-    """A file or a value from outside is not what it should be."""
+    """A file or a value from outside is invalid."""
 
 
 class PictureError(InputError):
-    """A picture is missing, truncated or of another size."""
+    """A picture is missing, truncated or of the wrong size."""
 
 
 class CaptureFileError(InputError):
-    """A capture file is damaged, or no capture at all."""
+    """A capture file is damaged, or not a capture file at all."""
 
 
 class LaterVersion(CaptureFileError):
-    """A capture file was written by a later version: nothing is wrong with it."""
+    """A capture file was written by a later version of grabberd; it is not damaged."""
 
 
 class CalibrationMismatch(InputError):
-    """A calibration belongs to another picture size, glass or rig."""
+    """A calibration was made for another picture size, glass or rig."""
 
 
 class NotFound(GrabberdError):
@@ -174,11 +174,11 @@ class NotFound(GrabberdError):
 
 
 class Conflict(GrabberdError):
-    """It cannot be done now."""
+    """The request conflicts with the present state."""
 
 
 class CaptureRunning(Conflict):
-    """A capture is running already; `capture_id` names it."""
+    """Another capture is already running; `capture_id` names it."""
 
     def __init__(self, capture_id: str) -> None:
         super().__init__(
@@ -188,36 +188,36 @@ class CaptureRunning(Conflict):
 
 
 class GroupRefused(Conflict):
-    """Captures cannot all begin together, so none does; `refusals` says why, by device."""
+    """Not all captures of a group can start, so none does; `refusals` has the reasons by device."""
 
     def __init__(self, refusals: Mapping[str, GrabberdError]) -> None:
-        said = "; ".join(f"{device}: {error.message}" for device, error in refusals.items())
+        reasons = "; ".join(f"{device}: {error.message}" for device, error in refusals.items())
         hints = dict.fromkeys(error.hint for error in refusals.values())
         super().__init__(
-            f"they cannot all begin together, so none does: {said}",
-            f"{'; '.join(hints)}; or leave these devices out: {', '.join(refusals)}",
+            f"not all captures of the group can start, so none was started: {reasons}",
+            f"{'; '.join(hints)}; or leave out these devices: {', '.join(refusals)}",
         )
         self.refusals = dict(refusals)
 
 
 class NotReady(Conflict):
-    """The device does not stream, or there is no calibration."""
+    """The device does not stream, or has no calibration."""
 
 
 class RingOverrun(GrabberdError):
-    """The ring has overtaken a reader that may miss nothing: `count` fields from `first_n` on are gone."""
+    """The ring overtook a reader that must not miss anything: `count` fields from `first_n` on are lost."""
 
     def __init__(self, first_n: int, count: int) -> None:
         super().__init__(
             f"{count} fields from number {first_n} on were overwritten in the ring before they were read",
-            "the computer was too busy: lighten its load, use a longer ring, or capture with overrun 'count'",
+            "the computer was too busy: reduce its load, use a longer ring, or capture with overrun 'count'",
         )
         self.first_n = first_n
         self.count = count
 
 
 class AccessExpired(GrabberdError):
-    """A token has been good until a day that has passed."""
+    """The token has expired."""
 
 
 class StorageError(GrabberdError):
@@ -225,7 +225,7 @@ class StorageError(GrabberdError):
 
 
 class ExtraMissing(GrabberdError):
-    """What is asked for needs an optional part of grabberd that is not installed; `extra` names it."""
+    """An optional dependency is not installed; `extra` names the extra of grabberd that brings it."""
 
     def __init__(self, what: str, extra: str) -> None:
         super().__init__(
@@ -236,11 +236,11 @@ class ExtraMissing(GrabberdError):
 
 
 class MeasurementError(GrabberdError):
-    """The data do not determine what is asked of them."""
+    """The data do not determine the result that was asked for."""
 
 
 class RankDeficient(MeasurementError):
-    """The data determine some unknowns only together; `parameters` names them."""
+    """The data determine some unknowns only in combination; `parameters` names them."""
 
     def __init__(self, message: str, hint: str, parameters: Sequence[str]) -> None:
         super().__init__(message, hint)
@@ -248,4 +248,4 @@ class RankDeficient(MeasurementError):
 
 
 class AnalysisError(MeasurementError):
-    """The points or inputs do not give the surface, strain, pressure or cycle that is asked of them."""
+    """The points or inputs do not determine the surface, strain, pressure or cycle that was asked for."""

@@ -15,7 +15,7 @@ from grabberd.api import create_app
 from grabberd.api.guard.front import Front
 from grabberd.api.serving import server_of
 from grabberd.api.sockets import bind
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 ENDLESS = ("/api/v1/events", "/api/v1/preview")
 BEYOND_A_SCHEMA = (

@@ -14,13 +14,14 @@ from grabberd.analysis import (
     Surface,
     edge_strain,
     middle_places,
-    middle_strain,
     nominal_middle_places,
     nominal_places,
     outer_places,
     wall_at,
 )
 from grabberd.analysis.surface.nominal_shape import NominalShape
+from grabberd.analysis.wall.forms import middle_forms
+from grabberd.analysis.wall.strain import strain
 from grabberd.processes.analysis.wall_state import WallState
 
 Array = NDArray[np.float64]
@@ -132,7 +133,8 @@ def _strain(made: Analysed, state: WallState) -> Estimate:
     depth = wall_at(made.analysis.inputs.zones, grid.u_mm).depth_mm
 
     def values(now: Array, then: Array) -> Array:
-        lagrange = middle_strain(now, then, depth, grid.outward).green_lagrange
+        faces = (middle_forms(face, depth, grid.outward).tangents for face in (now, then))
+        lagrange = strain(*faces).green_lagrange
         return np.stack([lagrange[..., 0, 0], lagrange[..., 1, 1]], axis=-1)
 
     at = grid.u_mm, grid.v_mm

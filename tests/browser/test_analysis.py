@@ -67,6 +67,11 @@ def test_two_captures_are_laid_over_each_other(daemon: Daemon, open_page: Open) 
     expect(page.locator("[data-fact='length'] td")).to_have_text(["0.6 s · 30 fields", "0.4 s · 20 fields"])
     expect(page.locator(".chart")).to_have_count(1)
     expect(page.get_by_text("analyse both first")).to_be_visible()
+    in_the_middle = page.locator("#target").input_value()
+    page.get_by_role("button", name="The next target").click()
+    beside = page.locator("#target").input_value()
+    assert beside != in_the_middle
+    expect(page.locator(".chart h2")).to_contain_text(beside)
     page.get_by_role("radio", name="Width in the middle").check()
     expect(page.get_by_role("heading", name="Width of the middle section")).to_be_visible()
 

@@ -89,7 +89,7 @@ def test_a_right_order_is_said_to_be_right(recording, tmp_path):
     result = check(replayed(tmp_path, recording))
     assert result.exit_code == 0, result.output
     assert "grabber: the field order is right" in result.output
-    assert "nothing is to be done" in result.output
+    assert "nothing to do" in result.output
 
 
 def test_the_simulated_grabber_is_right_stamp_and_all(tmp_path):
@@ -110,8 +110,8 @@ def test_a_grabber_that_throws_a_field_away_is_found_out(fields, tmp_path):
     lied = woven(folder, ((top, (top // 2 + np.roll(top, -1, 0) // 2)) for top in fields[::2]))
     result = check(replayed(tmp_path, lied))
     assert result.exit_code == 1
-    assert "throws one field away" in result.output
-    assert "take another" in result.output
+    assert "discards one field" in result.output
+    assert "use another" in result.output
 
 
 def test_where_nothing_moves_there_is_no_verdict(fields, tmp_path):
@@ -120,7 +120,7 @@ def test_where_nothing_moves_there_is_no_verdict(fields, tmp_path):
     result = check(replayed(tmp_path, woven(folder, [(fields[0], fields[1])] * 40)))
     assert result.exit_code == 1
     assert "nothing moved" in result.output
-    assert "repeat it" in result.output
+    assert "try again" in result.output
 
 
 def test_json_has_the_numbers(recording, tmp_path):
@@ -154,7 +154,7 @@ def test_a_device_that_a_daemon_holds_is_busy_and_the_hint_says_so(tmp_path):
     error = check(configured(tmp_path, "barn", what="busy")).exception
     assert isinstance(error, DeviceRefused)
     assert "in use" in error.message
-    assert "a running grabberd keeps its devices: stop it" in error.hint
+    assert "a running daemon holds its devices: stop it" in error.hint
 
 
 @pytest.mark.usefixtures("barn")

@@ -64,7 +64,7 @@ def test_the_fit_of_the_views_is_said_with_its_sigma(capture: Path, tmp_path: Pa
         assert 0 < found["fit"][view]["sigma_x_px"] < 0.05
     assert names(out) == ["difference-2.png", "overlay-2.png"]
     words = run("render", capture, "--what", "synthetic", "--out", tmp_path / "other").output
-    assert "left view: the model has to be moved by x" in words
+    assert "left view: the model must be shifted by x" in words
 
 
 def test_a_synthetic_view_from_anywhere_is_transparent_where_there_is_nothing(

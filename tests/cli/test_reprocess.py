@@ -31,7 +31,7 @@ def run(*words: object) -> Result:
 def test_two_captures_are_measured_then_passed_over(captures: Path, tmp_path: Path) -> None:
     first = run(captures, "--out", tmp_path / "out")
     assert first.exit_code == 0, first.output
-    assert "2 measured, 0 were done, 0 failed" in first.output
+    assert "2 measured, 0 already done, 0 failed" in first.output
     assert len(table(tmp_path / "out")["capture"].unique()) == 2
     again = run(captures, "--out", tmp_path / "out", "--json")
     document = json.loads(again.stdout)
@@ -44,10 +44,10 @@ def test_a_bad_file_is_listed_at_the_end_and_makes_the_exit_code_one(captures: P
     (tmp_path / "live.grab.part").touch()
     result = run(captures, tmp_path, "--out", tmp_path / "out")
     assert result.exit_code == 1
-    assert "2 measured, 0 were done, 1 failed" in result.output
+    assert "2 measured, 0 already done, 1 failed" in result.output
     assert f"failed: {bad}" in result.output
     assert "hint:" in result.output
-    assert "left out:" in result.output
+    assert "skipped:" in result.output
 
 
 def test_sources_that_are_not_there_and_workers_of_a_cluster_are_refused(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def test_an_interrupt_ends_it_orderly_and_the_same_command_goes_on(tmp_path: Pat
         output, complaints = running.communicate(timeout=120)
     assert running.returncode == 130, complaints
     assert "measured" in output
-    assert "to go on" in complaints
+    assert "to continue" in complaints
     assert "Traceback" not in complaints
     done = len(files(tmp_path / "out"))
     assert 1 <= done < 12

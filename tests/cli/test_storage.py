@@ -55,7 +55,7 @@ def test_a_backup_comes_back(barn: Path, tmp_path: Path) -> None:
     assert StateStore(barn / "state.sqlite").get("threshold") == 60
     replaced = Path(json.loads(result.stdout)["replaced"])
     assert StateStore(replaced / "state.sqlite").get("threshold") == 99
-    assert "what was there before" in run("restore", out).stdout
+    assert "the previous state is kept" in run("restore", out).stdout
 
 
 def test_while_a_daemon_runs_a_backup_is_made_and_a_restore_refused(barn: Path, tmp_path: Path) -> None:
@@ -88,18 +88,21 @@ def test_a_dry_run_shows_what_would_go_and_removes_nothing(barn: Path) -> None:
     config = config_with(barn, "{keep_days: 30}")
     found = json.loads(run("storage", "retention", "--config", config, "--json").stdout)
     assert [(one["id"], one["because"]) for one in found] == [("d40", "older than 30 days")]
-    assert "1 of 2 captures would go, 1 are pinned" in run("storage", "retention", "--config", config).stdout
+    assert (
+        "1 of 2 captures would be deleted, 1 are pinned"
+        in run("storage", "retention", "--config", config).stdout
+    )
     assert len(list((barn / "captures").glob("*.grab"))) == 3
 
 
 def test_without_a_policy_it_says_so(barn: Path) -> None:
     result = run("storage", "retention", "--config", config_with(barn, "{}"))
-    assert "not configured; 0 of 3 captures would go" in result.stdout
+    assert "not configured; 0 of 3 captures would be deleted" in result.stdout
 
 
 def test_a_reserve_that_retention_never_reaches_is_refused(barn: Path) -> None:
     config = config_with(barn, "{min_free_gb: 0.1}")
-    assert "has to be more than reserve_gb" in str(run("check-config", config).exception)
+    assert "must be more than reserve_gb" in str(run("check-config", config).exception)
 
 
 def test_what_a_killed_capture_left_is_named_by_the_next_and_sealed(barn: Path, tmp_path: Path) -> None:
@@ -122,6 +125,6 @@ def test_what_a_killed_capture_left_is_named_by_the_next_and_sealed(barn: Path, 
 
 def test_the_status_says_what_is_left_or_what_is_wrong() -> None:
     storage = {"free_bytes": 12_340_000_000, "minutes_left": 345.6, "problem": None}
-    assert disk_words(storage) == "disk: 12.3 GB free, 346 minutes of capturing left"
+    assert disk_words(storage) == "disk: 12.3 GB free, 346 minutes of capture left"
     broken = {"free_bytes": None, "minutes_left": None, "problem": "captures cannot be written: gone"}
     assert disk_words(broken) == "disk: captures cannot be written: gone"

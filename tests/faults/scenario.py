@@ -10,7 +10,7 @@ from grabberd.acquisition import Outcome
 from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.recovery import Rung
 from grabberd_fake import FakeOptions
-from grabberd_fake.faults import FOREVER_S, Fault, Mendable
+from grabberd_fake.faults import FOREVER_S, Fault, Recoverable
 
 FOLDER = Path(__file__).parent / "scenarios"
 SHORT_S = 1.0
@@ -145,8 +145,8 @@ class Scenario(Part):
 
 
 def _lasts(fault: Fault) -> int:
-    mended = isinstance(fault, Mendable) and fault.until != "time"
-    return 0 if mended or fault.fields > FOREVER_S else fault.fields
+    cleared = isinstance(fault, Recoverable) and fault.until != "time"
+    return 0 if cleared or fault.fields > FOREVER_S else fault.fields
 
 
 def read(path: Path) -> Scenario:

@@ -1,8 +1,14 @@
 """A page as a reader finds it: its elements, tables by caption, figures and text."""
 
+import re
 from html.parser import HTMLParser
 
 VOID = {"meta", "br", "hr"}
+
+
+def folded(text: str) -> str:
+    """As a browser shows it: line ends and indents are spaces, those that do not break stay."""
+    return re.sub(r"[ \n]+", " ", text)
 
 
 class Page(HTMLParser):
@@ -21,6 +27,8 @@ class Page(HTMLParser):
         self.feed(page)
         self.close()
         assert not self.open, f"never closed: {self.open}"
+        self.text = folded(self.text)
+        self.captions = [folded(caption).strip() for caption in self.captions]
 
     def handle_starttag(self, tag, attrs):
         self.elements.append((tag, dict(attrs)))

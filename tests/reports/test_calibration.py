@@ -7,9 +7,9 @@ import pytest
 
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.reports import calibration_html
-from grabberd.reports.calibration import CHAPTERS
 from grabberd.reports.numbers import fixed, measured, probability, significant
 from reports.documents import BLUNDER, DROPPED, full, least
+from reports.hostile import EVIL, hostile
 from reports.pages import Page
 
 
@@ -33,6 +33,8 @@ def number(cell):
 
 
 def test_the_page_stands_alone(text, page):
+    assert text.startswith('<!DOCTYPE html>\n<html lang="en">')
+    assert text.endswith("</html>\n")
     named = set(re.findall(r"https?://[^\s\"'<>]+", text))
     assert named <= {"http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"}
     assert not {"script", "link", "iframe", "img", "object"} & {tag for tag, _ in page.elements}
@@ -52,9 +54,9 @@ def test_the_same_document_gives_the_same_page(document, text):
     assert calibration_html(copy.deepcopy(document)) == text
 
 
-def test_every_chapter_has_its_heading_in_order(page):
-    numbered = [f"{index} {title}" for index, (title, _) in enumerate(CHAPTERS, start=1)]
-    assert page.headings == ["Calibration report", "Warnings", *numbered]
+def test_chapters_are_numbered(page):
+    assert page.headings[:3] == ["Calibration report", "Warnings", "1 Project data"]
+    assert [int(heading.split()[0]) for heading in page.headings[2:]] == [*range(1, 15)]
 
 
 def test_figures_can_be_heard_and_tables_have_captions_and_heads(page):
@@ -160,7 +162,7 @@ def test_how_each_view_was_identified_is_told(document):
 
 
 @pytest.mark.parametrize(
-    ("accepted", "said"), [(True, "nearer with it"), (False, "has no part in the calibration")]
+    ("accepted", "said"), [(True, "fit better with it"), (False, "is not part of the calibration")]
 )
 def test_whether_the_local_field_was_accepted_is_said_with_its_gain(document, accepted, said):
     field = document["local_field"] | {"accepted": accepted, "gain": 12.93}
@@ -178,7 +180,7 @@ def test_held_out_targets_are_listed_and_summed_up(document, page):
     assert predicted[1:] == [
         fixed(document["validation"]["predicted_mm"][axis], 4) for axis in ("x", "y", "z", "xyz")
     ]
-    assert len(page.table("Held-out targets: place")) == 108
+    assert len(page.table("Held-out targets: position")) == 108
 
 
 def test_the_volume_is_summed_up_plane_by_plane(document, page):
@@ -214,22 +216,13 @@ def test_a_part_that_is_null_is_the_same_as_one_that_is_missing(part):
     assert calibration_html(without) == calibration_html(least() | {part: None})
 
 
-def test_nothing_from_outside_becomes_markup():
-    evil = "\"><script>alert(1)</script>'&"
-    document = least() | {
-        "id": evil,
-        "version": evil,
-        "warnings": [evil],
-        "capture": {evil: evil},
-        "dropped": [evil],
-    }
-    document["tests"] = [{"round": 1, "kind": evil, "parameters": [evil], "dropped": True}]
-    document["unknowns"] = {"names": [evil, f"left.{evil}"], "correlation": [[1.0, 0.99], [0.99, 1.0]]}
-    text = calibration_html(document)
+def test_nothing_from_outside_becomes_markup(document):
+    text = calibration_html(hostile(document, keep={"schema"}))
     page = Page(text)
-    assert not page.all("script")
-    assert page.text.count(evil) > 6
     assert "<script" not in text
+    assert not page.all("script")
+    assert page.text.count(EVIL) > 400
+    assert text.count("<svg") == 9
 
 
 def test_a_view_by_another_name_and_a_shared_lens_are_drawn_as_well():

@@ -13,7 +13,7 @@ from grabberd.reports.figures import (
     volume_svg,
 )
 from grabberd.reports.figures.drawing import WIDTH_MM, nice
-from grabberd.reports.figures.picture import exaggeration
+from grabberd.reports.figures.vectors import enlargement
 from reports.documents import full, least
 
 GRID = {"view": "left", "columns": [10.0, 20.0, 30.0], "lines": [5.0, 15.0]}
@@ -50,7 +50,7 @@ def test_the_imaging_geometry_is_to_scale():
         "distance_mm": 240.0,
         "convergence_deg": 29.86,
     }
-    svg, scale = geometry_svg(geometry)
+    svg, scale = geometry_svg(geometry, "rig")
     apart_pt = points_of(svg, "#b34700")[0] - points_of(svg, "#0072b2")[0]
     paper_mm = np.linalg.norm(apart_pt) / 72 * 25.4
     assert paper_mm * scale == pytest.approx(128.0, abs=0.05)
@@ -63,7 +63,7 @@ def test_the_imaging_geometry_is_to_scale():
 
 def test_views_that_do_not_converge_have_no_angle():
     cameras = [camera("left", -64.0), camera("right", 64.0)]
-    svg, _ = geometry_svg({"cameras": cameras, "targets_mm": [[0, 0, 0]], "convergence_deg": 0.0})
+    svg, _ = geometry_svg({"cameras": cameras, "targets_mm": [[0, 0, 0]], "convergence_deg": 0.0}, "rig")
     assert "°" not in svg
 
 
@@ -76,7 +76,7 @@ def test_cameras_of_a_mirrored_or_turned_frame_are_drawn_from_their_own_base():
     for one in geometry["cameras"]:
         one.update({key: (np.array(one[key]) @ turned).tolist() for key in ("center_mm", "axis", "corners")})
     geometry["targets_mm"] = (np.array(geometry["targets_mm"]) @ turned).tolist()
-    svg, scale = geometry_svg(geometry)
+    svg, scale = geometry_svg(geometry, "rig")
     assert scale > 0
     assert "base" not in svg
 
@@ -87,12 +87,12 @@ def test_scales_are_round(value, expected):
 
 
 def test_vectors_are_enlarged_until_nearly_all_have_room():
-    assert exaggeration([0.1] * 99 + [5.0], 40.0) == 200
-    assert exaggeration([0.0, 0.0], 40.0) == 1.0
+    assert enlargement([0.1] * 99 + [5.0], 40.0) == 200
+    assert enlargement([0.0, 0.0], 40.0) == 1.0
 
 
 def test_the_scale_of_residuals_is_said(document):
-    assert re.search(r"[\d.]+ px, enlarged \d+ times", residuals_svg(document))
+    assert re.search(r"[\d.]+ px, enlarged \d+ times", residuals_svg(document, "residuals"))
 
 
 def test_a_field_that_is_zero_or_partly_unknown_can_be_drawn():
@@ -118,20 +118,22 @@ def test_one_view_alone_can_be_drawn(document):
         "residuals": [row for row in document["residuals"] if row["view"] == "left"],
         "blunders": None,
     }
-    assert "right</text>" not in distribution_svg(alone)
-    assert "#b34700" not in residuals_svg({**alone, "views": document["views"][:1]})
+    assert "right</text>" not in distribution_svg(alone, "distribution")
+    assert "#b34700" not in residuals_svg({**alone, "views": document["views"][:1]}, "residuals")
 
 
 def test_two_unknowns_have_one_correlation():
-    svg = correlation_svg({"names": ["lens.f_mm", "left.b1"], "correlation": [[1.0, -0.97], [-0.97, 1.0]]})
+    svg = correlation_svg(
+        {"names": ["lens.f_mm", "left.b1"], "correlation": [[1.0, -0.97], [-0.97, 1.0]]}, 0.95, "correlation"
+    )
     assert "b₁" in svg
 
 
 def test_one_held_out_target_can_be_drawn():
     point = {f"{kind}{axis}_mm": 0.01 for kind in ("d", "sigma_") for axis in "xyz"}
-    assert "predicted σ [mm]" in validation_svg([point])
+    assert "predicted σ [mm]" in validation_svg([point], "validation")
 
 
 def test_figures_hold_no_picture_date_or_program(document):
-    svg = residuals_svg(document)
+    svg = residuals_svg(document, "residuals")
     assert not re.search(r"metadata|<image|atplotlib|<\?xml|DOCTYPE|<style", svg)

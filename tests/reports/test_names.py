@@ -1,6 +1,6 @@
 import pytest
 
-from grabberd.reports.names import COLOURS, colour, instant, label, spelled, symbol, unknown
+from grabberd.reports.names import COLOURS, as_text, colour, label, symbol, unknown_name, utc_time
 
 
 def test_parameters_have_their_symbols():
@@ -15,8 +15,8 @@ def test_parameters_have_their_symbols():
 
 
 def test_unknowns_are_named_with_their_view():
-    assert unknown("left.b8=b9") == "left b₈ = b₉"
-    assert unknown("lens.f_mm") == "lens f"
+    assert unknown_name("left.b8=b9") == "left b₈ = b₉"
+    assert unknown_name("lens.f_mm") == "lens f"
 
 
 @pytest.mark.parametrize(
@@ -46,12 +46,12 @@ def test_a_key_is_said_in_words_with_its_unit(key, said):
     ],
 )
 def test_any_value_is_spelled_in_a_line(value, said):
-    assert spelled(value) == said
+    assert as_text(value) == said
 
 
 def test_a_time_is_written_as_people_do_and_other_text_left_alone():
-    assert instant("2026-01-02T03:04:05.678+00:00") == "2026-01-02 03:04:05 UTC"
-    assert instant("2026-01-02T03:04:05+02:00") == "2026-01-02T03:04:05+02:00"
+    assert utc_time("2026-01-02T03:04:05.678+00:00") == "2026-01-02 03:04:05 UTC"
+    assert utc_time("2026-01-02T03:04:05+02:00") == "2026-01-02T03:04:05+02:00"
 
 
 def test_views_have_colours_of_their_own():

@@ -2,7 +2,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grabberd.reports.numbers import common_exponent, fixed, measured, probability, significant
+from grabberd.reports.numbers import (
+    common_exponent,
+    count,
+    fixed,
+    measured,
+    p_value,
+    probability,
+    significant,
+)
 
 SIGMAS = st.floats(1e-9, 1e4)
 
@@ -71,3 +79,11 @@ def test_a_power_of_ten_is_taken_out_of_small_numbers_alone():
     assert common_exponent([3.2e-5, None, -1.1e-6]) == -5
     assert common_exponent([3.2e-5, 0.02]) == 0
     assert common_exponent([None, 0.0]) == 0
+
+
+def test_whole_numbers_have_a_sign_where_it_is_asked_for():
+    assert [count(2.0), count(-3), count(1, signed=True), count(None)] == ["2", "−3", "+1", "–"]
+
+
+def test_a_probability_in_a_sentence_is_never_broken():
+    assert [p_value(0.123), p_value(0.0)] == ["p\u00a0=\u00a00.123", "p\u00a0<\u00a00.001"]

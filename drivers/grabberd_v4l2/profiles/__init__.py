@@ -1,4 +1,4 @@
-"""What is known of each driver of the kernel: a YAML file for each, overridden by the installer's own."""
+"""Profiles of kernel drivers: a YAML file for each, overridden by the installer's own."""
 
 from grabberd_v4l2.profiles.profile import DEFAULT, DIRECTORY, Profile, Profiles, SignalSource
 

@@ -24,7 +24,7 @@ _PARITIES = {"top": TOP, "bottom": BOTTOM}
 
 
 class SignalSource(StrEnum):
-    """Which question a driver answers when there is no camera at the input."""
+    """Query by which a driver reports that no camera is connected."""
 
     ENUMINPUT = "enuminput"
     QUERYSTD = "querystd"
@@ -32,7 +32,7 @@ class SignalSource(StrEnum):
 
 
 class Profile(BaseModel):
-    """What is known of a driver; the keys of its file.
+    """Profile of a kernel driver; its fields are the keys of its file.
 
     Attributes:
         driver: its name as VIDIOC_QUERYCAP tells it, and the name of the file.
@@ -143,7 +143,7 @@ def _read(file: Traversable) -> dict[str, Any]:
 
 
 def _in_words(error: Exception) -> str:
-    """Everything that is wrong, on one line."""
+    """All problems on one line."""
     if isinstance(error, ValidationError):
         return "; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors())
     return " ".join(str(error).split())

@@ -4,7 +4,7 @@ from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap, Shares
 from grabberd.analysis.load.pressure_model import PressureModel
-from grabberd.analysis.load.touch import FreeWall, Touch, above_place, first_touch, free_wall, since_touch
+from grabberd.analysis.load.touch import FreeWall, Touch, first_touch, free_wall, since_touch
 from grabberd.analysis.pulsation.gaps import Gap, gaps
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average
@@ -31,7 +31,7 @@ from grabberd.analysis.view.synthetic import SyntheticView, grey_at, synthetic_v
 from grabberd.analysis.wall.forms import Forms, Principal, curvature_per_m, middle_forms, outer_forms
 from grabberd.analysis.wall.material import Material, Zone, lacking, wall_at
 from grabberd.analysis.wall.material_document import read_zones
-from grabberd.analysis.wall.strain import Strain, middle_strain, outer_strain
+from grabberd.analysis.wall.strain import Strain, outer_strain
 from grabberd.analysis.wall.target_strain import (
     EdgeStrain,
     Places,
@@ -43,7 +43,6 @@ from grabberd.analysis.wall.target_strain import (
     outer_places,
     triangle_strain,
 )
-from grabberd.analysis.wall.tension import Tension, wall_tension
 
 __all__ = [
     "ORDERS",
@@ -83,7 +82,6 @@ __all__ = [
     "Strain",
     "Surface",
     "SyntheticView",
-    "Tension",
     "TimedPoints",
     "Touch",
     "TriangleStrain",
@@ -94,7 +92,6 @@ __all__ = [
     "WallLag",
     "Waveform",
     "Zone",
-    "above_place",
     "agreement",
     "cast",
     "choose_smoothing",
@@ -115,7 +112,6 @@ __all__ = [
     "lacking",
     "middle_forms",
     "middle_places",
-    "middle_strain",
     "middles",
     "nominal_middle_places",
     "nominal_places",
@@ -138,5 +134,4 @@ __all__ = [
     "volume_mm3",
     "wall_at",
     "wall_phases",
-    "wall_tension",
 ]

@@ -1,7 +1,7 @@
-"""The command line: one file a command; what they do stands in the rooms below.
+"""The command line: one file per command; the work is done in the rooms below.
 
-Exit codes: 0 done; 1 it failed, the message says why; 2 the command line is wrong; 74 the daemon cannot
-write its disk; 78 the configuration is wrong.
+Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command line; 74 the daemon cannot
+write to its disk; 78 invalid configuration.
 """
 
 import os
@@ -14,8 +14,8 @@ EX_CONFIG = 78
 
 
 def main() -> None:
-    """The entry point `grabberd`."""
-    # Threads for matrices as small as ours cost more than they give, and disturb the capture thread.
+    """Entry point of the command `grabberd`."""
+    # OpenBLAS threads cost more than they gain on matrices this small, and disturb the capture thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from grabberd.cli.app import app  # noqa: PLC0415 - `import grabberd.cli` stays cheap
 
@@ -27,5 +27,5 @@ def main() -> None:
 
 
 def complain(error: GrabberdError) -> None:
-    """Says on the terminal, or in the journal, what failed and what to do."""
+    """Print what failed and what to do about it, to the terminal or the journal."""
     print(f"grabberd: {error.message}\nhint: {error.hint}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""`grabberd accuracy`: measured points against the truth, the paper's Table 1 and what belongs to it."""
+"""`grabberd accuracy`: compares measured points with the truth, as in the paper's Table 1."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -21,47 +21,53 @@ MeasuredPoints = Iterable[tuple[int, int, "Points"]]
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("accuracy")(accuracy)
 
 
 def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
-    capture: Annotated[Path, typer.Argument(help="A capture file, NAME.grab; it is not changed.")],
-    truth: Annotated[Path, typer.Option(help="CSV: target, x_mm, y_mm, z_mm, and n where the object moves.")],
+    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab; it is not modified.")],
+    truth: Annotated[
+        Path, typer.Option(help="CSV file: target, x_mm, y_mm, z_mm, and n if the object moves.")
+    ],
     calibration: Annotated[
-        Path | None, typer.Option(help="Measure the fields anew with this calibration (JSON).")
+        Path | None, typer.Option(help="Re-measure the fields with this calibration (JSON).")
     ] = None,
     object_model: Annotated[
-        Path | None, typer.Option("--object", help="Object model (YAML); default: the capture's own.")
+        Path | None, typer.Option("--object", help="Object model (YAML); default: the capture's.")
     ] = None,
     run: Annotated[
-        int | None, typer.Option(min=1, help="Whose points, if not measured anew; the latest.")
+        int | None, typer.Option(min=1, help="Run to compare, unless re-measured; default: the latest.")
     ] = None,
     bits: Annotated[
-        str | None, typer.Option(help="Quantise an 8-bit capture anew, e.g. 1,2,3,4,5,6,7,8; measures anew.")
+        str | None,
+        typer.Option(help="Requantise an 8-bit capture to these bits and re-measure it, e.g. 1,2,3,4."),
     ] = None,
     lines: Annotated[
         Literal["doubled", "field"] | None,
-        typer.Option(help="Of the fields quantised anew; default: doubled at 1 bit, else field."),
+        typer.Option(help="Lines of the requantised fields; default: doubled at 1 bit, else field."),
     ] = None,
-    method: Annotated[str | None, typer.Option(help="Location method, where measured anew.")] = None,
+    method: Annotated[str | None, typer.Option(help="Location method for re-measuring.")] = None,
     fit: Annotated[
-        Literal["none", "rigid"], typer.Option(help="Turn and shift onto the truth first; never scaled.")
+        Literal["none", "rigid"], typer.Option(help="Rotate and shift onto the truth first; never scale.")
     ] = "none",
-    limit: Annotated[float, typer.Option("--limit-mm", min=0.0, help="Allowed error of a length.")] = 0.2,
+    limit: Annotated[
+        float, typer.Option("--limit-mm", min=0.0, help="Maximum permissible error of a length.")
+    ] = 0.2,
     line_jitter: Annotated[
-        float | None, typer.Option("--line-jitter-px", min=0, max=2, help="Default: the capture's own.")
+        float | None,
+        typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: the capture's."),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Compare points with the truth: RMSE, precision and lengths, field by field and smoothed over time.
+    """Compare points with the truth: RMSE, precision and lengths, per field and smoothed over time.
 
     Example: grabberd accuracy object.grab --calibration rig.calibration.json --truth truth.csv
     """
     from grabberd.cli.accuracy_tables import document, show  # noqa: PLC0415
     from grabberd.processes.accuracy import InvestigationSettings  # noqa: PLC0415
     from grabberd.storage import CaptureReader  # noqa: PLC0415
-    from grabberd.storage.truth import read_truth  # noqa: PLC0415
+    from grabberd.storage.input_files import read_truth  # noqa: PLC0415
 
     known, wanted = read_truth(truth), _bits(bits)
     settings = InvestigationSettings(fit=fit == "rigid", limit_mm=limit)
@@ -92,7 +98,7 @@ def _anew(
     truth: "Truth",
     settings: "InvestigationSettings",
 ) -> Iterator["Investigation"]:
-    """The fields measured as they are, or with each of the bits that are wanted."""
+    """Re-measure the fields as recorded, or once for each requested number of bits."""
     from grabberd.processes.accuracy import requantised  # noqa: PLC0415
     from grabberd.processes.measure import measure_fields  # noqa: PLC0415
 
@@ -117,7 +123,7 @@ def _setup(
     line_jitter: float | None,
     method: str | None,
 ) -> "MeasureSetup":
-    """What to measure with: what is named on the command line, else what the capture was taken with."""
+    """Calibration, object model and settings from the command line, else from the capture."""
     from grabberd.service.setup import measure_setup, read_documents, settings_of_capture  # noqa: PLC0415
 
     stored = reader.runs[-1].made_with if reader.runs else {}
@@ -125,7 +131,7 @@ def _setup(
     documents = {key: named[key] or stored.get(key) for key in named}
     for key, option in (("calibration", "--calibration"), ("object", "--object")):
         if not documents[key]:
-            raise NotReady(f"capture {reader.meta.id} was taken without {key}", f"name one with {option}")
+            raise NotReady(f"capture {reader.meta.id} has no {key}", f"give one with {option}")
     chosen = {"line_jitter_px": line_jitter, "method": method}
     settings = settings_of_capture(reader.meta.config) | {
         key: value for key, value in chosen.items() if value is not None
@@ -134,7 +140,7 @@ def _setup(
 
 
 def _configured(reader: "CaptureReader", stored: dict[str, Any]) -> Path | None:
-    """The object model's file in the capture's configuration, where no run has its document."""
+    """The object model file named in the capture's configuration, if no run holds the document itself."""
     name = reader.meta.config.get("object")
     return Path(name) if name and not stored.get("object") else None
 
@@ -145,5 +151,5 @@ def _bits(text: str | None) -> list[int]:
     except ValueError:
         bits = [0]
     if any(not 1 <= each <= 8 for each in bits):
-        raise typer.BadParameter(f"{text!r} is no list of 1 to 8", param_hint="--bits")
+        raise typer.BadParameter(f"{text!r} is not a list of numbers from 1 to 8", param_hint="--bits")
     return bits

@@ -1,4 +1,4 @@
-"""What `grabberd accuracy` prints: tables for people, a document for scripts."""
+"""Output of `grabberd accuracy`: tables for people, a JSON document for scripts."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,27 +10,27 @@ from rich.table import Table
 
 from grabberd.processes.accuracy import Axes, Compared, Investigation
 from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE
-from grabberd.reconstruction.accuracy.lengths import LengthErrors
+from grabberd.reconstruction.accuracy.length_errors import LengthErrors
 from grabberd.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
-from grabberd.reconstruction.accuracy.rigid import RigidMotion
+from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
 
 MUCH_CHI2 = 4.0
-"""Above it the σ given are less than half of the errors."""
+"""Above this the errors are more than twice the σ that the points carry."""
 
 
 def show(results: Sequence[Investigation], console: Console) -> None:
-    """Prints Table 1, lengths and pointing of every investigation."""
-    table = Table("mm", "X", "Y", "Z", "XYZ", title="Accuracy, as the paper's Table 1")
-    _row(table, "the paper, RMSE", PAPER_RMSE)
-    _row(table, "the paper, precision (σ)", PAPER_PRECISION)
+    """Print Table 1, lengths and pointing of every investigation."""
+    table = Table("mm", "X", "Y", "Z", "XYZ", title="Accuracy, as in the paper's Table 1")
+    _row(table, "paper, RMSE", PAPER_RMSE)
+    _row(table, "paper, precision (σ)", PAPER_PRECISION)
     for result in results:
         table.add_section()
-        for name, compared in (("field by field", result.single), ("smoothed", result.smoothed)):
+        for name, compared in (("single fields", result.single), ("smoothed", result.smoothed)):
             head = f"{_bits(result.bits)}, {name}"
             _row(table, f"{head}, RMSE", compared.accuracy.rmse)
             if compared.accuracy.precision and compared is result.single:
                 _row(table, f"{head}, precision (σ)", compared.accuracy.precision)
-            _row(table, f"{head}, σ given", compared.sigma)
+            _row(table, f"{head}, predicted σ", compared.sigma)
     console.print(table)
     for result in results:
         for line in _words(result):
@@ -51,14 +51,14 @@ def _words(result: Investigation) -> list[str]:
     left_out = int(motion.left_out.sum())
     words = [
         f"{head}: {table.matched} points in {table.fields} fields; {table.missing} missing, "
-        f"{table.wrong} wrong, {table.unknown} of targets that the truth does not have",
-        f"{head}: χ² {result.single.chi2:.2f} field by field, {result.smoothed.chi2:.2f} smoothed (1: the "
-        f"σ given are true); {_movement(motion.acceleration_mm_s2)}; {left_out} points left out",
+        f"{table.wrong} wrong, {table.unknown} of targets missing from the truth",
+        f"{head}: χ² {result.single.chi2:.2f} for single fields, {result.smoothed.chi2:.2f} smoothed (1: the "
+        f"predicted σ is right); {_movement(motion.acceleration_mm_s2)}; {left_out} points left out",
     ]
     words += [f"{head}: remark: {remark}" for remark in _remarks(result.single)]
     if table.fitted:
         words.append(f"{head}: fitted: {_fit_words(table.fitted)}")
-    for name, compared in (("field by field", result.single), ("smoothed", result.smoothed)):
+    for name, compared in (("single fields", result.single), ("smoothed", result.smoothed)):
         words.append(f"{head}, {name}: {_length_words(compared)}")
     if result.pointing:
         words.append(f"{head}: {_pointing_words(result.pointing)}")
@@ -66,12 +66,12 @@ def _words(result: Investigation) -> list[str]:
 
 
 def _remarks(compared: Compared) -> list[str]:
-    """What a person should know of the calibration."""
+    """Remarks on the calibration."""
     if compared.chi2 <= MUCH_CHI2:
         return []
     return [
-        f"the errors are {compared.chi2**0.5:.1f} times what the σ given say: camera or mirrors may have "
-        "moved since the calibration, or truth and object may stand elsewhere; look with grabberd check"
+        f"the errors are {compared.chi2**0.5:.1f} times the predicted σ: camera or mirrors may have moved "
+        "since the calibration, or truth and object are not aligned; run grabberd check"
     ]
 
 
@@ -79,24 +79,24 @@ def _pointing_words(pointing: PointingPrecision) -> str:
     (x, y), (paper_x, paper_y) = pointing.both_px, PAPER_PX
     return (
         f"pointing {x:.3f} px in x, {y:.3f} px in y, from {pointing.fields} measurements of "
-        f"{pointing.targets} targets (the paper: {paper_x:.3f}, {paper_y:.3f})"
+        f"{pointing.targets} targets (paper: {paper_x:.3f}, {paper_y:.3f})"
     )
 
 
 def _movement(acceleration_mm_s2: NDArray[np.float64]) -> str:
     greatest = float(acceleration_mm_s2.max(initial=0.0))
-    return "the object stands still" if greatest == 0 else f"accelerations about {greatest:.0f} mm/s²"
+    return "the object is at rest" if greatest == 0 else f"accelerations about {greatest:.0f} mm/s²"
 
 
 def _fit_words(motion: RigidMotion) -> str:
     shift = ", ".join(f"{value:+.4f}" for value in motion.shift_mm)
-    return f"turned by {motion.angle_deg:.4f} degrees, shifted by {shift} mm; nothing scaled"
+    return f"rotated by {motion.angle_deg:.4f} degrees, shifted by {shift} mm; not scaled"
 
 
 def _length_words(compared: Compared) -> str:
     lengths = compared.lengths
     if lengths is None:
-        return f"no length-measuring error: {compared.no_lengths}"
+        return f"length-measuring error not determined: {compared.no_lengths}"
     verdict = "within" if lengths.passed else "NOT within"
     return (
         f"length-measuring error {lengths.greatest_mm:+.4f} mm, {verdict} {lengths.limit_mm:g} mm "
@@ -105,7 +105,7 @@ def _length_words(compared: Compared) -> str:
 
 
 def document(results: Sequence[Investigation]) -> dict[str, Any]:
-    """Everything, for scripts; what was found in the first investigation stands at the top as well."""
+    """JSON document of all results; the first investigation is repeated at the top level."""
     investigations = [_investigation(result) for result in results]
     paper = {"rmse": PAPER_RMSE._asdict(), "precision": PAPER_PRECISION._asdict(), "pointing_px": PAPER_PX}
     return {**investigations[0]["single"], "paper": paper, "investigations": investigations}

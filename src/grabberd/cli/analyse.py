@@ -1,4 +1,4 @@
-"""`grabberd analyse`: from a capture's points to shape, strain, tension and pressure."""
+"""`grabberd analyse`: computes shape, strain, tension and pressure from a capture's points."""
 
 import math
 from pathlib import Path
@@ -12,7 +12,7 @@ from grabberd.cli.options import JsonOption, console, print_json, progress_conso
 from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
-    from grabberd.service.jobs.analyse_file import Analysed
+    from grabberd.service.jobs.analysis import AnalysisOutput
 
 _SHOWN = (
     "period_s",
@@ -27,34 +27,36 @@ _SHOWN = (
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("analyse")(analyse)
 
 
 def analyse(
-    capture: Annotated[
-        Path, typer.Argument(help="A capture file with points, NAME.grab; it is not changed.")
-    ],
-    out: Annotated[Path, typer.Option("--out", "-o", help="A new or empty folder.")],
+    capture: Annotated[Path, typer.Argument(help="Capture file with points, NAME.grab; it is not modified.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the results.")],
     inputs: Annotated[
         Path | None,
-        typer.Option(help="Reference state, material, vacuum, plane, … (YAML); without it, the shape alone."),
+        typer.Option(
+            help="Reference state, material, vacuum, plane, … (YAML); without it, only the shape is analysed."
+        ),
     ] = None,
     bursts: Annotated[
         list[Path] | None,
-        typer.Option(help="A further capture of the same liner, put together by phase; may be repeated."),
+        typer.Option(help="Another capture of the same liner, combined by phase; may be repeated."),
     ] = None,
     vacuum_log: Annotated[
-        Path | None, typer.Option(help="A vacuum logger's file (CSV): time_s, pulsation_vacuum_kpa, ….")
+        Path | None, typer.Option(help="CSV file of a vacuum logger: time_s, pulsation_vacuum_kpa, …")
     ] = None,
-    run: Annotated[int | None, typer.Option(min=1, help="Whose points; default: the latest.")] = None,
-    formats: Annotated[str, typer.Option(help="Of csv, parquet, hdf5, vtu, ply; with commas.")] = "csv",
+    run: Annotated[int | None, typer.Option(min=1, help="Run to analyse; default: the latest.")] = None,
+    formats: Annotated[
+        str, typer.Option(help="Comma-separated list of csv, parquet, hdf5, vtu, ply.")
+    ] = "csv",
     json: JsonOption = False,
 ) -> None:
-    """Surface, sections, curvature, strain, tension and pressure of a capture, field by field and by phase.
+    """Compute surface, sections, curvature, strain, tension and pressure of a capture, by field and by phase.
 
-    What an analysis takes beside the points is in the inputs; none of it is assumed; what lacks is said.
-    Beside the tables there is the report: report.html to read, report.json for programs.
+    Everything an analysis needs besides the points comes from the inputs file; nothing is assumed, and
+    missing inputs are listed. Writes tables and a report: report.html to read, report.json for programs.
 
     Example: grabberd analyse liner.grab --inputs configs/analysis/liner.yaml --out liner-analysis
 
@@ -62,10 +64,10 @@ def analyse(
 
     Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
     """
-    from grabberd.service.jobs.analyse_file import analyse_file  # noqa: PLC0415
+    from grabberd.service.jobs.analysis import analyse_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
+    from grabberd.storage.disk import new_folder  # noqa: PLC0415
     from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
-    from grabberd.storage.export.folders import new_folder  # noqa: PLC0415
 
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
@@ -95,8 +97,8 @@ def analyse(
         typer.echo(f"{out}: {', '.join(path.name for path in written)}")
 
 
-def _report(out: Path, made: "Analysed") -> list[Path]:
-    from grabberd.service.jobs.analysis_report import write_document, write_page  # noqa: PLC0415
+def _report(out: Path, made: "AnalysisOutput") -> list[Path]:
+    from grabberd.service.jobs.analysis import write_document, write_page  # noqa: PLC0415
     from grabberd.storage.state.analysis_store import DOCUMENT  # noqa: PLC0415
 
     document = write_document(out, made)
@@ -111,11 +113,11 @@ def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} cannot be read: {error}", "name the logger's CSV file") from error
+        raise InputError(f"{path} cannot be read: {error}", "give the logger's CSV file") from error
 
 
-def _document(made: "Analysed", written: list[Path]) -> dict[str, Any]:
-    """What scripts want to know at once; all else is in the files."""
+def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
+    """Summary for scripts; everything else is in the files."""
     return {
         **made.about,
         "summary": {name: value if math.isfinite(value) else None for name, value in _summary(made).items()},
@@ -125,12 +127,12 @@ def _document(made: "Analysed", written: list[Path]) -> dict[str, Any]:
     }
 
 
-def _summary(made: "Analysed") -> dict[str, float]:
-    """The one row of the table `summary`."""
-    return {column.name: column.values.tolist()[0] for column in made.tables["summary"].columns}
+def _summary(made: "AnalysisOutput") -> dict[str, float]:
+    """The only row of the table `summary`."""
+    return {name: values.tolist()[0] for name, values in made.tables["summary"].rows.items()}
 
 
-def _show(made: "Analysed") -> None:
+def _show(made: "AnalysisOutput") -> None:
     from grabberd.reports.numbers import measured  # noqa: PLC0415
 
     row = _summary(made)
@@ -147,8 +149,8 @@ def _show(made: "Analysed") -> None:
     warn(made.analysis.problems)
 
 
-def _ranges(made: "Analysed") -> list[tuple[str, str, str]]:
-    """Least and greatest of some columns over the fields."""
+def _ranges(made: "AnalysisOutput") -> list[tuple[str, str, str]]:
+    """Smallest and largest values of some columns over all fields."""
     import numpy as np  # noqa: PLC0415
 
     from grabberd.reports.numbers import measured  # noqa: PLC0415
@@ -159,5 +161,5 @@ def _ranges(made: "Analysed") -> list[tuple[str, str, str]]:
         if np.isfinite(values).any():
             median = float(np.nanmedian(sigma))
             ends = " … ".join(measured(float(end(values)), median).value for end in (np.nanmin, np.nanmax))
-            rows.append((f"{name}, over the fields", ends, measured(0.0, median).sigma))
+            rows.append((f"{name}, range over the fields", ends, measured(0.0, median).sigma))
     return rows

@@ -1,4 +1,4 @@
-"""All commands together."""
+"""The application with all of its commands."""
 
 from typing import Annotated
 
@@ -47,7 +47,8 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
     pass

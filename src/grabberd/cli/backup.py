@@ -1,4 +1,4 @@
-"""`grabberd backup` and `grabberd restore`: what the capture files do not know, in one file and back."""
+"""`grabberd backup` and `grabberd restore`: saves and restores all state that is not in capture files."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,19 +11,19 @@ from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the commands."""
+    """Add the commands."""
     app.command("backup")(backup)
     app.command("restore")(restore)
 
 
 def backup(
-    out: Annotated[Path, typer.Argument(help="The file to write, e.g. barn-2026-03-01.zip.")],
+    out: Annotated[Path, typer.Argument(help="File to write, e.g. barn-2026-03-01.zip.")],
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Write settings, tokens, pins, notes and calibrations into one file; the daemon may run meanwhile.
+    """Save settings, tokens, pins, notes and calibrations to one file; the daemon may be running.
 
-    Captures are not in it: they are files of their own. Keep it as you keep a password.
+    Captures are not included: they are files of their own. Keep the backup as safe as a password.
 
     Example: grabberd backup --config /etc/grabberd/grabberd.yaml barn-2026-03-01.zip
     """
@@ -38,13 +38,13 @@ def backup(
 
 
 def restore(
-    file: Annotated[Path, typer.Argument(help="A file that grabberd backup wrote.")],
+    file: Annotated[Path, typer.Argument(help="File written by grabberd backup.")],
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Put a backup in place; stop the daemon first, and run it as the daemon's own user.
+    """Restore a backup; stop the daemon first, and run this as the daemon's user.
 
-    What is replaced is kept in a folder replaced-TIME. Captures stay as they are.
+    Replaced files are kept in a folder replaced-TIME. Captures are not touched.
 
     Example: grabberd restore --config /etc/grabberd/grabberd.yaml barn-2026-03-01.zip
     """
@@ -57,4 +57,4 @@ def restore(
         return
     typer.echo(f"restored state and {info.calibrations} calibrations of {info.created_utc}")
     if replaced:
-        typer.echo(f"what was there before is in {replaced}")
+        typer.echo(f"the previous state is kept in {replaced}")

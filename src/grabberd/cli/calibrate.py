@@ -1,4 +1,4 @@
-"""`grabberd calibrate`: from a capture of the calibration frame to a calibration and its report."""
+"""`grabberd calibrate`: computes a calibration and its report from a capture of the calibration frame."""
 
 import json as json_module
 from pathlib import Path
@@ -21,50 +21,57 @@ from grabberd.config import RigConfig
 from grabberd.errors import StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.jobs.calibrate_file import Calibrated
+    from grabberd.service.jobs.calibration import CalibrationOutput
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("calibrate")(calibrate)
 
 
 def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
-    capture: Annotated[Path, typer.Argument(help="A capture of the calibration frame, NAME.grab.")],
-    calibration_frame: Annotated[Path, typer.Option(help="The calibration frame's targets (YAML).")],
-    out: Annotated[Path, typer.Option(help="The calibration to write (JSON); never overwritten.")],
+    capture: Annotated[Path, typer.Argument(help="Capture of the calibration frame, NAME.grab.")],
+    calibration_frame: Annotated[Path, typer.Option(help="Targets of the calibration frame (YAML).")],
+    out: Annotated[Path, typer.Option(help="Calibration file to write (JSON); never overwrites.")],
     report: Annotated[
-        Path | None, typer.Option(help="Report to write beside it: NAME.html, or NAME.json.")
+        Path | None, typer.Option(help="Report to write as well: NAME.html or NAME.json.")
     ] = None,
     config: ConfigOption = None,
-    device: Annotated[str | None, typer.Option(help="Whose nominal rig; with --config only.")] = None,
+    device: Annotated[
+        str | None, typer.Option(help="Device whose nominal rig is used; only with --config.")
+    ] = None,
     weights: Annotated[
-        Literal["honest", "equal"], typer.Option(help="By every mean's own σ, or the paper's equal ones.")
+        Literal["honest", "equal"],
+        typer.Option(help="Weight image points by their own σ, or equally as in the paper."),
     ] = "honest",
     targets: Annotated[
-        Literal["weighted", "held"], typer.Option(help="Calibration-frame points by their σ, or held fast.")
+        Literal["weighted", "held"],
+        typer.Option(help="Treat the frame's targets as observations with σ, or hold them fixed."),
     ] = "weighted",
     lens: Annotated[
-        Literal["apart", "shared"], typer.Option(help="Lens terms of each view, or one lens for both.")
+        Literal["apart", "shared"],
+        typer.Option(help="Separate lens parameters per view, or one shared lens."),
     ] = "apart",
-    tied: Annotated[bool, typer.Option(help="b9 = b8, as the paper prints it.")] = False,
+    tied: Annotated[bool, typer.Option(help="Tie b9 = b8, as printed in the paper.")] = False,
     free: Annotated[
         str | None, typer.Option(help="Parameters to adjust, e.g. f_mm,x0_px,…,left.b1; default: all.")
     ] = None,
-    alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="Of the significance tests.")] = 0.05,
-    local_field: Annotated[bool, typer.Option(help="Try a smooth residual field beyond b1…b9.")] = True,
+    alpha: Annotated[float, typer.Option(min=1e-6, max=0.5, help="Significance level of the tests.")] = 0.05,
+    local_field: Annotated[
+        bool, typer.Option(help="Try a smooth residual field in addition to b1…b9.")
+    ] = True,
     handedness: Annotated[
-        Literal["auto", "+1", "-1"], typer.Option(help="Of both views; auto finds each.")
+        Literal["auto", "+1", "-1"], typer.Option(help="Handedness of both views; auto: detect each.")
     ] = "auto",
     identifications: Annotated[
-        Path | None, typer.Option(help="CSV made by hand: view, target, x_px, y_px.")
+        Path | None, typer.Option(help="Manual identifications, CSV: view, target, x_px, y_px.")
     ] = None,
-    note: Annotated[str, typer.Option(help="Kept with the calibration.")] = "",
+    note: Annotated[str, typer.Option(help="Note stored with the calibration.")] = "",
     json: JsonOption = False,
 ) -> None:
     """Calibrate both virtual cameras from a capture of the calibration frame.
 
-    The rig's nominal geometry comes from the capture's own configuration, or from --config.
+    The rig's nominal geometry is taken from the capture's configuration, or from --config.
 
     Example: grabberd calibrate frame.grab --calibration-frame configs/calibration-frames/paper-108.yaml
     --out rig.calibration.json --report report.html
@@ -93,14 +100,14 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
 
 
 def _check_new(*paths: Path | None) -> None:
-    """Said before the work begins, so that nothing is lost by it."""
+    """Check the output files before the work starts, so that no result is lost at its end."""
     for path in filter(None, paths):
         if path.exists():
             raise StorageError(f"{path} exists already", "name another file; nothing is overwritten")
         if not path.parent.is_dir():
-            raise StorageError(f"there is no folder {path.parent}", "make it, or name another file")
+            raise StorageError(f"there is no folder {path.parent}", "create it, or name another file")
         if path is paths[1] and path.suffix not in {".html", ".json"}:
-            raise StorageError(f"{path} is neither .html nor .json", "name the report NAME.html or NAME.json")
+            raise StorageError(f"{path} is neither .html nor .json", "call the report NAME.html or NAME.json")
 
 
 def _calibrated(
@@ -109,11 +116,11 @@ def _calibrated(
     options: dict[str, Any],
     rig: RigConfig | None,
     identifications: Path | None,
-) -> "Calibrated":
-    """With a progress bar."""
-    from grabberd.service.jobs.calibrate_file import calibrate_file  # noqa: PLC0415
+) -> "CalibrationOutput":
+    """Calibrate, showing a progress bar."""
+    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
-    from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
+    from grabberd.storage.input_files import read_identifications  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
     with Progress(console=progress_console, transient=True) as progress:
@@ -121,7 +128,7 @@ def _calibrated(
         return calibrate_file(
             lambda share: progress.update(task, completed=share),
             path=capture,
-            frame=read_yaml(calibration_frame),
+            calibration_frame=read_yaml(calibration_frame),
             options=options,
             rig=rig,
             by_hand=by_hand,
@@ -142,7 +149,7 @@ def _write_report(path: Path, document: dict[str, Any]) -> None:
     _write(path, calibration_html(document) if path.suffix == ".html" else document_json(document))
 
 
-def _show(out: Path, report: Path | None, made: "Calibrated") -> None:
+def _show(out: Path, report: Path | None, made: "CalibrationOutput") -> None:
     document = made.report
     result, found = document["result"], document["identification"]
     table = Table(title=f"{out}: calibration {document['id']}")

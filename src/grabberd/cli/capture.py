@@ -1,4 +1,4 @@
-"""`grabberd capture`: a capture into a file, without a daemon, or through the one that holds the device."""
+"""`grabberd capture`: records a capture to a file, directly or through the daemon that holds the device."""
 
 import contextlib
 import signal
@@ -24,9 +24,9 @@ from grabberd.config import Config, default_config_file
 from grabberd.errors import DeviceAbsent, StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.capture.recorder import CaptureRequest
+    from grabberd.service.capture.capture_request import CaptureRequest
     from grabberd.service.capture.recording import Recording
-    from grabberd.service.device.instrument import Instrument
+    from grabberd.service.instrument import Instrument
 
 POLL_S = 0.05
 FIELD_S = 0.02
@@ -34,51 +34,53 @@ OPEN_TIMEOUT_S = 10.0
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("capture")(capture)
 
 
 def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it has options
-    out: Annotated[Path, typer.Option("--out", "-o", help="The capture file to write, NAME.grab.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Capture file to write, NAME.grab.")],
     config: ConfigOption = None,
     device: Annotated[
-        str | None, typer.Option(help="A configured device, or replay:PATH to play a recording in its place.")
+        str | None, typer.Option(help="A configured device, or replay:PATH to play back a recording instead.")
     ] = None,
     fields: Annotated[int | None, typer.Option(min=1, help="Length in fields of 20 ms.")] = None,
     duration: Annotated[
         float | None, typer.Option("--duration-s", min=0.02, help="Length in seconds.")
     ] = None,
-    bits: Annotated[int | None, typer.Option(min=1, max=8, help="Bits a pixel: 1 to 6, or 8.")] = None,
+    bits: Annotated[int | None, typer.Option(min=1, max=8, help="Bits per pixel: 1 to 6, or 8.")] = None,
     lines: Annotated[str | None, typer.Option(help="doubled or field (intact).")] = None,
     on_interruption: Annotated[
-        str | None, typer.Option(help="When the device fails to deliver: continue, or end the capture there.")
+        str | None, typer.Option(help="If the device stops delivering: continue, or end the capture.")
     ] = None,
-    note: Annotated[str, typer.Option(help="A note that stays with the capture.")] = "",
+    note: Annotated[str, typer.Option(help="Note stored with the capture.")] = "",
     label: Annotated[list[str] | None, typer.Option(help="KEY=VALUE, e.g. cow=112; may be repeated.")] = None,
     armed: Annotated[
         bool,
         typer.Option(
-            "--armed", help="Wait in the daemon for 'grabberd trigger'; the length counts from there."
+            "--armed", help="Let the daemon wait for 'grabberd trigger'; the length counts from the trigger."
         ),
     ] = False,
     pre_trigger: Annotated[
         int,
-        typer.Option(min=0, help="Fields before the start, or trigger, that belong to it: from the ring."),
+        typer.Option(min=0, help="Include this many fields from the ring before the start or trigger."),
     ] = 0,
-    together: Annotated[
+    group_devices: Annotated[
         str | None,
         typer.Option(
-            help="Devices of the daemon that begin together, A,B or all: a file of each, NAME-DEVICE.grab.",
+            "--together",
+            help="Start these devices at the same moment, A,B or all; writes NAME-DEVICE.grab for each.",
             metavar="DEVICES",
         ),
     ] = None,
     url: Annotated[
-        str | None, typer.Option("--url", help="Let the daemon at this address do it.", envvar="GRABBERD_URL")
+        str | None,
+        typer.Option("--url", help="Record through the daemon at this address.", envvar="GRABBERD_URL"),
     ] = None,
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Record fields and measure them into one file; Ctrl-C ends a capture without a length.
+    """Record and measure fields into one file; Ctrl-C ends the capture.
 
     Example: grabberd capture --config configs/fake.yaml --fields 64 --out liner.grab
 
@@ -100,11 +102,11 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         label or [],
     )
     if not out.parent.is_dir():
-        raise StorageError(f"there is no folder {out.parent}", "make it, or name another file")
-    if together:
+        raise StorageError(f"there is no folder {out.parent}", "create it, or name another file")
+    if group_devices:
         if device is not None:
-            raise typer.BadParameter("name the devices in one way, --device or --together")
-        _capture_together(url or DEFAULT_URL, together, order, out, token_file, json=json)
+            raise typer.BadParameter("give either --device or --together, not both")
+        _capture_group(url or DEFAULT_URL, group_devices, order, out, token_file, json=json)
         return
     if out.exists():
         raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
@@ -127,7 +129,7 @@ def _say(out: Path, document: dict[str, Any]) -> None:
     typer.echo(f"{out}: {document['fields']} fields, {words}")
 
 
-def _capture_together(
+def _capture_group(
     url: str, devices: str, order: dict[str, Any], out: Path, token_file: Path | None, *, json: bool
 ) -> None:
     from grabberd.cli.remote.remote_group import capture_group_through, file_of  # noqa: PLC0415
@@ -142,7 +144,7 @@ def _capture_together(
 
 
 def _lengths(fields: int | None, duration_s: float | None, *, armed: bool) -> dict[str, Any]:
-    """An armed capture's length counts from its trigger on."""
+    """Length of the capture for the API; that of an armed one counts from its trigger."""
     if not armed:
         return {"fields": fields, "duration_s": duration_s}
     if fields is not None and duration_s is not None:
@@ -153,17 +155,17 @@ def _lengths(fields: int | None, duration_s: float | None, *, armed: bool) -> di
 
 
 def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
-    """The capture as the API takes it, with what is wrong said in the command line's words."""
+    """Validate the options as the API would, with errors in terms of the command line."""
     from pydantic import ValidationError  # noqa: PLC0415
 
-    from grabberd.api.routes.capture_models import CaptureOrder  # noqa: PLC0415
+    from grabberd.documents.requests import NewCapture  # noqa: PLC0415
 
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
         raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
     try:
         order = {**values, "labels": {key: value for key, _, value in pairs}}
-        return CaptureOrder.model_validate(order).model_dump(exclude_none=True)
+        return NewCapture.model_validate(order).model_dump(exclude_none=True)
     except ValidationError as error:
         faults = "; ".join(
             f"{'.'.join(str(part) for part in fault['loc']) or 'capture'}: {fault['msg']}"
@@ -177,16 +179,16 @@ def _capture_here(
 ) -> dict[str, Any]:
     from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
-    from grabberd.service.device.instrument import Instrument  # noqa: PLC0415
+    from grabberd.service.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
-    from grabberd.storage.capture.leftovers import leftovers, recording_folder  # noqa: PLC0415
+    from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder  # noqa: PLC0415
 
     warn(
-        f"{part} was left by a capture that was cut off; 'grabberd storage seal {part}' saves it"
-        for part in leftovers(out.parent)
+        f"{part} was left by an interrupted capture; 'grabberd storage seal {part}' recovers it"
+        for part in interrupted_captures(out.parent)
     )
     sys.setswitchinterval(0.001)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends a capture as Ctrl-C does
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the capture as Ctrl-C does
     chosen = with_device(config, file, device)
     setup = next(iter(set_up(chosen, file or default_config_file()).values()))
     instrument = Instrument(setup, SystemClock(), site=dict(config.site), queue_s=config.storage.queue_s)
@@ -196,21 +198,22 @@ def _capture_here(
         warn(instrument.board.now.warnings)
         rate_hz = instrument.rate_hz
         with recording_folder(out.parent) as folder:
-            session = instrument.start_capture(
+            recording = instrument.start_capture(
                 out.stem, _request(order, rate_hz), folder / f"{out.name}.part"
             )
-            _follow(session, order, rate_hz)
-            _keep(session, out)
+            _follow(recording, order, rate_hz)
+            _keep(recording, out)
     finally:
         instrument.stop()
-    return describe(out)
+    # A pin belongs to the state of a daemon, and there is none here.
+    return describe(out).model_dump(mode="json", exclude={"pinned"})
 
 
 def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
-    from grabberd.service.capture.recorder import CaptureRequest  # noqa: PLC0415
+    from grabberd.service.capture.capture_request import CaptureRequest  # noqa: PLC0415
 
     values = dict(order)
-    values.pop("armed", None)  # here it begins at once
+    values.pop("armed", None)  # without a daemon a capture always starts at once
     duration_s = values.pop("duration_s", None)
     if duration_s is not None:
         values["fields"] = max(1, round(duration_s * rate_hz))
@@ -228,12 +231,12 @@ def _wait_until_it_accepts(instrument: "Instrument") -> None:
         raise DeviceAbsent(
             f"device {instrument.name} is {board.now.state}: {board.now.cause}",
             board.now.hint
-            or "check the grabber and the configuration; 'grabberd devices' lists what there is",
+            or "check the grabber and the configuration; 'grabberd devices' lists all grabbers",
         )
 
 
-def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None:
-    """Shows how far the capture is until its file is sealed; Ctrl-C ends the recording."""
+def _follow(recording: "Recording", order: dict[str, Any], rate_hz: float) -> None:
+    """Show progress until the file is sealed; Ctrl-C ends the recording."""
     wanted = order.get("fields") or round(order.get("duration_s", 0) * rate_hz) or None
     columns = (
         TextColumn("recording"),
@@ -243,16 +246,16 @@ def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None
     )
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("", total=wanted)
-        while not session.sealed.is_set():
+        while not recording.sealed.is_set():
             with contextlib.suppress(KeyboardInterrupt):
-                progress.update(task, completed=session.recorder.ledger.total)
-                session.sealed.wait(POLL_S)
+                progress.update(task, completed=recording.recorder.ledger.total)
+                recording.sealed.wait(POLL_S)
                 continue
-            session.stop("stopped by the operator")
+            recording.stop("stopped by the operator")
 
 
-def _keep(session: "Recording", out: Path) -> None:
-    """Gives the file its name, whole or not; what kept it from being whole is raised."""
-    session.path.rename(out)
-    if session.failure is not None:
-        raise session.failure
+def _keep(recording: "Recording", out: Path) -> None:
+    """Rename the file, complete or not, then raise the failure that made it incomplete."""
+    recording.path.rename(out)
+    if recording.failure is not None:
+        raise recording.failure

@@ -1,4 +1,4 @@
-"""`grabberd check`: does the calibration still hold?"""
+"""`grabberd check`: checks whether the calibration still holds."""
 
 import time
 from pathlib import Path
@@ -21,38 +21,39 @@ from grabberd.cli.options import (
 from grabberd.errors import GrabberdError, InputError
 
 NOT_FITTING = 3
-"""Exit code of a check whose verdict is not 'fits'."""
+"""Exit code if the verdict is not 'fits'."""
 POLL_S = 0.2
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("check")(check)
 
 
 def check(
     capture: Annotated[
-        Path | None, typer.Argument(help="A capture of the calibration frame; without one, of the daemon.")
+        Path | None, typer.Argument(help="Capture of the calibration frame; default: the daemon records one.")
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option(help="The calibration to check (JSON); default: the capture's own.")
+        Path | None, typer.Option(help="Calibration to check (JSON); default: the capture's.")
     ] = None,
     calibration_frame: Annotated[
-        Path | None, typer.Option(help="The calibration frame's targets (YAML); default: the one there is.")
+        Path | None,
+        typer.Option(help="Targets of the calibration frame (YAML); default: the only known one."),
     ] = None,
     in_place: Annotated[
-        bool, typer.Option("--in-place", help="It stands exactly where it stood at the calibration.")
+        bool, typer.Option("--in-place", help="The frame stands exactly where it stood for the calibration.")
     ] = False,
     device: Annotated[
-        str | None, typer.Option(help="Whose calibration; not needed where there is one.")
+        str | None, typer.Option(help="Device to check; not needed if there is only one.")
     ] = None,
     url: UrlOption = DEFAULT_URL,
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Look at the calibration frame for ten seconds: does the calibration still hold?
+    """Check whether the calibration still holds, by watching the calibration frame for ten seconds.
 
-    Exit code 0: it fits; 3: it is doubtful, or does not.
+    Exit code 0: it fits; 3: it is doubtful or does not fit.
 
     Example: grabberd check          grabberd check frame.grab --calibration rig.calibration.json
     """
@@ -78,8 +79,8 @@ def _frame(path: Path | None) -> dict[str, Any] | None:
 def _of_file(
     capture: Path, calibration: Path | None, frame: dict[str, Any] | None, *, in_place: bool
 ) -> dict[str, Any]:
-    from grabberd.service.calibrations.calibration_frames import frame_document  # noqa: PLC0415
-    from grabberd.service.jobs.check_job import check_file  # noqa: PLC0415
+    from grabberd.service.calibrations.calibration_frames import calibration_frame_document  # noqa: PLC0415
+    from grabberd.service.jobs.check import check_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents  # noqa: PLC0415
 
     document = read_documents(calibration, None)["calibration"]
@@ -88,7 +89,7 @@ def _of_file(
         return check_file(
             lambda share: progress.update(task, completed=share),
             path=capture,
-            frame=frame_document(frame),
+            calibration_frame=calibration_frame_document(frame),
             calibration=document,
             in_place=in_place,
         )
@@ -103,13 +104,16 @@ def _through_daemon(
     order = {"calibration_frame": frame, "in_place": in_place}
     job = ask(url, f"/api/v1/devices/{quote(name, safe='')}/check", "POST", order, token_file)
     with Progress(console=progress_console, transient=True) as progress:
-        task = progress.add_task("looking at the calibration frame", total=1.0)
+        task = progress.add_task("watching the calibration frame", total=1.0)
         while job["state"] in ("queued", "running"):
             time.sleep(POLL_S)
             job = ask(url, f"/api/v1/jobs/{job['id']}", token_file=token_file)
             progress.update(task, completed=job["progress"])
     if job["state"] != "done":
-        problem = job["problem"] or {"message": f"the check was {job['state']}", "hint": "check again"}
+        problem = job["problem"] or {
+            "message": f"the check was {job['state']}",
+            "hint": "run the check again",
+        }
         raise GrabberdError(problem["message"], problem["hint"])
     return dict(job["result"])
 
@@ -117,7 +121,7 @@ def _through_daemon(
 def _only(devices: list[dict[str, Any]]) -> str:
     names = [str(one["name"]) for one in devices]
     if len(names) != 1:
-        raise InputError(f"there are several devices: {', '.join(names)}", "name one with --device")
+        raise InputError(f"there are several devices: {', '.join(names)}", "choose one with --device")
     return names[0]
 
 
@@ -131,7 +135,7 @@ def _show(found: dict[str, Any]) -> None:
     console.print(table)
     rmse = found["rmse"]
     words = ", ".join(f"{axis.upper()} {rmse[f'{axis}_mm']:.3f}" for axis in ("x", "y", "z", "xyz"))
-    console.print(f"RMSE in mm: {words}; χ² {found['chi2']:.2f} (1: as good as the calibration says)")
+    console.print(f"RMSE in mm: {words}; χ² {found['chi2']:.2f} (1: as accurate as the calibration predicts)")
     console.print(f"{found['seen']} of {found['of']} targets seen in both views, {found['fields']} fields")
     for reason in found["reasons"]:
         console.print(f"[yellow]{reason}[/yellow]")

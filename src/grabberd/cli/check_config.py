@@ -1,4 +1,4 @@
-"""`grabberd check-config`: is everything in this file usable?"""
+"""`grabberd check-config`: validates a configuration file."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,23 +10,23 @@ from grabberd.config import load_config
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("check-config")(check_config)
 
 
 def check_config(
     file: Annotated[Path, typer.Argument(help="Configuration file (YAML).")], json: JsonOption = False
 ) -> None:
-    """Check a configuration without starting anything; all problems at once, exit code 78.
+    """Validate a configuration file without starting anything; lists all problems, exit code 78.
 
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.service.mqtt.publishing import check_publishing  # noqa: PLC0415
+    from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
     config = load_config(file)
     devices = set_up(config, file)
-    check_publishing(config, file)
+    check_mqtt(config, file)
     if config.http.tls is not None:
         from grabberd.api.serving import tls_context  # noqa: PLC0415
 
@@ -34,4 +34,4 @@ def check_config(
     if json:
         print_json({"file": str(file), "devices": sorted(devices)})
     else:
-        typer.echo(f"{file}: good; devices: {', '.join(sorted(devices))}")
+        typer.echo(f"{file}: valid; devices: {', '.join(sorted(devices))}")

@@ -1,4 +1,4 @@
-"""`grabberd devices`: which grabbers there are, what to think of them, and how to configure them."""
+"""`grabberd devices`: lists grabbers, their suitability, and the configuration for them."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("devices")(devices)
 
 
@@ -26,7 +26,10 @@ def devices(
     ] = None,
     config: ConfigOption = None,
     check_field_order: Annotated[
-        bool, typer.Option("--check-field-order", help="Watch something that moves for four seconds.")
+        bool,
+        typer.Option(
+            "--check-field-order", help="Check the field order by watching a moving object for four seconds."
+        ),
     ] = False,
     json: JsonOption = False,
 ) -> None:
@@ -42,7 +45,7 @@ def devices(
 
         raise typer.Exit(check(settings, config, name, json))
     if name is not None:
-        raise typer.BadParameter("a name belongs to --check-field-order", param_hint="NAME")
+        raise typer.BadParameter("a name is only used with --check-field-order", param_hint="NAME")
     _list(settings, json)
 
 
@@ -58,7 +61,7 @@ def _list(settings: Config, json: bool) -> None:
 
 
 def _document(drivers: tuple[str, ...], settings: Config, found: "tuple[FoundDevice, ...]") -> dict[str, Any]:
-    """Everything: drivers, what is configured, what was found and which of it is configured as what."""
+    """Installed drivers, configured devices, and the grabbers found with their configured names."""
     from grabberd.cli.devices_listing import configured_as  # noqa: PLC0415
 
     configured = {

@@ -1,4 +1,4 @@
-"""What `grabberd devices` prints: each grabber with what to think of it, and the configuration to paste."""
+"""Output of `grabberd devices`: each grabber with its verdict, and a configuration to paste."""
 
 from collections.abc import Container, Iterator, Sequence
 
@@ -20,21 +20,21 @@ STYLES = {
 }
 
 NOTHING_FOUND = (
-    "No frame grabber was found. Is it plugged in ('lsusb', 'lspci')? Then the kernel has no driver for it: "
-    "'sudo dmesg' says what it makes of the device, 'sudo modprobe stk1160' (usbtv, em28xx, bttv, saa7134 …) "
-    "loads one. A cloud kernel has none of them: install the full one (Debian: linux-image-amd64)."
+    "No frame grabber was found. If one is plugged in ('lsusb', 'lspci'), the kernel has no driver for it: "
+    "'sudo dmesg' shows what it made of the device, 'sudo modprobe stk1160' (usbtv, em28xx, bttv …) "
+    "loads a driver. Cloud kernels have none of them: install the full kernel (Debian: linux-image-amd64)."
 )
 
 
 def configured_as(settings: Config, found: FoundDevice) -> list[str]:
-    """Names of the configured devices that a found one is."""
+    """Names of the configured devices that match a found grabber."""
     return [
         name for name, device in settings.devices.items() if found.is_meant_by(device.driver, device.options)
     ]
 
 
 def print_listing(drivers: Sequence[str], settings: Config, found: Sequence[FoundDevice]) -> None:
-    """Grabbers that were found, the configured devices, and what to write for those that are not."""
+    """Print the grabbers found, the configured devices, and a configuration for the grabbers without one."""
     for device in found:
         _print_device(device, configured_as(settings, device))
     if not found:
@@ -43,15 +43,15 @@ def print_listing(drivers: Sequence[str], settings: Config, found: Sequence[Foun
     _say(f"Installed drivers: {', '.join(drivers)}.")
     new = [one for one in found if one.verdict is not Verdict.UNUSABLE and not configured_as(settings, one)]
     if new:
-        _say("\nTo use it, write this into the configuration:" if len(new) == 1 else _TO_USE_THEM)
+        _say("\nTo use it, add this to the configuration:" if len(new) == 1 else _TO_USE_THEM)
         typer.echo("\n" + yaml_of(new, settings.devices), nl=False)
 
 
-_TO_USE_THEM = "\nTo use them, write this, or what you want of it, into the configuration:"
+_TO_USE_THEM = "\nTo use them, add all or part of this to the configuration:"
 
 
 def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
-    """A configuration with these devices under names that are not taken yet."""
+    """Configuration of these devices under names that are not taken yet."""
     lines = ["devices:"]
     for name, device in zip(_free_names(taken), found, strict=False):
         document = {name: {"driver": device.driver, "options": dict(device.options)}}
@@ -97,7 +97,9 @@ def _bullet(remark: str) -> Padding:
 
 
 def _print_configured(settings: Config, found: Sequence[FoundDevice]) -> None:
-    table = Table("device", "driver", "is", "calibration", title="Configured devices", title_justify="left")
+    table = Table(
+        "device", "driver", "grabber", "calibration", title="Configured devices", title_justify="left"
+    )
     for name, device in settings.devices.items():
         calibration = device.calibration.name if device.calibration else "none"
         there = [one.card for one in found if one.is_meant_by(device.driver, device.options)]
@@ -112,5 +114,5 @@ def _say(words: str) -> None:
 
 
 def _one_line(words: str) -> str:
-    """Names that devices give themselves may hold anything."""
+    """Reduce a name reported by a device, which may contain anything, to one printable line."""
     return " ".join("".join(char if char.isprintable() else " " for char in words).split())

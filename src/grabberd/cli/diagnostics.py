@@ -1,4 +1,4 @@
-"""`grabberd diagnostics`: one file to send to whoever helps."""
+"""`grabberd diagnostics`: collects everything support needs into one file."""
 
 import os
 from pathlib import Path
@@ -11,29 +11,31 @@ from grabberd.cli.options import DEFAULT_URL, ConfigOption, TokenFileOption, Url
 from grabberd.errors import GrabberdError, NotReady, StorageError
 
 HINT = (
-    "run it as root or as the daemon's own user, with the daemon's --config and STATE_DIRECTORY, "
-    "or with the token of an admin (--token-file)"
+    "run it as root or as the daemon's user, with the daemon's --config and STATE_DIRECTORY, "
+    "or with an admin's token (--token-file)"
 )
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("diagnostics")(diagnostics)
 
 
 def diagnostics(
-    out: Annotated[Path, typer.Option(help="The ZIP file to write; never overwritten.")],
-    words: Annotated[bool, typer.Option("--words", help="With labels, notes and the site's name.")] = False,
+    out: Annotated[Path, typer.Option(help="ZIP file to write; never overwrites.")],
+    words: Annotated[
+        bool, typer.Option("--words", help="Include labels, notes and the name of the site.")
+    ] = False,
     config: ConfigOption = None,
     url: UrlOption = DEFAULT_URL,
     token_file: TokenFileOption = None,
 ) -> None:
-    """Put what a helper has to know into one file: versions, devices, ledgers, log; nothing secret.
+    """Collect versions, devices, ledgers and log into one file for support; contains no secrets.
 
-    A daemon on this computer gives it to its own user and to root, who need no token but its configuration;
-    elsewhere it takes the token of an admin. Where no daemon answers, only what is known of the computer. The
-    file is plain text: look into it first.
+    On the daemon's own computer, root and the daemon's user need no token, only its configuration; elsewhere
+    an admin's token is required. If no daemon answers, the file describes the computer only. It is plain
+    text: review it before sending.
 
     Example: grabberd diagnostics --out barn.zip
 
@@ -48,17 +50,17 @@ def diagnostics(
         token = token_file or _key_of_the_machine(config, url)
         download(url, f"/api/v1/diagnostics?words={'true' if words else 'false'}", out, token)
     except NotReady as error:
-        warn([f"{error.message}: the file says how this computer is, not how the daemon is"])
+        warn([f"{error.message}: the file describes this computer, not the daemon"])
         _write(out, bundle(machine_parts()))
     except GrabberdError as error:
         if token_file:
             raise
         raise GrabberdError(error.message, HINT) from error
-    typer.echo(f"{out}: look into it, then send it")
+    typer.echo(f"{out}: review it, then send it")
 
 
 def _key_of_the_machine(config: Path | None, url: str) -> Path | None:
-    """The file with the daemon's own key, which is not taken to another computer."""
+    """File with the key of a local daemon; never sent to another computer."""
     from grabberd.service.machine_key import readable_key  # noqa: PLC0415
 
     if os.environ.get("GRABBERD_TOKEN") or urlsplit(url).hostname not in LOOPBACK:

@@ -1,4 +1,4 @@
-"""`grabberd devices --check-field-order`: whether a device's older field really is the older."""
+"""`grabberd devices --check-field-order`: checks which field of a frame is the older one."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 WATCHED_S = 4.0
 SILENCE_S = 1.0
 PATIENCE = 3
-"""Silences in a row that end the watch."""
+"""Consecutive silences after which the check gives up."""
 EDGE_ROWS = 16
-"""Rows at the top and the bottom of a field with half lines, teletext and stamped numbers."""
+"""Rows at top and bottom left out: half lines, teletext and stamped numbers do not move."""
 
 
 def check(config: Config, file: Path | None, name: str | None, json: bool) -> int:
-    """Watches a device and prints what its pictures say; 0 if the order is right, else 1.
+    """Watch a device and print its field order; returns 0 if it is right, else 1.
 
     Raises:
         DeviceError: the device cannot be opened, is in use, or delivers nothing.
-        ConfigError: it is not clear which device is meant.
+        ConfigError: the device is not clear from the name.
     """
     from grabberd.processes.field_order import Order  # noqa: PLC0415 - loads OpenCV
 
@@ -57,10 +57,12 @@ def _watch(name: str, device: DeviceConfig) -> "tuple[StreamInfo, FieldOrderFind
         info = _opened(grabber)
         if info.field_order is FieldOrder.ONE_PARITY:
             raise DeviceRefused(
-                f"{name} delivers one field of every frame only: there is no order to check",
-                "choose another field order or another grabber; 'grabberd devices' lists what it has",
+                f"{name} delivers only one field of every frame: there is no order to check",
+                "choose another field order or another grabber; 'grabberd devices' lists what it supports",
             )
-        progress_console.print(f"{name}: watching for {WATCHED_S:g} s; move something, pause, move it again")
+        progress_console.print(
+            f"{name}: watching for {WATCHED_S:g} s; move an object, pause, and move it again"
+        )
         return info, judged(_fields(name, grabber))
 
 
@@ -68,12 +70,12 @@ def _opened(grabber: "Grabber") -> "StreamInfo":
     try:
         return grabber.open()
     except DeviceRefused as error:
-        hint = f"{error.hint}; a running grabberd keeps its devices: stop it for the check"
+        hint = f"{error.hint}; a running daemon holds its devices: stop it for the check"
         raise DeviceRefused(error.message, hint) from error
 
 
 def _fields(name: str, grabber: "Grabber") -> "Iterator[Field]":
-    """The undamaged fields of some seconds, each valid until the next is asked for."""
+    """Yield the undamaged fields of a few seconds, each valid until the next is taken."""
     first_ns, silences = None, 0
     while silences < PATIENCE:
         try:
@@ -100,9 +102,9 @@ def _inside(field: "Field") -> "Field":
 _WORDS = {
     "right": "the field order is right",
     "reversed": "the field order is reversed",
-    "same_instant": "both fields of a frame are of the same instant: this grabber throws one field away",
+    "same_instant": "both fields of a frame show the same instant: this grabber discards one field",
     "no_movement": "nothing moved",
-    "unclear": "not clear",
+    "unclear": "no clear result",
 }
 
 
@@ -113,9 +115,11 @@ def _advice(order: "Order", device: DeviceConfig, info: "StreamInfo") -> str:
         older = "top" if info.field_order is FieldOrder.BOTTOM_FIRST else "bottom"
         recording = device.driver == "replay"
         option = f"field_order: {older}_first" if recording else f"older_field: {older}"
-        return f"write '{option}' into the options of this device"
+        return f"set '{option}' in the options of this device"
     if order == "same_instant":
-        return "it gives 25 pictures a second, not 50: take another; 'grabberd devices' has a verdict on each"
+        return (
+            "it delivers 25 pictures per second, not 50: use another grabber; 'grabberd devices' rates them"
+        )
     if order == "right":
-        return "nothing is to be done"
-    return "repeat it: move a hand or the stand with targets before the camera, pause, and move it again"
+        return "nothing to do"
+    return "try again: move a hand or an object with targets in front of the camera, pause, and move it again"

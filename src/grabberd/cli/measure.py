@@ -1,4 +1,4 @@
-"""`grabberd measure`: points of a recorded capture, again or for the first time."""
+"""`grabberd measure`: measures the fields of a recorded capture."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,25 +10,26 @@ from grabberd.cli.options import JsonOption, print_json, progress_console
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("measure")(measure)
 
 
 def measure(
-    capture: Annotated[Path, typer.Argument(help="A capture file, NAME.grab.")],
+    capture: Annotated[Path, typer.Argument(help="Capture file, NAME.grab.")],
     calibration: Annotated[Path, typer.Option(help="Calibration (JSON).")],
     object_model: Annotated[Path, typer.Option("--object", help="Object model (YAML).")],
-    method: Annotated[str | None, typer.Option(help="Location method; default: the capture's own.")] = None,
+    method: Annotated[str | None, typer.Option(help="Location method; default: the capture's.")] = None,
     line_jitter: Annotated[
-        float | None, typer.Option("--line-jitter-px", min=0, max=2, help="Default: the capture's own.")
+        float | None,
+        typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: the capture's."),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Measure a capture with a calibration; the points become a further run in the file.
+    """Measure a capture with a calibration; the points are added to the file as a new run.
 
     Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner.yaml
     """
-    from grabberd.service.jobs.measure_job import measure_file  # noqa: PLC0415
+    from grabberd.service.jobs.measurement import measure_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents, settings_of_capture  # noqa: PLC0415
     from grabberd.storage import CaptureReader  # noqa: PLC0415
 

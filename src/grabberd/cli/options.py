@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options shared by several commands."""
 
 import json
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from grabberd.errors import ConfigError, Problem
 ConfigOption = Annotated[
     Path | None,
     typer.Option(
-        "--config", "-c", help="Configuration file; without one, the simulated grabber.", show_default=False
+        "--config", "-c", help="Configuration file; default: the simulated grabber.", show_default=False
     ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON for scripts instead of text.")]
@@ -23,7 +23,7 @@ TokenFileOption = Annotated[
     Path | None,
     typer.Option(
         "--token-file",
-        help="File with the token for the daemon; without it, the environment's GRABBERD_TOKEN.",
+        help="File with the token for the daemon; default: the environment variable GRABBERD_TOKEN.",
         envvar="GRABBERD_TOKEN_FILE",
         show_default=False,
     ),
@@ -31,30 +31,30 @@ TokenFileOption = Annotated[
 DEFAULT_URL = "http://127.0.0.1:8050"
 
 console = Console()
-"""Where results go."""
+"""Standard output, for results."""
 progress_console = Console(stderr=True)
-"""Where progress goes, so that results can be piped."""
+"""Standard error, for progress, so that results can be piped."""
 
 
 def load(config: Path | None) -> Config:
-    """The configuration named on the command line, or the simulated grabber's."""
+    """Load the configuration named on the command line, or the simulated grabber's."""
     return load_config(config or default_config_file())
 
 
 def only_device(config: Config, name: str | None, file: Path | None) -> str:
-    """The device that is meant: the one named, or the only one."""
+    """Name of the chosen device: the one named, or the only one."""
     if name is None and len(config.devices) == 1:
         return next(iter(config.devices))
     if name in config.devices:
         assert name is not None
         return name
     known = ", ".join(config.devices)
-    problem = f"no device {name!r}; it has {known}" if name else f"several devices, name one of them: {known}"
+    problem = f"no device {name!r}; known: {known}" if name else f"several devices; choose one of: {known}"
     raise ConfigError([Problem(str(file or default_config_file()), "devices", problem)])
 
 
 def with_device(config: Config, file: Path | None, device: str | None) -> Config:
-    """The configuration with the one device that is meant; replay:PATH in place of the configured driver."""
+    """Reduce the configuration to the chosen device; replay:PATH replaces the configured driver."""
     driver, colon, path = (device or "").partition(":")
     name = only_device(config, None if colon else device, file)
     chosen: DeviceConfig = config.devices[name]
@@ -64,11 +64,11 @@ def with_device(config: Config, file: Path | None, device: str | None) -> Config
 
 
 def warn(warnings: Iterable[str]) -> None:
-    """What a person has to know, beside the results."""
+    """Print remarks beside the results, on standard error."""
     for words in warnings:
         typer.echo(f"note: {words}", err=True)
 
 
 def print_json(document: Any) -> None:
-    """JSON on standard output."""
+    """Print a document as JSON on standard output."""
     typer.echo(json.dumps(document, indent=2, ensure_ascii=False))

@@ -1,4 +1,4 @@
-"""`grabberd plan`: the σ to expect of X, Y, Z before anything is built."""
+"""`grabberd plan`: predicts the σ of X, Y, Z before a rig is built."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,36 +21,43 @@ USUAL_FRAME = "calibration-frames/paper-108.yaml"
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("plan")(plan)
 
 
 def plan(  # noqa: PLR0913, PLR0917 - options of a command
     config: ConfigOption = None,
     device: Annotated[
-        str | None, typer.Option(help="A configured device; needed if there are several.")
+        str | None, typer.Option(help="A configured device; required if there are several.")
     ] = None,
     calibration_frame: Annotated[
         Path | None, typer.Option(help="Calibration frame (YAML); default: the paper's, with 108 targets.")
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option(help="A calibration (JSON) in place of the nominal rig.")
+        Path | None, typer.Option(help="Calibration (JSON) to use instead of the nominal rig.")
     ] = None,
     object_model: Annotated[
         Path | None,
-        typer.Option("--object", help="Object (YAML) whose box is the volume; default: configured."),
+        typer.Option(
+            "--object", help="Object model (YAML) whose bounding box is the volume; default: as configured."
+        ),
     ] = None,
-    bits: Annotated[int | None, typer.Option(min=1, max=8, help="Bits a pixel; default: configured.")] = None,
-    lines: Annotated[Literal["doubled", "field"] | None, typer.Option(help="Default: configured.")] = None,
+    bits: Annotated[
+        int | None, typer.Option(min=1, max=8, help="Bits per pixel; default: as configured.")
+    ] = None,
+    lines: Annotated[
+        Literal["doubled", "field"] | None, typer.Option(help="Lines of a field; default: as configured.")
+    ] = None,
     noise: Annotated[
-        float, typer.Option(min=0, max=0.5, help="Of a pixel, as a share of the contrast.")
+        float, typer.Option(min=0, max=0.5, help="Noise of a pixel, as a fraction of the contrast.")
     ] = 0.02,
     sigma_px: Annotated[
-        tuple[float, float] | None, typer.Option(help="Pointing in x and y, line jitter in it, if known.")
+        tuple[float, float] | None,
+        typer.Option(help="Pointing precision in x and y including line jitter, if known."),
     ] = None,
     json: JsonOption = False,
 ) -> None:
-    """Say which σ to expect of X, Y and Z over the volume, and what base, distance and bits do to it.
+    """Predict the σ of X, Y and Z over the volume, and how base, distance and bits would change it.
 
     Example: grabberd plan --config configs/fake.yaml --bits 8
     """
@@ -58,7 +65,7 @@ def plan(  # noqa: PLR0913, PLR0917 - options of a command
     from grabberd.processes import plan as planning  # noqa: PLC0415
 
     if sigma_px and not min(sigma_px) > 0:
-        raise typer.BadParameter("a standard deviation is above 0", param_hint="--sigma-px")
+        raise typer.BadParameter("a standard deviation must be greater than 0", param_hint="--sigma-px")
     known = load(config)
     chosen = known.devices[only_device(known, device, config)]
     model = _model(object_model or chosen.object)
@@ -131,11 +138,11 @@ def _settings(
 
 
 def _show(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]") -> None:
-    table = Table("σ in mm at", *COLUMNS, title="To expect of one field")
+    table = Table("σ in mm at", *COLUMNS, title="Expected for a single field")
     for place in expected.places:
         table.add_row(place.name, *_cells(place))
     console.print(table)
-    changes = Table("σ in mm at the centre", *COLUMNS, title="What would change it")
+    changes = Table("σ in mm at the centre", *COLUMNS, title="Effect of changes")
     for name, place in influence:
         changes.add_row(name, *_cells(place))
     console.print(changes)
@@ -149,7 +156,7 @@ def _show(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]") -> 
 
 def _cells(place: "PlannedPlace") -> list[str]:
     if place.pointing is None:
-        return ["not in both views", "", "", "", ""]
+        return ["not seen by both views", "", "", "", ""]
     share = f"{place.calibration.xyz_mm:.4f}" if place.calibration else "not known"
     return [*(f"{value:.4f}" for value in place.pointing), share]
 

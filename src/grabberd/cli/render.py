@@ -1,4 +1,4 @@
-"""`grabberd render`: the estimated model as pictures, beside and over those of the camera."""
+"""`grabberd render`: draws the estimated model, alone or over the camera's pictures."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -10,7 +10,7 @@ from grabberd.cli.options import JsonOption
 
 
 class What(StrEnum):
-    """What can be drawn."""
+    """Kinds of pictures."""
 
     MODEL = "model"
     SYNTHETIC = "synthetic"
@@ -19,7 +19,7 @@ class What(StrEnum):
 
 
 class Side(StrEnum):
-    """From where the model can be looked at by name."""
+    """Named viewpoints of the model."""
 
     OBLIQUE = "oblique"
     TOP = "top"
@@ -29,7 +29,7 @@ class Side(StrEnum):
 
 
 class Colour(StrEnum):
-    """What the model's colours can stand for."""
+    """Quantities that the model's colours can show."""
 
     PLAIN = "plain"
     HEIGHT = "height"
@@ -40,63 +40,63 @@ class Colour(StrEnum):
 
 
 class Moving(StrEnum):
-    """What can be animated."""
+    """Kinds of animations."""
 
     MODEL = "model"
     OVERLAY = "overlay"
 
 
 class Format(StrEnum):
-    """How an animation can be written."""
+    """File formats of an animation."""
 
     WEBM = "webm"
     GIF = "gif"
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("render")(render)
 
 
 def render(  # noqa: PLR0913, PLR0917 - options of a command
-    capture: Annotated[Path, typer.Argument(help="A measured capture, NAME.grab.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="A new or empty folder.")],
+    capture: Annotated[Path, typer.Argument(help="Measured capture, NAME.grab.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="New or empty folder for the pictures.")],
     what: Annotated[
         What,
         typer.Option(
             help="model: the surface as a grid; synthetic: as the cameras would see it; overlay: that over "
-            "the camera's own picture; animation: all fields, one after the other."
+            "the camera's picture; animation: all fields in sequence."
         ),
     ] = What.MODEL,
     field: Annotated[
-        int | None, typer.Option(min=0, help="Which field; default: the first measured.")
+        int | None, typer.Option(min=0, help="Field to draw; default: the first measured.")
     ] = None,
-    run: Annotated[int | None, typer.Option(min=1, help="Which run's points; default: the latest.")] = None,
-    side: Annotated[Side, typer.Option(help="Of the model: from where.")] = Side.OBLIQUE,
+    run: Annotated[int | None, typer.Option(min=1, help="Run to draw; default: the latest.")] = None,
+    side: Annotated[Side, typer.Option(help="Viewpoint of the model.")] = Side.OBLIQUE,
     azimuth: Annotated[
-        float | None, typer.Option("--azimuth-deg", help="From anywhere: round z, from x towards y.")
+        float | None, typer.Option("--azimuth-deg", help="Free viewpoint: angle about z, from x towards y.")
     ] = None,
     elevation: Annotated[
         float | None,
-        typer.Option("--elevation-deg", min=-90, max=90, help="From anywhere: above the xy plane."),
+        typer.Option("--elevation-deg", min=-90, max=90, help="Free viewpoint: angle above the xy plane."),
     ] = None,
-    colour: Annotated[Colour, typer.Option(help="Of the model: what its colours stand for.")] = Colour.PLAIN,
+    colour: Annotated[Colour, typer.Option(help="Quantity shown by the model's colours.")] = Colour.PLAIN,
     reference: Annotated[
         int | None,
-        typer.Option(min=0, help="Field that strain and movement count from; default: the first measured."),
+        typer.Option(min=0, help="Reference field of strain and movement; default: the first measured."),
     ] = None,
-    size: Annotated[str, typer.Option(help="Of the model's picture, in pixels.")] = "960x600",
-    of: Annotated[Moving, typer.Option(help="Of an animation: what moves.")] = Moving.MODEL,
-    format: Annotated[Format, typer.Option(help="Of an animation: WebM (VP9) or GIF.")] = Format.WEBM,
+    size: Annotated[str, typer.Option(help="Size of the model's picture in pixels.")] = "960x600",
+    of: Annotated[Moving, typer.Option(help="What to animate.")] = Moving.MODEL,
+    format: Annotated[Format, typer.Option(help="Format of an animation: WebM (VP9) or GIF.")] = Format.WEBM,
     speed: Annotated[
-        float, typer.Option(min=0.001, max=100, help="Of an animation: 1 is as fast as it was.")
+        float, typer.Option(min=0.001, max=100, help="Speed of an animation; 1 is real time.")
     ] = 0.2,
-    every: Annotated[int, typer.Option(min=1, help="Of an animation: one field in so many.")] = 1,
-    first: Annotated[int | None, typer.Option("--from", min=0, help="Of an animation: first field.")] = None,
-    last: Annotated[int | None, typer.Option("--to", min=0, help="Of an animation: last field.")] = None,
+    every: Annotated[int, typer.Option(min=1, help="Draw every Nth field of an animation.")] = 1,
+    first: Annotated[int | None, typer.Option("--from", min=0, help="First field of an animation.")] = None,
+    last: Annotated[int | None, typer.Option("--to", min=0, help="Last field of an animation.")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Draw what was measured: grid model, synthetic views, both views laid over each other, an animation.
+    """Draw what was measured: grid model, synthetic views, overlays or an animation.
 
     Example: grabberd render liner.grab --what model --side all --colour curvature --out pictures
 

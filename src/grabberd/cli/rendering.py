@@ -1,4 +1,4 @@
-"""The work of `grabberd render`: from a capture file to files of pictures."""
+"""Drawing of a capture file into picture files, for `grabberd render`."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -33,14 +33,15 @@ _VIEWS = ("left", "right")
 
 @dataclass(slots=True, eq=False)
 class Rendering:
-    """A capture's run, ready for being drawn.
+    """A run of a capture, ready to be drawn.
 
     Attributes:
-        reader: of the capture; `setup`: what the run was measured with.
-        points: of every measured field that has some.
-        out: the folder for what is drawn.
-        size: width and height of the model's pictures.
-        as_json: whether to print the result as JSON.
+        reader: Reader of the capture file.
+        setup: Calibration, object model and settings of the run.
+        points: Points by field, for fields that have any.
+        out: Output folder.
+        size: Width and height of the model's pictures, in pixels.
+        as_json: True to print the result as JSON.
     """
 
     reader: CaptureReader
@@ -55,7 +56,7 @@ class Rendering:
     def opened(
         cls, capture: Path, run: int | None, out: Path, size: tuple[int, int], *, as_json: bool
     ) -> Iterator[Self]:
-        """While the capture's file is open.
+        """Open the capture file for the duration of the block.
 
         Raises:
             NotReady: the run has no points, or was made without calibration or object model.
@@ -71,14 +72,14 @@ class Rendering:
             if not points:
                 raise NotReady(
                     f"no field of capture {reader.meta.id} has points",
-                    "look at its fields: grabberd export --format png",
+                    "inspect its fields: grabberd export --format png",
                 )
             yield cls(reader, measure_setup(made_with, made_with["settings"]), points, out, size, as_json)
 
     def model(
         self, field: int | None, reference: int | None, side: str, free: Direction | None, colour: str
     ) -> None:
-        """The grid model of one field, from one side or from all that have a name."""
+        """Draw the grid model of one field from one viewpoint, or from all named ones."""
         n = self._field(field)
         gallery = self._gallery([self.points[n]], reference, colour)
         named = {"free": free} if free else (SIDES if side == "all" else {side: SIDES[side]})
@@ -89,14 +90,14 @@ class Rendering:
         self._write(pictures, {"field": n})
 
     def free(self, field: int | None, direction: Direction) -> None:
-        """The synthetic view of one field from anywhere."""
+        """Draw the synthetic view of one field from a free viewpoint."""
         n = self._field(field)
         surface = self._modelling().surface(self.points[n])
         view = synthetic_view.free_view(surface, self.setup.calibration, self._grey(n), *direction, self.size)
         self._write({f"synthetic-{n}-free": synthetic_view.see_through(view.grey)}, {"field": n})
 
     def views(self, field: int | None, *, over: bool) -> None:
-        """Both synthetic views of one field, alone or laid over the camera's picture, and how they fit."""
+        """Draw both synthetic views of a field, alone or over the camera's picture, and report the fit."""
         n = self._field(field)
         grey, calibration = self._grey(n), self.setup.calibration
         pair = synthetic_view.synthetic_pair(self._modelling().surface(self.points[n]), calibration, grey)
@@ -119,19 +120,19 @@ class Rendering:
         name: str,
         per_s: float,
     ) -> None:
-        """The model, field after field; a field without points is shown as an empty box that says so."""
+        """Animate the model; a field without points shows an empty box and a caption."""
         look = self._look(direction)
         gallery = self._gallery([self.points[n] for n in fields if n in self.points], reference, colour)
         pictures = (gallery.picture(self.points.get(n), look, self._caption(n)) for n in fields)
         self._animate(pictures, fields, name, per_s)
 
     def moving_overlay(self, fields: range, name: str, per_s: float) -> None:
-        """The synthetic views over the camera's pictures, field after field; black where there is none."""
+        """Animate the synthetic views over the camera's pictures; black where there are none."""
         modelling = self._modelling()
         self._animate((self._overlay(n, modelling) for n in fields), fields, name, per_s)
 
     def chosen(self, first: int | None, last: int | None, every: int) -> range:
-        """The fields of an animation.
+        """Choose the fields of an animation.
 
         Raises:
             NotFound: none of them has points.
@@ -142,27 +143,27 @@ class Rendering:
         if not any(n in self.points for n in fields):
             raise NotFound(
                 f"no field from {start} to {end} of capture {self.reader.meta.id} has points",
-                f"those that have lie from {min(self.points)} to {max(self.points)}",
+                f"fields with points lie between {min(self.points)} and {max(self.points)}",
             )
         return fields
 
     def pictures_per_s(self, speed: float, every: int) -> float:
-        """Of an animation at a speed, 1 being as fast as it was.
+        """Pictures per second of an animation at a speed, where 1 is real time.
 
         Raises:
-            InputError: more than a screen shows.
+            InputError: the rate exceeds what a video can have.
         """
         per_s = self.reader.meta.rate_hz * speed / every
         if per_s > MOST_PER_S:
             raise InputError(
-                f"{per_s:g} pictures a second are more than an animation can have",
+                f"{per_s:g} pictures per second are more than an animation can have",
                 f"choose --every {int(np.ceil(per_s * every / MOST_PER_S))}, or a lower --speed",
             )
         return per_s
 
     @staticmethod
     def direction(side: str) -> Direction:
-        """Of a side by name; of all of them the first will do."""
+        """Direction of a named viewpoint."""
         return SIDES.get(side, SIDES["oblique"])
 
     def _modelling(self) -> Modelling:
@@ -179,7 +180,7 @@ class Rendering:
         if n is None:
             return min(self.points)
         if n not in self.points:
-            known = f"those that have lie from {min(self.points)} to {max(self.points)}"
+            known = f"fields with points lie between {min(self.points)} and {max(self.points)}"
             raise NotFound(f"field {n} of capture {self.reader.meta.id} has no points", known)
         return n
 
@@ -222,7 +223,7 @@ class Rendering:
             typer.echo(f"note: {problem}", err=True)
         if result.get("fields_without_points"):
             count = len(result["fields_without_points"])
-            typer.echo(f"note: {count} of the fields have no points; the animation says so", err=True)
+            typer.echo(f"note: {count} of the fields have no points; the animation marks them", err=True)
 
 
 def _fit(fit: Agreement | None) -> dict[str, Any] | None:
@@ -243,7 +244,7 @@ def _fit(fit: Agreement | None) -> dict[str, Any] | None:
 
 def _words(fit: dict[str, Any]) -> str:
     return (
-        f"the model has to be moved by x {fit['shift_x_px']:+.3f} ± {fit['sigma_x_px']:.3f}, "
+        f"the model must be shifted by x {fit['shift_x_px']:+.3f} ± {fit['sigma_x_px']:.3f}, "
         f"y {fit['shift_y_px']:+.3f} ± {fit['sigma_y_px']:.3f} px to fit the camera's picture "
         f"({fit['targets']} targets); grey values differ by {fit['rms_grey']:.1f} rms, correlation "
         f"{fit['correlation']:.3f}"

@@ -1,4 +1,4 @@
-"""`grabberd reprocess`: an archive of captures measured again, into a data set of points."""
+"""`grabberd reprocess`: re-measures an archive of captures into a data set of points."""
 
 import signal
 from dataclasses import asdict
@@ -12,67 +12,70 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from grabberd.cli.options import JsonOption, print_json, progress_console, warn
 
 if TYPE_CHECKING:
-    from grabberd.service.reprocess.reprocess import Progress as Far
-    from grabberd.service.reprocess.reprocess import Summary
+    from grabberd.service.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
 
 INTERRUPTED = 130
 RATE_OVER_S = 600
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("reprocess")(reprocess)
 
 
 def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
     captures: Annotated[
         list[str],
-        typer.Argument(help="Folders, patterns ('*/2026-03-*.grab') or files; they stay as they are."),
+        typer.Argument(help="Folders, patterns ('*/2026-03-*.grab') or files; they are not modified."),
     ],
-    calibration: Annotated[Path, typer.Option(help="Calibration (JSON) to measure them with.")],
-    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set; it is made or added to.")],
+    calibration: Annotated[Path, typer.Option(help="Calibration (JSON) to measure with.")],
+    out: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set; created or extended.")],
     object_model: Annotated[
-        Path | None, typer.Option("--object", help="Object model (YAML); default: each capture's own.")
+        Path | None, typer.Option("--object", help="Object model (YAML); default: each capture's.")
     ] = None,
     workers: Annotated[
-        int | None, typer.Option(min=1, max=512, help="Processes here; default: one for each processor.")
+        int | None,
+        typer.Option(min=1, max=512, help="Number of local processes; default: one per processor."),
     ] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="A Dask cluster to work on instead, tcp://HOST:PORT.")
+        str | None, typer.Option(help="Dask cluster to use instead, tcp://HOST:PORT.")
     ] = None,
-    barn: Annotated[
-        str | None, typer.Option(help="Barn of those captures whose site does not name one.")
-    ] = None,
-    method: Annotated[str | None, typer.Option(help="Location method; default: each capture's own.")] = None,
+    barn: Annotated[str | None, typer.Option(help="Barn of captures whose site does not name one.")] = None,
+    method: Annotated[str | None, typer.Option(help="Location method; default: each capture's.")] = None,
     line_jitter: Annotated[
-        float | None, typer.Option("--line-jitter-px", min=0, max=2, help="Default: each capture's own.")
+        float | None,
+        typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: each capture's."),
     ] = None,
     replace: Annotated[
-        bool, typer.Option("--replace", help="Let these take the place of another calibration's points.")
+        bool, typer.Option("--replace", help="Replace points made with another calibration.")
     ] = False,
     json: JsonOption = False,
 ) -> None:
-    """Measure many captures again, into Parquet files by barn and day; what is done already is passed over.
+    """Re-measure many captures into Parquet files by barn and day; skips those already done.
 
     Example: grabberd reprocess captures/ --calibration rig.json --out points
 
     Example: grabberd reprocess 'archive/**/2026-03-*.grab' --calibration rig.json --out points --scheduler
     tcp://10.0.0.5:8786
     """
-    from grabberd.service.reprocess.executors import cluster_workers, local_workers  # noqa: PLC0415
-    from grabberd.service.reprocess.reprocess import Request  # noqa: PLC0415
-    from grabberd.service.reprocess.reprocess import reprocess as measure_again  # noqa: PLC0415
+    from grabberd.service.reprocess.reprocess_archive import (  # noqa: PLC0415
+        ReprocessRequest,
+        reprocess_archive,
+    )
+    from grabberd.service.reprocess.workers import cluster_workers, local_workers  # noqa: PLC0415
 
     if scheduler and workers:
-        raise typer.BadParameter("the cluster has workers of its own", param_hint="--workers")
+        raise typer.BadParameter(
+            "not possible with --scheduler: the cluster has its own workers", param_hint="--workers"
+        )
     chosen = {"method": method, "line_jitter_px": line_jitter}
     settings = {key: value for key, value in chosen.items() if value is not None}
-    request = Request(captures, out, calibration, object_model, settings, barn, replace)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends it as Ctrl-C does
+    request = ReprocessRequest(captures, out, calibration, object_model, settings, barn, replace)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as Ctrl-C does
     make = partial(cluster_workers, scheduler) if scheduler else lambda _: local_workers(workers)
     with _bar() as bar:
-        task = bar.add_task("looking at captures", total=None, rate="", left="")
-        summary = measure_again(request, make, lambda far: _show(bar, task, far))
+        task = bar.add_task("inspecting captures", total=None, rate="", left="")
+        summary = reprocess_archive(request, make, lambda progress: _show(bar, task, progress))
     _report(summary, out, json)
     if summary.interrupted:
         raise typer.Exit(INTERRUPTED)
@@ -91,32 +94,32 @@ def _bar() -> Progress:
     return Progress(*columns, console=progress_console, transient=True, speed_estimate_period=RATE_OVER_S)
 
 
-def _show(bar: Progress, task: Any, far: "Far") -> None:
+def _show(bar: Progress, task: Any, progress: "ReprocessProgress") -> None:
     bar.update(
         task,
         description="measuring",
-        total=far.all_fields,
-        completed=far.fields,
-        rate=f"{far.fields_per_s:.0f} fields/s",
-        left=f"{far.left} captures left",
+        total=progress.all_fields,
+        completed=progress.fields,
+        rate=f"{progress.fields_per_s:.0f} fields/s",
+        left=f"{progress.left} captures left",
     )
 
 
-def _report(summary: "Summary", out: Path, as_json: bool) -> None:
+def _report(summary: "ReprocessSummary", out: Path, as_json: bool) -> None:
     if as_json:
         print_json(_document(summary, out))
         return
-    words = f"{summary.measured} measured, {summary.unchanged} were done, {len(summary.refused)} failed"
+    words = f"{summary.measured} measured, {summary.unchanged} already done, {len(summary.refused)} failed"
     made = f"{summary.fields} fields, {summary.points} points, {summary.fields_per_s:.0f} fields/s"
     typer.echo(f"{out}: {words}; {made}")
-    warn(f"left out: {one.capture} {one.reason}" for one in summary.left_out)
+    warn(f"skipped: {one.capture} {one.reason}" for one in summary.left_out)
     for capture, problem, hint in summary.refused:
         typer.echo(f"failed: {capture}: {problem}\n  hint: {hint}", err=True)
     if summary.interrupted:
-        typer.echo("interrupted; give the same command again to go on", err=True)
+        typer.echo("interrupted; repeat the command to continue", err=True)
 
 
-def _document(summary: "Summary", out: Path) -> dict[str, Any]:
+def _document(summary: "ReprocessSummary", out: Path) -> dict[str, Any]:
     lists = {
         "refused": [{**one._asdict(), "capture": str(one.capture)} for one in summary.refused],
         "left_out": [{**one._asdict(), "capture": str(one.capture)} for one in summary.left_out],

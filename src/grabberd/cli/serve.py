@@ -1,4 +1,4 @@
-"""`grabberd serve`: the daemon."""
+"""`grabberd serve`: runs the daemon."""
 
 import os
 import sys
@@ -13,11 +13,11 @@ from grabberd.config import default_config_file
 from grabberd.errors import StorageError
 
 SWITCH_INTERVAL_S = 0.001
-"""The capture thread must not wait five milliseconds for the interpreter."""
+"""Longest wait for the interpreter lock; at Python's default of 5 ms the capture thread loses fields."""
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("serve")(serve)
 
 
@@ -28,10 +28,10 @@ def serve(
         int | None, typer.Option(min=0, max=65535, help="Port to listen on.", show_default=False)
     ] = None,
 ) -> None:
-    """Run the daemon: the devices stream, the API serves.
+    """Run the daemon: capture from all devices and serve the API and the page.
 
-    Without a configuration it runs on the simulated grabber and needs nothing else. Beyond this machine it
-    serves only with tokens: grabberd token add.
+    Without a configuration it runs on the simulated grabber. It serves other computers only if there are
+    tokens: grabberd token add.
 
     Example: grabberd serve --config /etc/grabberd/grabberd.yaml
     """
@@ -40,7 +40,7 @@ def serve(
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
     from grabberd.service.memory import keep_freed_memory  # noqa: PLC0415
-    from grabberd.service.mqtt.publishing import check_publishing  # noqa: PLC0415
+    from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.notify import Notifier  # noqa: PLC0415
     from grabberd.service.service import Service  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
@@ -53,7 +53,7 @@ def serve(
     file: Path = config or default_config_file()
     http = settings.http
     context = None if http.tls is None else serving.tls_context(http.tls, file)
-    check_publishing(settings, file)
+    check_mqtt(settings, file)
     service = Service.from_config(settings, set_up(settings, file))
     listening = sockets.inherited(os.environ) or sockets.bind(
         host or http.host, http.port if port is None else port
@@ -61,9 +61,9 @@ def serve(
     try:
         service.access.open()
         sockets.check_private(listening, service.access.has_tokens, file)
-        service.start()  # before the server, so that what keeps it from starting is said plainly
+        service.start()  # before the server, so that a failure to start is reported in plain words
     except StorageError as error:
-        if error.__cause__ is None:  # not the disk's fault: another program has the folder, and will let go
+        if error.__cause__ is None:  # not a fault of the disk: another program still holds the folder
             raise
         complain(error)
         raise typer.Exit(EX_IOERR) from error

@@ -1,4 +1,4 @@
-"""`grabberd status`: what the daemon is doing."""
+"""`grabberd status`: shows what the daemon is doing."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -10,7 +10,7 @@ from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOp
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("status")(status)
 
 
@@ -42,18 +42,18 @@ def status(
 
 
 def disk_words(storage: dict[str, Any]) -> str:
-    """Room on the disk in a line."""
+    """One line on the free disk space."""
     if storage["problem"]:
         return f"disk: {storage['problem']}"
     free_gb = storage["free_bytes"] / 1e9
-    return f"disk: {free_gb:.1f} GB free, {storage['minutes_left']:.0f} minutes of capturing left"
+    return f"disk: {free_gb:.1f} GB free, {storage['minutes_left']:.0f} minutes of capture left"
 
 
 def _remarks(device: dict[str, Any]) -> Iterator[str]:
-    """What does not fit into the table."""
+    """Remarks that do not fit into the table."""
     if device["cause"]:
         yield "; ".join(words for words in (device["cause"], device["hint"]) if words)
     if any(device["recoveries"].values()):
         steps = ", ".join(f"{step} {count}" for step, count in device["recoveries"].items() if count)
-        yield f"recoveries: {steps}; the last since {device['last_failure_utc']}: {device['last_failure']}"
+        yield f"recoveries: {steps}; the last on {device['last_failure_utc']}: {device['last_failure']}"
     yield from device["warnings"]

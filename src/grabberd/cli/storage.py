@@ -1,4 +1,4 @@
-"""`grabberd storage`: looking after the captures on disk."""
+"""`grabberd storage`: manages the captures on disk."""
 
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,22 +11,22 @@ from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_
 
 commands = typer.Typer(
     name="storage",
-    help="Look after the captures on disk. Run it as the daemon's own user.",
+    help="Manage the captures on disk. Run it as the daemon's user.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the commands."""
+    """Add the commands."""
     app.add_typer(commands)
 
 
 @commands.command("index")
 def index(config: ConfigOption = None, json: JsonOption = False) -> None:
-    """Make the index again from the capture files, as every start of the daemon does; stop it first.
+    """Rebuild the index from the capture files, as the daemon does at every start; stop it first.
 
-    What a crash left is sealed, what cannot be read is set aside in the folder damaged.
+    Unfinished captures are sealed; files that cannot be read are moved to the folder damaged.
 
     Example: grabberd storage index --config /etc/grabberd/grabberd.yaml
     """
@@ -47,15 +47,16 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
 
 @commands.command("retention")
 def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
-    """Show which captures the configuration's storage.retention would remove now; nothing is removed.
+    """Show which captures storage.retention would delete now; nothing is deleted.
 
-    Those that a job of the daemon works on are listed too, though they stay until it ends.
+    Captures used by a running job are listed too, although they are kept until it ends.
 
     Example: grabberd storage retention --config /etc/grabberd/grabberd.yaml
     """
     from grabberd.service.archive.retention import Policy, candidates, removals  # noqa: PLC0415
     from grabberd.service.capture.disk_guard import GB, free_bytes  # noqa: PLC0415
-    from grabberd.storage.capture.schema import SUFFIX, storage_errors  # noqa: PLC0415
+    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
+    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
     from grabberd.storage.state.annotation_store import AnnotationStore  # noqa: PLC0415
     from grabberd.storage.state.capture_index import entry_of  # noqa: PLC0415
 
@@ -77,26 +78,27 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     if found:
         console.print(table)
     words = "" if policy.removes else "storage.retention is not configured; "
-    typer.echo(f"{words}{len(found)} of {len(kept)} captures would go, {len(pinned)} are pinned")
+    typer.echo(f"{words}{len(found)} of {len(kept)} captures would be deleted, {len(pinned)} are pinned")
 
 
 @commands.command("seal")
 def seal(
-    part: Annotated[Path, typer.Argument(help="What a killed capture left, NAME.grab.part.")],
+    part: Annotated[Path, typer.Argument(help="File left by an interrupted capture, NAME.grab.part.")],
     json: JsonOption = False,
 ) -> None:
-    """Seal a capture that was cut off; what is in it is kept, and it is marked incomplete.
+    """Seal an interrupted capture; its content is kept and it is marked incomplete.
 
-    The daemon's own captures are sealed at its next start; this is for those of grabberd capture.
+    The daemon seals its own captures at its next start; this is for captures made by grabberd capture.
 
     Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
     """
     from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
-    from grabberd.storage.capture.leftovers import seal as seal_part  # noqa: PLC0415
+    from grabberd.storage.capture.recording_folder import seal as seal_part  # noqa: PLC0415
 
     path = seal_part(part)
     document = describe(path)
     if json:
-        print_json({"file": str(path), **document})
+        # A pin belongs to the daemon's state, not to the file.
+        print_json({"file": str(path), **document.model_dump(mode="json", exclude={"pinned"})})
     else:
-        typer.echo(f"{path}: {document['fields']} fields, {document['ledger']['in_words']}")
+        typer.echo(f"{path}: {document.fields} fields, {document.ledger.in_words}")

@@ -1,4 +1,4 @@
-"""`grabberd token`: who may use the daemon."""
+"""`grabberd token`: manages the tokens that grant access to the daemon."""
 
 from datetime import timedelta
 from pathlib import Path
@@ -8,23 +8,23 @@ import typer
 from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+from grabberd.documents.roles import Role
 from grabberd.service.clock import SystemClock, iso_utc
-from grabberd.service.roles import Role
 
 if TYPE_CHECKING:
     from grabberd.service.access import Access
 
 commands = typer.Typer(
     name="token",
-    help="Make, list and remove the tokens that say who may use the daemon. Run it as the daemon's own user.",
+    help="Create, list and remove access tokens. Run it as the daemon's user.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-NameArgument = Annotated[str, typer.Argument(help="Whose it is, or what it is for, e.g. tablet-north.")]
+NameArgument = Annotated[str, typer.Argument(help="Name of the owner or purpose, e.g. tablet-north.")]
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the commands."""
+    """Add the commands."""
     app.add_typer(commands)
 
 
@@ -32,15 +32,15 @@ def register(app: typer.Typer) -> None:
 def add(
     name: NameArgument,
     role: Annotated[
-        Role, typer.Option(help="viewer looks; operator captures and calibrates; admin may do everything.")
+        Role, typer.Option(help="viewer: read only; operator: capture and calibrate; admin: everything.")
     ],
     days: Annotated[
-        int | None, typer.Option(min=1, max=3650, help="It expires after so many days; default: never.")
+        int | None, typer.Option(min=1, max=3650, help="Days until it expires; default: never.")
     ] = None,
     config: ConfigOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Make a token and print it: this once, as only its hash is kept.
+    """Create a token and print it, once only: just its hash is stored.
 
     Example: grabberd token add tablet-north --role operator
 
@@ -52,7 +52,7 @@ def add(
         expires_utc = next(row.expires_utc for row in access.list() if row.name == name)
         print_json({"name": name, "role": role, "token": secret, "expires_utc": expires_utc})
         return
-    typer.echo("This token is shown only now; keep it as you keep a password:", err=True)
+    typer.echo("This token is shown only once; keep it as safe as a password:", err=True)
     typer.echo(secret)
 
 
@@ -67,7 +67,7 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
         print_json([row._asdict() for row in rows])
         return
     now_utc = iso_utc(SystemClock().utc_now())
-    table = Table("name", "role", "made", "good until", "sessions")
+    table = Table("name", "role", "created", "expires", "sessions")
     for row in rows:
         table.add_row(
             row.name, row.role, _minute(row.created_utc), _until(row.expires_utc, now_utc), str(row.sessions)
@@ -77,7 +77,7 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
 
 @commands.command("remove")
 def remove(name: NameArgument, config: ConfigOption = None) -> None:
-    """Remove a token; it and its sessions end at once, without a restart.
+    """Remove a token; it and its sessions end immediately, without a restart.
 
     Example: grabberd token remove tablet-north
     """
@@ -92,7 +92,7 @@ def _until(expires_utc: str | None, now_utc: str) -> str:
 
 
 def _minute(moment_utc: str) -> str:
-    """For people, in whose terminal a table has to find room."""
+    """Shorten a time to minutes, so that the table fits a terminal."""
     return f"{moment_utc[:16]}Z"
 
 

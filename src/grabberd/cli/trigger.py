@@ -1,4 +1,4 @@
-"""`grabberd trigger`: an armed capture begins."""
+"""`grabberd trigger`: triggers an armed capture."""
 
 from typing import Annotated
 
@@ -8,20 +8,20 @@ from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOp
 
 
 def register(app: typer.Typer) -> None:
-    """Adds the command."""
+    """Add the command."""
     app.command("trigger")(trigger)
 
 
 def trigger(
     capture: Annotated[
-        str | None, typer.Argument(help="Id of the armed capture; not needed where there is one.")
+        str | None, typer.Argument(help="Id of the armed capture; not needed if there is only one.")
     ] = None,
     device: Annotated[str | None, typer.Option(help="Only captures of this device.")] = None,
     url: UrlOption = DEFAULT_URL,
     token_file: TokenFileOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Trigger the armed capture: it records from this moment on, with the fields before that it wants.
+    """Trigger the armed capture: it records from now on, including its pre-trigger fields.
 
     Example: grabberd trigger
 

@@ -1,6 +1,6 @@
-"""The configuration: what stands in the YAML file, checked as a whole before anything starts.
+"""The configuration file, validated as a whole before anything starts.
 
-All problems are found at once and named by file and key. Relative paths count from the file's own folder.
+All problems are reported at once, each with its file and key. Relative paths start at the file's own folder.
 """
 
 from grabberd.config.daemon import Config, HttpConfig, HttpLimits, RetentionConfig, StorageConfig, TlsConfig

@@ -1,4 +1,4 @@
-"""The sections of the daemon: storage, HTTP, and all grabbers together."""
+"""Configuration sections of the daemon: storage, HTTP, and the whole file."""
 
 from pathlib import Path
 from typing import Annotated, Self
@@ -14,24 +14,24 @@ DeviceName = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_-]{0,31
 
 
 class RetentionConfig(Section):
-    """Which sealed captures are removed by themselves, the oldest first; without a key, none.
+    """Automatic deletion of sealed captures, oldest first; without any key nothing is deleted.
 
-    Running, armed, pinned and damaged ones stay, and those that a job works on.
+    Running, armed, pinned and damaged captures are kept, and those that a job is using.
     """
 
-    keep_days: float | None = Field(None, ge=1, le=36_500, description="older captures are removed")
+    keep_days: float | None = Field(None, ge=1, le=36_500, description="delete captures older than this")
     min_free_gb: float | None = Field(
-        None, gt=0, le=100_000, description="while less is free, the oldest are removed"
+        None, gt=0, le=100_000, description="delete the oldest captures while less than this is free"
     )
 
 
 class StorageConfig(Section):
-    """Where captures are kept, and for how long."""
+    """Storage of captures: folder, queue, free space and retention."""
 
     directory: Path | None = Field(None, description="default: the service's state directory")
     queue_s: float = Field(10.0, ge=1, le=600)
     reserve_gb: float = Field(
-        0.2, ge=0.05, le=100_000, description="stays free: no capture begins or goes on beyond it"
+        0.2, ge=0.05, le=100_000, description="disk space kept free: no capture starts or continues below it"
     )
     retention: RetentionConfig = RetentionConfig()
 
@@ -40,7 +40,7 @@ class StorageConfig(Section):
         least = self.retention.min_free_gb
         if least is not None and least <= self.reserve_gb:
             raise ValueError(
-                f"retention.min_free_gb {least:g} has to be more than reserve_gb {self.reserve_gb:g}"
+                f"retention.min_free_gb {least:g} must be more than reserve_gb {self.reserve_gb:g}"
             )
         return self
 
@@ -51,43 +51,49 @@ HostName = Annotated[
 
 
 class TlsConfig(Section):
-    """The certificate that the daemon shows, and its private key."""
+    """The daemon's TLS certificate and private key."""
 
-    certificate: ExistingFile = Field(description="a PEM file, with the chain")
-    key: ExistingFile = Field(description="a PEM file without a passphrase, readable for the daemon alone")
+    certificate: ExistingFile = Field(description="PEM file with the certificate chain")
+    key: ExistingFile = Field(description="PEM file without a passphrase, readable only by the daemon")
 
 
 class HttpLimits(Section):
-    """What one client can ask of the daemon."""
+    """Limits on what clients may ask of the daemon."""
 
-    body_bytes: int = Field(16_777_216, ge=1024, le=2**30, description="of a request")
-    head_timeout_s: float = Field(10.0, gt=0, le=600, description="until a request's head has come")
-    body_timeout_s: float = Field(30.0, gt=0, le=3600, description="until its body has come")
-    write_timeout_s: float = Field(30.0, gt=0, le=3600, description="how long a client may read nothing")
-    connections: int = Field(256, ge=4, le=10_000, description="of all clients together")
-    streams_per_client: int = Field(8, ge=1, le=1000, description="live streams to one address")
+    body_bytes: int = Field(16_777_216, ge=1024, le=2**30, description="maximum size of a request body")
+    head_timeout_s: float = Field(10.0, gt=0, le=600, description="maximum time to receive a request head")
+    body_timeout_s: float = Field(30.0, gt=0, le=3600, description="maximum time to receive a request body")
+    write_timeout_s: float = Field(
+        30.0, gt=0, le=3600, description="maximum time for which a client may read nothing"
+    )
+    connections: int = Field(256, ge=4, le=10_000, description="maximum number of connections of all clients")
+    streams_per_client: int = Field(
+        8, ge=1, le=1000, description="maximum number of live streams per client address"
+    )
 
 
 class HttpConfig(Section):
-    """Where the daemon listens, and by which names it is called."""
+    """Address the daemon listens on, and the host names clients reach it by."""
 
-    host: str = Field("127.0.0.1", description="other than loopback only with tokens")
+    host: str = Field("127.0.0.1", description="anything but loopback requires tokens")
     port: int = Field(8050, ge=0, le=65535)
-    hosts: tuple[HostName, ...] = Field((), description="further names and addresses that clients call it by")
-    tls: TlsConfig | None = Field(None, description="without it, plain HTTP")
+    hosts: tuple[HostName, ...] = Field(
+        (), description="additional host names and addresses that clients use"
+    )
+    tls: TlsConfig | None = Field(None, description="default: plain HTTP")
     limits: HttpLimits = HttpLimits()
 
 
 class Config(Section):
-    """The whole configuration."""
+    """The whole configuration file."""
 
     site: dict[str, str] = Field(default_factory=dict)
     devices: dict[DeviceName, DeviceConfig] = Field(min_length=1)
     storage: StorageConfig = StorageConfig()
     http: HttpConfig = HttpConfig()
-    mqtt: MqttConfig | None = Field(None, description="without it, nothing is published")
+    mqtt: MqttConfig | None = Field(None, description="default: nothing is published")
 
     @property
     def state_directory(self) -> Path:
-        """The folder of captures, index and state."""
+        """Folder of the captures, the index and the state database."""
         return self.storage.directory or default_state_directory()

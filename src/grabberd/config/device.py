@@ -1,4 +1,4 @@
-"""The sections of one grabber: its rig, its ring, how its fields are treated."""
+"""Configuration sections of one grabber: its rig, its ring, and how its fields are processed."""
 
 from typing import Annotated, Any, Literal, Self
 
@@ -14,7 +14,7 @@ Millimetres = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class ViewColumns(Section):
-    """The columns of the picture that one view has."""
+    """Columns of the picture that belong to one view."""
 
     first_column: int = Field(ge=0)
     end_column: int = Field(gt=0)
@@ -27,27 +27,27 @@ class Views(Section):
     right: ViewColumns = ViewColumns(first_column=360, end_column=720)
 
     @model_validator(mode="after")
-    def _stand_side_by_side(self) -> Self:
+    def _side_by_side(self) -> Self:
         for name, view in (("left", self.left), ("right", self.right)):
             if view.end_column <= view.first_column:
                 raise ValueError(f"{name} has no columns: {view.first_column} to {view.end_column}")
         if self.left.end_column > self.right.first_column:
             raise ValueError(
                 f"the views overlap: left ends at column {self.left.end_column}, "
-                f"right begins at {self.right.first_column}"
+                f"right starts at {self.right.first_column}"
             )
         return self
 
 
 class GlassConfig(Section):
-    """A plane plate between the mirrors and the object."""
+    """A plane-parallel glass plate between the mirrors and the object."""
 
     thickness_mm: Millimetres = Field(gt=0, le=50)
     refractive_index: float = Field(ge=1, le=3)
 
 
 class RigConfig(Section):
-    """The rig as it was built, each number to about ten per cent: the prior knowledge for a calibration."""
+    """Nominal geometry of the rig, within about ten per cent: prior knowledge for a calibration."""
 
     columns: int = Field(720, ge=16, le=4096)
     lines: int = Field(576, ge=16, le=4096, multiple_of=2)
@@ -59,9 +59,7 @@ class RigConfig(Section):
     pixel_x_mm: Millimetres = Field(0.0086, ge=0.001, le=0.05)
     pixel_y_mm: Millimetres = Field(0.0083, ge=0.001, le=0.05)
     exposure_ms: float = Field(1.0, gt=0, le=20)
-    glass: GlassConfig | None = Field(
-        None, description="the plate that is in place; a calibration has to match it"
-    )
+    glass: GlassConfig | None = Field(None, description="the plate in place; a calibration must match it")
 
     @model_validator(mode="after")
     def _views_inside_picture(self) -> Self:
@@ -79,49 +77,57 @@ class RingConfig(Section):
     bits: BitDepth = 1
     lines: Lines | None = Field(None, description="doubled (default at 1 bit) or field (default for grey)")
     interpolation: Literal["linear", "kernel3x3"] = Field(
-        "linear", description="of the missing lines of doubled fields, on the grey values"
+        "linear", description="how the missing lines of doubled fields are interpolated, on the grey values"
     )
 
 
 class ThresholdConfig(Section):
-    """How the grey value is found that separates targets from the background."""
+    """Choice of the grey value that separates targets from the background."""
 
     kind: Literal["fixed", "trinder", "automatic"] = "automatic"
     value: int | None = Field(None, ge=0, le=254)
-    map: bool = Field(False, description="a threshold for every pixel, for uneven light; automatic, 1 bit")
+    map: bool = Field(
+        False, description="one threshold per pixel, for uneven light; requires kind automatic and 1 bit"
+    )
 
     @model_validator(mode="after")
     def _value_belongs_to_fixed(self) -> Self:
         if (self.kind == "fixed") != (self.value is not None):
-            raise ValueError("'value' belongs to kind fixed, and kind fixed needs it")
+            raise ValueError("kind fixed requires 'value', and only kind fixed takes it")
         return self
 
     @model_validator(mode="after")
     def _map_belongs_to_automatic(self) -> Self:
         if self.map and self.kind != "automatic":
-            raise ValueError(f"'map' belongs to kind automatic, not to {self.kind}")
+            raise ValueError(f"'map' requires kind automatic, not {self.kind}")
         return self
 
 
 class LocationConfig(Section):
-    """How targets are located in the picture."""
+    """Location of targets in the picture."""
 
-    method: str = Field("automatic", description="a locator by name, or what measured best for the bits")
-    target_px: float | None = Field(None, gt=0, le=100, description="size of the targets; default: as seen")
-    line_shifts: bool | None = Field(None, description="solve for the lines' shifts; default: where it pays")
+    method: str = Field(
+        "automatic", description="name of a locator; automatic: the most accurate one for the number of bits"
+    )
+    target_px: float | None = Field(
+        None, gt=0, le=100, description="diameter of the targets; default: estimated from the picture"
+    )
+    line_shifts: bool | None = Field(
+        None, description="solve for the shift of each line; default: where it improves accuracy"
+    )
 
 
 class CaptureConfig(Section):
-    """What captures are like unless they are asked for otherwise."""
+    """Defaults of captures."""
 
     on_interruption: OnInterruption = Field(
         "continue",
-        description="when the device fails to deliver: continue with the gap in the ledger, or end",
+        description="when the device stops delivering: continue, with the gap in the ledger, or end",
     )
 
 
 class DeviceConfig(Section):
-    """One grabber, the rig before it and how its fields are treated."""
+    """One grabber, the rig in front of it, and how its fields are processed."""
 
     driver: str
     options: dict[str, Any] = Field(default_factory=dict)

@@ -1,4 +1,4 @@
-"""The section of the MQTT broker that the daemon tells of its devices and captures."""
+"""Configuration section of the MQTT publisher."""
 
 from typing import Annotated, Self
 
@@ -15,44 +15,59 @@ PORT, TLS_PORT = 1883, 8883
 
 
 class MqttTlsConfig(Section):
-    """How the broker is known, and the daemon to it; PEM files."""
+    """TLS towards the broker; all files in PEM format."""
 
-    ca: ExistingFile | None = Field(None, description="who certifies the broker; default: the system's own")
-    certificate: ExistingFile | None = Field(None, description="the daemon's own, with the chain")
-    key: ExistingFile | None = Field(None, description="its private key, without a passphrase")
+    ca: ExistingFile | None = Field(
+        None, description="CA certificates to verify the broker with; default: the system's"
+    )
+    certificate: ExistingFile | None = Field(
+        None, description="the daemon's client certificate, with its chain"
+    )
+    key: ExistingFile | None = Field(
+        None, description="private key of the client certificate, without a passphrase"
+    )
 
     @model_validator(mode="after")
     def _both_or_none(self) -> Self:
         if (self.certificate is None) != (self.key is None):
-            raise ValueError("certificate and key belong together: name both or none")
+            raise ValueError("certificate and key go together: give both or neither")
         return self
 
 
 class MqttConfig(Section):
-    """The broker that is told of devices and captures; nothing is taken from it. It needs `site.barn`."""
+    """The MQTT broker that device states and captures are published to; requires `site.barn`."""
 
     host: str = Field(min_length=1, max_length=253)
     port: int | None = Field(None, ge=1, le=65535, description=f"default: {PORT}, with TLS {TLS_PORT}")
-    tls: MqttTlsConfig | None = Field(None, description="`{}` for a broker that the system's own CAs certify")
+    tls: MqttTlsConfig | None = Field(
+        None, description="`{}` for a broker certified by one of the system's CAs"
+    )
     user: str | None = Field(None, min_length=1)
     password_file: ExistingFile | None = Field(
-        None, description="its one line is the password; read at every connection"
+        None, description="file with the password on its only line; read at every connection"
     )
-    topic_prefix: TopicPrefix = Field("grabberd", description="every topic begins with PREFIX/BARN")
-    client_id: ClientId | None = Field(None, description="default: grabberd- and the barn")
-    keepalive_s: int = Field(30, ge=5, le=3600, description="a broker notices our end after 1.5 of these")
-    every_s: float = Field(5.0, ge=1, le=3600, description="a device's state goes out no more often")
+    topic_prefix: TopicPrefix = Field("grabberd", description="every topic starts with PREFIX/BARN")
+    client_id: ClientId | None = Field(None, description="default: grabberd-BARN")
+    keepalive_s: int = Field(
+        30, ge=5, le=3600, description="the broker notices a lost connection after 1.5 times this"
+    )
+    every_s: float = Field(
+        5.0, ge=1, le=3600, description="minimum interval between two state messages of a device"
+    )
     queue_captures: int = Field(
-        10_000, ge=1, le=1_000_000, description="summaries kept on disk while the broker is away"
+        10_000,
+        ge=1,
+        le=1_000_000,
+        description="capture summaries kept on disk while the broker is unreachable",
     )
 
     @model_validator(mode="after")
     def _password_has_a_user(self) -> Self:
         if self.password_file is not None and self.user is None:
-            raise ValueError("password_file without user")
+            raise ValueError("password_file requires user")
         return self
 
     @property
     def address(self) -> tuple[str, int]:
-        """Host and port."""
+        """Host and port of the broker."""
         return self.host, self.port or (PORT if self.tls is None else TLS_PORT)

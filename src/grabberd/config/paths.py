@@ -1,4 +1,4 @@
-"""Where configuration and state are where nobody says it."""
+"""Default locations of configuration and state."""
 
 import os
 import sys
@@ -6,7 +6,7 @@ from pathlib import Path
 
 
 def default_state_directory() -> Path:
-    """Systemd's state directory, else the user's own."""
+    """The state directory given by systemd, else one in the user's home."""
     if systemd := os.environ.get("STATE_DIRECTORY"):
         return Path(systemd.split(":")[0])
     base = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
@@ -14,11 +14,11 @@ def default_state_directory() -> Path:
 
 
 def shipped_configs() -> Path:
-    """The folder of the configurations that come with the program: in a checkout, or as installed."""
+    """Folder of the configurations shipped with the program, in a checkout or as installed."""
     checkout = Path(__file__).resolve().parents[3] / "configs"
     return checkout if checkout.is_dir() else Path(sys.prefix) / "share" / "grabberd" / "configs"
 
 
 def default_config_file() -> Path:
-    """The configuration of the simulated grabber, in force where none is named."""
+    """The configuration of the simulated grabber, used when none is given."""
     return shipped_configs() / "fake.yaml"

@@ -1,4 +1,4 @@
-"""From a YAML file to the configuration, or to all of its problems in words."""
+"""Loading of the configuration from YAML, with every problem explained."""
 
 import difflib
 from collections.abc import Hashable, Mapping
@@ -15,10 +15,10 @@ from grabberd.errors import ConfigError, Problem
 
 
 def load_config(path: Path) -> Config:
-    """The configuration in a YAML file.
+    """Load and validate a YAML configuration file.
 
     Raises:
-        ConfigError: with every problem of it.
+        ConfigError: lists every problem in the file.
     """
     document = _read_yaml(path)
     try:
@@ -34,11 +34,11 @@ def _read_yaml(path: Path) -> object:
     except OSError as error:
         raise ConfigError([Problem(str(path), "(file)", error.strerror or str(error))]) from None
     except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError([Problem(str(path), "(file)", f"no YAML: {error}")]) from None
+        raise ConfigError([Problem(str(path), "(file)", f"not valid YAML: {error}")]) from None
 
 
 class _StrictLoader(yaml.SafeLoader):
-    """Refuses a key that is given twice, where YAML would silently take the last."""
+    """YAML loader that refuses duplicate keys, of which plain YAML silently keeps the last."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         keys = [self.construct_object(key, deep=True) for key, _ in node.value]
@@ -70,11 +70,11 @@ def _did_you_mean(key: str, location: tuple[int | str, ...]) -> str:
     near = [name for name in known if name.startswith(key + "_")] or difflib.get_close_matches(
         key, known, n=1
     )
-    return f"; did you mean {near[0]}?" if near else f"; known here: {', '.join(known)}"
+    return f"; did you mean {near[0]}?" if near else f"; known keys: {', '.join(known)}"
 
 
 def _known_keys(location: tuple[int | str, ...]) -> set[str]:
-    """The keys that the section at this place knows."""
+    """Keys of the section at this location."""
     section: Any = Config
     for part in location[:-1]:
         section = _descend(section, part)
@@ -90,7 +90,7 @@ def _descend(section: Any, part: int | str) -> Any:
 
 
 def _without_none(section: Any) -> Any:
-    """The section itself of one that may be left out."""
+    """The section type inside an optional annotation."""
     others = [one for one in get_args(section) if one is not NoneType]
     return others[0] if len(others) < len(get_args(section)) else section
 

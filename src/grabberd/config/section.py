@@ -1,4 +1,4 @@
-"""What all sections of the configuration have in common."""
+"""Base class of all sections of the configuration."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +10,7 @@ def _existing_file(path: Path, info: ValidationInfo) -> Path:
     directory: Path = (info.context or {}).get("directory", Path())
     resolved = (directory / path.expanduser()).resolve()
     if not resolved.is_file():
-        raise ValueError(f"no file {resolved}")
+        raise ValueError(f"there is no file {resolved}")
     return resolved
 
 
@@ -18,6 +18,6 @@ ExistingFile = Annotated[Path, AfterValidator(_existing_file)]
 
 
 class Section(BaseModel):
-    """A part of the configuration: unknown keys are refused, nothing changes after loading."""
+    """A section of the configuration: refuses unknown keys, immutable once loaded."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)

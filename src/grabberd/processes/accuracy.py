@@ -11,12 +11,12 @@ from grabberd.field import BIT_DEPTHS, Field, NumberedField, PackedField, double
 from grabberd.measurement import ThresholdRule
 from grabberd.processes.thresholds import field_threshold
 from grabberd.reconstruction.accuracy.accuracy import WRONG_BEYOND_MM, Accuracy, Axes, accuracy
-from grabberd.reconstruction.accuracy.comparison import Coordinates, Truth, true_places
-from grabberd.reconstruction.accuracy.lengths import LengthErrors, length_errors
+from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth, true_places
+from grabberd.reconstruction.accuracy.length_errors import LengthErrors, length_errors
 from grabberd.reconstruction.accuracy.pointing import PointingPrecision, pointing_precision
-from grabberd.reconstruction.accuracy.rigid import RigidMotion
+from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
+from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.series import PointSeries
 from grabberd.reconstruction.smoothing.smoothing import Smoothed, SmoothingSettings, smooth
 
 __all__ = [
@@ -41,7 +41,7 @@ _MOST_BITS = 8
 
 @dataclass(frozen=True, slots=True)
 class InvestigationSettings:
-    """How points are compared.
+    """Settings of the comparison of points with the truth.
 
     Attributes:
         fit: turn and shift the points onto the truth first, one motion for all fields; never scale.
@@ -189,7 +189,7 @@ def _grey(packed: PackedField) -> Field:
 
 
 def _quantised(field: Field, bits: int, threshold: int) -> PackedField:
-    """With a number of bits that no ring has, the grey values of so many bits in eight."""
+    """Quantise to a number of bits that no ring has, keeping the result in eight."""
     if bits in BIT_DEPTHS:
         return quantise(field, bits, threshold)
     low = np.uint8((1 << (_MOST_BITS - bits)) - 1)

@@ -38,7 +38,7 @@ Picture = NDArray[np.float32]
 
 
 class Order(StrEnum):
-    """What the pictures say of the order of their fields."""
+    """Field order as the pictures show it."""
 
     RIGHT = "right"
     REVERSED = "reversed"
@@ -54,7 +54,7 @@ class Ratio(NamedTuple):
     sigma: float
 
     def is_within(self, low: float, high: float) -> bool:
-        """Whether it is between the two, significantly."""
+        """True if the ratio lies significantly between the two limits."""
         reach = _SIGNIFICANT * self.sigma
         return low < self.value - reach and self.value + reach < high
 
@@ -64,7 +64,7 @@ class Ratio(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class FieldOrderFinding:
-    """What was found.
+    """Result of a field order check.
 
     Attributes:
         order: in a word; `evidence`: why, in a sentence.
@@ -220,11 +220,11 @@ def _jackknife(without: Array) -> float:
 
 
 def _variation(two_steps: Array) -> float:
-    """How significantly the differences in both halves of the bands rise and fall together, in σ."""
+    """Significance, in σ, with which differences in both halves of the bands vary together."""
     halves = two_steps - two_steps.mean(axis=0)
     power = float(np.sqrt(np.square(halves).sum(axis=0).prod()))
-    together = float(halves.prod(axis=1).sum())
-    return together / power * np.sqrt(len(halves) / _OVERLAP) if power > 0 else 0.0
+    covariation = float(halves.prod(axis=1).sum())
+    return covariation / power * np.sqrt(len(halves) / _OVERLAP) if power > 0 else 0.0
 
 
 def _without_variation(growth: Array) -> tuple[Order, str]:

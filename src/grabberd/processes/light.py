@@ -1,4 +1,4 @@
-"""What lamp and lens are set by: how a grey field is lit, view by view, and what a threshold shows."""
+"""Illumination of a grey field, view by view, for setting lamp and lens."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class ViewLight:
 
 
 def light_of(field: Field, threshold: int, views: Mapping[str, tuple[int, int]]) -> dict[str, ViewLight]:
-    """How a field is lit in every view.
+    """Illumination of a field in every view.
 
     Args:
         field: 8 bits, its lines as they came.

@@ -30,7 +30,7 @@ JITTERS, JITTER_EVERY = 9, 25
 
 @dataclass(frozen=True, slots=True)
 class MeasureSetup:
-    """What a measurement is made with; the same setup and fields give the same points, bit for bit.
+    """Setup of a measurement: the same setup and fields give the same points, bit for bit.
 
     Attributes:
         calibration: both virtual cameras.
@@ -68,7 +68,7 @@ def measure_fields(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iter
 
 
 class _Locating:
-    """How the next field's blobs are located: the line jitter is the equipment's and seldom asked for."""
+    """Location of each field's blobs; line jitter, a property of the equipment, is seldom re-estimated."""
 
     def __init__(self, settings: LocationSettings) -> None:
         self._asking = self._knowing = settings
@@ -87,7 +87,7 @@ class _Locating:
 
 
 class _Step:
-    """What is carried from field to field."""
+    """State carried from field to field."""
 
     def __init__(self, setup: MeasureSetup, y_step: int) -> None:
         self.y_step = y_step

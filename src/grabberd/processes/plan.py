@@ -30,7 +30,7 @@ _SMALL = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class PlanSettings:
-    """What the picture will be like.
+    """Expected properties of the picture.
 
     Attributes:
         target_diameter_mm: of the discs.
@@ -210,7 +210,7 @@ def _covariance(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> tuple[Array,
 
 
 def _jitter_px(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> float:
-    """What line jitter alone gives a blob's x, less where the shifts of grey, intact lines are solved for."""
+    """Error of a blob's x from line jitter alone; less if the shifts of grey, intact lines are solved for."""
     if settings.sigma_px:
         return 0.0
     radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm)[0, 1])
@@ -251,5 +251,5 @@ def _holds(view: View, xy_px: Array, lines: int) -> NDArray[np.bool_]:
 
 
 def _agreeing(rig: NominalRig) -> NominalRig:
-    """With the convergence that base and distance make."""
+    """The rig with the convergence that follows from base and distance."""
     return replace(rig, convergence_deg=2.0 * math.degrees(math.atan(0.5 * rig.base_mm / rig.distance_mm)))

@@ -54,7 +54,7 @@ class RigWatch:
         return self.fit() if self._fields % FIT_EVERY == 0 else None
 
     def fit(self) -> RigFit:
-        """What the last seconds say."""
+        """Fit over the last seconds."""
         fit = self._movement.fit()
         seen = sorted(self._blobs)[len(self._blobs) // 2] if self._blobs else 0
         if fit.verdict is RigVerdict.UNKNOWN and seen >= MANY:

@@ -21,7 +21,7 @@ _FEWEST_TICKS = 3
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """Which values the colours stand for.
+    """Range of values that a colour scale covers.
 
     Attributes:
         label: quantity and unit, in ASCII.

@@ -40,7 +40,7 @@ class Stage(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """What the colours can stand for: its label, in ASCII, and its values at the mesh's corners (P, Q)."""
+    """Quantity shown in colour: its label, in ASCII, and its values at the mesh's corners (P, Q)."""
 
     label: str
     values: Callable[[Stage], Array]
@@ -80,7 +80,7 @@ principal strain of the outer face and the way moved, both since the reference f
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Modelling:
-    """How the surfaces of a capture's fields are estimated.
+    """Estimator of the surfaces of a capture's fields.
 
     Attributes:
         grid: of the object model.

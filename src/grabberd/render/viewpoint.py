@@ -69,7 +69,7 @@ class Viewpoint:
 
     @classmethod
     def before(cls, box: Box, azimuth_deg: float, elevation_deg: float, canvas: Canvas) -> "Viewpoint":
-        """As large as the canvas lets it be."""
+        """Viewpoint from a direction, scaled so that the box fills the canvas."""
         axes = np.stack(viewing_axes(azimuth_deg, elevation_deg))
         extent = np.ptp(box.corners() @ axes[:2].T, axis=0)
         room = np.array([canvas.width - 2 * _MARGIN_PX - _BAR_PX, canvas.height - 2 * _MARGIN_PX])

@@ -1,8 +1,9 @@
-"""What people read and sign: HTML drawn from a JSON document alone, with its figures.
+"""The reports that people read and sign: HTML drawn from a JSON document alone, with its figures.
 
-A report's document holds every number; nothing here measures or computes an accuracy of its own. Each chapter
-turns one part of the document into text and tables, each figure one part into a picture; figures need the
-extra `report`.
+A report's document holds every number; nothing here measures anything or computes an accuracy of its own. The
+text and the order of the chapters stand in `templates/`, one template for each report; `calibration` and
+`analysis` prepare the values that a template cannot take from the document as they are, and `figures` draws,
+which needs the extra `report`.
 """
 
 from grabberd.reports.analysis import analysis_html

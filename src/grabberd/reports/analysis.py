@@ -1,46 +1,178 @@
-"""The analysis report: one HTML page that needs nothing beside it."""
+"""The analysis report: the values that its template cannot take from the document as they are."""
 
-from collections.abc import Callable, Mapping
-from typing import Any
+import re
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from grabberd.reports.chapters.analysis_head import analysis_head
-from grabberd.reports.chapters.analysis_inputs import inputs
-from grabberd.reports.chapters.analysis_method import columns, method
-from grabberd.reports.chapters.mean_cycle import mean_cycle
-from grabberd.reports.chapters.pressure import pressure
-from grabberd.reports.chapters.pulsation import pulsation
-from grabberd.reports.chapters.shape import curves, shape
-from grabberd.reports.chapters.wall import wall
+import numpy as np
+
+from grabberd.reports.columns import Columns
 from grabberd.reports.document import check_analysis
-from grabberd.reports.figures import require_matplotlib
-from grabberd.reports.markup import Html
-from grabberd.reports.page import page
+from grabberd.reports.environment import render
+from grabberd.reports.figures import State, require_matplotlib, states_of
 
-ANALYSIS_CHAPTERS: tuple[tuple[str, Callable[[Mapping[str, Any]], Html]], ...] = (
-    ("The wall and its pressure", shape),
-    ("Course over time", curves),
-    ("Pulsation", pulsation),
-    ("Mean cycle", mean_cycle),
-    ("Curvature, strain, tension", wall),
-    ("Pressure: how far it can be trusted", pressure),
-    ("Inputs and where they come from", inputs),
-    ("How it was computed", method),
-    ("Columns", columns),
-)
+Document = Mapping[str, Any]
+Tables = Mapping[str, Columns]
+
+_LIMIT = 3.0
+"""σ from which on a field's residual pressure of the free wall counts as a disagreement."""
 
 
-def analysis_html(document: Mapping[str, Any]) -> str:
-    """The report of an analysis as one self-contained page, the same text for the same document.
+class Peak(NamedTuple):
+    """Row of a table in which the mean pressure is greatest; `phase` if it is a table over the mean cycle."""
+
+    table: Columns
+    row: int
+    field: float | None
+    phase: float | None
+
+
+class Undetermined(NamedTuple):
+    """Numbers of a state's targets with and without a pressure, and how often which reason is given."""
+
+    name: str
+    known: int
+    without: int
+    reasons: Sequence[tuple[str, int]]
+
+
+class FreeWall(NamedTuple):
+    """Pressure found where the wall is free and there should be none; `outside`: fields beyond 3 σ."""
+
+    mean_kpa: float
+    sigma_kpa: float
+    fields: int
+    outside: int
+
+
+class SigmaShares(NamedTuple):
+    """Medians over a state's targets of what the σ of the pressure is made of."""
+
+    name: str
+    points_kpa: float
+    common_kpa: float
+    total_kpa: float
+
+
+def analysis_html(document: Document) -> str:
+    """Write the report of an analysis as one self-contained page, the same text for the same document.
 
     Args:
-        document: "grabberd/analysis-report/1"; what was not found is said to be missing, and why.
+        document: "grabberd/analysis-report/1"; the report says what could not be determined, and why.
 
     Raises:
-        InputError: the document is of another schema, lacks what every report has, or has a number that is
-            not finite.
+        InputError: the document has another schema, lacks what every report has, or has a number that is not
+            finite.
         ExtraMissing: matplotlib is not installed.
     """
     check_analysis(document)
     require_matplotlib()
-    title = f"Analysis report {document['id']}"
-    return page(title, document, analysis_head(document), ANALYSIS_CHAPTERS)
+    return render("analysis.html.jinja", document, **values(document))
+
+
+def values(document: Document) -> dict[str, Any]:
+    """Prepare the values of the template; its own comment describes them."""
+    tables = {name: Columns(table) for name, table in document["tables"].items()}
+    states = states_of(document)
+    heights = np.unique(tables["phase_sections"].numbers("height_mm")).tolist()
+    return {
+        "tables": tables,
+        "states": states,
+        "is_known": lambda name: any(state.columns.is_known(name) for state in states),
+        "peak": _peak(tables),
+        "undetermined": [_undetermined(state) for state in states],
+        "start_seen": tables["summary"].value("touch_n") != tables["fields"].value("n"),
+        "misfit": _misfit(tables["fields"]),
+        "free": _free(tables["fields"]),
+        "sigma_shares": list(_sigma_shares(states)),
+        "heights": heights,
+        "distances": [_distances(tables, height) for height in heights],
+        "cycle_shares": _cycle_shares(tables["summary"]),
+        "given": list(_given(document["inputs"]["given"])),
+        "all_columns": _all_columns(document),
+    }
+
+
+def _peak(tables: Tables) -> Peak | None:
+    """From the mean cycle if there is one, otherwise from the single fields."""
+    for name in ("phases", "fields"):
+        table = tables[name]
+        if table.is_known("mean_contact_kpa"):
+            row = int(np.nanargmax(table.numbers("mean_contact_kpa")))
+            phase = table.value("phase", row) if name == "phases" else None
+            return Peak(table, row, table.value("n", row), phase)
+    return None
+
+
+def _undetermined(state: State) -> Undetermined:
+    known = int(np.isfinite(state.columns.numbers("contact_kpa")).sum())
+    reasons = Counter(_kind(reason) for reason in state.columns.words("reason") if reason)
+    return Undetermined(state.name, known, len(state.columns) - known, list(reasons.items()))
+
+
+def _kind(reason: str) -> str:
+    """A reason without the values of its target, so that equal ones can be counted."""
+    return re.sub(r" of [\d.e+-]+ kPa| \([^)]*\)", "", reason)
+
+
+def _misfit(fields: Columns) -> float | None:
+    return fields.spread("misfit").median if fields.is_known("misfit") else None
+
+
+def _free(fields: Columns) -> FreeWall | None:
+    residual, sigma = fields.numbers("free_residual_kpa"), fields.sigma("free_residual_kpa")
+    known = np.isfinite(residual)
+    if not known.any():
+        return None
+    left, spread = residual[known], sigma[known]
+    outside = int((np.abs(left) > _LIMIT * spread).sum())
+    return FreeWall(float(left.mean()), float(np.median(spread)), len(left), outside)
+
+
+def _sigma_shares(states: Sequence[State]) -> Iterator[SigmaShares]:
+    for state in states:
+        own, total = state.columns.numbers("points_sigma_kpa"), state.columns.sigma("contact_kpa")
+        known = np.isfinite(total)
+        if known.any():
+            # Where nothing else contributes, rounding can leave a difference just below zero.
+            common = np.sqrt(np.maximum(total[known] ** 2 - own[known] ** 2, 0.0))
+            parts = (own[known], common, total[known])
+            yield SigmaShares(state.name, *(float(np.median(part)) for part in parts))
+
+
+def _distances(tables: Tables, height: float) -> list[str]:
+    """Distance at a height for every phase of the mean cycle, as cells."""
+    sections = tables["phase_sections"]
+    cells = sections.cells("distance_mm")
+    rows = zip(sections.values("phase"), sections.values("height_mm"), cells, strict=True)
+    at = {phase: cell for phase, section_height, cell in rows if section_height == height}
+    return [at.get(phase, "–") for phase in tables["phases"].values("phase")]
+
+
+def _cycle_shares(summary: Columns) -> dict[str, float]:
+    period = summary.value("period_s")
+    names = [f"{kind}_{letter}_s" for kind in ("wall", "iso") for letter in "abcd"]
+    known = {name: summary.value(name) for name in names}
+    return {name: value / period for name, value in known.items() if period and value is not None}
+
+
+def _given(given: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, Any]]:
+    """Inputs one by one, nested ones by their path: "material.E_mpa", "sensors 2.offset_s"."""
+    for key, value in given.items():
+        if isinstance(value, Mapping):
+            yield from _given(value, f"{before}{key}.")
+        elif isinstance(value, list) and value and isinstance(value[0], Mapping):
+            for index, inner in enumerate(value, start=1):
+                yield from _given(inner, f"{before}{key} {index}.")
+        else:
+            yield f"{before}{key}", value
+
+
+def _all_columns(document: Document) -> list[Mapping[str, Any]]:
+    """Every column once, but for those of σ."""
+    first: dict[str, Mapping[str, Any]] = {}
+    for table in [*document["tables"].values(), *(state["targets"] for state in document["states"][:1])]:
+        for column in table["columns"]:
+            first.setdefault(column["name"], column)
+    return [column for name, column in first.items() if not name.startswith("sigma_")]

@@ -1,14 +1,23 @@
-"""A table of a document, by its columns."""
+"""A table of a document, read by columns."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.reports.numbers import UNKNOWN, fixed, measured
+from grabberd.reports.numbers import DASH, fixed, measured
 
 Array = NDArray[np.float64]
+
+
+class Spread(NamedTuple):
+    """The range of a column's known values; `sigma` is the median of their σ, None where there is none."""
+
+    least: float
+    median: float
+    greatest: float
+    sigma: float | None
 
 
 class Columns:
@@ -21,20 +30,20 @@ class Columns:
         return max((len(column["values"]) for column in self._columns.values()), default=0)
 
     def numbers(self, name: str) -> Array:
-        """(R,) of a column; all NaN where the table has none of that name."""
+        """(R,) values of a column; all NaN where the table has no such column."""
         values = self._columns[name]["values"] if name in self._columns else [None] * len(self)
         return np.array(values, dtype=np.float64)
 
     def sigma(self, name: str) -> Array:
-        """(R,) σ of a column."""
+        """(R,) σ of a column's values, in the column's unit."""
         return self.numbers(f"sigma_{name}")
 
     def words(self, name: str) -> list[str]:
-        """(R,) of a column of words."""
+        """R values of a text column; empty where the table has no such column."""
         return list(self._columns[name]["values"]) if name in self._columns else [""] * len(self)
 
     def unit(self, name: str) -> str:
-        """Of a column, as it is written; empty where it has none."""
+        """Unit of a column as it is written; empty for pure numbers."""
         unit = str(self._columns[name]["unit"]) if name in self._columns else ""
         return "" if unit == "1" else unit
 
@@ -43,28 +52,46 @@ class Columns:
         return f"{title} [{self.unit(name)}]" if self.unit(name) else title
 
     def is_known(self, name: str) -> bool:
-        """Whether any of its values is known."""
+        """True if any of the column's values is known."""
         return bool(np.isfinite(self.numbers(name)).any())
 
-    def one(self, name: str, row: int = 0) -> float | None:
+    def value(self, name: str, row: int = 0) -> float | None:
         """A single value; None where it is not known."""
         value = self.numbers(name)[row] if len(self) else np.nan
         return float(value) if np.isfinite(value) else None
 
-    def cell(self, name: str, row: int, places: int = 3) -> str:
-        """A value with its σ in brackets; without σ to so many places."""
-        value, sigma = self.one(name, row), self.one(f"sigma_{name}", row)
-        if value is None:
-            return UNKNOWN
-        if sigma is None:
-            return fixed(value, places)
-        return "{} ({})".format(*measured(value, sigma))
+    def values(self, name: str) -> list[float | None]:
+        """R values of a column; None where they are not known."""
+        return [float(value) if np.isfinite(value) else None for value in self.numbers(name)]
 
-    def said(self, name: str, places: int = 3) -> str:
-        """The first row's value with σ and unit, as a sentence has it."""
-        value, sigma, unit = self.one(name), self.one(f"sigma_{name}"), self.unit(name)
+    def cell(self, name: str, row: int = 0, decimals: int = 3) -> str:
+        """A value with its σ in brackets; one without σ with a fixed number of decimals."""
+        return self.cells(name, decimals)[row] if len(self) else DASH
+
+    def cells(self, name: str, decimals: int = 3) -> list[str]:
+        """R values of a column, written as `cell` does."""
+        pairs = zip(self.values(name), self.values(f"sigma_{name}"), strict=True)
+        return [_cell(value, sigma, decimals) for value, sigma in pairs]
+
+    def estimate(self, name: str, decimals: int = 3) -> str:
+        """The first row's value with ± σ and its unit, for running text."""
+        value, sigma, unit = self.value(name), self.value(f"sigma_{name}"), self.unit(name)
         if value is None:
-            return UNKNOWN
+            return DASH
         if not sigma:
-            return f"{fixed(value, places)} {unit}".strip()
+            return f"{fixed(value, decimals)} {unit}".strip()
         return "{} ± {} {}".format(*measured(value, sigma), unit).strip()
+
+    def spread(self, name: str) -> Spread:
+        """Range of the known values of a column that has any."""
+        values, sigma = self.numbers(name), self.sigma(name)
+        known = float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else None
+        return Spread(float(np.nanmin(values)), float(np.nanmedian(values)), float(np.nanmax(values)), known)
+
+
+def _cell(value: float | None, sigma: float | None, decimals: int) -> str:
+    if value is None:
+        return DASH
+    if sigma is None:
+        return fixed(value, decimals)
+    return "{} ({})".format(*measured(value, sigma))

@@ -1,4 +1,4 @@
-"""The document that a report is drawn from: checked, and written as JSON."""
+"""The documents that reports are drawn from: their checks, and their JSON."""
 
 import json
 import math
@@ -10,15 +10,15 @@ from grabberd.errors import InputError
 SCHEMA = "grabberd/calibration-report/1"
 ANALYSIS_SCHEMA = "grabberd/analysis-report/1"
 
-_HINT = "make the report anew: grabberd calibrate … --report FILE"
-_ANALYSIS_HINT = "make the report anew: grabberd analyse … --out DIR"
+_HINT = "make the report again: grabberd calibrate … --report FILE"
+_ANALYSIS_HINT = "make the report again: grabberd analyse … --out DIR"
 
 
 def document_json(document: Mapping[str, Any]) -> str:
-    """A document as JSON: a line for each of its parts, keys sorted, so that equal documents are equal text.
+    """Write a document as JSON: one line for each part, keys sorted, so that equal documents are equal text.
 
     Raises:
-        InputError: a number is not finite; the message says where.
+        InputError: a number is not finite; the message names its key.
     """
     _check_finite(document)
     parts = (f"{_dumped(key)}: {_dumped(document[key])}" for key in sorted(document))
@@ -26,19 +26,20 @@ def document_json(document: Mapping[str, Any]) -> str:
 
 
 def check_document(document: Mapping[str, Any]) -> None:
-    """Whether a calibration report can be drawn from this.
+    """Check that a calibration report can be drawn from a document.
 
     Raises:
-        InputError: it is of another schema, lacks what every report has, or has a number that is none.
+        InputError: it has another schema, lacks a part that every report needs, or has a number that is not
+            finite.
     """
     _check(document, SCHEMA, ("id", "created_utc", "result", "views"), _HINT)
 
 
 def check_analysis(document: Mapping[str, Any]) -> None:
-    """Whether an analysis report can be drawn from this.
+    """Check that an analysis report can be drawn from a document.
 
     Raises:
-        InputError: as above.
+        InputError: for the same reasons as `check_document`.
     """
     needed = ("id", "created_utc", "inputs", "tables", "states")
     _check(document, ANALYSIS_SCHEMA, needed, _ANALYSIS_HINT)
@@ -46,7 +47,7 @@ def check_analysis(document: Mapping[str, Any]) -> None:
 
 def _check(document: Mapping[str, Any], schema: str, needed: Sequence[str], hint: str) -> None:
     if document.get("schema") != schema:
-        raise InputError(f"a report's schema is {schema!r}, this is {document.get('schema')!r}", hint)
+        raise InputError(f"the report's schema must be {schema!r}, not {document.get('schema')!r}", hint)
     if missing := [key for key in needed if not document.get(key)]:
         raise InputError(f"the {schema.split('/')[1].replace('-', ' ')} has no {', '.join(missing)}", hint)
     _check_finite(document)
@@ -54,7 +55,9 @@ def _check(document: Mapping[str, Any], schema: str, needed: Sequence[str], hint
 
 def _check_finite(document: Mapping[str, Any]) -> None:
     if (where := next(_not_finite(document, ""), None)) is not None:
-        raise InputError(f"the report's {where} is not a finite number", "what is not known is null")
+        raise InputError(
+            f"the report's {where} is not a finite number", "write null for a value that is not known"
+        )
 
 
 def _not_finite(value: object, where: str) -> Iterator[str]:

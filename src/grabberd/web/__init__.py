@@ -1,4 +1,7 @@
-"""The operator's page and its files. Nothing here knows what the daemon does."""
+"""The operator's page: HTML document and static files. This room does not know what the daemon does.
+
+`types/` holds the types that the page's modules are checked against; they are neither served nor packaged.
+"""
 
 from grabberd.web.files import Files, StaticFile
 from grabberd.web.page import POLICY, language_of, render

@@ -1,4 +1,4 @@
-"""The page's files as they are served: each with its tag, compressed once, all under one version."""
+"""The page's static files: each with its ETag and compressed once, all under one version."""
 
 import gzip
 import hashlib
@@ -12,7 +12,7 @@ STATIC = Path(__file__).parent / "static"
 LANGUAGES = ("en", "nb")
 STYLES = "page.css"
 LAYERS = "css/base.css"
-"""Says in which order the layers count, so it comes before any of them."""
+"""Declares the order of the cascade layers, so it comes before every sheet that uses one."""
 MEDIA_TYPES = {
     ".css": "text/css; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -25,12 +25,11 @@ OTHER = "application/octet-stream"
 
 @dataclass(frozen=True)
 class StaticFile:
-    """A file, or several made into one.
+    """A file, or several joined into one.
 
     Attributes:
-        media_type: what it is.
-        content: its bytes; `compressed`: the same by gzip.
-        etag: a strong one, from the content.
+        media_type: Value of the Content-Type header.
+        content: Bytes of the file.
     """
 
     media_type: str
@@ -38,12 +37,12 @@ class StaticFile:
 
     @cached_property
     def compressed(self) -> bytes:
-        """By gzip, as small as it gets; the same bytes every time."""
-        return gzip.compress(self.content, 9, mtime=0)
+        """The content by gzip, at the highest level; the same bytes every time."""
+        return gzip.compress(self.content, 9, mtime=0)  # a time stamp inside would differ after each restart
 
     @cached_property
     def etag(self) -> str:
-        """Changes with the content."""
+        """Strong entity tag, a digest of the content."""
         return f'"{hashlib.sha256(self.content).hexdigest()[:32]}"'
 
 
@@ -52,8 +51,8 @@ class Edition:
     """All files as they were at one moment.
 
     Attributes:
-        version: of them all; it stands in their addresses, so that they need never be asked for again.
-        files: by name, as below `static/`.
+        version: Digest of all files; it is part of their addresses, so that browsers may keep them for ever.
+        files: Files by their path below `static/`.
     """
 
     version: str
@@ -61,7 +60,7 @@ class Edition:
 
 
 class Files:
-    """The files of a folder; read again when one of them has changed, as after an upgrade."""
+    """The files of a folder, read again when one of them has changed, as after an upgrade."""
 
     def __init__(self, folder: Path = STATIC) -> None:
         self._folder = folder
@@ -70,12 +69,12 @@ class Files:
 
     @property
     def is_read(self) -> bool:
-        """Whether they have been looked at."""
+        """True if the folder has been read."""
         return bool(self._stamp)
 
     @property
     def edition(self) -> Edition:
-        """All files as they were when they were last looked at."""
+        """All files as they were when last read."""
         return self._edition if self.is_read else self.newest()
 
     def newest(self) -> Edition:
@@ -115,14 +114,14 @@ def _version(files: Mapping[str, StaticFile]) -> str:
 
 
 def _styles(files: Mapping[str, StaticFile]) -> StaticFile:
-    """Every style sheet in one, in the order of their names; those of others first."""
+    """All style sheets in one, in the order of their names; those of vendored libraries first."""
     own = sorted(_below(files, "css/", ".css"), key=lambda name: (name != LAYERS, name))
     names = [*_below(files, "vendor/", ".css"), *own]
     return StaticFile(MEDIA_TYPES[".css"], b"\n".join(files[name].content for name in names))
 
 
 def _texts(files: Mapping[str, StaticFile], language: str) -> StaticFile:
-    """Every catalogue of a language in one: the catalogue's name, then its keys."""
+    """All text catalogues of a language in one document: catalogue names first, then keys."""
     folder = f"texts/{language}/"
     names = _below(files, folder, ".json")
     texts = {name[len(folder) : -len(".json")]: json.loads(files[name].content) for name in names}

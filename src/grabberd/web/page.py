@@ -1,4 +1,4 @@
-"""The page: one document, with what it first shows inside."""
+"""The page's HTML document, with the data of its first view inside."""
 
 import json
 from collections.abc import Mapping
@@ -25,16 +25,16 @@ AT_ONCE = (
     "js/panels/index.js",
     "js/panels/operate.js",
 )
-"""Modules that the first sight takes: asked for before the first of them has been read."""
+"""Modules of the first view, preloaded: a browser finds an import only after it has read the importer."""
 
 
 def render(edition: Edition, language: str, first: Mapping[str, Any]) -> str:
-    """The page.
+    """Renders the page.
 
     Args:
-        edition: its files.
-        language: its first one.
-        first: what it shows before it has asked for anything.
+        edition: Files that it refers to.
+        language: Language of its texts: "en" or "nb".
+        first: Data of its first view, so that it shows the state before it has made a request.
     """
     root = f"/static/{edition.version}"
     modules = [name for name in edition.files if name.startswith(AT_ONCE) and name.endswith(".js")]
@@ -46,7 +46,7 @@ def render(edition: Edition, language: str, first: Mapping[str, Any]) -> str:
 
 
 def language_of(accepted: str) -> str:
-    """The first language of an Accept-Language header that there are texts in; else English."""
+    """The first language of an Accept-Language header that the page has texts in; else English."""
     wanted = (part.partition(";")[0].strip().lower() for part in accepted.split(","))
     known = (_known(tag) for tag in wanted)
     return next((language for language in known if language), LANGUAGES[0])
@@ -58,6 +58,6 @@ def _known(tag: str) -> str | None:
 
 
 def _in_script(document: Mapping[str, Any]) -> str:
-    """JSON that no text inside can end the script element with."""
+    """JSON that cannot end the script element it is in, whatever texts it contains."""
     text = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

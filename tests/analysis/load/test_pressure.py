@@ -162,17 +162,3 @@ def test_a_surface_of_another_capture_s_zone_is_refused_by_its_place():
             1.0,
             SOUGHT_KPA,
         )
-
-
-def test_a_mean_over_places_is_no_surer_than_dependent_places_allow():
-    result = model().map(surface(0.3), ChamberVacuum(0.0, 42.0, 0.5, 0.0))
-    chosen = grid().row == 8
-    mean = result.mean_kpa(chosen)
-    use = chosen & result.usable
-    assert mean.value == pytest.approx(result.contact_kpa.value[use].mean())
-    assert mean.sigma >= result.shares.points_kpa[use].mean()
-    assert mean.sigma <= result.contact_kpa.sigma[use].max()
-
-
-def test_a_mean_over_no_usable_place_is_no_number():
-    assert np.isnan(model().map(surface(0.3), QUIET).mean_kpa(np.zeros(108, bool)).value)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.analysis import Estimate, PressureMap, Shares, above_place, first_touch, free_wall, since_touch
+from grabberd.analysis import Estimate, PressureMap, Shares, first_touch, free_wall, since_touch
 from grabberd.errors import AnalysisError
 
 
@@ -35,12 +35,6 @@ def test_against_the_touch_what_both_fields_have_in_common_falls_out():
     result = since_touch(pressure([8.0, 6.0], common=2.0), pressure([3.0, 2.0], common=2.0))
     assert result.value == pytest.approx([5.0, 4.0])
     assert result.sigma == pytest.approx([0.5 * 2**0.5] * 2)
-
-
-def test_above_another_place_sigma_is_no_less_than_both_own():
-    result = above_place(pressure([8.0, 6.0, 1.0], common=2.0), 2)
-    assert result.value == pytest.approx([7.0, 5.0, 0.0])
-    assert result.sigma == pytest.approx([1.0, 1.0, 0.0])
 
 
 def test_a_free_wall_without_pressure_agrees():

@@ -7,10 +7,15 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from analysis.shapes import cylinder, moved, sheet, sphere, torus
-from grabberd.analysis.wall.strain import middle_strain, outer_strain
+from grabberd.analysis.wall.forms import middle_forms
+from grabberd.analysis.wall.strain import outer_strain, strain
 
 U, V = np.linspace(-30.0, 30.0, 7), np.linspace(-12.0, 12.0, 7)
 H = 1.25
+
+
+def middle_strain(now, before, depth_mm):
+    return strain(*(middle_forms(face, depth_mm).tangents for face in (now, before)))
 
 
 def test_a_simple_stretch_has_its_stretches_and_its_thinning():

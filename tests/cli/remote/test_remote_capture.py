@@ -29,7 +29,7 @@ def run(*words: object) -> Result:
 
 def wait_until_the_ring_holds(daemon: Daemon, slots: int) -> None:
     """It has been filling for so long."""
-    armed = daemon.service.instrument(None).intake.armed
+    armed = daemon.service.instrument(None).pipeline.configured
     with armed.ring.reader() as reader:
         for _ in range(slots):
             assert reader.take(PATIENCE_S) is not None
@@ -81,7 +81,7 @@ def test_turning_away_disarms_it_and_leaves_nothing(daemon: Daemon, tmp_path: Pa
     _, errors = process.communicate(timeout=2 * PATIENCE_S)
     assert process.returncode == 1
     assert "before it was triggered" in errors
-    assert daemon.service.instrument(None).waiting is None
+    assert daemon.service.instrument(None).armed_capture is None
     assert list(tmp_path.iterdir()) == []
 
 

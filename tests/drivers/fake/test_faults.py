@@ -11,8 +11,8 @@ from grabberd_fake.faults import (
     Fail,
     Lose,
     LoseSilently,
-    Mendable,
     NoSignal,
+    Recoverable,
     Repeat,
     Stall,
     Unplug,
@@ -73,33 +73,35 @@ def test_every_kind_says_in_a_line_what_it_does() -> None:
 
 @pytest.mark.parametrize("kind", [Stall, Fail])
 @pytest.mark.parametrize("until", STEPS)
-def test_what_lasts_until_a_step_is_ended_by_it_and_by_a_harder_one(kind: type[Mendable], until: str) -> None:
+def test_what_lasts_until_a_step_is_ended_by_it_and_by_a_harder_one(
+    kind: type[Recoverable], until: str
+) -> None:
     for step in STEPS:
         fault = kind(at_field=10, until=until)
         script = Script([fault])
-        script.mend(step, 500)
-        mended = STEPS.index(step) >= STEPS.index(until)
+        script.clear(step, 500)
+        cleared = STEPS.index(step) >= STEPS.index(until)
         assert script.at(499, kind) is fault
-        assert (script.at(500, kind) is None) is mended
-        assert script.delivers(10_000) is mended
+        assert (script.at(500, kind) is None) is cleared
+        assert script.delivers(10_000) is cleared
 
 
 def test_a_step_before_a_fault_does_not_help_against_it() -> None:
     script = Script([Stall(at_field=10, until="restart")])
-    script.mend("reset", 9)
+    script.clear("reset", 9)
     assert not script.delivers(10)
 
 
 def test_what_lasts_for_a_time_is_ended_by_no_step() -> None:
     script = Script([Stall(at_field=10, duration_s=1.0)])
-    script.mend("reset", 20)
+    script.clear("reset", 20)
     assert [script.delivers(n) for n in (59, 60)] == [False, True]
     assert script.uncounted(100) == 50
 
 
 def test_what_was_mended_was_not_counted_until_then() -> None:
     script = Script([Stall(at_field=10, until="restart")])
-    script.mend("restart", 25)
+    script.clear("restart", 25)
     assert script.uncounted(100) == 15
 
 

@@ -1,7 +1,7 @@
 // From the object model's rows and columns to lines, triangles and normals.
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { displacement, measuredMoment, momentOf } from "../../../src/grabberd/web/static/js/scene/frames.js";
+import { displacement, measuredMoment, momentOf } from "../../../src/grabberd/web/static/js/scene/moments.js";
 import { gridOf } from "../../../src/grabberd/web/static/js/scene/grid.js";
 import { cross, normalsOf, trianglesOf, wireOf } from "../../../src/grabberd/web/static/js/scene/mesh.js";
 import { PLAIN, scaleOf, sharesOf } from "../../../src/grabberd/web/static/js/scene/quantities.js";

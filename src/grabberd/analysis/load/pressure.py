@@ -41,7 +41,7 @@ class ChamberVacuum(NamedTuple):
 
 
 class Shares(NamedTuple):
-    """What σ_p is made of, at N places; the signed ones are one σ's worth, the same cause at every place.
+    """Contributions to σ_p at N places; a signed one is the effect of one σ of a cause common to all.
 
     Attributes:
         points_kpa: (N,) from the points, independent from field to field, and from those of the reference.
@@ -110,16 +110,3 @@ class PressureMap(NamedTuple):
             f"none of {len(self.reason)} places has its pressure determined: {most} ({median})",
             "capture with more bits or a finer target grid, or average over phases",
         )
-
-    def mean_kpa(self, chosen: NDArray[np.bool_]) -> Estimate:
-        """p_contact averaged over the usable ones of some places (N,); NaN where there are none.
-
-        What the smoothing misjudges is alike at many places, so their own shares of σ are taken for wholly
-        dependent: the mean's is no less than the truth's, and not much less than one place's.
-        """
-        places = np.flatnonzero(chosen & self.usable)
-        if not len(places):
-            return Estimate(np.array(np.nan), np.array(np.nan))
-        common = self.shares.common_kpa[:, places].mean(axis=1)
-        sigma = np.hypot(self.shares.points_kpa[places].mean(), np.linalg.norm(common))
-        return Estimate(np.asarray(self.contact_kpa.value[places].mean()), np.asarray(sigma))

@@ -114,7 +114,7 @@ class PressureModel:
         return PressureMap(self.u_mm, self.v_mm, contact, over, wall, shares, reasons)
 
     def _reasons(self, surface: Surface, turned: NDArray[np.bool_], contact: Estimate) -> tuple[str, ...]:
-        """Why each place says nothing; the first of all that is true of it.
+        """Reason why each place has no pressure: the first one that applies.
 
         `turned`: a parallel surface inside has turned over there, its area would not be positive.
         """

@@ -1,4 +1,4 @@
-"""Where pressure begins: the touch as reference, and the free wall as proof that inputs and model agree."""
+"""The onset of pressure: the touch as reference, and the free wall as a check of inputs and model."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -22,7 +22,7 @@ class Touch(NamedTuple):
 
 
 class FreeWall(NamedTuple):
-    """What is left of p_contact where the wall is known to be free, and ought to be zero.
+    """Residual p_contact where the wall is known to be free; it should be zero.
 
     Attributes:
         residual_kpa: its weighted mean with σ, which takes the places for wholly dependent and so is no less
@@ -64,17 +64,6 @@ def since_touch(now: PressureMap, touch: PressureMap) -> Estimate:
     own = now.shares.points_kpa**2 + touch.shares.points_kpa**2
     common = ((now.shares.common_kpa - touch.shares.common_kpa) ** 2).sum(axis=0)
     return _difference(now.contact_kpa.value - touch.contact_kpa.value, own + common)
-
-
-def above_place(one: PressureMap, place: int) -> Estimate:
-    """(N,) kPa: the pressure above that at one place of the same field.
-
-    Places share points, so their own parts of σ are added, not squared: σ is no less than the truth's.
-    """
-    own = (one.shares.points_kpa + one.shares.points_kpa[place]) ** 2
-    common = ((one.shares.common_kpa - one.shares.common_kpa[:, [place]]) ** 2).sum(axis=0)
-    variance = np.where(np.arange(len(own)) == place, 0.0, own + common)
-    return _difference(one.contact_kpa.value - one.contact_kpa.value[place], variance)
 
 
 def free_wall(one: PressureMap, free: NDArray[np.bool_], limit: float = 3.0) -> FreeWall:

@@ -57,7 +57,7 @@ class Fit:
 
 
 def harmonics(period_s: float, step_s: float) -> int:
-    """How many harmonics fields `step_s` apart can show."""
+    """Number of harmonics that fields `step_s` apart can resolve."""
     return int(np.clip(_BAND * period_s / step_s / 2, _FEWEST, _MOST))
 
 
@@ -98,7 +98,7 @@ def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count:
 
 
 def _evidence(problem: "_Problem", state: "_State") -> float:
-    """Of the coefficients' best values, with their room (Laplace), by the σ that the points have."""
+    """Log evidence of the best coefficients by Laplace's approximation, with the points' σ."""
     terms = _terms(problem, state)[0] / problem.sigma[:, None]
     precision = prior_precision(problem.count, problem.variance)
     best = _with_coefficients(problem, state, problem.sigma).coefficients

@@ -100,7 +100,7 @@ def _averages(all_tracks: Tracks, at: Array, phase: Array, harmonics: int) -> It
 
 
 def _count(at: Array, harmonics: int) -> int:
-    """As many harmonics as the fields determine, by their number and the widest hole in their phases."""
+    """Number of harmonics that the fields determine, from their number and the widest gap in phase."""
     if len(at) < 2:
         return 0
     ordered = np.sort(at)

@@ -105,7 +105,7 @@ def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array) -> Phases:
 
 
 class Edges(NamedTuple):
-    """When a vacuum passed two levels, edge by edge.
+    """Times at which a vacuum crossed two levels, edge by edge.
 
     Attributes:
         rising: (E,) bool; `first_s`: (E,) when the edge passed its first level (the lower one of a rising

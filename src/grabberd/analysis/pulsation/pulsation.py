@@ -51,7 +51,7 @@ class Run(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """Where in the pulsation F times are.
+    """Phases of F times within the pulsation.
 
     Attributes:
         run: (F,) index of the run, -1 outside of all; `cycle`: (F,) number of the cycle in its run, from 0.
@@ -97,11 +97,11 @@ class Pulsation:
 
     @property
     def cycles(self) -> float:
-        """How many cycles the runs span together."""
+        """Number of cycles that all runs span."""
         return sum(run.last_s - run.first_s for run in self.runs) / self.period_s
 
     def at(self, time_s: Array, capture: int = 0) -> Moment:
-        """Where in the pulsation the times (F,) of a capture are."""
+        """Phases within the pulsation of the times (F,) of a capture."""
         which = np.full(len(time_s), -1, np.intp)
         turns = np.full(len(time_s), np.nan)
         for index, run in enumerate(self.runs):
@@ -219,7 +219,7 @@ def _hole(fit: Fit, runs: Sequence[Movement]) -> float:
 
 
 def _lacks(fit: Fit, runs: Sequence[Movement]) -> bool:
-    """Whether the runs do not tell the length of their cycle."""
+    """True if the runs do not determine the length of their cycle."""
     return _hole(fit, runs) > _HOLE or fit.shared_period_sigma_s > _UNCERTAIN * fit.period_s
 
 

@@ -1,4 +1,4 @@
-"""How much one cycle differs from the next: when it begins, how long it is, how far it moves."""
+"""Variation from cycle to cycle: of its start, its length and its stroke."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -42,7 +42,7 @@ class Tube(NamedTuple):
     radius_mm: float
 
     def material(self, xyz_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where places (N, 3) are: u and v, mm."""
+        """Parameters u and v, in mm, of positions (N, 3)."""
         angle = np.arctan2(xyz_mm[:, 1] - self.y_mm, xyz_mm[:, 2] - self.z_mm)
         return xyz_mm[:, 0], self.radius_mm * angle
 
@@ -68,7 +68,7 @@ class Height(NamedTuple):
     z_mm: float = 0.0
 
     def material(self, xyz_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where places (N, 3) are: u and v, mm."""
+        """Parameters u and v, in mm, of positions (N, 3)."""
         return xyz_mm[:, 0], xyz_mm[:, 1]
 
     def base(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
@@ -86,7 +86,7 @@ class Height(NamedTuple):
 
 
 def free_shape(grid: Grid) -> Tube | Height:
-    """What an object's surface is a function over: the tube along x of its nominal places, or a plane."""
+    """Parameter domain of an object's surface: the tube along x of its nominal positions, or a plane."""
     shape = NominalShape.of(grid)
     askew = np.linalg.norm(shape.along[1:]) > _ASKEW * np.linalg.norm(shape.along)
     if not shape.radius_mm or askew:

@@ -21,13 +21,13 @@ ORDERS: tuple[tuple[int, int], ...] = tuple(
 
 
 def index(i: int, j: int) -> int:
-    """Where ∂^(i+j) X / ∂u^i ∂v^j stands in a jet."""
+    """Index of ∂^(i+j) X / ∂u^i ∂v^j in a jet."""
     order = i + j
     return order * (order + 1) // 2 + j
 
 
 def count_to(order: int) -> int:
-    """How many derivatives there are up to an order: the first so many of a jet."""
+    """Number of derivatives up to an order; they come first in a jet."""
     return index(0, order) + 1
 
 

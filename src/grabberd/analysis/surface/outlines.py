@@ -1,4 +1,4 @@
-"""What is measured of the outline of a section, each with its derivatives by the outline's places.
+"""Measures of a section's outline, each with its derivatives by the outline's positions.
 
 An outline is (M, 3) places at one height x, evenly spaced in v; by x, which is given, there are no
 derivatives.
@@ -33,7 +33,7 @@ class Measured(NamedTuple):
 
 
 def length(outline_mm: Array) -> Measured:
-    """Of the polygon; what it cuts off is known from every second place (Richardson)."""
+    """Length of the outline: its polygon's, with the cut corners made up for by Richardson extrapolation."""
     fine, coarse = _polygon(outline_mm), _polygon(outline_mm[::2])
     slopes = 4 / 3 * fine.slopes
     slopes[::2] -= coarse.slopes / 3
@@ -41,12 +41,12 @@ def length(outline_mm: Array) -> Measured:
 
 
 def chord(outline_mm: Array) -> Measured:
-    """Between the ends."""
+    """Distance between the ends."""
     return _between(outline_mm, 0, len(outline_mm) - 1)
 
 
 def distance_to(plane: Plane, outline_mm: Array) -> Measured:
-    """On the normal through the plane's point; between places by the parabola through the nearest three."""
+    """Distance along the normal through the plane's point, by a parabola through three places."""
     normal, across = _axes(plane)
     away, beside = (outline_mm - plane.point_mm) @ normal, (outline_mm - plane.point_mm) @ across
     middle = int(np.clip(np.argmin(np.abs(beside)), 1, len(away) - 2))
@@ -73,7 +73,7 @@ def area_to(plane: Plane, outlines_mm: Array) -> Measured:
 
 
 def least_width(outline_mm: Array) -> Measured:
-    """Of two parallel lines that hold the whole outline between them."""
+    """Least distance of two parallel lines that enclose the outline."""
     turn = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
     direction = np.stack([np.cos(turn), np.sin(turn)], axis=1)
     reach = outline_mm[:, 1:] @ direction.T

@@ -14,7 +14,7 @@ _STEEPEST = 0.0
 
 
 class Screening(NamedTuple):
-    """What a look at the neighbours shows.
+    """Result of comparing points with their neighbours.
 
     Attributes:
         kept: (N,) points that stand as their neighbours let expect.

@@ -1,4 +1,4 @@
-"""How smooth the surface is taken to be: chosen from the points, for one field or for several together.
+"""The surface's smoothness, chosen from the points of one field or of several together.
 
 The length round is fixed, and was fixed on simulated tubes that collapse elliptically (radius 12.5 mm, six
 columns 6.5 mm apart). There σ of the curvatures is honest as a mean over the targets: squared errors are .7
@@ -48,7 +48,7 @@ class Smoothing(NamedTuple):
 
 
 class Departures(NamedTuple):
-    """What one field's points say of the departure from the nominal shape.
+    """Evidence of one field's points about the departure from the nominal shape.
 
     Attributes:
         u_mm, v_mm: (N,) material places.

@@ -22,7 +22,7 @@ _ROOM_S = 1e-6
 
 
 class VacuumSource(Protocol):
-    """Where a vacuum is known from."""
+    """Source of a vacuum."""
 
     def at(self, time_s: Array) -> Estimate:
         """(F,) kPa below atmosphere at times of the camera's clock, with σ."""
@@ -71,7 +71,7 @@ class PulsatorWave:
     def __post_init__(self) -> None:
         problems = [text for wrong, text in self._problems() if wrong]
         if problems:
-            raise InputError(f"the pulsator's settings cannot be used: {'; '.join(problems)}", "mend them")
+            raise InputError(f"the pulsator's settings cannot be used: {'; '.join(problems)}", "correct them")
 
     def _problems(self) -> list[tuple[bool, str]]:
         return [
@@ -92,12 +92,12 @@ class PulsatorWave:
 
     @property
     def _edge(self) -> float:
-        """How much longer a slope is on either side of the thresholds, for one second of its phase."""
+        """Lengthening of a slope beyond the thresholds, per second of its phase."""
         return ISO_THRESHOLD_KPA / max(self.system_kpa - 2 * ISO_THRESHOLD_KPA, 1.0)
 
     @property
     def _room_s(self) -> float:
-        """What the slopes leave of the shorter one of b and d."""
+        """Remainder of the shorter of phases b and d, after the slopes."""
         both = (self.a_s + self.c_s) * self._edge
         return min(self.ratio * self.period_s - self.a_s, (1 - self.ratio) * self.period_s - self.c_s) - both
 

@@ -1,4 +1,4 @@
-"""What a vacuum logger wrote: readings on a clock of its own."""
+"""Readings of a vacuum logger, on the logger's clock."""
 
 import csv
 import io
@@ -74,7 +74,7 @@ class VacuumLog:
 
     @property
     def gaps_s(self) -> list[tuple[float, float]]:
-        """Where readings are missing: beginning and end, in the logger's time."""
+        """Gaps in the readings: start and end, in the logger's time."""
         after = np.flatnonzero(np.diff(self.time_s) > _GAP_STEPS * self.step_s)
         return [(float(self.time_s[k]), float(self.time_s[k + 1])) for k in after]
 
@@ -124,7 +124,7 @@ def _number(row: list[str], place: int, name: str, line: int, separator: str) ->
     if not math.isfinite(value):
         raise InputError(
             f"line {line} of the vacuum log: {name} is {text!r}, not a number",
-            "mend or remove the line; nothing is filled in for it",
+            "correct or remove the line; missing readings are never filled in",
         )
     return value
 

@@ -1,4 +1,4 @@
-"""How late a vacuum logger's clock is against the camera's, from the wall's movement.
+"""Offset of a vacuum logger's clock from the camera's, found from the wall's movement.
 
 The wall follows the vacuum: where the chamber's vacuum passes half its height, the wall passes half its
 stroke a little later. What can be seen is that delay between two clocks, offset and lag of the wall in one
@@ -30,7 +30,7 @@ _UNLIKE_RATE = 0.02
 
 
 class WallLag(NamedTuple):
-    """How long after the vacuum's half height the wall passes its half stroke.
+    """Delay from the vacuum's half height to the wall's half stroke.
 
     Attributes:
         opening_s: when it opens; `closing_s`: when it closes; `sigma_s`: of either.

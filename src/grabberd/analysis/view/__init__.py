@@ -1,1 +1,1 @@
-"""What the cameras would see of the surface: the synthetic view."""
+"""The synthetic view: the surface as the cameras would see it."""

@@ -17,7 +17,7 @@ _FILLED = 0.9
 
 
 class Camera(NamedTuple):
-    """Where places are seen in the picture as it is, and on which rays the picture's pixels look.
+    """Projection into the actual picture, and the rays of its pixels.
 
     Attributes:
         view: the virtual camera.

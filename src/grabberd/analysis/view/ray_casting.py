@@ -1,4 +1,4 @@
-"""Where the rays of a picture's pixels meet a surface.
+"""Intersection of a picture's pixel rays with a surface.
 
 The mesh of the surface, drawn into the picture with a depth buffer, tells for every pixel which part of the
 surface is seen there; from that place Newton's iteration goes to where the pixel's own, undistorted ray meets
@@ -49,7 +49,7 @@ class Raster:
 
 
 class Seen(NamedTuple):
-    """What of the mesh is nearest in each pixel; NaN where there is nothing.
+    """Nearest part of the mesh in each pixel; NaN where there is none.
 
     Attributes:
         u_mm: (lines, columns) material place; `v_mm`: likewise.
@@ -62,7 +62,7 @@ class Seen(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Where rays meet the surface; NaN for those that meet none that data support.
+    """Points where rays meet the surface; NaN for rays that meet no part supported by data.
 
     Attributes:
         u_mm: (N,) material places; `v_mm`: (N,).

@@ -1,4 +1,4 @@
-"""How well a synthetic view fits the picture that the camera gave: least squares matching, target by target.
+"""Fit of a synthetic view to the camera's picture, by least squares matching of each target.
 
     picture(x + shift) = offset + gain · synthetic(x)
 

@@ -45,7 +45,7 @@ class SyntheticView(NamedTuple):
 def synthetic_view(
     surface: Surface, camera: Camera, raster: Raster, source: Camera, field: Field
 ) -> SyntheticView:
-    """What a camera would see of the surface, painted with what the source camera saw of it.
+    """The surface as one camera would see it, painted with the grey values of another.
 
     Args:
         surface: the outer face at the field's time.

@@ -23,7 +23,7 @@ _WEIGHTS = np.array([1.0, 1.0, 1.0, 0.5, 1.0, 0.5])
 
 
 class MiddleSurface(NamedTuple):
-    """How the forms of the middle surface vary round some places.
+    """Variation of the middle surface's forms around some positions.
 
     Attributes:
         first: first fundamental form, covariant components.

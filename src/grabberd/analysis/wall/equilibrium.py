@@ -149,7 +149,7 @@ class Equilibrium:
         return _at_place(middle.first), _at_place(self.reference.first), _at_place(middle.curvature_per_mm)
 
     def _by_curvature(self, shape: WallShape, contact: Array, area: Array) -> list[Array]:
-        """By κ11, κ12, κ21, κ22, mixed components."""
+        """Derivatives by κ11, κ12, κ21, κ22, mixed components."""
         first, reference, curvature = self._tensors(shape)
         tension, half = mixed_tension(first, reference, self.wall), self.wall.wall_mm / 2
         result = []
@@ -161,7 +161,7 @@ class Equilibrium:
         return result
 
     def _by_metrics(self, shape: WallShape, area: Array) -> tuple[list[Array], list[Array]]:
-        """By g11, g12, g22 of the present state and of the reference."""
+        """Derivatives by g11, g12, g22 of the present state and of the reference."""
         first, reference, curvature = self._tensors(shape)
         steps = _STEP * np.array([[[1, 0], [0, 0]], [[0, 1], [1, 0]], [[0, 0], [0, 1]]])
         steps = steps.reshape(3, *[1] * (first.ndim - 2), 2, 2)

@@ -1,4 +1,4 @@
-"""What the wall is made of: given from outside, with no silent default."""
+"""The wall's material, given from outside, without silent defaults."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace

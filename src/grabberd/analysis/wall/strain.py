@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.surface.jets import Jets
-from grabberd.analysis.wall.forms import Principal, inverse, middle_forms, outer_forms, symmetric_eigen
+from grabberd.analysis.wall.forms import Principal, inverse, outer_forms, symmetric_eigen
 
 Array = NDArray[np.float64]
 
@@ -46,19 +46,6 @@ def strain(tangents: Array, reference_tangents: Array) -> Strain:
     cosine, sine = np.cos(angle), np.sin(angle)
     axes = np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
     return Strain(lagrange, Principal(stretches, axes @ (basis @ tangents) / stretches[..., None]))
-
-
-def middle_strain(jets: Jets, reference_jets: Jets, depth_mm: float | Array, outward: float = 1.0) -> Strain:
-    """The strain of the middle surface, from the jets (..., 15, 3) of the outer face in both states.
-
-    Args:
-        jets: of the present state.
-        reference_jets: of the reference state.
-        depth_mm: (...) from the targets' face to the middle surface (`Material.depth_mm`).
-        outward: as in `outer_forms`.
-    """
-    states = (middle_forms(face, depth_mm, outward).tangents for face in (jets, reference_jets))
-    return strain(*states)
 
 
 def outer_strain(jets: Jets, reference_jets: Jets) -> Strain:

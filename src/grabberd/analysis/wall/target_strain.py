@@ -21,7 +21,7 @@ _STEP_MM = 1e-5
 
 
 class Places(NamedTuple):
-    """Where the N targets of a grid are in one state, and on which face.
+    """Positions of the N targets of a grid in one state, and the face they are on.
 
     Attributes:
         xyz_mm: (N, 3), NaN where a target was not measured.

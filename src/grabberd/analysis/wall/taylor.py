@@ -160,7 +160,7 @@ def _adjoint(factor: Array, bar: Array) -> Array:
 
 
 def _aligned(a: Array, b: Array) -> tuple[Array, Array]:
-    """With as many axes each, so that the last ones belong together and the first is the coefficients'."""
+    """Align the axes of two series: coefficients first, trailing axes matched."""
     more = b.ndim - a.ndim
     if more > 0:
         a = a.reshape(len(a), *[1] * more, *a.shape[1:])

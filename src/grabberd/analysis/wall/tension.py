@@ -4,41 +4,15 @@ The state before mounting → (pre-tension, `Wall.along` and `Wall.across`) → 
 (measured) → the present one: the stretches compose, and the law sees them all at once.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis.wall.forms import Forms, Principal, determinant, inverse, principal, trace
+from grabberd.analysis.wall.forms import determinant, inverse, trace
 from grabberd.analysis.wall.material import Wall
 
 Array = NDArray[np.float64]
 
 _UNIT = np.eye(2)
-
-
-class Tension(NamedTuple):
-    """Force per present length in the wall's middle surface.
-
-    Attributes:
-        contravariant_n_per_m: (..., 2, 2) T^αβ in the material coordinates.
-        principal_n_per_m: T1 ≥ T2 and their directions in the object's frame.
-    """
-
-    contravariant_n_per_m: Array
-    principal_n_per_m: Principal
-
-
-def wall_tension(forms: Forms, reference_first: Array, wall: Wall) -> Tension:
-    """The tension at some places.
-
-    Args:
-        forms: of the present middle surface.
-        reference_first: (..., 2, 2) first form of the middle surface in the reference state.
-        wall: the material there.
-    """
-    mixed = 1e3 * mixed_tension(forms.first, reference_first, wall)
-    return Tension(mixed @ inverse(forms.first), principal(forms, mixed))
 
 
 def mixed_tension(first: Array, reference_first: Array, wall: Wall) -> Array:

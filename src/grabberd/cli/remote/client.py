@@ -1,7 +1,7 @@
-"""What the command line asks of a running daemon.
+"""Client of a running daemon.
 
-A token comes from a file or the environment, never from the command line, which everybody on the machine can
-read; it goes to the address that was named and is not taken along to another.
+A token comes from a file or the environment, never from the command line, which every user of the machine can
+read. It is sent only to the given address and never follows a redirect.
 """
 
 import http.client
@@ -19,16 +19,16 @@ from grabberd.errors import GrabberdError, InputError, NotReady
 
 TIMEOUT_S = 15.0
 TOKEN_VARIABLE = "GRABBERD_TOKEN"  # noqa: S105 - its name
-HINT = "it holds one line, as 'grabberd token add' prints it"
+HINT = "it must hold one line, as printed by 'grabberd token add'"
 
 
 def ask(url: str, path: str, method: str = "GET", body: object = None, token_file: Path | None = None) -> Any:
-    """The daemon's answer to one request.
+    """Send one request and return the daemon's answer.
 
     Raises:
         NotReady: no daemon answers there.
         InputError: there is no token in the file.
-        GrabberdError: what the daemon says is wrong, with its hint.
+        GrabberdError: the daemon's error message and hint.
     """
     data = None if body is None else json.dumps(body).encode()
     with _open(url, path, method, data, _token(token_file)) as answer:
@@ -36,7 +36,7 @@ def ask(url: str, path: str, method: str = "GET", body: object = None, token_fil
 
 
 def download(url: str, path: str, out: Path, token_file: Path | None = None) -> None:
-    """Copies what the daemon answers into a file.
+    """Save the daemon's answer to a file.
 
     Raises:
         NotReady, InputError, GrabberdError: see `ask`.
@@ -46,10 +46,10 @@ def download(url: str, path: str, out: Path, token_file: Path | None = None) -> 
 
 
 class _NoRedirects(urllib.request.HTTPRedirectHandler):
-    """The daemon sends nobody elsewhere, and a token is for the daemon alone."""
+    """Handler that refuses redirects: the daemon sends none, and a token is for the daemon alone."""
 
     def redirect_request(self, *_: Any) -> None:
-        """Not followed."""
+        """Return None, so that the redirect becomes an error."""
 
 
 _opener = urllib.request.build_opener(_NoRedirects)
@@ -73,7 +73,7 @@ def _open(
 
 
 def _token(file: Path | None) -> str | None:
-    """The token in a file, else in the environment, else none."""
+    """Read the token from a file, else from the environment."""
     if file is None:
         return os.environ.get(TOKEN_VARIABLE, "").strip() or None
     try:
@@ -81,7 +81,7 @@ def _token(file: Path | None) -> str | None:
     except (OSError, ValueError) as error:
         raise InputError(f"{file} cannot be read: {error}", HINT) from None
     if not token or len(token.split()) != 1:
-        raise InputError(f"{file} has no token", HINT)
+        raise InputError(f"{file} contains no token", HINT)
     return token
 
 
@@ -90,4 +90,7 @@ def _refusal(error: urllib.error.HTTPError) -> GrabberdError:
         problem = json.load(error)
         return GrabberdError(problem["detail"], problem["hint"])
     except (ValueError, KeyError, TypeError):
-        return GrabberdError(f"the daemon answered {error.code} {error.reason}", "is it a grabberd?")
+        return GrabberdError(
+            f"the daemon answered {error.code} {error.reason}",
+            "check that the address is that of a grabberd daemon",
+        )

@@ -1,4 +1,4 @@
-"""Captures that a running daemon makes for the command line."""
+"""Captures recorded by a running daemon for the command line."""
 
 import signal
 import time
@@ -20,13 +20,13 @@ CAPTURES = "/api/v1/captures"
 def capture_through(
     url: str, device: str | None, order: dict[str, Any], out: Path, token_file: Path | None = None
 ) -> dict[str, Any]:
-    """Has the daemon make a capture, and copies its file; Ctrl-C stops it, or disarms one that is armed.
+    """Let the daemon record a capture, then download its file; Ctrl-C stops or disarms it.
 
     Raises:
-        Conflict: it was disarmed, so there is nothing of it.
-        GrabberdError: what the daemon says is wrong.
+        Conflict: the capture was disarmed, so nothing was recorded.
+        GrabberdError: the daemon refused.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends it as Ctrl-C does
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as Ctrl-C does
     started: dict[str, Any] = ask(url, CAPTURES, "POST", {**order, "device": device}, token_file)
     ended = started
     while ended["state"] in GOING_ON:
@@ -35,16 +35,16 @@ def capture_through(
         except KeyboardInterrupt:
             ended = ask(url, f"{CAPTURES}/{started['id']}/stop", "POST", None, token_file)
     if ended["state"] == "disarmed":
-        raise Conflict(f"capture {ended['id']} was stopped before it was triggered", "nothing is left of it")
+        raise Conflict(f"capture {ended['id']} was stopped before it was triggered", "nothing was recorded")
     download(url, f"{CAPTURES}/{ended['id']}/file", out, token_file)
     return ended
 
 
 def armed_capture(url: str, device: str | None, token_file: Path | None) -> str:
-    """Id of the capture that waits for its trigger, or of one of those that wait for it together.
+    """Id of the armed capture, or of any capture of the armed group.
 
     Raises:
-        Conflict: none waits, or several do that have nothing to do with each other.
+        Conflict: no capture is armed, or several are that do not form one group.
     """
     query = f"?limit=500&device={device}" if device else "?limit=500"
     captures = ask(url, CAPTURES + query, token_file=token_file)["captures"]
@@ -53,7 +53,7 @@ def armed_capture(url: str, device: str | None, token_file: Path | None) -> str:
     groups = {one["group"] and one["group"]["id"] for one in waiting}
     if len(armed) > 1 and (len(groups) > 1 or None in groups):
         raise Conflict(
-            f"{len(armed)} captures are armed: {', '.join(armed)}", "name one of them, or --device"
+            f"{len(armed)} captures are armed: {', '.join(armed)}", "give the id of one of them, or --device"
         )
     if not armed:
         raise Conflict("no capture is armed", "arm one: grabberd capture --armed --out FILE")
@@ -61,17 +61,17 @@ def armed_capture(url: str, device: str | None, token_file: Path | None) -> str:
 
 
 def trigger(url: str, capture_id: str, token_file: Path | None) -> dict[str, Any]:
-    """Has an armed capture begin.
+    """Trigger an armed capture.
 
     Raises:
-        GrabberdError: what the daemon says is wrong.
+        GrabberdError: the daemon refused.
     """
     document: dict[str, Any] = ask(url, f"{CAPTURES}/{capture_id}/trigger", "POST", None, token_file)
     return document
 
 
 def _followed(url: str, document: dict[str, Any], token_file: Path | None) -> dict[str, Any]:
-    """The capture when it has ended, its state shown until then."""
+    """Show the capture's state until it has ended, and return its final document."""
     warn(ask(url, f"/api/v1/devices/{document['device']}", token_file=token_file)["warnings"])
     if document["state"] == "armed":
         typer.echo(f"armed: {document['id']}; now: grabberd trigger --url {url}", err=True)

@@ -1,4 +1,4 @@
-"""Captures of several devices that a running daemon makes together for the command line."""
+"""Groups of captures recorded by a running daemon for the command line."""
 
 import signal
 import time
@@ -19,14 +19,14 @@ GROUPS = "/api/v1/capture-groups"
 def capture_group_through(
     url: str, order: dict[str, Any], out: Path, token_file: Path | None = None
 ) -> dict[str, Any]:
-    """Has the daemon make captures that begin together, and copies their files; Ctrl-C stops or disarms all.
+    """Let the daemon record a group of captures, then download their files; Ctrl-C stops or disarms all.
 
     Raises:
-        StorageError: one of the files is there already; nothing was begun.
-        Conflict: they were disarmed, so there is nothing of them.
-        GrabberdError: what the daemon says is wrong.
+        StorageError: one of the files exists already; nothing was started.
+        Conflict: the group was disarmed, so nothing was recorded.
+        GrabberdError: the daemon refused.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends them as Ctrl-C does
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as Ctrl-C does
     if order["devices"] == "all":
         devices = ask(url, "/api/v1/devices", token_file=token_file)["devices"]
         order = {**order, "devices": [one["name"] for one in devices]}
@@ -39,14 +39,14 @@ def capture_group_through(
         except KeyboardInterrupt:
             ended = ask(url, f"{GROUPS}/{started['id']}/stop", "POST", None, token_file)
     if all(one["state"] == "disarmed" for one in ended["captures"]):
-        raise Conflict(f"group {ended['id']} was stopped before it was triggered", "nothing is left of it")
+        raise Conflict(f"group {ended['id']} was stopped before it was triggered", "nothing was recorded")
     for one in ended["captures"]:
         download(url, f"{CAPTURES}/{one['id']}/file", file_of(out, one["device"]), token_file)
     return ended
 
 
 def file_of(out: Path, device: str) -> Path:
-    """NAME-DEVICE.grab for NAME.grab."""
+    """File of one device's capture: NAME-DEVICE.grab for NAME.grab."""
     return out.with_name(f"{out.stem}-{device}{out.suffix}")
 
 
@@ -61,7 +61,7 @@ def _going_on(group: dict[str, Any]) -> bool:
 
 
 def _followed(url: str, group: dict[str, Any], token_file: Path | None) -> dict[str, Any]:
-    """The group when all of its captures have ended, their states shown until then."""
+    """Show the captures' states until all have ended, and return the group's final document."""
     if any(one["state"] == "armed" for one in group["captures"]):
         typer.echo(f"armed: {group['id']}; now: grabberd trigger --url {url}", err=True)
     columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()

@@ -55,7 +55,7 @@ class FieldPoints(NamedTuple):
 
 
 class Cycle(NamedTuple):
-    """What is periodic in a capture, and in the bursts that belong to it.
+    """The pulsation of a capture and of its bursts, with their mean cycle.
 
     Attributes:
         wall: phases by the wall's movement; None where it has no plain ones.
@@ -294,7 +294,7 @@ class _Work:
 
 
 def _phase_times(average: PhaseAverage, pulsation: Pulsation) -> Array:
-    """When the capture first was at the phases of the mean cycle."""
+    """Times at which the capture first reached the phases of the mean cycle."""
     run = pulsation.runs[0]
     times: Array = run.start_s + average.phase * pulsation.period_s
     return times + pulsation.period_s * (times < run.first_s)

@@ -1,4 +1,4 @@
-"""What an analysis is told beside the points; nothing of it is assumed (paper 3.8).
+"""Inputs of an analysis besides the points; none of them is assumed (paper 3.8).
 
 reference: nominal                      or {field: 12}, or {phase: 0.4}: the state that strain counts from
 material: {E_mpa: 3, wall_mm: 2.5, …}   or {zones: [{rows: [0, 8], E_mpa: …}, …]}
@@ -27,7 +27,7 @@ from grabberd.geometry import Reading
 
 KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "free_rows")
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
-_HINT = "mend these inputs; docs/howto/analyse.md has all of them"
+_HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 _MOST_PHASES = 200
 DEFAULT_PHASES = 24
 _OTHERS = (
@@ -77,7 +77,7 @@ class AnalysisInputs:
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """What was not given, and what there is not without it."""
+        """Missing inputs, each with the results that it would be needed for."""
         plane = (
             self.plane is None,
             "plane: without it no widths and volume of a liner that is seen from one side",

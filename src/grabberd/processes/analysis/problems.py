@@ -1,4 +1,4 @@
-"""What an analysis survived, in words: each problem once, with the fields and phases that have it."""
+"""Problems that an analysis survived, in words: each once, with its fields and phases."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,16 +15,16 @@ _TARGETS = ": targets "
 
 
 class Problems:
-    """Collected while an analysis is made."""
+    """Problems collected while an analysis is made."""
 
     def __init__(self, numbers: Sequence[int]) -> None:
-        """With what there is to say of a capture whose fields `numbers` have points."""
+        """Start with the gaps of a capture whose fields `numbers` have points."""
         self._of_whole: list[str] = _missing(numbers)
         self._of_states: dict[str, list[str]] = {}
         self._states: dict[str, int] = {}
 
     def survived(self, function: Callable[[], T]) -> T | None:
-        """What the function makes, or None where the data do not determine it."""
+        """Return the function's result, or add a problem and return None if the data do not determine it."""
         try:
             return function()
         except AnalysisError as error:
@@ -32,23 +32,23 @@ class Problems:
             return None
 
     def add(self, problem: str) -> None:
-        """Of the capture as a whole."""
+        """Note a problem of the capture as a whole."""
         self._of_whole.append(problem)
 
     def note(self, state: str, problems: Iterable[str]) -> None:
-        """Of one field or phase."""
+        """Note a problem of one field or phase."""
         self._states[state] = len(self._states)
         for problem in problems:
             self._of_states.setdefault(problem, []).append(state)
 
     @property
     def latest(self) -> str:
-        """Of the capture as a whole."""
+        """The latest problem of the capture as a whole."""
         return self._of_whole[-1]
 
     @property
     def most_frequent(self) -> str:
-        """Of its fields."""
+        """The most frequent problem of fields and phases."""
         return max(self._of_states, key=lambda words: len(self._of_states[words]), default="there are none")
 
     def all(self) -> tuple[str, ...]:
@@ -58,27 +58,27 @@ class Problems:
         """
         of_states = (
             f"{_some(sorted(names, key=self._states.__getitem__))}: {words}"
-            for words, names in _together(self._of_states).items()
+            for words, names in _merged_by_kind(self._of_states).items()
         )
         return (*dict.fromkeys(self._of_whole), *of_states)
 
 
-def _together(problems: Mapping[str, list[str]]) -> dict[str, list[str]]:
+def _merged_by_kind(problems: Mapping[str, list[str]]) -> dict[str, list[str]]:
     alike: dict[str, list[str]] = {}
     for words in problems:
         alike.setdefault(words.partition(_TARGETS)[0], []).append(words)
-    together = {}
+    merged = {}
     for head, members in alike.items():
         if len(members) > _ALIKE and all(_TARGETS in words for words in members):
             names = [name for words in members for name in problems[words]]
-            together[f"{head}{_TARGETS}{_counted(problems, members)}"] = names
+            merged[f"{head}{_TARGETS}{_counted(problems, members)}"] = names
         else:
-            together |= {words: problems[words] for words in members}
-    return together
+            merged |= {words: problems[words] for words in members}
+    return merged
 
 
 def _counted(problems: Mapping[str, list[str]], members: Sequence[str]) -> str:
-    """How often each target is named, the commonest first."""
+    """The targets that problems name, with how often each, the most frequent first."""
     times = Counter[str]()
     for words in members:
         for target in words.partition(_TARGETS)[2].split(", "):

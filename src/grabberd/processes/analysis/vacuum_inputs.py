@@ -38,7 +38,7 @@ class Vacuum(NamedTuple):
     phases: Phases | None
 
     def at(self, time_s: Array) -> list[ChamberVacuum]:
-        """Of every field; the offset's share of σ is kept apart (`time_sigma_s`), as it is common to all.
+        """Vacuum at every field; the offset's σ, common to all fields, is kept apart (`time_sigma_s`).
 
         Raises:
             InputError: a log does not cover the fields.

@@ -9,21 +9,22 @@ from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.wall_state import Question, WallState, wall_states
 from grabberd.reconstruction import Points
 
-_TOGETHER = 8
-"""Fields that are looked at together: more are no quicker."""
+_BATCH = 8
+"""Fields evaluated in one batch; larger batches are no faster."""
 
 Note = Callable[[str, Iterable[str]], None]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallSeries:
-    """How the states of a capture are made.
+    """Recipe for the wall states of a capture.
 
     Attributes:
-        question: what is asked of each.
-        smoothings: by the wall's departure; None where targets are others in every field, and each field has
-            a choice of its own.
-        note: is told the name of a state and what it survived; `done`: that one more has been looked at.
+        question: The question put to each of them.
+        smoothings: Smoothings by the wall's departure; None if the targets differ from field to field, so
+            that each field chooses its own.
+        note: Called with the name of a state and its problems.
+        done: Called after each state.
     """
 
     question: Question
@@ -34,10 +35,10 @@ class WallSeries:
     def states(
         self, points: Sequence[Points], names: Sequence[str], vacuum: Sequence[ChamberVacuum]
     ) -> list[tuple[int, WallState]]:
-        """Of those points that make a surface, with their places in the series; `vacuum` of all or none."""
+        """States of the points that determine a surface, with their indices in the series."""
         found: list[tuple[int, WallState]] = []
-        for start in range(0, len(points), _TOGETHER):
-            some = range(start, min(start + _TOGETHER, len(points)))
+        for start in range(0, len(points), _BATCH):
+            some = range(start, min(start + _BATCH, len(points)))
             fitted = [(k, self._surface(points[k], names[k])) for k in some]
             made = {k: surface for k, surface in fitted if surface}
             chambers = [vacuum[k] for k in made] if vacuum else ()
@@ -50,7 +51,7 @@ class WallSeries:
         return found
 
     def _surface(self, points: Points, name: str) -> Surface | None:
-        """Of one field or phase; None, with a note, where its points make none."""
+        """Surface of one field or phase; None, with a note, if its points determine none."""
         question = self.question
         try:
             if question.over is not None:

@@ -234,7 +234,7 @@ def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) ->
 
 
 def _volume(done: _Adjusted, local: LocalFieldTrial | None, pointing_px: tuple[float, float]) -> VolumeSigma:
-    """What the calibration that will be used is worth over the volume."""
+    """Expected σ of the final calibration over the volume."""
     if local is None:
         return volume_sigma(done.adjustment, pointing_px)
     return volume_sigma(local.adjustment, pointing_px, local_fields=local.fields)

@@ -1,4 +1,4 @@
-"""How a calibration is to be made, and everything that it rests on once it is."""
+"""Settings of a calibration, and its result with everything it rests on."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ from grabberd.reconstruction import ObjectModel
 
 @dataclass(frozen=True, slots=True)
 class CalibrateSettings:
-    """How a calibration is made.
+    """Settings of a calibration.
 
     Attributes:
         equal_weights: all image coordinates weigh the same, as in the paper; otherwise by their own σ.

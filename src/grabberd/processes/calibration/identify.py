@@ -1,4 +1,4 @@
-"""Which targets of the calibration frame a capture shows, before anything is adjusted."""
+"""Identification of the calibration frame's targets in a capture, before any adjustment."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenFrame:
-    """What a capture shows of a calibration frame.
+    """A calibration frame as identified in a capture.
 
     Attributes:
         images: mean images of the left and of the right view, targets and others.

@@ -1,4 +1,4 @@
-"""Everything that a calibration rests on as one JSON document, which its report is drawn from."""
+"""The calibration report as one JSON document: everything the calibration rests on."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a calibration's report draws: σ over the volume, distortion, local fields, the imaging geometry."""
+"""Data of the calibration report's figures: σ over the volume, distortion, local fields, imaging geometry."""
 
 import math
 from typing import Any
@@ -38,7 +38,7 @@ def volume_document(result: CalibrateResult) -> dict[str, Any]:
 
 
 def distortion_document(view: View, lines: int) -> dict[str, Any]:
-    """What equations (6) and (7) add, in px, on a grid over a view's half."""
+    """Distortion by equations (6) and (7), in px, on a grid over a view's half of the picture."""
     columns, rows, xy_px = _nodes(view, lines)
     scale = np.array([view.pixel_x_mm, -view.pixel_y_mm])
     added = distortion(view.b, (xy_px - (view.x0_px, view.y0_px)) * scale) / scale

@@ -10,7 +10,7 @@ AXES = ("x", "y", "z")
 
 
 def number(value: float) -> float | None:
-    """What is not finite is null in JSON."""
+    """A number for JSON, where non-finite values become null."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from grabberd.reports.figures.drawing import FAINT, INK, drawn
-from grabberd.reports.markup import Html
+from grabberd.reports.figures.drawing import FAINT, INK, Svg, drawn
 from grabberd.reports.names import COLOURS, symbol
 
 if TYPE_CHECKING:
@@ -14,10 +14,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _STEPS = 41
+"""Colours from −1 to 1: an odd number, so that the middle one is white."""
 
 
-def correlation_svg(unknowns: Mapping[str, Any]) -> Html:
-    """The lower triangle: blue negative, red positive, white none; names in the colour of their view."""
+def correlation_svg(unknowns: Mapping[str, Any], strong_from: float, label: str) -> Svg:
+    """Draw the lower triangle: blue negative, red positive, white none; names in the colour of their view.
+
+    Args:
+        unknowns: the document's part.
+        strong_from: |ρ| above which a correlation is marked with a dot.
+        label: alternative text.
+    """
     from matplotlib import colormaps  # noqa: PLC0415
 
     names, matrix = unknowns["names"], np.array(unknowns["correlation"], dtype=np.float64)
@@ -30,15 +37,15 @@ def correlation_svg(unknowns: Mapping[str, Any]) -> Html:
         axes.set_aspect("equal", anchor="NW")
         axes.invert_yaxis()
         _name(axes, names)
-        _mark_strong(axes, matrix)
-        place = canvas.add_axes((0.48, 0.86, 0.28, 0.018))
-        bar = canvas.colorbar(cells, cax=place, ticks=[-1, -0.5, 0, 0.5, 1], orientation="horizontal")
+        _mark_strong(axes, np.abs(matrix) > strong_from)
+        scale = canvas.add_axes((0.48, 0.86, 0.28, 0.018))
+        bar = canvas.colorbar(cells, cax=scale, ticks=[-1, -0.5, 0, 0.5, 1], orientation="horizontal")
         bar.set_label("correlation ρ")
-        place.spines[:].set_visible(False)
+        scale.spines[:].set_visible(False)
         for left, name in ((0.48, "left"), (0.53, "right"), (0.595, "both")):
             canvas.text(left, 0.92, name, color=COLOURS.get(name, INK), weight="bold")
 
-    return drawn(draw, 128.0, "Correlation matrix of the unknowns, lower triangle")
+    return drawn(draw, 128.0, label)
 
 
 def _name(axes: "Axes", names: list[str]) -> None:
@@ -54,6 +61,6 @@ def _name(axes: "Axes", names: list[str]) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _mark_strong(axes: "Axes", matrix: "np.ndarray[Any, np.dtype[np.float64]]") -> None:
-    rows, columns = np.nonzero(np.tril(np.abs(matrix) > 0.95, -1))
+def _mark_strong(axes: "Axes", strong: NDArray[np.bool_]) -> None:
+    rows, columns = np.nonzero(np.tril(strong, -1))
     axes.plot(columns + 0.5, rows + 0.5, "o", color="white", markersize=2.6, mec=FAINT, mew=0.3)

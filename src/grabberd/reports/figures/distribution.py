@@ -1,36 +1,33 @@
-"""Whether the residuals are normal: their histogram with the normal curve, and their quantiles."""
+"""The distribution of the residuals beside the normal one: histogram and quantiles."""
 
 from collections.abc import Mapping, Sequence
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from grabberd.reports.figures.drawing import FAINT, INK, drawn
-from grabberd.reports.markup import Html
+from grabberd.reports.columns import Array
+from grabberd.reports.figures.drawing import FAINT, INK, Svg, drawn
 from grabberd.reports.names import colour
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
-
-def distribution_svg(document: Mapping[str, Any]) -> Html:
-    """Histogram and quantile plot of the standardised residuals (x and y together), one colour a view."""
+def distribution_svg(document: Mapping[str, Any], label: str) -> Svg:
+    """Draw histogram and quantiles of the standardised residuals, x and y together, one colour per view."""
     samples = _samples(document["residuals"])
 
     def draw(canvas: "Figure") -> None:
         _histogram(canvas.add_axes((0.08, 0.20, 0.40, 0.70)), samples)
         _quantiles(canvas.add_axes((0.58, 0.20, 0.40, 0.70)), samples)
 
-    return drawn(draw, 62.0, "Histogram and normal quantile plot of the standardised residuals")
+    return drawn(draw, 62.0, label)
 
 
 def has_samples(residuals: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether there are standardised residuals to draw."""
+    """Return True if there are standardised residuals to draw."""
     return bool(_samples(residuals))
 
 

@@ -1,4 +1,4 @@
-"""From a function that draws to a figure inside the page: the same text for the same numbers."""
+"""Figures as SVG inside the page: the same text for the same numbers."""
 
 import io
 import re
@@ -8,23 +8,24 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from grabberd.errors import ExtraMissing
-from grabberd.reports.markup import Html
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 MM_PER_INCH = 25.4
 WIDTH_MM = 170.0
-"""Of a figure: what A4 has between its margins."""
+"""Width of a figure, which fits between the margins of A4."""
 
 INK, GREY, FAINT, PALE = "#222222", "#6b6b6b", "#8a8a8a", "#e4e4e4"
 
 _STYLE: dict[Any, Any] = {
+    # Lettering stays text: it can be searched and takes the font of the page.
     "svg.fonttype": "none",
     "font.family": "sans-serif",
     "font.size": 7.5,
     "text.color": INK,
+    # A dollar sign in the name of a view or a state is not the beginning of a formula.
+    "text.parse_math": False,
     "axes.edgecolor": FAINT,
     "axes.labelcolor": INK,
     "axes.labelsize": 7.5,
@@ -49,12 +50,22 @@ _STYLE: dict[Any, Any] = {
     "hatch.linewidth": 0.4,
 }
 _DIGITS = re.compile(r"(\.\d\d)\d+")
-"""Of lines: a hundredth of a point is seen by nobody."""
+"""Decimals of a path's coordinates from the third on: nobody sees a hundredth of a point."""
 _NO_METADATA = {"Date": None, "Creator": None, "Format": None, "Type": None}
 
 
+class Svg(str):
+    """A figure's markup; only `drawn` makes it, and templates insert it as it is, without escaping."""
+
+    __slots__ = ()
+
+    def __html__(self) -> str:
+        """Tell Jinja2 that this is markup already."""
+        return self
+
+
 def require_matplotlib() -> None:
-    """Whether figures can be drawn at all.
+    """Check that figures can be drawn.
 
     Raises:
         ExtraMissing: matplotlib is not installed.
@@ -63,18 +74,20 @@ def require_matplotlib() -> None:
         raise ExtraMissing("a report with figures", "report")
 
 
-def drawn(draw: "Callable[[Figure], None]", height_mm: float, label: str) -> Html:
-    """A figure of the page's width as SVG.
+def drawn(draw: "Callable[[Figure], None]", height_mm: float, label: str) -> Svg:
+    """Draw a figure of the page's width as SVG.
 
     Args:
-        draw: puts everything onto an empty figure.
-        height_mm: of the figure.
-        label: what is to be seen, for who cannot see it; one of its own for every figure of a page.
+        draw: draws onto an empty figure.
+        height_mm: height of the figure.
+        label: alternative text for readers who cannot see the figure. It is unique on its page, since the ids
+            inside the figure are derived from it.
     """
     from matplotlib import rc_context, rcdefaults, rcParams  # noqa: PLC0415
     from matplotlib.figure import Figure  # noqa: PLC0415
 
     page = io.StringIO()
+    # A user's matplotlibrc must not change reports, and the salt makes ids the same in every run.
     with rc_context():
         rcdefaults()
         rcParams.update({**_STYLE, "svg.hashsalt": label})
@@ -84,26 +97,17 @@ def drawn(draw: "Callable[[Figure], None]", height_mm: float, label: str) -> Htm
     return _inline(page.getvalue(), label)
 
 
-def column_scale(axes: "Axes", lines: float, columns: float) -> None:
-    """Axes of the whole picture: frame pixels, lines downwards, square."""
-    axes.set_xlim(-0.5, columns - 0.5)
-    axes.set_ylim(lines - 0.5, -0.5)
-    axes.set_aspect("equal")
-    axes.set_xlabel("column [px]")
-    axes.set_ylabel("frame line [px]")
-
-
 def nice(value: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that is not above the value."""
+    """Round down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** int(f"{value:e}".split("e")[1])
     return max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)) * power
 
 
-def _inline(page: str, label: str) -> Html:
-    """The drawing alone: no prologue, no style of its own, and only the ids and digits that are of use."""
+def _inline(page: str, label: str) -> Svg:
+    """The drawing without prologue and style, whose rules would reach the whole page, or unused ids."""
     svg = page[page.index("<svg") :]
     svg = re.sub(r"<style.*?</style>", "", svg, flags=re.DOTALL)
     used = set(re.findall(r'(?:url\(|href=")#([^)"]+)', svg))
     svg = re.sub(r' id="([^"]+)"', lambda found: found.group() if found.group(1) in used else "", svg)
     svg = re.sub(r' d="[^"]+"', lambda found: _DIGITS.sub(r"\1", found.group()), svg)
-    return Html(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label, quote=True)}"', 1))
+    return Svg(svg.replace("<svg", f'<svg role="img" aria-label="{escape(label, quote=True)}"', 1))

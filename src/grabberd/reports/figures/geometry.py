@@ -5,10 +5,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from grabberd.reports.figures.dimensions import angle, dimension
-from grabberd.reports.figures.drawing import FAINT, INK, WIDTH_MM, drawn
-from grabberd.reports.figures.picture import Array
-from grabberd.reports.markup import Html
+from grabberd.reports.columns import Array
+from grabberd.reports.figures.drawing import FAINT, INK, WIDTH_MM, Svg, drawn
 from grabberd.reports.names import colour
 from grabberd.reports.numbers import significant
 
@@ -17,16 +15,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SCALES = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 7.5, 10.0, 15.0, 20.0, 25.0, 50.0, 100.0, 200.0, 500.0, 1000.0)
+"""k of the scales 1 : k that drawings have; the first that fits is taken."""
 _ROOM_MM = (WIDTH_MM - 12.0, 150.0)
 _MARGIN = 0.07
+_PAPER = {"facecolor": "white", "edgecolor": "none", "pad": 1.2, "alpha": 0.85}
+"""Behind lettering, so that the rays do not cross it out."""
 
 
 class _Scene(NamedTuple):
-    """Everything in the base's own axes: along the base, across, towards the cameras; (…, 3) in mm.
+    """The rig in axes of its base: along the base, across, towards the cameras; (…, 3) in mm.
 
     Attributes:
-        turn: (3, 3), from the object's frame into these axes.
-        targets: (T, 3); `centers`: (V, 3); `middle`: (3,) of the targets.
+        turn: (3, 3) rotation from the object's frame into these axes.
+        targets: (T, 3) targets.
+        centers: (V, 3) projection centres.
+        middle: (3,) mean of the targets.
     """
 
     turn: Array
@@ -35,15 +38,15 @@ class _Scene(NamedTuple):
     middle: Array
 
 
-def geometry_svg(geometry: Mapping[str, Any]) -> tuple[Html, float]:
-    """Both panels with base, distance and convergence, and the k of their scale 1 : k on paper."""
+def geometry_svg(geometry: Mapping[str, Any], label: str) -> tuple[Svg, float]:
+    """Draw the rig from above and from the side; the second result is k of the scale 1 : k on paper."""
     scene = _scene(geometry)
-    plan, side = _box(scene, geometry, 0), _box(scene, geometry, 1)
-    scale = _fitting(plan, side)
-    height_mm = float(plan[3] - plan[2]) / scale
+    top, side = _box(scene, geometry, 0), _box(scene, geometry, 1)
+    scale = _fit_scale(top, side)
+    height_mm = float(top[3] - top[2]) / scale
 
     def draw(canvas: "Figure") -> None:
-        above = _panel(canvas, plan, 0.0, scale, height_mm)
+        above = _panel(canvas, top, 0.0, scale, height_mm)
         beside = _panel(canvas, side, WIDTH_MM - (side[1] - side[0]) / scale, scale, height_mm)
         _view(above, scene, geometry, 0)
         _view(beside, scene, geometry, 1)
@@ -53,7 +56,7 @@ def geometry_svg(geometry: Mapping[str, Any]) -> tuple[Html, float]:
         for axes, title in ((above, "From above"), (beside, "From the side")):
             axes.text(0.0, 1.0, title, transform=axes.transAxes, weight="bold", va="top", size=8)
 
-    return drawn(draw, height_mm, "Imaging geometry to scale, from above and from the side"), scale
+    return drawn(draw, height_mm, label), scale
 
 
 def _scene(geometry: Mapping[str, Any]) -> _Scene:
@@ -70,7 +73,7 @@ def _scene(geometry: Mapping[str, Any]) -> _Scene:
 
 
 def _box(scene: _Scene, geometry: Mapping[str, Any], across: int) -> Array:
-    """Left, right, bottom, top of a panel, mm on the object."""
+    """Left, right, bottom and top of a panel, in mm on the object."""
     shown = np.concatenate([scene.targets, scene.centers, *_footprints(scene, geometry)])[:, [across, 2]]
     low, high = shown.min(axis=0), shown.max(axis=0)
     room = _MARGIN * float((high - low).max())
@@ -80,9 +83,9 @@ def _box(scene: _Scene, geometry: Mapping[str, Any], across: int) -> Array:
     )
 
 
-def _fitting(plan: Array, side: Array) -> float:
-    wide = float(plan[1] - plan[0] + side[1] - side[0])
-    needed = max(wide / _ROOM_MM[0], float(plan[3] - plan[2]) / _ROOM_MM[1])
+def _fit_scale(top: Array, side: Array) -> float:
+    wide = float(top[1] - top[0] + side[1] - side[0])
+    needed = max(wide / _ROOM_MM[0], float(top[3] - top[2]) / _ROOM_MM[1])
     return next((scale for scale in _SCALES if scale >= needed), needed)
 
 
@@ -96,7 +99,7 @@ def _panel(canvas: "Figure", box: Array, left_mm: float, scale: float, height_mm
 
 
 def _footprints(scene: _Scene, geometry: Mapping[str, Any]) -> list[Array]:
-    """Where the corners' rays of each half pass the middle of the targets, (4, 3) a camera."""
+    """(4, 3) for each camera: where the rays of its corners reach the depth of the targets' centre."""
     found = []
     for camera, center in zip(geometry["cameras"], scene.centers, strict=True):
         rays = np.array(camera["corners"], dtype=np.float64) @ scene.turn.T
@@ -137,39 +140,39 @@ def _names(axes: "Axes", scene: _Scene, geometry: Mapping[str, Any]) -> None:
         _name(axes, center[[0, 2]], name, colour(name, _named(geometry)))
 
 
-def _name(axes: "Axes", place: Array, name: str, paint: str) -> None:
+def _name(axes: "Axes", position: Array, name: str, paint: str) -> None:
     axes.annotate(
-        name, _pair(place), (0, 6), textcoords="offset points", color=paint, weight="bold", ha="center"
+        name, _pair(position), (0, 6), textcoords="offset points", color=paint, weight="bold", ha="center"
     )
 
 
 def _rays(center: Array, targets: Array) -> Array:
-    """(2, 3 T) one broken line from the centre to every target."""
+    """(2, 3 T) one line, interrupted by NaN, from the centre to every target."""
     ends = np.stack([np.broadcast_to(center, targets.shape), targets, np.full(targets.shape, np.nan)], axis=1)
     return ends.reshape(-1, 2).T
 
 
 def _camera(axes: "Axes", center: Array, feet: Array, paint: str) -> None:
-    """The projection centre, and the beginning of the rays that bound its picture."""
+    """The projection centre and the first part of the rays that bound its picture."""
     axes.plot(*center, "o", color=paint, markersize=4, mec="white", mew=0.5, zorder=4)
     near = center + 0.16 * (feet - center)
     axes.plot(*np.array([near[0], center, near[1], near[0]]).T, color=paint, linewidth=0.9)
 
 
 def _object_axes(axes: "Axes", scene: _Scene, flat: list[int]) -> None:
-    """The directions of the object's own axes, in a corner; one that points at the reader is left out."""
+    """The directions of the object's axes, in a corner, without the one that points at the reader."""
     length = 0.08 * float(np.linalg.norm(scene.centers.mean(axis=0) - scene.middle))
     corner = np.array([axes.get_xlim()[0], axes.get_ylim()[0]]) + 0.4 * length
     arrow = {"arrowstyle": "->", "color": INK, "linewidth": 0.7, "shrinkA": 0, "shrinkB": 0}
     for name, direction in zip("XYZ", scene.turn.T[:, flat], strict=True):
         if np.linalg.norm(direction) > 0.5:
             axes.annotate("", _pair(corner + direction * length), xytext=_pair(corner), arrowprops=arrow)
-            place = _pair(corner + direction * length * 1.3)
-            axes.annotate(name, place, ha="center", va="center", style="italic")
+            tip = _pair(corner + direction * length * 1.3)
+            axes.annotate(name, tip, ha="center", va="center", style="italic")
 
 
 def _meeting(scene: _Scene, geometry: Mapping[str, Any]) -> Array | None:
-    """Where the middle rays of the first and the last half meet in the plan, if they do before the base."""
+    """Where the central rays of the first and last half meet in the plan; None if not before the base."""
     first, last = scene.centers[0][[0, 2]], scene.centers[-1][[0, 2]]
     rays = [np.mean(camera["corners"], axis=0) @ scene.turn.T for camera in geometry["cameras"]]
     directions = np.stack([rays[0][[0, 2]], -rays[-1][[0, 2]]], axis=1)
@@ -180,18 +183,58 @@ def _meeting(scene: _Scene, geometry: Mapping[str, Any]) -> Array | None:
     return None if (along <= 0).any() else meeting
 
 
-def _pair(place: Array) -> tuple[float, float]:
-    return float(place[0]), float(place[1])
+def _pair(position: Array) -> tuple[float, float]:
+    return float(position[0]), float(position[1])
 
 
 def _dimensions(axes: "Axes", scene: _Scene, geometry: Mapping[str, Any]) -> None:
     first, last, middle = scene.centers[0][[0, 2]], scene.centers[-1][[0, 2]], scene.middle[[0, 2]]
     if (base := geometry.get("base_mm")) is not None:
-        dimension(axes, first, last, f"base {significant(base, 5)} mm")
+        _dimension(axes, first, last, f"base {significant(base, 5)} mm")
     if (distance := geometry.get("distance_mm")) is not None:
-        dimension(axes, middle, (first + last) / 2, f"distance {significant(distance, 5)} mm", share=0.68)
+        _dimension(axes, middle, (first + last) / 2, f"distance {significant(distance, 5)} mm", share=0.68)
     if (convergence := geometry.get("convergence_deg")) is not None:
         meeting = _meeting(scene, geometry)
         if meeting is not None:
-            angle(axes, meeting, (first, last), f"{significant(convergence, 4)}°")
+            _angle(axes, meeting, (first, last), f"{significant(convergence, 4)}°")
     axes.plot(*middle, "+", color=FAINT, markersize=5, mew=0.6)
+
+
+def _dimension(axes: "Axes", start: Array, end: Array, text: str, share: float = 0.5) -> None:
+    """A line with an arrow head at either end, and its text along it at a share of its length."""
+    axes.annotate(
+        "",
+        tuple(end),
+        xytext=tuple(start),
+        arrowprops={"arrowstyle": "<|-|>", "color": INK, "linewidth": 0.5, "shrinkA": 0, "shrinkB": 0,
+                    "mutation_scale": 6},
+    )  # fmt: skip
+    along = end - start
+    turned = float(np.degrees(np.arctan2(along[1], along[0])))
+    turned = turned - 180.0 if turned > 90.0 + 1e-6 else turned
+    position = start + share * along
+    axes.text(
+        float(position[0]),
+        float(position[1]),
+        text,
+        rotation=turned,
+        rotation_mode="anchor",
+        ha="center",
+        va="center",
+        bbox=_PAPER,
+        zorder=5,
+    )
+
+
+def _angle(axes: "Axes", apex: Array, ends: tuple[Array, Array], text: str) -> None:
+    """The angle at a point between the directions to two others, with its arc and text."""
+    directions = [end - apex for end in ends]
+    radius = 0.30 * min(float(np.linalg.norm(direction)) for direction in directions)
+    turns = [float(np.arctan2(direction[1], direction[0])) for direction in directions]
+    arc = np.linspace(turns[0], turns[1], 33)
+    axes.plot(apex[0] + radius * np.cos(arc), apex[1] + radius * np.sin(arc), color=INK, linewidth=0.5)
+    for end in ends:
+        axes.plot(*zip(apex, end, strict=True), color=INK, linewidth=0.5)
+    quarter = turns[0] + 0.25 * (turns[1] - turns[0])
+    position = apex + 1.14 * radius * np.array([np.cos(quarter), np.sin(quarter)])
+    axes.text(float(position[0]), float(position[1]), text, ha="center", va="center", bbox=_PAPER, zorder=5)

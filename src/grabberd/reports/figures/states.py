@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.reports.columns import Array, Columns
-from grabberd.reports.figures.drawing import FAINT, GREY, INK, WIDTH_MM, drawn
-from grabberd.reports.markup import Html
+from grabberd.reports.figures.drawing import FAINT, GREY, INK, WIDTH_MM, Svg, drawn
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,11 +25,11 @@ _BARE = np.array([0.80, 0.87, 0.96])
 """The wall's colour where nothing is determined."""
 _TICKS = 8
 _APART = 2.2
-"""From the last column of one state's map to the first one of the next."""
+"""Columns from the last one of a state's map to the first one of the next."""
 
 
 class State(NamedTuple):
-    """One of the document's states: T targets in the grid's order, and (K, 3) triangles of their places."""
+    """A state of the wall: columns of its T targets in the grid's order, (K, 3) indices of triangles."""
 
     name: str
     columns: Columns
@@ -38,19 +37,19 @@ class State(NamedTuple):
 
     @property
     def xyz_mm(self) -> Array:
-        """(T, 3)."""
+        """(T, 3) positions of the targets."""
         return np.column_stack([self.columns.numbers(f"{axis}_mm") for axis in "xyz"])
 
 
 class Scale(NamedTuple):
-    """The colours of a quantity, the same in all states."""
+    """The colour scale of a quantity, the same in all states."""
 
     levels: Array
     colours: str
 
     @classmethod
     def of(cls, values: Array) -> "Scale":
-        """Sequential, or about zero where values of both signs count."""
+        """Choose a sequential scale, or one centred on zero if values of both signs matter."""
         from matplotlib.ticker import MaxNLocator  # noqa: PLC0415
 
         known = values[np.isfinite(values)]
@@ -58,10 +57,12 @@ class Scale(NamedTuple):
         if low < -0.1 * max(high, 0.0):
             reach = max(-low, high)
             return cls(np.asarray(MaxNLocator(11).tick_values(-reach, reach)), "RdBu_r")
-        return cls(np.asarray(MaxNLocator(9).tick_values(low, max(high, low + 1e-12))), "YlOrRd")
+        # The levels of a quantity that is the same everywhere would differ by rounding alone.
+        high = max(high, low + max(0.02 * abs(low), 1e-12))
+        return cls(np.asarray(MaxNLocator(9).tick_values(low, high)), "YlOrRd")
 
     def painted(self, values: Array) -> Array:
-        """(K, 3) colours of known values, step by step as in the maps."""
+        """(K, 3) colours of known values, in the same steps as in the maps."""
         from matplotlib import colormaps  # noqa: PLC0415
 
         middles = (self.levels[1:] + self.levels[:-1]) / 2
@@ -71,13 +72,13 @@ class Scale(NamedTuple):
 
 
 def states_of(document: Mapping[str, Any]) -> list[State]:
-    """The document's states, ready to be drawn."""
+    """Read the states from a document."""
     triangles = np.array(document["grid"]["triangles"], np.intp).reshape(-1, 3)
     return [State(one["name"], Columns(one["targets"]), triangles) for one in document["states"]]
 
 
-def model_svg(states: Sequence[State], column: str, title: str, label: str) -> Html:
-    """The model above, a map below; every state beside the next (paper figure 11)."""
+def model_svg(states: Sequence[State], column: str, title: str, label: str) -> Svg:
+    """Draw the model above and a map below, the states side by side (paper figure 11)."""
     scale = Scale.of(_all(states, column))
     rows = [
         _Row(_BODY_MM, lambda axes, shown: _bodies(axes, shown, column, scale), None),
@@ -86,17 +87,17 @@ def model_svg(states: Sequence[State], column: str, title: str, label: str) -> H
     return _svg(states, rows, label)
 
 
-def maps_svg(states: Sequence[State], column: str, title: str, label: str) -> Html:
-    """A map of a quantity, and of its σ below."""
+def maps_svg(states: Sequence[State], column: str, title: str, label: str) -> Svg:
+    """Draw maps of a quantity above and of its σ below, the states side by side."""
     rows = [
-        _map_row(name, states[0].columns.titled(name, said), Scale.of(_all(states, name)))
-        for name, said in ((column, title), (f"sigma_{column}", f"σ of {title}"))
+        _map_row(name, states[0].columns.titled(name, text), Scale.of(_all(states, name)))
+        for name, text in ((column, title), (f"sigma_{column}", f"σ of {title}"))
     ]
     return _svg(states, rows, label)
 
 
 class _Row(NamedTuple):
-    """A row of panels, all in one pair of axes, and the colour bar at its end."""
+    """A row of panels that share one pair of axes, with the title of the colour bar at its end, if any."""
 
     height_mm: float
     draw: Draw
@@ -107,7 +108,7 @@ def _map_row(column: str, bar: str, scale: Scale) -> _Row:
     return _Row(_MAP_MM, lambda axes, states: _maps(axes, states, column, scale), bar)
 
 
-def _svg(states: Sequence[State], rows: Sequence[_Row], label: str) -> Html:
+def _svg(states: Sequence[State], rows: Sequence[_Row], label: str) -> Svg:
     height_mm = _TOP_MM + _BOTTOM_MM + sum(row.height_mm for row in rows) + _GAP_MM * (len(rows) - 1)
 
     def draw(canvas: "Figure") -> None:
@@ -118,8 +119,8 @@ def _svg(states: Sequence[State], rows: Sequence[_Row], label: str) -> Html:
         _number_columns(axes, states)
         for index, state in enumerate(states):
             middle_mm = _LEFT_MM + (index + 0.5) * _step_mm(states)
-            place = middle_mm / WIDTH_MM, 1 - 0.5 * _TOP_MM / height_mm
-            canvas.text(*place, state.name, ha="center", va="center", size=8, weight="bold")
+            position = middle_mm / WIDTH_MM, 1 - 0.5 * _TOP_MM / height_mm
+            canvas.text(*position, state.name, ha="center", va="center", size=8, weight="bold")
 
     return drawn(draw, height_mm, label)
 
@@ -149,7 +150,7 @@ def _all(states: Sequence[State], column: str) -> Array:
 
 
 def _seen(xyz_mm: Array) -> Array:
-    """(N, 3) to the right, down and towards the onlooker, from beside and a little above."""
+    """(N, 3) coordinates to the right, down and towards a viewer beside and a little above the wall."""
     x, y, z = np.moveaxis(xyz_mm, -1, 0)
     right, near = y * np.cos(_TURNED) + z * np.sin(_TURNED), z * np.cos(_TURNED) - y * np.sin(_TURNED)
     return np.stack(
@@ -159,14 +160,14 @@ def _seen(xyz_mm: Array) -> Array:
 
 
 def _bodies(axes: "Axes", states: Sequence[State], column: str, scale: Scale) -> None:
-    """Triangles, the farthest first, in the colours of the map, as bright as the light falls on them."""
+    """Triangles in the colours of the map, shaded by their slope; the farthest are drawn first."""
     from matplotlib.collections import PolyCollection  # noqa: PLC0415
 
     seen = [_seen(state.xyz_mm) for state in states]
     low, high = np.nanmin(seen, axis=(0, 1)) - 2, np.nanmax(seen, axis=(0, 1)) + 2
     step = _step_mm(states) * (high[1] - low[1]) / _BODY_MM
-    for index, (state, places) in enumerate(zip(states, seen, strict=True)):
-        corners = places[state.triangles] - [(low[0] + high[0]) / 2 - (index + 0.5) * step, 0, 0]
+    for index, (state, points) in enumerate(zip(states, seen, strict=True)):
+        corners = points[state.triangles] - [(low[0] + high[0]) / 2 - (index + 0.5) * step, 0, 0]
         values = state.columns.numbers(column)[state.triangles].mean(axis=1)
         order = np.argsort(corners[:, :, 2].mean(axis=1))
         order = order[np.isfinite(corners[order]).all(axis=(1, 2))]
@@ -184,7 +185,7 @@ def _bodies(axes: "Axes", states: Sequence[State], column: str, scale: Scale) ->
 
 
 def _lit(corners: Array, values: Array, scale: Scale) -> Array:
-    """(K, 3) colours of triangles."""
+    """(K, 3) colours of shaded triangles."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     light = 0.66 + 0.42 * np.abs(normal @ _LIGHT)
@@ -196,9 +197,9 @@ def _lit(corners: Array, values: Array, scale: Scale) -> Array:
 
 
 def _maps(axes: "Axes", states: Sequence[State], column: str, scale: Scale) -> "ScalarMappable | None":
-    """Rows down, columns to the right, as the picture has them; a cross where nothing is determined."""
+    """Maps with rows down and columns to the right, as in the picture; crosses mark unknown values."""
     down = _all(states, "row")
-    across = np.concatenate([state.columns.numbers("column") + k for state, k in _placed(states)])
+    across = np.concatenate([state.columns.numbers("column") + k for state, k in _with_offsets(states)])
     values = _all(states, column)
     known = np.isfinite(values)
     axes.plot(across[~known], down[~known], "x", color=GREY, markersize=2.2, mew=0.4)
@@ -213,28 +214,28 @@ def _maps(axes: "Axes", states: Sequence[State], column: str, scale: Scale) -> "
     return filled
 
 
-def _placed(states: Sequence[State]) -> Iterator[tuple[State, float]]:
-    """The states, and what is added to their columns so that they stand side by side."""
+def _with_offsets(states: Sequence[State]) -> Iterator[tuple[State, float]]:
+    """The states, each with the offset of its columns that puts it beside the one before."""
     step = np.ptp(states[0].columns.numbers("column")) + _APART
     return ((state, k * step) for k, state in enumerate(states))
 
 
 def _number_columns(axes: "Axes", states: Sequence[State]) -> None:
-    """Under the lowest row: a column stands under the same one of the row above."""
+    """Column numbers under the lowest row; they hold for the rows above it as well."""
     own = states[0].columns.numbers("column")
     shown = np.arange(own.min(), own.max() + 1, np.ceil((np.ptp(own) + 1) / _TICKS))
-    places = [(column + k, f"{column:.0f}") for _, k in _placed(states) for column in shown]
-    axes.set_xticks(*zip(*places, strict=True))
+    ticks = [(column + k, f"{column:.0f}") for _, k in _with_offsets(states) for column in shown]
+    axes.set_xticks(*zip(*ticks, strict=True))
     axes.tick_params(color=FAINT)
     axes.set_xlabel("column")
 
 
 def _filled(
-    axes: "Axes", states: Sequence[State], places: tuple[Array, Array, Array], scale: Scale
+    axes: "Axes", states: Sequence[State], columns: tuple[Array, Array, Array], scale: Scale
 ) -> "ScalarMappable | None":
     from matplotlib.tri import Triangulation  # noqa: PLC0415
 
-    across, down, values = places
+    across, down, values = columns
     count = len(values) // len(states)
     triangles = np.concatenate([state.triangles + k * count for k, state in enumerate(states)])
     use = triangles[np.isfinite(values)[triangles].all(axis=1)]

@@ -1,1 +1,4 @@
-"""What outlives a capture: the index, `state.sqlite`, stored calibrations and analyses, and their backup."""
+"""What outlives a capture: the index of captures, `state.sqlite`, stored calibrations and analyses, backups.
+
+The index can be rebuilt from the capture files; all else here cannot.
+"""

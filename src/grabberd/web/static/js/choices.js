@@ -1,8 +1,9 @@
 // Before anything is drawn: light or dark, and the language, as they were chosen on this tablet.
 (function () {
+  /** @param {string} key @returns {unknown} */
   const kept = (key) => {
     try {
-      return JSON.parse(localStorage.getItem(`grabberd.${key}`));
+      return JSON.parse(localStorage.getItem(`grabberd.${key}`) ?? "null");
     } catch {
       return null; // a browser that keeps nothing
     }

@@ -1,12 +1,16 @@
-// Where the page begins: texts, what is known, the frame round the panels, the stream of changes.
+// Entry point: loads the texts, creates store and shell, opens the stream of changes.
 import { createConnection } from "./core/connection.js";
 import { createContext } from "./core/context.js";
 import { createShell } from "./shell/shell.js";
 
+/** @import { First } from "./core/context.js" */
+/** @import { Catalogue } from "./core/texts.js" */
+
+/** @type {First} */
 const first = JSON.parse(document.getElementById("first")?.textContent ?? "{}");
 const language = document.documentElement.lang;
 
-/** @returns {Promise<any>} every text of the language */
+/** Every text of the language. @returns {Promise<Catalogue>} */
 async function catalogue() {
   const answer = await fetch(new URL(`../texts/${language}.json`, import.meta.url));
   return answer.json();

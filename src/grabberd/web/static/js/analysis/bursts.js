@@ -2,9 +2,12 @@
 import { labelsIn, lengthIn } from "../captures/words.js";
 import { el, fill } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
+
 const OFFERED = 20;
 
-/** @param {import("../core/context.js").Context} context @param {any} capture */
+/** @param {Context} context @param {Capture} capture */
 export function createBursts(context, capture) {
   const { t, api, format } = context;
   const list = el("div");
@@ -13,11 +16,11 @@ export function createBursts(context, capture) {
 
   async function offer() {
     const page = await api.get(`/captures?limit=${OFFERED}&device=${encodeURIComponent(capture.device)}`).catch(() => ({ captures: [] }));
-    const others = page.captures.filter((/** @type {any} */ one) => one.id !== capture.id && one.runs.length && one.state === "sealed");
+    const others = page.captures.filter((one) => one.id !== capture.id && one.runs.length && one.state === "sealed");
     fill(list, others.length ? others.map(check) : el("p", { class: "muted" }, t("analysis.bursts.none")));
   }
 
-  /** @param {any} one */
+  /** @param {Capture} one */
   function check(one) {
     const words = [format.moment(one.created_utc), labelsIn(context, one), lengthIn(context, one)].filter(Boolean).join(" · ");
     return el("label", { class: "check" }, el("input", { type: "checkbox", value: one.id }), words);

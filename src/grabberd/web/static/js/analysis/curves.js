@@ -1,11 +1,26 @@
 // Curves over the capture, or over the mean cycle, with their σ.
 import { el, fill } from "../core/dom.js";
 import { FIELD_S } from "../captures/words.js";
-import { createChart } from "../plots/chart.js";
+import { INKS, createChart } from "../plots/chart.js";
 import { columnsOf, summaryOf } from "../plots/series.js";
 import { column, hasAny } from "./tables.js";
 
-/** Which columns each chart shows, of which tables; the first has its band. */
+/** @import { Context } from "../core/context.js" */
+/** @import { Analysis, Table } from "types/open_documents" */
+
+/** @typedef {"time" | "phase"} Over the capture, or the mean cycle */
+
+/**
+ * @typedef {object} Chart
+ * @property {string} name
+ * @property {string} unit
+ * @property {number} digits
+ * @property {string} time table over time
+ * @property {string | null} phase table over the mean cycle
+ * @property {string[] | null} lines its columns, the first with its band; null: one for each height
+ */
+
+/** @type {Chart[]} */
 const CHARTS = [
   { name: "movement", unit: "mm", digits: 2, time: "fields", phase: null, lines: ["movement_mm"] },
   { name: "distance", unit: "mm", digits: 2, time: "sections", phase: "phase_sections", lines: null },
@@ -13,24 +28,30 @@ const CHARTS = [
   { name: "vacuum", unit: "kPa", digits: 1, time: "fields", phase: "phases", lines: ["pulsation_vacuum_kpa", "liner_vacuum_kpa"] },
 ];
 const MOST_LINES = 3;
+/** @type {Over[]} */
+const OVERS = ["time", "phase"];
+
 
 /** @typedef {{label: string, values: (number | null)[], sigma: (number | null)[]}} Line */
 
-/** @param {import("../core/context.js").Context} context @param {any} document */
+/** @param {Context} context @param {Analysis} document */
 export function createCurves(context, document) {
   const { t, format } = context;
   const place = el("div", { class: "plots-grid" });
   const none = el("p", { class: "muted" });
-  const over = ["time", "phase"].filter((one) => one === "time" || column(document.tables.phases, "phase").length);
+  const over = OVERS.filter((one) => one === "time" || column(document.tables.phases, "phase").length);
   const choices = el("div", { class: "choices analysis-over", role: "radiogroup", "aria-label": t("analysis.over.title"), hidden: over.length < 2 }, over.map((one) => el("label", {}, el("input", { type: "radio", name: "analysis-over", checked: one === "time", on: { change: () => show(one) } }), t(`analysis.over.${one}`))));
   const element = el("section", { class: "stack" }, el("div", { class: "row between" }, el("h2", {}, t("analysis.curves")), choices), place, none);
-  /** @type {any[]} */
+  /** @type {ReturnType<typeof createChart>[]} */
   let charts = [];
 
-  /** @param {string} one "time" or "phase" */
+  /** @param {Over} one */
   function show(one) {
     end();
-    const found = CHARTS.filter((chart) => chart[/** @type {"time" | "phase"} */ (one)]).map((chart) => ({ chart, ...linesOf(chart, document.tables[/** @type {any} */ (chart)[one]], one) }));
+    const found = CHARTS.flatMap((chart) => {
+      const table = chart[one];
+      return table ? [{ chart, ...linesOf(chart, document.tables[table], one) }] : [];
+    });
     const shown = found.filter(({ lines }) => lines.length);
     charts = shown.map(({ chart, x, lines }) => chartOf(chart, one, x, lines));
     fill(place, ...charts.map(({ element }) => element));
@@ -39,17 +60,17 @@ export function createCurves(context, document) {
     fill(none, t("analysis.noCurve", { names: lacking.join(", ") }));
   }
 
-  /** @param {any} chart @param {any} table @param {string} over */
+  /** @param {Chart} chart @param {Table | undefined} table @param {Over} over */
   function linesOf(chart, table, over) {
     const key = over === "time" ? "time_s" : "phase";
     if (chart.lines) {
-      const lines = chart.lines.map((/** @type {string} */ name) => ({ label: t(`analysis.line.${name}`), values: column(table, name), sigma: column(table, `sigma_${name}`) }));
-      return { x: column(table, key), lines: lines.filter((/** @type {Line} */ line) => hasAny(line.values)) };
+      const lines = chart.lines.map((name) => ({ label: t(`analysis.line.${name}`), values: column(table, name), sigma: column(table, `sigma_${name}`) }));
+      return { x: column(table, key), lines: lines.filter((line) => hasAny(line.values)) };
     }
     return sectionsOf(table, key);
   }
 
-  /** A line for each height: how far apart opposite walls are, or the wall and the plane. @param {any} table @param {string} key */
+  /** A line for each height: how far apart opposite walls are, or the wall and the plane. @param {Table | undefined} table @param {string} key */
   function sectionsOf(table, key) {
     const name = hasAny(column(table, "opposite_mm")) ? "opposite_mm" : "distance_mm";
     const heights = column(table, "height_mm");
@@ -60,14 +81,14 @@ export function createCurves(context, document) {
     return { x: each.length ? pick(key, each[0].rows) : [], lines: lines.filter((line) => hasAny(line.values)) };
   }
 
-  /** @param {any} chart @param {string} over @param {(number | null)[]} x @param {Line[]} lines */
+  /** @param {Chart} chart @param {Over} over @param {(number | null)[]} x @param {Line[]} lines */
   function chartOf(chart, over, x, lines) {
     const when = over === "time" ? (/** @type {number} */ s) => `${format.number(s, 1)} s` : (/** @type {number} */ share) => `${format.number(share * 100, 0)} %`;
     const title = t(`analysis.curve.${chart.name}`);
-    const made = createChart(context, { title, unit: chart.unit, digits: chart.digits, when, band: true, together: `analysis-${over}`, lines: lines.map((line, i) => ({ label: line.label, ink: /** @type {any} */ (String(i + 1)) })) });
-    const samples = x.map((time_s, i) => ({ time_s: /** @type {number} */ (time_s), i }));
-    const edge = (/** @type {number} */ sigmas) => ({ i }) => (lines[0].values[i] === null ? null : /** @type {number} */ (lines[0].values[i]) + sigmas * (lines[0].sigma[i] ?? 0));
-    const columns = columnsOf(samples, [...lines.map((line) => ({ i }) => line.values[i]), edge(1), edge(-1)], over === "time" ? 1.5 * FIELD_S : 1);
+    const made = createChart(context, { title, unit: chart.unit, digits: chart.digits, when, band: true, together: `analysis-${over}`, lines: lines.map((line, i) => ({ label: line.label, ink: INKS[i] })) });
+    const samples = x.flatMap((time_s, i) => (time_s === null ? [] : [{ time_s, i }]));
+    const edge = (/** @type {number} */ sigmas) => (/** @type {{i: number}} */ { i }) => edgeOf(lines[0], i, sigmas);
+    const columns = columnsOf(samples, [...lines.map((line) => (/** @type {{i: number}} */ { i }) => line.values[i]), edge(1), edge(-1)], over === "time" ? 1.5 * FIELD_S : 1);
     const summary = summaryOf(columns[1]);
     made.set(columns, summary ? t("plots.words", { name: title, last: format.number(summary.last, chart.digits), least: format.number(summary.least, chart.digits), greatest: format.number(summary.greatest, chart.digits) }) : title);
     return made;
@@ -79,4 +100,10 @@ export function createCurves(context, document) {
   }
   show("time");
   return { element, end };
+}
+
+/** A value with so many σ; null where there is none. @param {Line} line @param {number} i @param {number} sigmas */
+function edgeOf({ values, sigma }, i, sigmas) {
+  const value = values[i];
+  return value === null ? null : value + sigmas * (sigma[i] ?? 0);
 }

@@ -1,4 +1,4 @@
-// What an analysis is told beside the points: groups, kinds and numbers with their units. Nothing has a default.
+// The inputs of an analysis: groups, kinds and numbers with their units. Nothing has a default.
 
 /**
  * @typedef {object} Asked a number that is asked for

@@ -1,9 +1,12 @@
 // An analysis taken home: its report, its tables.
 import { el, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { AnalysisRow } from "types/documents" */
+
 const TABLES = ["summary", "fields", "sections", "targets", "phases", "phase_sections", "phase_targets", "cycles", "gaps", "triangles", "edges"];
 
-/** @param {import("../core/context.js").Context} context @param {string} path of the analysis @param {any} record */
+/** @param {Context} context @param {string} path of the analysis @param {AnalysisRow} record */
 export function createFiles({ t, api }, path, record) {
   const table = (/** @type {string} */ name) => el("li", {}, el("a", { class: "button", href: api.url(`${path}/${name}.csv`), download: true, data: { table: name } }, symbol("download"), t(`analysis.table.${name}`)));
   return el("section", { class: "card stack" }, el("h2", {}, t("analysis.files")), report(), el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.tables")), el("ul", { class: "analysis-tables" }, TABLES.map(table))));

@@ -3,12 +3,14 @@ import { el, fill, symbol } from "../core/dom.js";
 import { GROUPS, NAMES } from "./fields.js";
 import { askedOf, inputsOf, keyOf, lacksOf, missingOf, usesLog } from "./inputs.js";
 
-/** @typedef {import("./fields.js").Part} Part */
+/** @import { Context } from "../core/context.js" */
+/** @import { Asked, Part } from "./fields.js" */
+/** @import { Values } from "./inputs.js" */
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+/** @param {Context} context @param {() => void} changed */
 export function createForm(context, changed) {
   const { t } = context;
-  /** @type {import("./inputs.js").Values} */
+  /** @type {Values} */
   let values = {};
   let log = "";
   const file = el("input", { class: "input", type: "file", accept: ".csv,.txt,text/csv", on: { change: read } });
@@ -44,7 +46,7 @@ export function createForm(context, changed) {
     return el("div", { class: "analysis-part" }, el("label", { class: "field" }, el("span", { class: "field-label" }, t(`analysis.part.${part.path.split(".").pop()}`)), select), numbers);
   }
 
-  /** @param {string} key @param {import("./fields.js").Asked} asked */
+  /** @param {string} key @param {Asked} asked */
   function numberOf(key, { name, unit, free }) {
     const input = el("input", { class: "input", type: "number", step: "any", inputmode: "decimal", value: values[key] ?? "", data: { asked: key } });
     input.addEventListener("input", () => {
@@ -66,7 +68,7 @@ export function createForm(context, changed) {
     changed();
   }
 
-  /** @param {import("./inputs.js").Values} wanted */
+  /** @param {Values} wanted */
   function set(wanted) {
     values = { ...wanted };
     for (const name of NAMES) fill(bodies[name], ...GROUPS[name].map(partOf));
@@ -76,8 +78,8 @@ export function createForm(context, changed) {
   set({});
   return {
     element, set,
-    order: () => ({ inputs: inputsOf(values), ...(usesLog(values) ? { vacuum_log: log } : {}) }),
-    /** What is still to be filled in, in words. */
+    request: () => ({ inputs: inputsOf(values), ...(usesLog(values) ? { vacuum_log: log } : {}) }),
+    /** Labels of the inputs that are still missing. */
     missing: () => missingOf(values, log).map((key) => (key === "log" ? t("analysis.log.label") : t(`analysis.number.${key.split(".").pop()}.label`))),
   };
 }

@@ -1,9 +1,10 @@
-// From what was filled in to the inputs of an analysis, and back. Nothing here touches the page.
+// From the filled-in form to the inputs of an analysis, and back. Nothing here touches the page.
 import { GROUPS, NAMES } from "./fields.js";
 
-/** @typedef {Record<string, string>} Values what was filled in, by part and name: "material" → "linear", "material.E_mpa" → "3" */
-/** @typedef {import("./fields.js").Part} Part */
+/** @import { Part } from "./fields.js" */
+/** @import { AnalysisInputs, VacuumSource } from "types/open_documents" */
 
+/** @typedef {Record<string, string>} Values what was filled in, by part and name: "material" → "linear", "material.E_mpa" → "3" */
 const HEIGHTS = [".height1", ".height2", ".height3"];
 
 /** @param {Part} part @param {string} name */
@@ -45,7 +46,7 @@ function vacuumOf(values) {
 /** @param {Values} values */
 function planeOf(values) {
   if (values.plane !== "own") return values.plane || undefined;
-  const { x, y, z, nx, ny, nz } = /** @type {any} */ (numbers("plane", values));
+  const { x, y, z, nx, ny, nz } = numbers("plane", values);
   return { point_mm: [x, y, z], normal: [nx, ny, nz] };
 }
 
@@ -56,31 +57,34 @@ function numbers(path, values) {
   return Object.fromEntries(asked.filter(({ name }) => given(values, `${path}.${name}`)).map(({ name }) => [name, Number(values[`${path}.${name}`])]));
 }
 
-/** What is missing beside what was given: a part is whole, or empty. @param {Values} values @param {string} log @returns {string[]} keys */
+/** Inputs still missing: a part is either complete or empty. @param {Values} values @param {string} log @returns {string[]} keys */
 export function missingOf(values, log) {
   const holes = parts().flatMap((part) => askedOf(part, values).filter((asked) => part.kinds && !asked.free && !given(values, keyOf(part, asked.name))).map((asked) => keyOf(part, asked.name)));
   const rows = given(values, ".first_row") !== given(values, ".last_row") ? [given(values, ".first_row") ? ".last_row" : ".first_row"] : [];
   return [...holes, ...rows, ...(usesLog(values) && !log ? ["log"] : [])];
 }
 
-/** Whether the logger's file is needed. @param {Values} values */
+/** True if the logger's file is needed. @param {Values} values */
 export const usesLog = (values) => [values["vacuum.pulsation"], values["vacuum.liner"]].includes("log");
 
-/** What there will not be for want of inputs. @param {Values} values @returns {string[]} names of texts */
+/** Results that cannot be computed for lack of inputs. @param {Values} values @returns {string[]} names of texts */
 export function lacksOf(values) {
   const lacks = { reference: !values.reference, material: !values.material, vacuum_pulsation: !values["vacuum.pulsation"], vacuum_liner: !values["vacuum.liner"], sought_kpa: !given(values, ".sought_kpa"), plane: !values.plane };
   return Object.entries(lacks).filter(([, lack]) => lack).map(([name]) => name);
 }
 
-/** Inputs as they would be filled in; what this form has no place for is named. @param {any} inputs */
+/** Inputs as they would be filled in; what this form has no place for is named. @param {AnalysisInputs} inputs */
 export function valuesOf(inputs) {
   /** @type {Values} */
   const values = {};
   const { reference, material, vacuum = {}, plane, heights_mm = [], free_rows = [] } = inputs;
   if (reference) choose(values, "reference", typeof reference === "string" ? reference : Object.keys(reference)[0], typeof reference === "string" ? {} : reference);
   if (material?.law) choose(values, "material", material.law, material);
-  for (const side of ["pulsation", "liner"]) if (vacuum[side]) choose(values, `vacuum.${side}`, kindOf(vacuum[side]), vacuum[side] === "log" ? {} : vacuum[side]);
-  for (const clock of ["offset", "lag"]) if (vacuum[clock]) choose(values, "vacuum.clock", clock, vacuum[clock]);
+  for (const side of /** @type {const} */ (["pulsation", "liner"])) {
+    const source = vacuum[side];
+    if (source) choose(values, `vacuum.${side}`, kindOf(source), source === "log" ? {} : source);
+  }
+  for (const clock of /** @type {const} */ (["offset", "lag"])) if (vacuum[clock]) choose(values, "vacuum.clock", clock, vacuum[clock]);
   if (typeof plane === "string") values.plane = plane;
   else if (plane) choose(values, "plane", "own", Object.fromEntries(["x", "y", "z", "nx", "ny", "nz"].map((name, i) => [name, [...plane.point_mm, ...plane.normal][i]])));
   const single = { sought_kpa: inputs.sought_kpa, phases: inputs.phases, first_row: free_rows[0], last_row: free_rows[1] };
@@ -89,10 +93,10 @@ export function valuesOf(inputs) {
   return { values, dropped: [...(material?.zones ? ["zones"] : []), ...(heights_mm.length > HEIGHTS.length ? ["heights"] : []), ...(usesLog(values) ? ["log"] : [])] };
 }
 
-/** @param {any} source */
+/** @param {VacuumSource} source */
 const kindOf = (source) => (source === "log" ? "log" : "rate_per_min" in source ? "wave" : "constant");
 
-/** @param {Values} values @param {string} path @param {string} kind @param {any} numbers */
+/** @param {Values} values @param {string} path @param {string} kind @param {Record<string, unknown>} numbers */
 function choose(values, path, kind, numbers) {
   values[path] = kind;
   for (const [name, value] of Object.entries(numbers)) if (typeof value === "number") values[`${path}.${name}`] = String(value);
@@ -103,5 +107,5 @@ const parts = () => NAMES.flatMap((name) => GROUPS[name]);
 const given = (values, key) => (values[key] ?? "").trim() !== "";
 /** @param {Values} values @param {string} key */
 const one = (values, key) => (given(values, key) ? Number(values[key]) : undefined);
-/** @param {Record<string, any>} all */
+/** @param {Record<string, unknown>} all */
 const known = (all) => Object.fromEntries(Object.entries(all).filter(([, value]) => value !== undefined));

@@ -2,12 +2,14 @@
 import { colourAt, css } from "../scene/colours.js";
 import { shareOf } from "../scene/scale.js";
 
+/** @import { Scale } from "../scene/scale.js" */
+
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 10;
 const HEIGHT = 6;
 const HATCH = "analysis-hatch";
 
-/** @param {string} tag @param {Record<string, any>} attributes */
+/** @param {string} tag @param {Record<string, string | number>} attributes */
 function make(tag, attributes) {
   const made = document.createElementNS(SVG, tag);
   for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));
@@ -32,7 +34,7 @@ export function createMapPicture(touched) {
   /**
    * @param {{row: number[], column: number[]}} grid
    * @param {(number | null)[]} values
-   * @param {import("../scene/scale.js").Scale | null} scale
+   * @param {Scale | null} scale
    * @param {string} words what it shows
    */
   function show(grid, values, scale, words) {
@@ -42,7 +44,7 @@ export function createMapPicture(touched) {
     cells.replaceChildren(...values.map((value, i) => cell(grid, i, value, scale)));
   }
 
-  /** @param {{row: number[], column: number[]}} grid @param {number} i @param {number | null} value @param {import("../scene/scale.js").Scale | null} scale */
+  /** @param {{row: number[], column: number[]}} grid @param {number} i @param {number | null} value @param {Scale | null} scale */
   function cell(grid, i, value, scale) {
     const fill = value === null || !scale ? `url(#${HATCH})` : css(colourAt(scale.map, shareOf(scale, value)));
     return make("rect", { x: grid.column[i] * WIDTH, y: grid.row[i] * HEIGHT, width: WIDTH, height: HEIGHT, fill, class: "map-cell", "data-place": i });

@@ -7,14 +7,17 @@ import { createMapPicture } from "./map_picture.js";
 import { QUANTITIES, reasonIn, shown } from "./quantities.js";
 import { column, hasAny } from "./tables.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Analysis, AnalysisMap } from "types/open_documents" */
+
 const PAUSE_MS = 120;
 
-/** @param {import("../core/context.js").Context} context @param {string} path of the analysis @param {any} document */
+/** @param {Context} context @param {`/captures/${string}/analyses/${string}`} path of the analysis @param {Analysis} document */
 export function createMaps(context, path, document) {
   const { t, tn, api, format } = context;
-  const { grid, states } = document;
+  const { states } = document;
   const kinds = { phase: column(document.tables.phases, "phase"), field: column(document.tables.fields, "n") };
-  const known = QUANTITIES.filter(({ name }) => states.some((/** @type {any} */ state) => hasAny(column(state.targets, name)) || (name === "contact_kpa" && column(state.targets, "reason").some(Boolean))));
+  const known = QUANTITIES.filter(({ name }) => states.some((state) => hasAny(column(state.targets, name)) || (name === "contact_kpa" && column(state.targets, "reason").some(Boolean))));
   const picture = createMapPicture(touch);
   const legend = createLegend(format.number);
   const touched = el("p", { class: "note is-idle map-touched", role: "status" });
@@ -26,7 +29,7 @@ export function createMaps(context, path, document) {
   /** @type {"phase" | "field"} */
   let kind = kinds.phase.length ? "phase" : "field";
   let quantity = known[0];
-  /** @type {any} */
+  /** @type {AnalysisMap | null} */
   let map = null;
   /** @type {number | null} */
   let chosen = null;
@@ -74,9 +77,9 @@ export function createMaps(context, path, document) {
     setText(words, kind === "phase" ? t("shape.whenPhase", { phase: format.number(value * 100, 0) }) : t("capture.field", { n: value, s: format.number(value * FIELD_S, 2) }));
   }
 
-  /** One scale for all states of the capture, so that colours can be compared. */
-  function scale() {
-    const all = [...states.flatMap((/** @type {any} */ state) => column(state.targets, quantity.name)), ...map.columns[quantity.name]];
+  /** One scale for all states of the capture, so that colours can be compared. @param {AnalysisMap} map */
+  function scale(map) {
+    const all = [...states.flatMap((state) => column(state.targets, quantity.name)), ...(map.columns[quantity.name] ?? [])];
     return scaleOver(shown(quantity, all).map((value) => value ?? NaN), quantity.signed);
   }
 
@@ -84,51 +87,52 @@ export function createMaps(context, path, document) {
     if (!map) return;
     const values = shown(quantity, map.columns[quantity.name]);
     const found = values.filter((value) => value !== null);
-    const range = scale();
+    const range = scale(map);
     const name = t("shape.legend", { quantity: t(`analysis.quantity.${quantity.name}`), unit: quantity.unit });
     const least = found.length ? t("shape.range", { quantity: name, low: format.number(Math.min(...found), quantity.digits), high: format.number(Math.max(...found), quantity.digits) }) : name;
     picture.show(map.columns, values, range, least);
     legend.show(name, range);
     picture.choose(map.columns, chosen);
-    showTouched(values);
-    showReasons(values);
+    showTouched(map, values);
+    showReasons(map, values);
     showTable();
   }
 
   /** @param {number} place */
   function touch(place) {
     chosen = place;
+    if (!map) return;
     picture.choose(map.columns, place);
-    showTouched(shown(quantity, map.columns[quantity.name]));
+    showTouched(map, shown(quantity, map.columns[quantity.name]));
   }
 
-  /** @param {number} i @param {(number | null)[]} values */
-  function valueIn(i, values) {
+  /** @param {AnalysisMap} map @param {number} i @param {(number | null)[]} values */
+  function valueIn(map, i, values) {
     const sigma = (map.columns[`sigma_${quantity.name}`]?.[i] ?? NaN) * quantity.times;
     return `${format.number(values[i], quantity.digits)} ± ${format.number(sigma, quantity.digits)} ${quantity.unit}`;
   }
 
-  /** @param {(number | null)[]} values */
-  function showTouched(values) {
+  /** @param {AnalysisMap} map @param {(number | null)[]} values */
+  function showTouched(map, values) {
     if (chosen === null) return setText(touched, t("analysis.map.touch"));
     const { target, row, column: across } = map.columns;
     const place = t("analysis.map.place", { target: target[chosen], row: row[chosen] + 1, column: across[chosen] + 1 });
-    setText(touched, `${place}: ${values[chosen] === null ? whyNot(chosen) : valueIn(chosen, values)}`);
+    setText(touched, `${place}: ${values[chosen] === null ? whyNot(map, chosen) : valueIn(map, chosen, values)}`);
   }
 
-  /** @param {number} i */
-  function whyNot(i) {
-    const reason = map.columns.reason?.[i];
+  /** @param {AnalysisMap} map @param {number} i */
+  function whyNot(map, i) {
+    const reason = reasonsOf(map)[i];
     return reason ? reasonIn(context, reason) : t("analysis.map.notSeen");
   }
 
-  /** Why places have no value, the commonest first. @param {(number | null)[]} values */
-  function showReasons(values) {
+  /** Shows why targets have no value, the commonest reason first. @param {AnalysisMap} map @param {(number | null)[]} values */
+  function showReasons(map, values) {
     /** @type {Map<string, number>} */
     const counts = new Map();
     values.forEach((value, i) => {
       if (value !== null) return;
-      const reason = (map.columns.reason?.[i] ?? "").startsWith("σ of") ? t("analysis.reason.tooVague") : whyNot(i);
+      const reason = (reasonsOf(map)[i] ?? "").startsWith("σ of") ? t("analysis.reason.tooVague") : whyNot(map, i);
       counts.set(reason, (counts.get(reason) ?? 0) + 1);
     });
     without.hidden = !counts.size;
@@ -137,9 +141,11 @@ export function createMaps(context, path, document) {
 
   function showTable() {
     if (!numbers.open || !map) return;
+    const { target, row, column: across } = map.columns;
+    const now = map;
     const values = shown(quantity, map.columns[quantity.name]);
     const sigma = shown(quantity, map.columns[`sigma_${quantity.name}`] ?? []);
-    fill(body, ...values.map((value, i) => el("tr", {}, [map.columns.target[i], map.columns.row[i] + 1, map.columns.column[i] + 1, format.number(value, quantity.digits), format.number(sigma[i], quantity.digits), value === null ? whyNot(i) : ""].map((text) => el("td", { class: "number" }, text)))));
+    fill(body, ...values.map((value, i) => el("tr", {}, [target[i], row[i] + 1, across[i] + 1, format.number(value, quantity.digits), format.number(sigma[i], quantity.digits), value === null ? whyNot(now, i) : ""].map((text) => el("td", { class: "number" }, text)))));
   }
 
   if (known.length) begin(kind);
@@ -151,3 +157,6 @@ export function createMaps(context, path, document) {
     },
   };
 }
+
+/** Reason of each missing value; empty where there is a value. @param {AnalysisMap} map @returns {string[]} */
+const reasonsOf = ({ columns }) => /** @type {string[]} */ (/** @type {unknown} */ (columns.reason ?? []));

@@ -1,4 +1,6 @@
-// What maps show: unit, digits, and whether nought is in the middle of the colours.
+// The quantities of the maps: unit, digits, and whether zero is in the middle of the colours.
+
+/** @import { Context } from "../core/context.js" */
 
 /** @typedef {{name: string, unit: string, times: number, digits: number, signed: boolean}} Quantity */
 
@@ -17,7 +19,7 @@ export const QUANTITIES = [
 /** Values in the unit that is shown. @param {Quantity} quantity @param {(number | null)[]} values */
 export const shown = (quantity, values) => values.map((value) => (value === null || value === undefined ? null : value * quantity.times));
 
-/** Why there is no value, in words: what the daemon says, by what it says. @param {import("../core/context.js").Context} context @param {string} reason */
+/** Reason for a missing value, in the page's own words where it knows the daemon's. @param {Context} context @param {string} reason */
 export function reasonIn({ t, texts, format }, reason) {
   const vague = /^σ of (\S+) kPa exceeds the pressure sought \((\S+) kPa\)$/.exec(reason);
   if (vague) return t("analysis.reason.vague", { sigma: format.number(Number(vague[1]), 1), sought: format.number(Number(vague[2]), 1) });

@@ -1,5 +1,5 @@
 // Asking for an analysis.
-import { newKey } from "../core/api.js";
+import { newKey, statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
 import { createBursts } from "./bursts.js";
@@ -7,10 +7,14 @@ import { createForm } from "./form.js";
 import { valuesOf } from "./inputs.js";
 import { lastInputs } from "./take_over.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { AnalysisRow, Capture } from "types/documents" */
+/** @import { AnalysisInputs } from "types/open_documents" */
+
 /**
- * @param {import("../core/context.js").Context} context
- * @param {any} capture
- * @param {any[]} own its analyses
+ * @param {Context} context
+ * @param {Capture} capture
+ * @param {AnalysisRow[]} own its analyses
  * @param {(number: number) => void} made
  */
 export function createRequest(context, capture, own, made) {
@@ -24,8 +28,8 @@ export function createRequest(context, capture, own, made) {
   let asked = null;
   const form = (asked = createForm(context, tell));
   const bursts = createBursts(context, capture);
-  const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (ended) => made(ended.result.analysis) });
-  const body = el("form", { class: "stack", novalidate: true, on: { submit: order } }, el("p", {}, t("analysis.ask")), offer, form.element, bursts.element, el("div", { class: "row" }, start, why));
+  const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {{result: {analysis: number}}} */ ended) => made(ended.result.analysis) });
+  const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("p", {}, t("analysis.ask")), offer, form.element, bursts.element, el("div", { class: "row" }, start, why));
   const element = el("div", { class: "stack" }, job.element, body);
 
   function tell() {
@@ -42,17 +46,17 @@ export function createRequest(context, capture, own, made) {
   }
 
   /** @param {Event} event */
-  async function order(event) {
+  async function submit(event) {
     event.preventDefault();
     if (busy) return;
     start.disabled = true;
     try {
-      const ordered = await api.post(`/captures/${encodeURIComponent(capture.id)}/analysis`, { body: { ...form.order(), bursts: bursts.chosen() }, key });
+      const queued = await api.post(`/captures/${encodeURIComponent(capture.id)}/analysis`, { body: { ...form.request(), bursts: bursts.chosen() }, key });
       key = newKey();
-      job.follow(ordered);
+      job.follow(queued);
       element.scrollIntoView({ block: "start" });
     } catch (problem) {
-      if (/** @type {any} */ (problem).status) key = newKey();
+      if (statusOf(problem)) key = newKey();
       context.refused(problem);
       tell();
     }
@@ -62,7 +66,7 @@ export function createRequest(context, capture, own, made) {
   async function offerLast() {
     const last = await lastInputs(api, capture, own);
     if (!last) return;
-    const { values, dropped } = valuesOf(last.analysis.inputs);
+    const { values, dropped } = valuesOf(/** @type {AnalysisInputs} */ (last.analysis.inputs ?? {}));
     const name = t(last.of.id === capture.id ? "analysis.take.own" : "analysis.take.other", { n: last.analysis.analysis, when: format.moment(last.of.created_utc) });
     const left = el("p", { class: "field-hint", hidden: true }, dropped.map((what) => t(`analysis.take.dropped.${what}`)).join(" "));
     const take = () => {

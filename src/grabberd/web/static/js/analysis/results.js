@@ -5,10 +5,13 @@ import { createFiles } from "./files.js";
 import { createMaps } from "./maps.js";
 import { createSummary } from "./summary.js";
 
-/** @param {import("../core/context.js").Context} context @param {any} capture @param {any} record of the analysis */
+/** @import { Context } from "../core/context.js" */
+/** @import { AnalysisRow, Capture } from "types/documents" */
+
+/** @param {Context} context @param {Capture} capture @param {AnalysisRow} record of the analysis */
 export function createResults(context, capture, record) {
   const { t, api } = context;
-  const path = `/captures/${encodeURIComponent(capture.id)}/analyses/${record.analysis}`;
+  const path = /** @type {const} */ (`/captures/${encodeURIComponent(capture.id)}/analyses/${record.analysis}`);
   const element = el("div", { class: "stack", data: { analysis: record.analysis } }, el("p", { class: "muted", role: "status" }, t("analysis.loading")));
   /** @type {{end: () => void}[]} */
   let parts = [];
@@ -25,9 +28,9 @@ export function createResults(context, capture, record) {
     fill(element, found, maps.element, curves.element, createFiles(context, path, record));
   }
 
-  /** What it was told, as it was told it. */
+  /** The inputs exactly as they were given. */
   function inputs() {
-    const bursts = record.bursts.length ? el("p", {}, `${t("analysis.bursts.title")}: ${record.bursts.join(", ")}`) : null;
+    const bursts = record.bursts?.length ? el("p", {}, `${t("analysis.bursts.title")}: ${record.bursts.join(", ")}`) : null;
     return el("details", {}, el("summary", { class: "capture-summary" }, t("analysis.given")), el("pre", { class: "analysis-given scroll", tabindex: 0 }, JSON.stringify(record.inputs, null, 2)), bursts);
   }
 

@@ -1,11 +1,15 @@
-// What was found, in a few lines: pulsation, its phases, what lacks, what went wrong.
+// Summary of an analysis: pulsation, its phases, missing inputs, problems.
 import { el, symbol } from "../core/dom.js";
 import { column, single } from "./tables.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { AnalysisRow } from "types/documents" */
+/** @import { Analysis } from "types/open_documents" */
 
 const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 3], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
 const PHASES = ["a", "b", "c", "d"];
 
-/** @param {import("../core/context.js").Context} context @param {any} document @param {any} record */
+/** @param {Context} context @param {Analysis} document @param {AnalysisRow} record */
 export function createSummary(context, document, record) {
   const { t, tn, format } = context;
   const table = document.tables.summary;
@@ -35,10 +39,10 @@ export function createSummary(context, document, record) {
 
   const analysed = column(table, "analysed")[0] ?? 0;
   const facts = el("dl", { class: "facts" }, el("dt", {}, t("analysis.fact.analysed")), el("dd", {}, tn("captures.fields", analysed)), FACTS.map(fact), phases("wall"), phases("iso"));
-  return el("div", { class: "stack" }, facts, lacks(context, record.lacks), problems(context, record.problems));
+  return el("div", { class: "stack" }, facts, lacks(context, record.lacks ?? []), problems(context, record.problems ?? []));
 }
 
-/** What was not given, and its consequence. @param {import("../core/context.js").Context} context @param {string[]} given */
+/** Inputs that were not given, and the consequences. @param {Context} context @param {string[]} given */
 function lacks({ t, texts }, given) {
   if (!given.length) return null;
   const slugs = given.map((text) => [text.split(":")[0].replace(/\W+/g, "_"), text]);
@@ -46,7 +50,7 @@ function lacks({ t, texts }, given) {
   return el("div", { class: "note is-idle" }, symbol("info"), el("div", {}, el("strong", {}, t("analysis.lacks")), el("ul", {}, [...new Set(words)].map((text) => el("li", {}, text)))));
 }
 
-/** What was survived, as the instrument says it. @param {import("../core/context.js").Context} context @param {string[]} found */
+/** Problems that the analysis survived, in the instrument's own words. @param {Context} context @param {string[]} found */
 function problems({ tn }, found) {
   if (!found.length) return null;
   const list = el("ul", { lang: "en" }, found.map((text) => el("li", {}, text)));

@@ -1,18 +1,20 @@
 // Columns out of an analysis' document.
 
+/** @import { Table } from "types/open_documents" */
+
 /** @typedef {(number | null)[]} Column */
 
-/** The values of a column; none where there is no such column. @param {any} table @param {string} name @returns {Column} */
+/** The values of a column; none where there is no such column. @param {Table | undefined} table @param {string} name @returns {Column} */
 export function column(table, name) {
-  return table?.columns.find((/** @type {any} */ one) => one.name === name)?.values ?? [];
+  return table?.columns.find((one) => one.name === name)?.values ?? [];
 }
 
-/** The value of the only row of a table, with its σ. @param {any} table @param {string} name */
+/** The value of the only row of a table, with its σ. @param {Table | undefined} table @param {string} name */
 export function single(table, name) {
   return { value: column(table, name)[0] ?? null, sigma: column(table, `sigma_${name}`)[0] ?? null };
 }
 
-/** Whether anything stands in a column. @param {Column} values */
+/** True if a column has any value. @param {Column} values */
 export const hasAny = (values) => values.some((value) => Number.isFinite(value));
 
 /** Values around which a band of one σ lies: value, value + σ, value − σ. @param {Column} values @param {Column} sigma @returns {[Column, Column, Column]} */

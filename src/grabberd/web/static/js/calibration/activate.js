@@ -1,6 +1,9 @@
 // Having the instrument measure with a calibration.
 
-/** Asks first, since every capture from then on is measured with it. @param {import("../core/context.js").Context} context @param {any} row */
+/** @import { Context } from "../core/context.js" */
+/** @import { CalibrationRow } from "types/documents" */
+
+/** Asks first, since every capture from then on is measured with it. @param {Context} context @param {CalibrationRow} row */
 export async function activate(context, row) {
   const { t, api, format, confirm, announce, refused } = context;
   const made = row.created_utc ? format.moment(row.created_utc) : row.id;

@@ -1,14 +1,17 @@
-// What the instrument measures with now, and whether camera and mirrors still stand as they did then.
+// The active calibration, and whether camera and mirrors have moved since.
 import { el, fill, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { addressOf, note, way } from "./steps.js";
 import { lackIn } from "../lights/words.js";
 import { ageOf } from "./words.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { CalibrationRow } from "types/documents" */
+
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", moved: "bad", unmatched: "warn", unknown: "idle" });
 const SIGNS = /** @type {Record<string, string>} */ ({ good: "ok", warn: "warn", bad: "bad", idle: "unknown" });
 
-/** @param {import("../core/context.js").Context} context @param {() => any[]} rows */
+/** @param {Context} context @param {() => CalibrationRow[]} rows */
 export function createActive(context, rows) {
   const { t, tl, store, format } = context;
   const now = el("div", { class: "stack" });
@@ -17,7 +20,7 @@ export function createActive(context, rows) {
 
   function show() {
     const device = deviceOf(store.get());
-    const lack = device?.lacks.find((/** @type {any} */ one) => one.lacks === "calibration");
+    const lack = device?.lacks.find((one) => one.lacks === "calibration");
     if (!device?.calibration) return fill(now, note("bad", el("strong", {}, t("calibration.active.none")), el("p", {}, t("calibration.active.noneText"))));
     const { id, created_utc, activated_utc } = device.calibration;
     const row = rows().find((one) => one.id === id);

@@ -5,13 +5,15 @@ import { createJob } from "../jobs/job.js";
 import { latestJob } from "./latest_job.js";
 import { addressOf, note, way } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context @param {string} id of the capture */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {string} id of the capture */
 export function createAdjust(context, id) {
   const { t, api, may, go } = context;
   const job = createJob(context, { title: t("calibration.adjust.running"), done, busy: (on) => (form.hidden = on) });
   const made = el("div");
   const words = el("input", { class: "input", id: "calibration-note", maxlength: 2000, autocomplete: "off" });
-  const start = el("button", { class: "button primary", type: "button", data: { do: "adjust" }, on: { click: order } }, t("calibration.adjust.start"));
+  const start = el("button", { class: "button primary", type: "button", data: { do: "adjust" }, on: { click: submit } }, t("calibration.adjust.start"));
   const form = el("div", { class: "stack" },
     el("div", { class: "field" }, el("label", { class: "field-label", for: "calibration-note" }, t("calibration.adjust.note")), words, el("p", { class: "field-hint" }, t("calibration.adjust.noteHint"))),
     el("div", { class: "row between" }, el("div", { class: "row" }, way(addressOf("found", id), t("calibration.back")), way(addressOf("take"), t("calibration.again"))), start));
@@ -26,7 +28,7 @@ export function createAdjust(context, id) {
     if (known?.state === "done") return;
     live = true;
     const { calibrations } = await api.get("/calibrations");
-    const before = calibrations.find((/** @type {any} */ row) => row.capture === id);
+    const before = calibrations.find((row) => row.capture === id);
     if (before && !ended) offer(before.id);
   }
 
@@ -35,19 +37,20 @@ export function createAdjust(context, id) {
     fill(made, note("good", el("p", {}, t("calibration.adjust.made")), way(addressOf("review", calibration), t("calibration.adjust.read"), "primary")));
   }
 
-  /** @param {any} ended */
+  /** @param {{result: {calibration: string}}} job */
   function done({ result }) {
     if (live) go("calibration", "review", result.calibration);
     else offer(result.calibration);
   }
 
-  async function order() {
+  async function submit() {
     start.disabled = true;
     live = true;
     try {
       const { labels } = await api.get(`/captures/${encodeURIComponent(id)}`);
       const body = { capture: id, calibration_frame: labels.calibration_frame, note: words.value.trim() };
-      job.follow(await api.post("/calibrations", { body, key: newKey() }));
+      const made = await api.post("/calibrations", { body, key: newKey() });
+      if ("progress" in made) job.follow(made); // a calibration itself answers only the import of one
     } catch (problem) {
       context.refused(problem);
     }

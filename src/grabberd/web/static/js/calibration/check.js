@@ -2,19 +2,23 @@
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { createJob } from "../jobs/job.js";
-import { chosenFrame, knownFrames } from "./frames.js";
+import { chosenFrame, knownFrames } from "./calibration_frames.js";
 import { latestJob } from "./latest_job.js";
 import { note } from "./steps.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Job } from "types/documents" */
+/** @import { CheckResult } from "types/open_documents" */
+
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", recalibrate: "bad" });
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createCheck(context) {
   const { t, store, api, format, may } = context;
   const job = createJob(context, { title: t("calibration.check.running"), done: show, busy, cancelled });
   const result = el("div", { class: "stack", role: "status" });
   const inPlace = el("input", { type: "checkbox" });
-  const start = el("button", { class: "button", type: "button", data: { do: "check" }, "aria-describedby": "check-why", on: { click: order } }, symbol("camera"), t("calibration.check.start"));
+  const start = el("button", { class: "button", type: "button", data: { do: "check" }, "aria-describedby": "check-why", on: { click: submit } }, symbol("camera"), t("calibration.check.start"));
   const why = el("p", { class: "field-hint", id: "check-why" });
   const element = el("section", { class: "card stack", "aria-labelledby": "check-title" }, el("h2", { id: "check-title" }, t("calibration.check.title")), el("p", {}, t("calibration.check.about")),
     may("operator") && el("label", { class: "check" }, inPlace, t("calibration.check.inPlace")), may("operator") && el("div", { class: "row" }, start), why, job.element, result);
@@ -27,20 +31,20 @@ export function createCheck(context) {
     if (known && !ended) job.follow(known);
   }
 
-  async function order() {
+  async function submit() {
     const device = context.device()?.name;
     busy(true);
     fill(result);
     try {
       const frame = chosenFrame(await knownFrames(context));
-      job.follow(await api.post(`/devices/${encodeURIComponent(device)}/check`, { body: { calibration_frame: frame?.name ?? null, in_place: inPlace.checked } }));
+      job.follow(await api.post(`/devices/${encodeURIComponent(device ?? "")}/check`, { body: { calibration_frame: frame?.name ?? null, in_place: inPlace.checked } }));
     } catch (problem) {
       context.refused(problem);
       busy(false);
     }
   }
 
-  /** Its capture is of no use then. @param {any} job */
+  /** Its capture is of no use then. @param {Job} job */
   function cancelled({ subject }) {
     if (context.device()?.capture_id === subject) api.post(`/captures/${encodeURIComponent(subject)}/stop`).catch(context.refused);
   }
@@ -59,7 +63,7 @@ export function createCheck(context) {
     why.hidden = why.textContent === "";
   }
 
-  /** @param {any} done */
+  /** @param {Job & {result: CheckResult}} job */
   function show({ result: found, created_utc }) {
     const facts = t("calibration.check.facts", { seen: found.seen, of: found.of, mm: format.number(found.rmse.xyz_mm, 3), px: format.number(found.parallax_px, 2) });
     fill(result, note(LEVELS[found.verdict], el("strong", { data: { check: found.verdict } }, t(`calibration.check.verdict.${found.verdict}`)), el("p", {}, t(`calibration.check.advice.${found.verdict}`))),

@@ -1,18 +1,21 @@
 // Step 3: which targets the capture shows in each view, and which are missing.
-import { newKey } from "../core/api.js";
+import { newKey, statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
 import { latestJob } from "./latest_job.js";
 import { addressOf, note, way } from "./steps.js";
 import { createTargetPicture } from "./target_picture.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Identification } from "types/open_documents" */
+
 const ENOUGH = 0.6;
 const VIEWS = ["left", "right"];
 
-/** @param {import("../core/context.js").Context} context @param {string} id of the capture */
+/** @param {Context} context @param {string} id of the capture */
 export function createFound(context, id) {
   const { t, api, may } = context;
-  const job = createJob(context, { title: t("calibration.found.looking"), done: ({ result }) => show(result), busy: (on) => (ways.hidden = on) });
+  const job = createJob(context, { title: t("calibration.found.looking"), done: (/** @type {{result: Identification}} */ { result }) => show(result), busy: (on) => (ways.hidden = on) });
   const body = el("div", { class: "stack" });
   const ways = el("div", { class: "row between" });
   const element = el("div", { class: "stack" }, el("section", { class: "card stack" }, el("h2", {}, t("calibration.found.title")), job.element, body, ways));
@@ -22,43 +25,44 @@ export function createFound(context, id) {
 
   async function open() {
     const known = await latestJob(context, "identify", (subject) => subject === id);
-    const usable = known && known.state !== "cancelled" ? known : may("operator") ? await order() : null;
+    const usable = known && known.state !== "cancelled" ? known : may("operator") ? await submit() : null;
     if (ended) return;
     offer(null);
     if (usable) job.follow(usable);
     else fill(body, note("idle", t("calibration.viewer")));
   }
 
-  async function order() {
+  async function submit() {
     const { labels } = await api.get(`/captures/${encodeURIComponent(id)}`);
     const body = labels.calibration_frame ? { calibration_frame: labels.calibration_frame } : {};
     return api.post(`/captures/${encodeURIComponent(id)}/identification`, { body, key: newKey() });
   }
 
-  /** @param {any} result */
+  /** @param {Identification} result */
   function show(result) {
     const { views } = context.device() ?? {};
+    const known = VIEWS.filter((name) => views && name in views); // none while the device is unknown
     for (const one of pictures) one.unmount();
-    pictures = VIEWS.map((name) => createTargetPicture(context, name, views[name], labelOf(name, result)));
-    fill(body, headOf(result), namesButton(), el("div", { class: "target-views" }, VIEWS.map((name, i) => viewOf(name, pictures[i], result))));
+    pictures = views ? known.map((name) => createTargetPicture(name, views[name], labelOf(name, result))) : [];
+    fill(body, headOf(result), namesButton(), el("div", { class: "target-views" }, known.map((name, i) => viewOf(name, pictures[i], result))));
     const address = api.url(`/captures/${encodeURIComponent(id)}/fields/${result.picture.field}.png`);
-    VIEWS.forEach((name, i) => pictures[i].show(address, result.picture, result.views[name]));
+    known.forEach((name, i) => pictures[i].show(address, result.picture, result.views[name]));
     offer(result);
   }
 
-  /** @param {any} result */
+  /** @param {Identification} result */
   function headOf(result) {
-    if (result.problem) return refusal(result);
+    if (result.problem) return refusal(result, result.problem);
     const missing = VIEWS.some((name) => result.views[name].missing.length > 0);
     return note(missing ? "warn" : "good", el("strong", {}, t(missing ? "calibration.found.some" : "calibration.found.all", { of: result.of })));
   }
 
-  /** Why it is not clear which target is which, and what mends it. @param {any} result */
-  function refusal(result) {
+  /** Tells why the targets could not be identified, and how to fix it. @param {Identification} result @param {{message: string, hint: string}} problem */
+  function refusal(result, problem) {
     const few = VIEWS.some((name) => result.views[name].other.length < ENOUGH * result.of);
-    const mend = result.moved ? "mendStill" : few ? "mendLight" : "mendFrame";
-    return note("bad", el("strong", {}, t("calibration.found.refused")), el("p", {}, t(`calibration.found.${mend}`)),
-      el("p", { class: "small" }, el("strong", {}, t("lights.said")), " ", result.problem.message, " – ", result.problem.hint));
+    const fix = result.moved ? "fixStill" : few ? "fixLight" : "fixFrame";
+    return note("bad", el("strong", {}, t("calibration.found.refused")), el("p", {}, t(`calibration.found.${fix}`)),
+      el("p", { class: "small" }, el("strong", {}, t("lights.said")), " ", problem.message, " – ", problem.hint));
   }
 
   function namesButton() {
@@ -71,7 +75,7 @@ export function createFound(context, id) {
     return el("div", { class: "row" }, button);
   }
 
-  /** @param {string} name @param {any} picture @param {any} result */
+  /** @param {string} name @param {ReturnType<typeof createTargetPicture>} picture @param {Identification} result */
   function viewOf(name, picture, result) {
     const view = result.views[name];
     const missing = view.missing.length === result.of ? t("calibration.found.noneNamed") : view.missing.join(", ");
@@ -80,12 +84,12 @@ export function createFound(context, id) {
       view.other.length ? el("p", { class: "muted small" }, context.tn("calibration.found.other", view.other.length)) : null);
   }
 
-  /** @param {string} name @param {any} result */
+  /** @param {string} name @param {Identification} result */
   function labelOf(name, result) {
     return t("calibration.found.view", { view: t(`live.view.${name}`), n: result.views[name].found.length, of: result.of });
   }
 
-  /** @param {any} result */
+  /** @param {Identification | null} result */
   function offer(result) {
     if (!may("operator")) return fill(ways);
     const isGood = result && !result.problem;
@@ -96,7 +100,7 @@ export function createFound(context, id) {
 
   open().catch((problem) => {
     offer(null);
-    if (problem.status === 404) fill(body, note("bad", t("calibration.take.gone")));
+    if (statusOf(problem) === 404) fill(body, note("bad", t("calibration.take.gone")));
     else context.refused(problem);
   });
   return {

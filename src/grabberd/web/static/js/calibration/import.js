@@ -1,8 +1,11 @@
 // A calibration from elsewhere: a JSON file that was taken home before, or made by the command line.
+import { ApiProblem } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { note } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context @param {() => void} changed */
 export function createImport(context, changed) {
   const { t, api } = context;
   const said = el("div", { role: "status" });
@@ -11,7 +14,7 @@ export function createImport(context, changed) {
     el("div", { class: "field" }, el("label", { class: "field-label", for: "import-file" }, t("calibration.import.file")), file, el("p", { class: "field-hint" }, t("calibration.import.hint"))), said);
 
   async function take() {
-    const [chosen] = file.files;
+    const chosen = file.files?.[0];
     if (!chosen) return;
     fill(said);
     const document = await read(chosen);
@@ -20,14 +23,14 @@ export function createImport(context, changed) {
     file.value = "";
   }
 
-  /** @param {any} document @param {string} name */
+  /** @param {Record<string, unknown>} document @param {string} name */
   async function store(document, name) {
     try {
       await api.post("/calibrations", { body: { document, device: context.device()?.name, note: name } });
       fill(said, note("good", t("calibration.import.done")));
       changed();
     } catch (problem) {
-      const { detail, hint } = /** @type {any} */ (problem);
+      const { detail = "", hint = "" } = problem instanceof ApiProblem ? problem : {};
       fill(said, note("bad", el("strong", {}, detail || t("core.noAnswer")), el("p", {}, hint)));
     }
   }

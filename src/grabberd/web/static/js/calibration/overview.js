@@ -1,31 +1,33 @@
-// Where the panel begins: what is active, the check, the way to a new one, and the history.
+// Overview: the active calibration, the check, the way to a new one, and the history.
 import { el } from "../core/dom.js";
-import { kept } from "../core/kept.js";
 import { deviceOf } from "../core/store.js";
 import { createActive } from "./active.js";
 import { createCheck } from "./check.js";
 import { createHistory } from "./history.js";
 import { createImport } from "./import.js";
-import { addressOf, way } from "./steps.js";
+import { addressOf, leftAt, way } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context */
+/** @import { Context } from "../core/context.js" */
+/** @import { CalibrationRow } from "types/documents" */
+
+/** @param {Context} context */
 export function createOverview(context) {
   const { t, store, api, may } = context;
-  /** @type {any[]} */
+  /** @type {CalibrationRow[]} */
   let rows = [];
   let ended = false;
   const active = createActive(context, () => rows);
   const check = createCheck(context);
   const history = createHistory(context, load);
-  const left = kept("calibration.at");
-  const begin = el("div", { class: "row" }, way(addressOf("place"), t("calibration.begin"), "primary large"), left && way(addressOf(left[0], left[1]), t("calibration.goOn")));
+  const left = leftAt();
+  const begin = el("div", { class: "row" }, way(addressOf("place"), t("calibration.begin"), "primary large"), left && way(addressOf(left.step, left.id), t("calibration.goOn")));
   const element = el("div", { class: "stack" }, may("operator") ? begin : null, el("div", { class: "calibration-two" }, active.element, check.element), history.element, may("operator") ? createImport(context, load).element : null);
 
   async function load() {
     const device = context.device()?.name;
     const { calibrations } = await api.get("/calibrations?limit=500");
     if (ended) return;
-    rows = calibrations.filter((/** @type {any} */ row) => row.device === device || !row.device);
+    rows = calibrations.filter((row) => row.device === device || !row.device);
     history.show(rows);
     active.show();
   }

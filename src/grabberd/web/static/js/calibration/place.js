@@ -3,13 +3,16 @@ import { el, fill, symbol } from "../core/dom.js";
 import { delivers, deviceOf } from "../core/store.js";
 import { createPicture } from "../live/picture.js";
 import { adviceFor, isEnough } from "./advice.js";
-import { chosenFrame, createFrameChoice, knownFrames } from "./frames.js";
+import { chosenFrame, createFrameChoice, knownFrames } from "./calibration_frames.js";
 import { addressOf, note, way } from "./steps.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { CalibrationFrame, Device, Illumination, ViewIllumination } from "types/documents" */
 
 const EVERY_MS = 1000;
 const SOON = new Set(["opening", "ready", "capturing"]);
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createPlace(context) {
   const { t, tl, store, api, may } = context;
   const picture = createPicture(context);
@@ -22,7 +25,7 @@ export function createPlace(context) {
     el("section", { class: "card stack" }, el("h2", {}, t("live.picture")), picture.element, counts));
   let timer = 0;
   let ended = false;
-  /** @type {any} */
+  /** @type {CalibrationFrame | null} */
   let frame = null;
 
   async function open() {
@@ -39,7 +42,7 @@ export function createPlace(context) {
     if (!ended) timer = setTimeout(look, EVERY_MS);
   }
 
-  /** @param {any} device */
+  /** @param {Device} device */
   async function ask(device) {
     const light = await api.get(`/devices/${encodeURIComponent(device.name)}/light`).catch(() => null);
     if (ended) return;
@@ -47,13 +50,13 @@ export function createPlace(context) {
     else showNone(null);
   }
 
-  /** @param {any} device */
+  /** @param {Device | null} device */
   function showNone(device) {
     fill(counts);
-    say([SOON.has(device?.state) ? note("busy", t("calibration.advice.soon")) : note("bad", t("calibration.advice.away"))]);
+    say([device && SOON.has(device.state) ? note("busy", t("calibration.advice.soon")) : note("bad", t("calibration.advice.away"))]);
   }
 
-  /** @param {any} light */
+  /** @param {Illumination} light */
   function show(light) {
     const of = frame?.targets ?? 0;
     fill(counts, ...Object.entries(light.views).map(([view, shown]) => count(view, shown, of)));
@@ -61,7 +64,7 @@ export function createPlace(context) {
     say(advice.length ? advice.map(({ key, view }) => note("warn", el("strong", {}, t(`live.view.${view}`)), " – ", t(`calibration.advice.${key}`))) : [note("good", t("calibration.advice.good"))]);
   }
 
-  /** What is said already is not read aloud again. @param {HTMLElement[]} notes */
+  /** Shows notes; unchanged ones are left alone, because a screen reader would read them again. @param {HTMLElement[]} notes */
   function say(notes) {
     const said = notes.map((one) => one.textContent).join();
     if (said === words.dataset.said) return;
@@ -69,7 +72,7 @@ export function createPlace(context) {
     fill(words, ...notes);
   }
 
-  /** @param {string} view @param {any} shown @param {number} of */
+  /** @param {string} view @param {ViewIllumination} shown @param {number} of */
   function count(view, shown, of) {
     const good = isEnough(shown, of);
     return el("p", { class: `badge is-${good ? "good" : "warn"}`, data: { view } }, symbol(good ? "ok" : "warn"), t("calibration.place.count", { view: t(`live.view.${view}`), n: shown.targets, of }));

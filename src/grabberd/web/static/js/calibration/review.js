@@ -1,20 +1,26 @@
 // Steps 5 and 6: the verdict and what it rests on; accepted, or rejected with a note.
+import { statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { badges, madeOf } from "./words.js";
 import { activate } from "./activate.js";
 import { judge, sigma } from "./judge.js";
 import { addressOf, forget, note, way } from "./steps.js";
 
-/** @param {import("../core/context.js").Context} context @param {string} id of the calibration */
+/** @import { Context } from "../core/context.js" */
+/** @import { Reason } from "./judge.js" */
+/** @import { CalibrationRow } from "types/documents" */
+/** @import { CalibrationReport, PerAxis } from "types/open_documents" */
+
+/** @param {Context} context @param {string} id of the calibration */
 export function createReview(context, id) {
   const { t, api, format, may, go } = context;
-  const path = `/calibrations/${encodeURIComponent(id)}`;
+  const path = /** @type {const} */ (`/calibrations/${encodeURIComponent(id)}`);
   const element = el("div", { class: "stack" });
   let ended = false;
 
   async function open() {
     const { calibrations } = await api.get("/calibrations?limit=500");
-    const row = calibrations.find((/** @type {any} */ one) => one.id === id);
+    const row = calibrations.find((one) => one.id === id);
     const report = row?.capture ? await reportOf() : null;
     if (ended) return;
     if (!row) return fill(element, note("bad", t("calibration.review.gone")), way("#calibration", t("calibration.overview")));
@@ -27,12 +33,12 @@ export function createReview(context, id) {
       const report = await api.get(`${path}/report.json`);
       return report.result ? report : null;
     } catch (problem) {
-      if (/** @type {any} */ (problem).status !== 404) throw problem;
+      if (statusOf(problem) !== 404) throw problem;
       return null;
     }
   }
 
-  /** @param {any} report */
+  /** @param {CalibrationReport} report */
   function verdictOf(report) {
     const { accept, reasons } = judge(report);
     const words = accept ? "accept" : "lookAgain";
@@ -40,28 +46,29 @@ export function createReview(context, id) {
       el("div", { class: "stack grow" }, el("h2", {}, t(`calibration.review.${words}`)), el("ul", {}, reasons.map(({ key, values }) => el("li", {}, t(`calibration.reasons.${key}`, shown(values)))))));
   }
 
-  /** @param {Record<string, any>} values */
+  /** @param {Reason["values"]} values */
   function shown({ mm, px, sigma0, view, ...others }) {
     return { ...others, mm: format.number(mm, 3), px: format.number(px, 2), sigma0: format.number(sigma0, 2), view: view ? t(`live.view.${view}`) : "" };
   }
 
-  /** @param {any} row @param {any} report */
+  /** @param {CalibrationRow} row @param {CalibrationReport | null} report */
   function factsOf(row, report) {
     return el("section", { class: "card stack" }, el("div", { class: "row between" }, el("h2", {}, row.created_utc ? format.moment(row.created_utc) : id), el("div", { class: "row" }, badges(context, row))),
       el("p", {}, madeOf(context, row)), row.note && el("p", {}, row.note),
       row.rejected && note("idle", t("calibration.review.rejected", { when: format.moment(row.rejected.rejected_utc) }), row.rejected.note && ` ${row.rejected.note}`),
       row.misfit && note("bad", row.misfit),
       report && el("dl", { class: "facts number" }, numbersOf(report).map(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])),
-      report?.warnings.length ? note("warn", el("strong", {}, t("lights.said")), el("ul", {}, report.warnings.map((/** @type {string} */ one) => el("li", {}, one)))) : null,
+      report?.warnings.length ? note("warn", el("strong", {}, t("lights.said")), el("ul", {}, report.warnings.map((one) => el("li", {}, one)))) : null,
       el("div", { class: "row" }, report && el("a", { class: "button", href: api.url(`${path}/report`), target: "_blank", rel: "noopener" }, t("calibration.review.whole")),
         el("a", { class: "button", href: api.url(path), download: `${id}.json` }, symbol("download"), t("calibration.review.file"))));
   }
 
-  /** @param {any} report @returns {string[][]} */
-  function numbersOf({ result, identification, blunders, validation, ...report }) {
-    const { typical, worst } = sigma({ ...report });
+  /** @param {CalibrationReport} report @returns {string[][]} */
+  function numbersOf(report) {
+    const { result, identification, blunders, validation } = report;
+    const { typical, worst } = sigma(report);
     const mm = (/** @type {number} */ one) => format.number(one, 3);
-    const axes = (/** @type {any} */ one) => `X ${mm(one.x)} · Y ${mm(one.y)} · Z ${mm(one.z)} mm`;
+    const axes = (/** @type {PerAxis} */ one) => `X ${mm(one.x)} · Y ${mm(one.y)} · Z ${mm(one.z)} mm`;
     const views = Object.entries(result.rms_px).map(([view, rms]) => [t("calibration.review.residual", { view: t(`live.view.${view}`) }), `x ${format.number(rms.x, 3)} · y ${format.number(rms.y, 3)} px`]);
     return [
       [t("calibration.review.sigma0"), format.number(result.sigma0, 2)],
@@ -74,7 +81,7 @@ export function createReview(context, id) {
     ];
   }
 
-  /** @param {any} row @param {any} report */
+  /** @param {CalibrationRow} row @param {CalibrationReport | null} report */
   function decide(row, report) {
     const overview = way("#calibration", t("calibration.overview"));
     if (row.active) return el("div", { class: "stack" }, note("good", t("calibration.review.isActive")), el("div", { class: "row" }, overview));
@@ -86,7 +93,7 @@ export function createReview(context, id) {
     return el("div", { class: "row between" }, el("div", { class: "row" }, overview, again), el("div", { class: "row" }, reject, accept));
   }
 
-  /** @param {any} row */
+  /** @param {CalibrationRow} row */
   async function take(row) {
     if (!(await activate(context, row))) return;
     forget();

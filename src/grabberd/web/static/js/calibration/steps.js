@@ -1,20 +1,30 @@
-// Where in the guided way we are.
+// The steps of the guided calibration.
 import { el, symbol } from "../core/dom.js";
-import { keep } from "../core/kept.js";
+import { keep, kept } from "../core/kept.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Child } from "types/elements" */
 
 export const STEPS = ["place", "take", "found", "adjust", "review"];
 const AT = "calibration.at";
 
-/** Remembers where the way was left. @param {string} step @param {string} [id] */
+/** Remembers the present step. @param {string} step @param {string} [id] */
 export function remember(step, id) {
   keep(AT, id ? [step, id] : [step]);
+}
+
+/** The step where the guided calibration was left; null: none. @returns {{step: string, id?: string} | null} */
+export function leftAt() {
+  const at = kept(AT);
+  if (!Array.isArray(at) || !STEPS.includes(at[0])) return null;
+  return { step: at[0], id: typeof at[1] === "string" ? at[1] : undefined };
 }
 
 export function forget() {
   keep(AT, null);
 }
 
-/** @param {import("../core/context.js").Context} context @param {string} step */
+/** @param {Context} context @param {string} step */
 export function createSteps({ t }, step) {
   const at = STEPS.indexOf(step);
   const items = STEPS.map((name, i) => {
@@ -24,7 +34,7 @@ export function createSteps({ t }, step) {
   return el("nav", { class: "steps-card", "aria-label": t("calibration.steps.label") }, el("ol", { class: "steps" }, items));
 }
 
-/** A note of a level. @param {string} level @param {...any} body */
+/** A note of a level. @param {string} level @param {...Child} body */
 export function note(level, ...body) {
   const signs = /** @type {Record<string, string>} */ ({ good: "ok", warn: "warn", bad: "bad", busy: "wait", idle: "info" });
   return el("div", { class: `note is-${level}` }, symbol(signs[level]), el("div", { class: "grow" }, ...body));

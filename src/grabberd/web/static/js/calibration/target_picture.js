@@ -2,26 +2,28 @@
 import { el } from "../core/dom.js";
 import { colourOf } from "../live/overlay.js";
 
+/** @import { Views } from "types/documents" */
+/** @import { Identification, IdentifiedView, Place } from "types/open_documents" */
+
 const RING_PX = 7;
 const LINES = 576;
 const NAME_CSS_PX = 10;
 
 /**
- * @param {import("../core/context.js").Context} context
  * @param {string} name of the view
- * @param {{first_column: number, end_column: number}} columns
+ * @param {Views[string]} columns
  * @param {string} label what a screen reader says of it
  */
-export function createTargetPicture(context, name, columns, label) {
+export function createTargetPicture(name, columns, label) {
   const width = columns.end_column - columns.first_column;
   const canvas = el("canvas", { class: "target-picture", role: "img", "aria-label": label });
   canvas.style.aspectRatio = `${width} / ${LINES}`;
   const image = new Image();
-  /** @type {any} */
+  /** @type {{rows: Identification["picture"], view: IdentifiedView} | null} */
   let shown = null;
   let names = true;
 
-  /** @param {string} address of the field's picture @param {{y0: number, y_step: number}} rows @param {any} view what the API found */
+  /** @param {string} address of the field's picture @param {Identification["picture"]} rows @param {IdentifiedView} view */
   function show(address, rows, view) {
     shown = { rows, view };
     image.addEventListener("load", draw);
@@ -39,20 +41,20 @@ export function createTargetPicture(context, name, columns, label) {
     to.imageSmoothingEnabled = true;
     to.drawImage(image, 0, y0 - (y_step - 1) / 2, image.naturalWidth, image.naturalHeight * y_step);
     to.translate(0.5, 0.5); // the centre of the first pixel is 0, 0
-    mark(to, devicePixelRatio / scale);
+    mark(to, shown.view, devicePixelRatio / scale);
   }
 
-  /** @param {CanvasRenderingContext2D} to @param {number} unit how many frame pixels one pixel of the page is */
-  function mark(to, unit) {
-    rings(to, shown.view.other, "#ff7a6e", unit);
-    rings(to, shown.view.found, colourOf(name), unit);
+  /** @param {CanvasRenderingContext2D} to @param {IdentifiedView} view @param {number} unit how many frame pixels one pixel of the page is */
+  function mark(to, view, unit) {
+    rings(to, view.other, "#ff7a6e", unit);
+    rings(to, view.found, colourOf(name), unit);
     if (!names) return;
     to.font = `600 ${NAME_CSS_PX * unit}px system-ui, sans-serif`;
     to.textAlign = "center";
     to.lineWidth = 3 * unit;
     to.strokeStyle = "#000";
     to.fillStyle = "#fff";
-    for (const { target, x_px, y_px } of shown.view.found) {
+    for (const { target, x_px, y_px } of view.found) {
       to.strokeText(String(target), x_px, y_px - RING_PX - 2 * unit);
       to.fillText(String(target), x_px, y_px - RING_PX - 2 * unit);
     }
@@ -71,7 +73,7 @@ export function createTargetPicture(context, name, columns, label) {
   };
 }
 
-/** @param {CanvasRenderingContext2D} to @param {any[]} places @param {string} colour @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Place[]} places @param {string} colour @param {number} unit */
 function rings(to, places, colour, unit) {
   to.beginPath();
   for (const { x_px, y_px } of places) {

@@ -1,20 +1,25 @@
 // Taking a capture home: points as CSV, PLY or Parquet, and the whole of it as one file.
+import { ApiProblem } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 
-/** So many bytes are one point in each kind; of Parquet, which is compressed, about. */
-const BYTES = { csv: 176, ply: 68, parquet: 95 };
-const KINDS = /** @type {("csv" | "ply" | "parquet")[]} */ (Object.keys(BYTES));
+/** @import { Context } from "../core/context.js" */
+/** @import { PointSample } from "./sample.js" */
+/** @import { Capture, Problem } from "types/documents" */
 
-/** @param {import("../core/context.js").Context} context */
+/** Bytes of one point in each format; approximate for Parquet, which is compressed. */
+const BYTES = { csv: 176, ply: 68, parquet: 95 };
+const KINDS = /** @type {(keyof typeof BYTES)[]} */ (Object.keys(BYTES));
+
+/** @param {Context} context */
 export function createDownloads(context) {
   const { t, api, format } = context;
   const list = el("ul", { class: "downloads" });
   const hint = el("div", { role: "alert" });
   const element = el("section", { class: "card stack" }, el("h2", {}, t("capture.download.title")), list, hint);
 
-  /** @param {any} capture @param {any} sample of its points, or null */
+  /** @param {Capture} capture @param {PointSample | null} sample of its points, or null */
   function show(capture, sample) {
-    const path = `/captures/${encodeURIComponent(capture.id)}`;
+    const path = /** @type {const} */ (`/captures/${encodeURIComponent(capture.id)}`);
     const points = capture.runs.length ? KINDS.map((kind) => item(kind, `${path}/points.${kind}`, `${capture.id}-points.${kind}`, sample && t("capture.download.about", { size: format.size(sample.points * BYTES[kind]) }))) : [];
     const file = item("file", `${path}/file`, `${capture.id}.grab`, format.size(capture.size_bytes));
     fill(list, ...points, file);
@@ -22,25 +27,24 @@ export function createDownloads(context) {
 
   /** @param {string} kind @param {string} path @param {string} name @param {string | null} size */
   function item(kind, path, name, size) {
-    const link = el("a", { class: "button", href: api.url(path), download: name, data: { download: kind }, on: kind === "parquet" ? { click: (/** @type {Event} */ event) => tryFirst(event, path) } : {} }, symbol("download"), t(`capture.download.kind.${kind}`));
+    const link = el("a", { class: "button", href: api.url(path), download: name, data: { download: kind }, on: kind === "parquet" ? { click: (event) => tryFirst(event, link, path) } : {} }, symbol("download"), t(`capture.download.kind.${kind}`));
     return el("li", {}, link, el("span", { class: "small muted" }, t(`capture.download.what.${kind}`), size && ` · ${size}`));
   }
 
-  /** What writes it may not be installed: then it is said how, and nothing is saved. @param {any} event @param {string} path */
-  async function tryFirst(event, path) {
-    const link = event.currentTarget;
+  /** Parquet needs an optional package: the request is tried first, because a browser would save the refusal as the file. @param {Event} event @param {HTMLAnchorElement} link @param {string} path */
+  async function tryFirst(event, link, path) {
     if (link.dataset.tried) return;
     event.preventDefault();
     const stop = new AbortController();
     const answer = await fetch(api.url(path), { signal: stop.signal }).catch(() => null);
-    if (!answer) return context.refused({ status: 0 });
+    if (!answer) return context.refused(new ApiProblem(0, {}));
     if (!answer.ok) return refused(await answer.json().catch(() => ({ detail: answer.statusText })));
     stop.abort();
     link.dataset.tried = "yes";
     link.click();
   }
 
-  /** @param {any} problem */
+  /** @param {Partial<Problem>} problem */
   function refused(problem) {
     fill(hint, el("div", { class: "note is-warn" }, symbol("warn"), el("div", {}, el("strong", {}, problem.detail), problem.hint && el("p", {}, problem.hint))));
   }

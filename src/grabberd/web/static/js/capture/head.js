@@ -1,11 +1,17 @@
-// Which capture it is, how it came out, and where it is looked at.
+// Head of a capture: its name, its outcome, and links to its views.
 import { badge, endIn, labelsIn, ledgerIn, lengthIn } from "../captures/words.js";
 import { el, fill, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
+
 const WAYS = [["shape", "shape"], ["plots", "analysis"], ["analysis", "maps"], ["compare", "compare"]];
+/** @typedef {"stop" | "trigger"} Action */
+/** @type {Partial<Record<Capture["state"], Action[]>>} */
+const ACTIONS = { recording: ["stop"], armed: ["trigger", "stop"] };
 const OF_ALL = new Set(["shape", "plots"]);
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createHead(context) {
   const { t, tn, format, api } = context;
   const title = el("h1");
@@ -17,7 +23,7 @@ export function createHead(context) {
   const element = el("div", { class: "stack" }, el("div", {}, back, title), el("section", { class: "card stack capture-head" }, said, live, ways, facts));
   let busy = false;
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function show(capture) {
     const labels = labelsIn(context, capture);
     fill(title, format.moment(capture.created_utc), labels && ` · ${labels}`);
@@ -29,14 +35,14 @@ export function createHead(context) {
     showFacts(capture);
   }
 
-  /** @param {string} way @param {string} sign @param {any} capture */
+  /** @param {string} way @param {string} sign @param {Capture} capture */
   function wayTo(way, sign, capture) {
     return el("a", { class: "button", href: `#${way}/${encodeURIComponent(capture.id)}` }, symbol(sign), t(`capture.way.${way}`));
   }
 
-  /** Stop, or start and cancel of an armed one: the buttons stay the same as long as the state does. @param {any} capture */
+  /** Stop, or start and cancel of an armed one: the buttons stay the same as long as the state does. @param {Capture} capture */
   function showLive(capture) {
-    const actions = context.may("operator") ? { recording: ["stop"], armed: ["trigger", "stop"] }[/** @type {string} */ (capture.state)] ?? [] : [];
+    const actions = (context.may("operator") && ACTIONS[capture.state]) || [];
     const names = actions.map((action) => (capture.state === "armed" && action === "stop" ? "disarm" : action));
     live.hidden = !actions.length;
     if (live.dataset.shown === names.join()) return;
@@ -44,13 +50,13 @@ export function createHead(context) {
     fill(live, ...actions.map((action, i) => button(capture.id, action, names[i])));
   }
 
-  /** @param {string} id @param {string} action @param {string} name */
+  /** @param {string} id @param {Action} action @param {string} name */
   function button(id, action, name) {
     const kind = { stop: "danger", trigger: "good", disarm: "" }[name];
     return el("button", { class: `button ${kind}`, type: "button", data: { do: name }, on: { click: () => act(id, action) } }, name !== "disarm" && symbol(name), t(`operate.${name}`));
   }
 
-  /** @param {string} id @param {string} action */
+  /** @param {string} id @param {Action} action */
   async function act(id, action) {
     if (busy) return;
     busy = true;
@@ -58,7 +64,7 @@ export function createHead(context) {
     busy = false;
   }
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function showFacts(capture) {
     const before = capture.pre_trigger_fields ? tn("captures.fields", capture.pre_trigger_fields) : null;
     const grey = capture.bits ? t(capture.bits === 1 ? "capture.grey.one" : "capture.grey.some", { bits: capture.bits, levels: 2 ** capture.bits }) : null;

@@ -1,10 +1,13 @@
-// What is said of a capture: labels and note. Operators change it; the file stays as it was recorded.
-import { el, fill, symbol } from "../core/dom.js";
+// Labels and note of a capture. Operators change them; the file stays as it was recorded.
+import { el, fill } from "../core/dom.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
 
 const USUAL = ["name", "cow", "teat", "liner"];
 const TEATS = ["", "front left", "front right", "rear left", "rear right"];
 
-/** @param {import("../core/context.js").Context} context @param {(capture: any) => void} changed */
+/** @param {Context} context @param {(capture: Capture) => void} changed */
 export function createLabels(context, changed) {
   const { t, texts, api, may } = context;
   const body = el("div", { class: "stack" });
@@ -12,7 +15,7 @@ export function createLabels(context, changed) {
   let shown = "";
   let dirty = false;
 
-  /** Nothing is taken away from who is writing. @param {any} capture */
+  /** Nothing is taken away from who is writing. @param {Capture} capture */
   function show(capture) {
     const text = JSON.stringify([capture.labels, capture.note]);
     if (dirty || text === shown) return;
@@ -23,17 +26,16 @@ export function createLabels(context, changed) {
   /** @param {string} name */
   const wordFor = (name) => (texts.has(`operate.labels.${name}`) ? t(`operate.labels.${name}`) : name);
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function facts(capture) {
     const all = [...Object.entries(capture.labels).map(([name, value]) => [wordFor(name), value]), ...(capture.note ? [[t("operate.labels.note"), capture.note]] : [])];
     if (!all.length) return el("p", { class: "muted" }, t("capture.said.nothing"));
     return el("dl", { class: "facts" }, all.map(([name, value]) => [el("dt", {}, name), el("dd", {}, value)]));
   }
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function form(capture) {
     const names = [...USUAL, ...Object.keys(capture.labels).filter((name) => !USUAL.includes(name))];
-    /** @type {Record<string, any>} */
     const inputs = Object.fromEntries(names.map((name) => [name, inputFor(name, capture.labels[name] ?? "")]));
     const newName = el("input", { class: "input", maxlength: 80, autocomplete: "off" });
     const newValue = el("input", { class: "input", maxlength: 200, autocomplete: "off" });
@@ -77,5 +79,5 @@ export function createLabels(context, changed) {
   return { element, show };
 }
 
-/** @param {string} label @param {any} input */
+/** @param {string} label @param {HTMLElement} input */
 const field = (label, input) => el("label", { class: "field" }, el("span", { class: "field-label" }, label), input);

@@ -2,13 +2,17 @@
 import { FIELD_S, reasonIn, totalOf } from "../captures/words.js";
 import { el, setText, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
+
 const PAUSE_MS = 90;
+// The newest fields of a running capture, which may not be on the disk yet: it is written to twice a second.
 const UNWRITTEN = 100;
 const STEPS = [[-25, "back25"], [-1, "back"], [1, "next"], [25, "next25"]];
 const VIEWS = ["both", "left", "right"];
 const IN_THE_FILE = new Set(["received", "damaged"]);
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createPictures(context) {
   const { t, api, format } = context;
   const image = el("img", { alt: "", hidden: true, on: { load: () => arrived(true), error: () => arrived(false) } });
@@ -19,7 +23,7 @@ export function createPictures(context) {
   const slider = el("input", { class: "slider", type: "range", min: 0, max: 0, value: 0, "aria-label": t("capture.whichField"), on: { input: () => go(Number(slider.value)) } });
   const buttons = STEPS.map(([by, name]) => el("button", { class: "button", type: "button", data: { step: by }, "aria-label": t(`capture.step.${name}`), on: { click: () => go(n + Number(by)) } }, Number(by) < 0 && symbol("back"), Math.abs(Number(by)) > 1 && Math.abs(Number(by)), Number(by) > 0 && symbol("next")));
   const element = el("div", { class: "stack pictures" }, frame, captions, slider, el("div", { class: "row between" }, words, el("div", { class: "row" }, buttons)), choices());
-  /** @type {any} */
+  /** @type {Capture | null} */
   let capture = null;
   let n = 0;
   let view = "both";
@@ -39,21 +43,24 @@ export function createPictures(context) {
 
   /** @param {number} to */
   function go(to) {
+    if (!capture) return;
     n = Math.min(Math.max(to, 0), readableOf(capture) - 1);
     slider.value = String(n);
     clearTimeout(timer);
     timer = setTimeout(fetchPicture, PAUSE_MS);
-    tell();
+    tell(capture);
   }
 
   function fetchPicture() {
+    if (!capture) return;
     const there = IN_THE_FILE.has(outcomeOf(capture, n).outcome);
     if (!there) return void (image.hidden = true);
     image.src = api.url(`/captures/${encodeURIComponent(capture.id)}/fields/${n}.png`);
     image.alt = t("capture.picture", { n, s: format.number(n * FIELD_S, 2) });
   }
 
-  function tell() {
+  /** @param {Capture} capture */
+  function tell(capture) {
     const { outcome, reason } = outcomeOf(capture, n);
     setText(words, `${t("capture.field", { n, s: format.number(n * FIELD_S, 2) })} · ${t(`capture.outcome.${outcome}`)}`);
     missing.hidden = outcome === "received";
@@ -63,7 +70,7 @@ export function createPictures(context) {
   /** @param {string} name */
   function look(name) {
     view = name;
-    const share = shareOf(context, capture);
+    const share = capture ? shareOf(context, capture) : 0.5;
     const [first, end] = { both: [0, 1], left: [0, share], right: [share, 1] }[view] ?? [0, 1];
     frame.style.aspectRatio = String((4 / 3) * (end - first));
     image.style.inlineSize = `${100 / (end - first)}%`;
@@ -74,7 +81,7 @@ export function createPictures(context) {
 
   return {
     element, go,
-    /** @param {any} now */
+    /** @param {Capture} now */
     show(now) {
       const before = capture;
       capture = now;
@@ -89,19 +96,20 @@ export function createPictures(context) {
   };
 }
 
-/** How many fields can be read: of a running capture the newest are not on the disk yet. @param {any} capture */
+/** Number of fields that can be read: of a running capture the newest are not on the disk yet. @param {Capture} capture */
 function readableOf(capture) {
   return capture.verdict === null ? Math.max(0, totalOf(capture) - UNWRITTEN) : totalOf(capture);
 }
 
-/** What became of a field, and why. @param {any} capture @param {number} n */
+/** Outcome of a field, and its reason. @param {Capture} capture @param {number} n */
 function outcomeOf(capture, n) {
-  const found = capture.ledger.entries.find((/** @type {any} */ entry) => entry.first_n <= n && n < entry.first_n + entry.count);
+  const found = capture.ledger.entries.find((entry) => entry.first_n <= n && n < entry.first_n + entry.count);
   return found ?? { outcome: "received", reason: "" };
 }
 
-/** Where the left view ends, as its grabber has it now; the middle where it is not there. @param {import("../core/context.js").Context} context @param {any} capture */
+/** Share of the picture that is the left view, as its grabber is set now; half if the grabber is gone. @param {Context} context @param {Capture} capture */
 function shareOf(context, capture) {
   const device = context.store.get().state?.devices?.[capture.device];
-  return device?.views?.left && device.stream ? device.views.left.end_column / device.stream.columns : 0.5;
+  const columns = device?.stream?.columns;
+  return device?.views.left && typeof columns === "number" ? device.views.left.end_column / columns : 0.5;
 }

@@ -1,12 +1,18 @@
-// What was measured of a capture, with which calibration, and measuring it again.
-import { newKey } from "../core/api.js";
+// The runs of a capture, the calibrations they were made with, and re-measuring.
+import { newKey, statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { PointSample } from "./sample.js" */
+/** @import { Capture, Rig, Run } from "types/documents" */
+/** @import { MadeWith } from "types/open_documents" */
+
 const SHOWN = 6;
+/** @type {Partial<Record<Rig["verdict"], [string, string]>>} level and symbol */
 const RIG = { fits: ["good", "ok"], doubtful: ["warn", "warn"], moved: ["bad", "bad"], unmatched: ["bad", "bad"] };
 
-/** @param {import("../core/context.js").Context} context @param {() => void} again the capture is to be looked at anew */
+/** @param {Context} context @param {() => void} again the capture is to be looked at anew */
 export function createRuns(context, again) {
   const { t, api, format, may } = context;
   const findings = el("div");
@@ -14,16 +20,16 @@ export function createRuns(context, again) {
   const heads = ["run", "how", "when", "calibration", "object"].map((name) => el("th", { scope: "col" }, t(`capture.runs.${name}`)));
   const table = el("div", { class: "scroll" }, el("table", { class: "table" }, el("thead", {}, el("tr", {}, heads)), body));
   const none = el("p", { class: "muted" }, t("capture.runs.none"));
-  const measure = el("button", { class: "button", type: "button", data: { do: "measure" }, on: { click: order } }, symbol("measure"), t("capture.runs.again"));
+  const measure = el("button", { class: "button", type: "button", data: { do: "measure" }, on: { click: submit } }, symbol("measure"), t("capture.runs.again"));
   const job = createJob(context, { title: t("capture.runs.measuring"), busy: (busy) => (measure.disabled = busy), done: ended });
   const hint = el("p", { class: "field-hint" }, t("capture.runs.hint"));
   const element = el("section", { class: "card stack" }, el("h2", {}, t("capture.runs.title")), findings, none, table, may("operator") && el("div", { class: "stack capture-measure" }, measure, hint), job.element);
-  /** @type {Map<number, any>} */
+  /** @type {Map<number, {made_with: MadeWith}>} */
   const known = new Map();
   let id = "";
   let key = newKey();
 
-  /** @param {any} capture @param {any} sample of its points, or null */
+  /** @param {Capture} capture @param {PointSample | null} sample of its points, or null */
   function show(capture, sample) {
     if (!id) job.resume("measure", capture.id);
     id = capture.id;
@@ -31,55 +37,55 @@ export function createRuns(context, again) {
     table.hidden = !capture.runs.length;
     measure.hidden = hint.hidden = capture.verdict === null || capture.state !== "sealed";
     fill(body, ...[...capture.runs].reverse().slice(0, SHOWN).map(row));
-    fill(findings, quality(sample), rig(capture.rig));
+    fill(findings, quality(sample), rig(/** @type {Rig | null | undefined} */ (capture.rig)));
   }
 
-  /** @param {any} run */
+  /** @param {Run} run */
   function row(run) {
     const made = el("td", {}, "…");
     const object = el("td", {}, "…");
-    whole(run).then(({ made_with }) => {
-      fill(made, made_with.calibration?.id ?? "–");
-      fill(object, made_with.object?.name ?? "–");
+    madeWith(run).then((made_with) => {
+      fill(made, made_with?.calibration?.id ?? "–");
+      fill(object, made_with?.object?.name ?? "–");
     });
     return el("tr", {}, el("td", {}, run.run), el("td", {}, how(run)), el("td", {}, format.moment(run.created_utc)), made, object);
   }
 
-  /** A run that is done does not change. @param {any} run */
-  async function whole(run) {
-    const found = known.get(run.run) ?? (await api.get(`/captures/${encodeURIComponent(id)}/runs/${run.run}`).catch(() => ({ made_with: {} })));
-    known.set(run.run, found);
-    return found;
+  /** A run that is done does not change. @param {Run} run */
+  async function madeWith(run) {
+    const found = known.get(run.run) ?? (await api.get(`/captures/${encodeURIComponent(id)}/runs/${run.run}`).catch(() => null));
+    if (found) known.set(run.run, found);
+    return found?.made_with;
   }
 
-  /** @param {any} run */
+  /** @param {Run} run */
   function how(run) {
     const words = t(run.kind === "live" ? "capture.runs.live" : "capture.runs.later");
     return run.state === "done" ? words : `${words} (${t(run.state === "running" ? "capture.runs.running" : "capture.runs.broken")})`;
   }
 
-  /** @param {any} sample */
+  /** @param {PointSample | null} sample */
   function quality(sample) {
     if (!sample?.points) return null;
     return el("p", {}, t("capture.runs.quality", { targets: format.number(sample.targets, 0), residual: format.number(sample.residual_px, 3), sigma: format.number(sample.sigma_mm, 3) }));
   }
 
-  /** @param {any} found */
+  /** @param {Rig | null | undefined} found */
   function rig(found) {
     if (!found) return null;
-    const [level, sign] = RIG[/** @type {keyof typeof RIG} */ (found.verdict)] ?? ["idle", "unknown"];
+    const [level, sign] = RIG[found.verdict] ?? ["idle", "unknown"];
     const apart = found.shift_px === null ? "" : ` ${t("capture.runs.shift", { px: format.number(found.shift_px, 2) })}`;
     return el("p", { class: `note is-${level}` }, symbol(sign), el("span", {}, `${t("lights.rig.title")}: ${t(`lights.rig.words.${found.verdict}`)}.`, apart));
   }
 
-  async function order() {
+  async function submit() {
     measure.disabled = true;
     try {
       const made = await api.post(`/captures/${encodeURIComponent(id)}/measure`, { key });
       key = newKey();
       job.follow(made);
     } catch (problem) {
-      if (/** @type {any} */ (problem).status) key = newKey();
+      if (statusOf(problem)) key = newKey();
       measure.disabled = false;
       context.refused(problem);
     }

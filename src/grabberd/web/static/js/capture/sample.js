@@ -1,11 +1,23 @@
 // A sample of a capture's points: how many there are, and how good.
 
+/** @import { FieldPoints } from "types/documents" */
+/** @import { Api } from "types/routes" */
+
 const MOST = 1000;
 
 /**
- * @param {any} api
+ * @typedef {object} PointSample
+ * @property {number} run
+ * @property {number} points of the whole run, estimated from the sample
+ * @property {number} targets mean of a field
+ * @property {number} residual_px mean
+ * @property {number} sigma_mm mean, of all three axes together
+ */
+
+/**
+ * @param {Api} api
  * @param {string} id of the capture
- * @returns {Promise<{run: number, points: number, targets: number, residual_px: number, sigma_mm: number} | null>} `points` is estimated from the sample
+ * @returns {Promise<PointSample | null>}
  */
 export async function sampleOf(api, id) {
   const document = await api.get(`/captures/${encodeURIComponent(id)}/points?max_points=${MOST}`).catch(() => null);
@@ -20,11 +32,11 @@ export async function sampleOf(api, id) {
   };
 }
 
-/** @param {any[]} fields */
+/** @param {FieldPoints[]} fields */
 const count = (fields) => fields.reduce((sum, field) => sum + field.target.length, 0);
 
-/** @param {any[]} fields @param {(field: any, i: number) => number} pick */
+/** @param {FieldPoints[]} fields @param {(field: FieldPoints, i: number) => number} pick */
 function mean(fields, pick) {
-  const sum = fields.reduce((whole, field) => whole + field.target.reduce((/** @type {number} */ part, /** @type {number} */ _, /** @type {number} */ i) => part + pick(field, i), 0), 0);
+  const sum = fields.reduce((whole, field) => whole + field.target.reduce((part, _, i) => part + pick(field, i), 0), 0);
   return sum / count(fields);
 }

@@ -2,12 +2,15 @@
 import { el, fill } from "../core/dom.js";
 import { FIELD_S, entryIn, ledgerIn, reasonIn, totalOf } from "../captures/words.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
+
 const SVG = "http://www.w3.org/2000/svg";
 const LEAST = 1 / 300;
 const LISTED = 12;
 const OUTCOMES = ["received", "lost", "damaged", "no_signal", "overrun"];
 
-/** @param {import("../core/context.js").Context} context @param {(n: number) => void} choose */
+/** @param {Context} context @param {(n: number) => void} choose */
 export function createStrip(context, choose) {
   const { t, tn, format } = context;
   const picture = document.createElementNS(SVG, "svg");
@@ -24,7 +27,7 @@ export function createStrip(context, choose) {
   const element = el("div", { class: "strip" }, picture, ends, legend, list);
   let total = 0;
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function show(capture) {
     total = totalOf(capture);
     element.hidden = total === 0;
@@ -37,21 +40,21 @@ export function createStrip(context, choose) {
     fill(list, ...listed(capture));
   }
 
-  /** Whole fields as ground, the others over it, none too narrow to be seen. @param {any} capture */
+  /** Whole fields as ground, the others over it, none too narrow to be seen. @param {Capture} capture */
   function segments(capture) {
-    const others = capture.ledger.entries.map((/** @type {any} */ entry) => rect(entry.first_n, Math.max(entry.count, total * LEAST), entry.outcome));
+    const others = capture.ledger.entries.map((entry) => rect(entry.first_n, Math.max(entry.count, total * LEAST), entry.outcome));
     return [rect(0, total, "received"), ...others];
   }
 
-  /** When it was asked for. @param {any} capture */
+  /** Mark of the trigger. @param {Capture} capture */
   function trigger(capture) {
     return capture.pre_trigger_fields ? [rect(capture.pre_trigger_fields, total * LEAST, "trigger")] : [];
   }
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function listed(capture) {
     const entries = capture.ledger.entries;
-    const lines = entries.slice(0, LISTED).map((/** @type {any} */ entry) =>
+    const lines = entries.slice(0, LISTED).map((entry) =>
       el("li", {}, el("button", { class: "button plain", type: "button", on: { click: () => choose(entry.first_n) } }, el("span", {}, `${entryIn(context, entry)}: ${reasonIn(context, entry.reason)}`))));
     return entries.length > LISTED ? [...lines, el("li", { class: "muted" }, tn("capture.moreEntries", entries.length - LISTED))] : lines;
   }

@@ -3,11 +3,15 @@ import { el, fill, setText, symbol } from "../core/dom.js";
 import { createRow } from "./row.js";
 import { atRest } from "./words.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Known } from "../core/store.js" */
+/** @import { Capture } from "types/documents" */
+
 const PAGE = 25;
 const EVERY_MS = 1000;
 
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {{query: () => URLSearchParams, isNarrow: () => boolean}} search
  */
 export function createList(context, search) {
@@ -17,7 +21,7 @@ export function createList(context, search) {
   const more = el("button", { class: "button wide", type: "button", hidden: true, on: { click: () => load(next) } }, symbol("down"), t("captures.older"));
   const empty = el("div", { class: "card stack", hidden: true });
   const element = el("div", { class: "stack" }, count, list, empty, more);
-  /** @type {any[]} */
+  /** @type {Capture[]} */
   let captures = [];
   /** @type {Map<string, ReturnType<typeof createRow>>} */
   const rows = new Map();
@@ -34,15 +38,15 @@ export function createList(context, search) {
     query.set("limit", String(cursor ? PAGE : Math.max(PAGE, captures.length)));
     if (cursor) query.set("cursor", cursor);
     const page = await api.get(`/captures?${query}`).catch(context.refused);
-    if (mine !== turn || !page) return;
+    if (mine !== turn || !page) return; // a later question has been asked meanwhile
     captures = cursor ? [...captures, ...page.captures] : page.captures;
-    next = page.next;
+    next = page.next ?? null;
     show();
   }
 
   function show() {
-    const ordered = [...captures.filter((one) => !atRest(one)), ...captures.filter(atRest)];
-    fill(list, ...ordered.map((one) => rowOf(one).element));
+    const sorted = [...captures.filter((one) => !atRest(one)), ...captures.filter(atRest)];
+    fill(list, ...sorted.map((one) => rowOf(one).element));
     more.hidden = next === null;
     empty.hidden = captures.length > 0;
     if (!captures.length) fill(empty, search.isNarrow() ? el("p", {}, t("captures.nothing")) : howTo(t));
@@ -51,7 +55,7 @@ export function createList(context, search) {
     if (captures.some((one) => !atRest(one))) timer = setTimeout(look, EVERY_MS);
   }
 
-  /** @param {any} capture */
+  /** @param {Capture} capture */
   function rowOf(capture) {
     const row = rows.get(capture.id) ?? createRow(context, capture);
     rows.set(capture.id, row);
@@ -66,7 +70,7 @@ export function createList(context, search) {
     const found = await Promise.all(asked.map((one) => api.get(`/captures/${one.id}`).catch(() => null)));
     if (mine !== turn) return;
     if (found.includes(null)) return load();
-    captures = captures.map((one) => found.find((other) => other.id === one.id) ?? one);
+    captures = captures.map((one) => found.find((other) => other?.id === one.id) ?? one);
     show();
   }
 
@@ -89,9 +93,9 @@ export function createList(context, search) {
   };
 }
 
-/** Which captures run or wait, as one text. @param {any} known */
+/** The captures that run or wait, as one text. @param {Known} known */
 function currentOf(known) {
-  const devices = /** @type {any[]} */ (Object.values(known.state?.devices ?? {}));
+  const devices = Object.values(known.state?.devices ?? {});
   return devices.map((device) => `${device.capture_id} ${device.armed_capture_id}`).join();
 }
 

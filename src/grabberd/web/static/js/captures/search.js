@@ -1,16 +1,18 @@
-// Which captures are wanted: by a text, by a day.
+// Search for captures: by text, by day.
 import { el } from "../core/dom.js";
+
+/** @import { Context } from "../core/context.js" */
 
 const PAUSE_MS = 300;
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+/** @param {Context} context @param {() => void} changed */
 export function createSearch({ t }, changed) {
   let timer = 0;
   const text = el("input", { class: "input", type: "search", maxlength: 200, autocomplete: "off", on: { input: soon } });
   const day = el("input", { class: "input", type: "date", on: { change: changed } });
   const all = el("button", { class: "button", type: "button", on: { click: clear } }, t("captures.all"));
   const element = el(
-    "form", { class: "capture-search", role: "search", on: { submit: (/** @type {Event} */ event) => event.preventDefault() } },
+    "form", { class: "capture-search", role: "search", on: { submit: (event) => event.preventDefault() } },
     el("label", { class: "field grow" }, el("span", { class: "field-label" }, t("captures.search")), text),
     el("label", { class: "field" }, el("span", { class: "field-label" }, t("captures.day")), day),
     all,

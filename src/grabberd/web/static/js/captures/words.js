@@ -1,34 +1,36 @@
-// What a capture is, in words.
+// A capture in words.
 import { el, symbol } from "../core/dom.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture, LedgerEntry } from "types/documents" */
 
 /** Nominal time from one field to the next, which a ledger counts by. */
 export const FIELD_S = 0.02;
+/** Level and symbol. @type {Record<string, [string, string]>} */
 const LOOKS = {
   complete: ["good", "ok"], incomplete: ["warn", "warn"], damaged: ["bad", "bad"], unsealed: ["warn", "warn"],
   armed: ["busy", "armed"], recording: ["busy", "capturing"], sealing: ["idle", "wait"],
 };
 const FIRST = ["name", "cow", "teat", "liner"];
 
-/** @typedef {import("../core/context.js").Context} Context */
-
-/** Its verdict, or what it is at as long as it has none. @param {any} capture @returns {keyof typeof LOOKS} */
+/** The verdict of a sealed capture; of any other its state. @param {Capture} capture */
 export function verdictOf(capture) {
-  return capture.state === "sealed" ? capture.verdict : capture.state;
+  return capture.state === "sealed" && capture.verdict ? capture.verdict : capture.state;
 }
 
-/** Whether nothing more comes of it by itself. @param {any} capture */
+/** True if nothing more happens to it by itself. @param {Capture} capture */
 export function atRest(capture) {
   return !["armed", "recording", "sealing"].includes(capture.state);
 }
 
-/** @param {Context} context @param {any} capture */
+/** @param {Context} context @param {Capture} capture */
 export function badge({ t }, capture) {
   const verdict = verdictOf(capture);
   const [level, sign] = LOOKS[verdict] ?? ["idle", "unknown"];
   return el("span", { class: `badge is-${level}`, data: { verdict } }, symbol(sign), t(`captures.verdict.${verdict}`));
 }
 
-/** What is said of it by labels: "Cow 112 · Front left · new". @param {Context} context @param {any} capture */
+/** Its labels: "Cow 112 · Front left · new". @param {Context} context @param {Pick<Capture, "labels">} capture */
 export function labelsIn(context, capture) {
   const { labels } = capture;
   const others = Object.keys(labels).filter((name) => !FIRST.includes(name));
@@ -44,43 +46,43 @@ function labelIn({ t, texts }, name, value) {
   return `${label} ${value}`;
 }
 
-/** How many fields should have come so far. @param {any} capture */
+/** Number of fields that should have come so far. @param {Capture} capture */
 export function totalOf(capture) {
-  return /** @type {number[]} */ (Object.values(capture.ledger.counts)).reduce((sum, count) => sum + count, 0);
+  return Object.values(capture.ledger.counts).reduce((sum, count) => sum + count, 0);
 }
 
-/** "5.0 s · 250 fields". @param {Context} context @param {any} capture */
+/** "5.0 s · 250 fields". @param {Context} context @param {Capture} capture */
 export function lengthIn({ t, tn, format }, capture) {
   const total = totalOf(capture);
   const seconds = total * FIELD_S;
   return `${seconds < 60 ? t("captures.seconds", { s: format.number(seconds, 1) }) : format.duration(seconds)} · ${tn("captures.fields", total)}`;
 }
 
-/** "complete", or "3 fields lost at 12.4 s". @param {Context} context @param {any} capture @param {number} [most] so many entries in words */
+/** "complete", or "3 fields lost at 12.4 s". @param {Context} context @param {Capture} capture @param {number} [most] so many entries in words */
 export function ledgerIn(context, capture, most = 2) {
   const { entries, complete } = capture.ledger;
   if (complete) return context.t("captures.ledger.complete");
   if (!entries.length) return context.t("captures.ledger.empty");
-  const rest = entries.slice(most).reduce((/** @type {number} */ sum, /** @type {any} */ entry) => sum + entry.count, 0);
-  const words = entries.slice(0, most).map((/** @type {any} */ entry) => entryIn(context, entry));
+  const rest = entries.slice(most).reduce((sum, entry) => sum + entry.count, 0);
+  const words = entries.slice(0, most).map((entry) => entryIn(context, entry));
   return [...words, ...(rest ? [context.tn("captures.ledger.more", rest)] : [])].join(", ");
 }
 
-/** @param {Context} context @param {any} entry */
+/** @param {Context} context @param {LedgerEntry} entry */
 export function entryIn({ tn, format }, entry) {
   return tn(`captures.ledger.${entry.outcome}`, entry.count, { at: format.number(entry.first_n * FIELD_S, 1) });
 }
 
-/** Why fields did not come whole. @param {Context} context @param {string} reason */
+/** Reason for lost or damaged fields, in words. @param {Context} context @param {string} reason */
 export function reasonIn({ t, texts }, reason) {
   return texts.has(`captures.reason.${slug(reason)}`) ? t(`captures.reason.${slug(reason)}`) : reason;
 }
 
-/** Why it ended. @param {Context} context @param {string | null} because */
+/** Reason for the end of a capture, in words. @param {Context} context @param {string | null} because */
 export function endIn({ t, texts }, because) {
   if (!because) return "–";
   return texts.has(`captures.ended.${slug(because)}`) ? t(`captures.ended.${slug(because)}`) : because;
 }
 
-/** What the daemon says, as the name of a text. @param {string} said */
+/** Key of a text, from the daemon's words. @param {string} said */
 const slug = (said) => said.replace(/\W+/g, "_");

@@ -1,6 +1,8 @@
-// How a capture moves: the width of its middle section, or the place of one target. Nothing here touches the page.
+// The movement in a capture: width of its middle section, or depth of one target. Nothing here touches the page.
 
-/** @typedef {import("../scene/grid.js").Grid} Grid */
+/** @import { Grid } from "../scene/grid.js" */
+/** @import { FieldPoints } from "types/documents" */
+
 /** @typedef {Map<number, number>} Course millimetres by the field's number */
 
 const BINS = 50;
@@ -14,7 +16,7 @@ export function facingOf(grid) {
   return Array.from({ length: Math.floor(ids.length / 2) }, (_, i) => [ids[i], ids[ids.length - 1 - i]]);
 }
 
-/** The width between the outermost pair that is seen nearly as often as any. @param {any[]} fields @param {[number, number][]} pairs @returns {Course} */
+/** The width between the outermost pair that is seen nearly as often as any. @param {FieldPoints[]} fields @param {[number, number][]} pairs @returns {Course} */
 export function widthOf(fields, pairs) {
   const courses = pairs.map((pair) => courseOf(fields, (place) => apart(place(pair[0]), place(pair[1]))));
   const most = Math.max(0, ...courses.map((course) => course.size));
@@ -24,12 +26,12 @@ export function widthOf(fields, pairs) {
 /** A target in the middle, which moves most. @param {Grid} grid */
 export const middleOf = (grid) => facingOf(grid).at(-1)?.[0] ?? grid.target[0];
 
-/** The z of one target. @param {any[]} fields @param {number} target @returns {Course} */
+/** The z of one target. @param {FieldPoints[]} fields @param {number} target @returns {Course} */
 export function depthOf(fields, target) {
   return courseOf(fields, (place) => place(target)?.[2] ?? null);
 }
 
-/** @param {any[]} fields @param {(place: (target: number) => number[] | null) => number | null} pick @returns {Course} */
+/** @param {FieldPoints[]} fields @param {(place: (target: number) => number[] | null) => number | null} pick @returns {Course} */
 function courseOf(fields, pick) {
   /** @type {Course} */
   const course = new Map();
@@ -40,7 +42,7 @@ function courseOf(fields, pick) {
   return course;
 }
 
-/** @param {any} field @param {number} target */
+/** @param {FieldPoints} field @param {number} target */
 function placeOf(field, target) {
   const i = field.target.indexOf(target);
   return i < 0 ? null : [field.x_mm[i], field.y_mm[i], field.z_mm[i]];

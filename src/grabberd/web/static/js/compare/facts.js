@@ -3,22 +3,27 @@ import { badge, labelsIn, ledgerIn, lengthIn } from "../captures/words.js";
 import { el } from "../core/dom.js";
 import { strokeOf } from "./course.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Course } from "./course.js" */
+/** @import { Side } from "./side.js" */
+/** @import { Child } from "types/elements" */
+
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("./side.js").Side[]} sides
- * @param {import("./course.js").Course[]} courses of a target in the middle
+ * @param {Context} context
+ * @param {Side[]} sides
+ * @param {Course[]} courses of a target in the middle
  */
 export function createFacts(context, sides, courses) {
   const { t, format } = context;
   const measured = (/** @type {number | null | undefined} */ value, /** @type {number} */ digits, /** @type {string} */ unit) => (Number.isFinite(value) ? `${format.number(value, digits)} ${unit}` : "–");
-  /** @type {Record<string, (side: import("./side.js").Side, i: number) => any>} */
+  /** @type {Record<string, (side: Side, i: number) => Child>} */
   const rows = {
     labels: ({ capture }) => labelsIn(context, capture) || "–",
     verdict: ({ capture }) => badge(context, capture),
     losses: ({ capture }) => ledgerIn(context, capture),
     length: ({ capture }) => lengthIn(context, capture),
     stroke: (_, i) => measured(strokeOf(courses[i]), 2, "mm"),
-    rate: ({ analysis }) => (analysis ? measured(analysis.summary.rate_per_min, 2, "1/min") : t("compare.notAnalysed")),
+    rate: ({ analysis }) => (analysis ? measured(analysis.summary?.rate_per_min, 2, "1/min") : t("compare.notAnalysed")),
     targets: ({ sample }) => measured(sample?.targets, 0, ""),
     residual: ({ sample }) => measured(sample?.residual_px, 3, "px"),
     sigma: ({ sample }) => measured(sample?.sigma_mm, 3, "mm"),

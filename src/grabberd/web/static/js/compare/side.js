@@ -4,33 +4,39 @@ import { gridOf } from "../scene/grid.js";
 import { column } from "../analysis/tables.js";
 import { depthOf, facingOf, widthOf } from "./course.js";
 
+/** @import { PointSample } from "../capture/sample.js" */
+/** @import { Grid } from "../scene/grid.js" */
+/** @import { AnalysisRow, Capture } from "types/documents" */
+/** @import { Calibration } from "types/open_documents" */
+/** @import { Api } from "types/routes" */
+
 const MOST_POINTS = 200_000;
 
 /**
  * @typedef {object} Side
- * @property {any} capture
- * @property {any} sample of its points, or null
- * @property {any} grid of its object, or null
- * @property {any} calibration what its last run was made with, or null
- * @property {any} analysis its newest that can be used, or null
+ * @property {Capture} capture
+ * @property {PointSample | null} sample of its points
+ * @property {Grid | null} grid of its object
+ * @property {Calibration | null} calibration what its last run was made with
+ * @property {AnalysisRow | null} analysis its newest that can be used
  */
 
-/** @param {any} api @param {string} id @returns {Promise<Side>} */
+/** @param {Api} api @param {string} id @returns {Promise<Side>} */
 export async function openSide(api, id) {
   const path = pathOf(id);
   const [capture, listed] = await Promise.all([api.get(path), api.get(`${path}/analyses`)]);
   const run = capture.runs.at(-1);
-  const made = run ? (await api.get(`${path}/runs/${run.run}`)).made_with : {};
+  const made = run ? (await api.get(`${path}/runs/${run.run}`)).made_with : null;
   return {
     capture,
     sample: run ? await sampleOf(api, id) : null,
-    grid: made.object ? gridOf(made.object) : null,
-    calibration: made.calibration ?? null,
-    analysis: listed.analyses.find((/** @type {any} */ one) => !one.problem) ?? null,
+    grid: made?.object ? gridOf(made.object) : null,
+    calibration: made?.calibration ?? null,
+    analysis: listed.analyses.find((one) => !one.problem) ?? null,
   };
 }
 
-/** How it moves. @param {any} api @param {Side} side @param {number | null} target null: the width of the middle section */
+/** Movement of a side. @param {Api} api @param {Side} side @param {number | null} target null: the width of the middle section */
 export async function courseOf(api, side, target) {
   if (!side.grid) return new Map();
   const pairs = facingOf(side.grid);
@@ -40,7 +46,7 @@ export async function courseOf(api, side, target) {
   return target === null ? widthOf(fields, pairs) : depthOf(fields, target);
 }
 
-/** Where in its cycle each field is, by its newest analysis; null where there is none. @param {any} api @param {Side} side */
+/** Phase of each field by the newest analysis; null without one. @param {Api} api @param {Side} side */
 export async function phasesOf(api, side) {
   if (!side.analysis) return null;
   const { tables } = await api.get(`${pathOf(side.capture.id)}/analyses/${side.analysis.analysis}`);
@@ -49,5 +55,5 @@ export async function phasesOf(api, side) {
   return known.length ? new Map(known) : null;
 }
 
-/** @param {string} id */
+/** @param {string} id @returns {`/captures/${string}`} */
 const pathOf = (id) => `/captures/${encodeURIComponent(id)}`;

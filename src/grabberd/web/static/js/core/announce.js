@@ -1,17 +1,24 @@
 // Short messages: seen for a while at the edge of the page, and read aloud.
+import { ApiProblem, statusOf } from "./api.js";
 import { el, symbol } from "./dom.js";
 
 const SHOWN_MS = 8000;
 const SYMBOLS = { info: "info", good: "ok", bad: "bad" };
+
+/**
+ * @typedef {object} Announcement
+ * @property {"info" | "good" | "bad"} [kind] a bad one stays until it is closed
+ * @property {string} [hint]
+ */
 
 /** @param {(key: string) => string} t */
 export function createAnnouncer(t) {
   const region = el("div", { class: "toasts", role: "status", "aria-live": "polite" });
 
   /**
-   * Says something.
+   * Shows a message.
    * @param {string} text
-   * @param {{kind?: "info" | "good" | "bad", hint?: string}} [options] what is bad stays until it is closed
+   * @param {Announcement} [options]
    */
   function announce(text, { kind = "info", hint = "" } = {}) {
     const close = el("button", { class: "button plain icon", type: "button", "aria-label": t("core.close") }, symbol("close"));
@@ -23,11 +30,13 @@ export function createAnnouncer(t) {
     if (kind !== "bad") setTimeout(() => toast.remove(), SHOWN_MS);
   }
 
-  /** Says what a request was refused with. @param {any} problem */
+  /** Tells why a request was refused; null, so that it can be the catch of a request. @param {unknown} problem @returns {null} */
   function refused(problem) {
-    if (problem?.name === "AbortError") return;
-    if (problem?.status === 0) announce(t("core.noAnswer"), { kind: "bad", hint: t("core.noAnswerHint") });
-    else announce(problem?.detail || String(problem), { kind: "bad", hint: problem?.hint });
+    if (problem instanceof DOMException && problem.name === "AbortError") return null;
+    if (statusOf(problem) === 0) announce(t("core.noAnswer"), { kind: "bad", hint: t("core.noAnswerHint") });
+    else if (problem instanceof ApiProblem) announce(problem.detail || String(problem), { kind: "bad", hint: problem.hint });
+    else announce(String(problem), { kind: "bad" });
+    return null;
   }
 
   return { region, announce, refused };

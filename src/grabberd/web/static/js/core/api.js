@@ -1,32 +1,30 @@
-// Requests to the daemon, and its refusals in words.
+// Requests to the daemon, and its refusals.
+
+/** @import { Problem } from "types/documents" */
+/** @import { Api, RequestOptions } from "types/routes" */
 
 const ROOT = "/api/v1";
 
-/** What the daemon, or the way to it, says no with. */
+/** A refusal of the daemon (RFC 9457), or of the way to it: then its status is 0. */
 export class ApiProblem extends Error {
-  /** @param {number} status 0 where no answer came @param {any} document */
+  /** @param {number} status 0 where no answer came @param {Partial<Problem>} document */
   constructor(status, document) {
     super(document.detail || document.title || `HTTP ${status}`);
     this.status = status;
-    this.title = document.title ?? "";
     this.detail = document.detail ?? "";
     this.hint = document.hint ?? "";
     this.kind = String(document.type ?? "").split(":").pop() ?? "";
-    this.document = document;
   }
 }
 
-/**
- * @typedef {object} Options
- * @property {any} [body] sent as JSON
- * @property {string} [key] Idempotency-Key: what comes twice with it is done once
- * @property {Record<string, string>} [headers]
- * @property {AbortSignal} [signal]
- */
+/** The HTTP status that a request failed with; undefined where the page itself failed. @param {unknown} error */
+export function statusOf(error) {
+  return error instanceof ApiProblem ? error.status : undefined;
+}
 
-/** @param {{onUnauthorised: () => void}} hooks */
+/** @param {{onUnauthorised: () => void}} hooks @returns {Api} */
 export function createApi(hooks) {
-  /** @param {string} method @param {string} path below /api/v1 @param {Options} [options] */
+  /** @param {string} method @param {string} path below /api/v1 @param {RequestOptions<unknown>} [options] */
   async function request(method, path, options = {}) {
     const answer = await ask(method, path, options);
     const document = await read(answer);
@@ -36,16 +34,18 @@ export function createApi(hooks) {
   }
 
   /** @param {string} method */
-  const by = (method) => (/** @type {string} */ path, /** @type {Options} */ options) => request(method, path, options);
-  return { get: by("GET"), post: by("POST"), put: by("PUT"), patch: by("PATCH"), delete: by("DELETE"), url };
+  const by = (method) => (/** @type {string} */ path, /** @type {RequestOptions<unknown>} */ options) => request(method, path, options);
+  const requests = { get: by("GET"), post: by("POST"), put: by("PUT"), patch: by("PATCH"), delete: by("DELETE"), url };
+  // An answer is taken to be as OpenAPI has it and not looked at again: the daemon's own tests hold it to that.
+  return /** @type {Api} */ (/** @type {unknown} */ (requests));
 }
 
-/** The address of something to be downloaded or shown. @param {string} path below /api/v1 */
+/** @param {string} path below /api/v1 */
 function url(path) {
   return `${ROOT}${path}`;
 }
 
-/** @param {string} method @param {string} path @param {Options} options */
+/** @param {string} method @param {string} path @param {RequestOptions<unknown>} options */
 async function ask(method, path, options) {
   /** @type {Record<string, string>} */
   const headers = { ...options.headers };

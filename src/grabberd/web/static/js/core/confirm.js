@@ -5,8 +5,8 @@ import { el } from "./dom.js";
  * @typedef {object} Question
  * @property {string} title
  * @property {string} [text]
- * @property {any} [body] an element shown below the text
- * @property {string} action what the button that goes on says
+ * @property {Node} [body] shown below the text
+ * @property {string} action label of the button that goes on
  * @property {boolean} [danger]
  */
 

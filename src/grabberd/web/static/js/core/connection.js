@@ -1,11 +1,16 @@
 // The stream of the daemon's state: kept up by itself, and honest about when it is not.
 import { merged } from "./store.js";
 
+/** @import { Store } from "./store.js" */
+/** @import { State } from "types/documents" */
+/** @import { Api } from "types/routes" */
+
 const RETRY_MS = 2000;
+// More than the daemon's 15 s between keep-alives: those are comments, which reach no listener, so silence proves nothing.
 const QUIET_MS = 20000;
 const PING_MS = 5000;
 
-/** @param {any} store @param {any} api */
+/** @param {Store} store @param {Api} api */
 export function createConnection(store, api) {
   /** @type {EventSource | null} */
   let source = null;
@@ -16,7 +21,7 @@ export function createConnection(store, api) {
     stop();
     source = new EventSource(api.url("/events"));
     source.addEventListener("state", (event) => take(JSON.parse(event.data)));
-    source.addEventListener("change", (event) => take(merged(store.get().state, JSON.parse(event.data))));
+    source.addEventListener("change", (event) => take(/** @type {State} */ (merged(store.get().state, JSON.parse(event.data)))));
     source.addEventListener("open", () => tell(true));
     source.addEventListener("error", () => again());
   }
@@ -27,7 +32,7 @@ export function createConnection(store, api) {
     source = null;
   }
 
-  /** @param {any} state */
+  /** @param {State} state */
   function take(state) {
     heard = Date.now();
     tell(true);
@@ -40,7 +45,7 @@ export function createConnection(store, api) {
     if (store.get().connection.online !== online) store.set({ connection: { online, since: Date.now() } });
   }
 
-  /** The stream has broken: who we are is asked first, since a stream does not say why it was refused. */
+  /** Reconnects. The session is asked for first, because an EventSource does not tell why it was refused. */
   function again() {
     stop();
     tell(false);
@@ -51,7 +56,7 @@ export function createConnection(store, api) {
     }, RETRY_MS);
   }
 
-  /** Whether the daemon answers; a 401 has the page ask for a token. */
+  /** Tells whether the daemon answers; a 401 makes the page ask for a token. */
   async function ask() {
     try {
       const session = await api.get("/session", { signal: AbortSignal.timeout(PING_MS) });
@@ -62,7 +67,7 @@ export function createConnection(store, api) {
     }
   }
 
-  /** A connection may break without a word: when nothing was heard for long, the daemon is asked. */
+  /** Asks the daemon after a long silence: a connection can break without an error. */
   async function watch() {
     if (!source || Date.now() - heard < QUIET_MS) return;
     if (await ask()) heard = Date.now();

@@ -1,4 +1,4 @@
-// What every panel is given.
+// The context that every panel is given.
 import { el } from "./dom.js";
 import { createAnnouncer } from "./announce.js";
 import { createApi } from "./api.js";
@@ -8,37 +8,55 @@ import { createHistory } from "./history.js";
 import { go } from "./router.js";
 import { createStore, deviceOf } from "./store.js";
 import { createTexts } from "./texts.js";
-import { kept } from "./kept.js";
+import { keptText } from "./kept.js";
 
+/** @import { Values } from "./texts.js" */
+/** @import { Announcement } from "./announce.js" */
+/** @import { Question } from "./confirm.js" */
+/** @import { Format } from "./format.js" */
+/** @import { History } from "./history.js" */
+/** @import { Store } from "./store.js" */
+/** @import { Catalogue } from "./texts.js" */
+/** @import { Device, Role, Session, State } from "types/documents" */
+/** @import { Api } from "types/routes" */
+
+/** @type {Role[]} from the least to the highest */
 const RANKS = ["viewer", "operator", "admin"];
 
 /**
  * @typedef {object} Context
- * @property {ReturnType<typeof createStore>} store
- * @property {ReturnType<typeof createApi>} api
- * @property {(key: string, values?: any) => string} t a text
- * @property {(key: string, n: number, values?: any) => string} tn a text in the number's form
+ * @property {Store} store
+ * @property {Api} api
+ * @property {(key: string, values?: Values) => string} t a text
+ * @property {(key: string, n: number, values?: Values) => string} tn a text in the number's form
  * @property {(key: string) => string[]} tl a list of texts
  * @property {ReturnType<typeof createTexts>} texts
- * @property {ReturnType<typeof createFormat>} format numbers, times, sizes
- * @property {(role: string) => boolean} may whether who uses the page has this role, or more
- * @property {() => any} device the chosen device's document, or null
- * @property {(text: string, options?: any) => void} announce
- * @property {(problem: any) => void} refused says what a request was refused with
- * @property {(question: any) => Promise<boolean>} confirm
+ * @property {Format} format numbers, times, sizes
+ * @property {(role: Role) => boolean} may true if the user of the page has this role, or a higher one
+ * @property {() => Device | null} device the chosen one
+ * @property {(text: string, options?: Announcement) => void} announce
+ * @property {(problem: unknown) => null} refused tells why a request was refused
+ * @property {(question: Question) => Promise<boolean>} confirm
  * @property {(...parts: string[]) => void} go to a panel: go("captures", id)
  * @property {() => number} now_ms the daemon's time, by this tablet's clock
- * @property {ReturnType<typeof createHistory>} history what events said in the last minutes
+ * @property {History} history what events told in the last minutes
  * @property {HTMLElement} toasts
  */
 
-/** @param {any} first what came with the page @param {any} catalogue @param {string} language @returns {Context} */
+/**
+ * @typedef {object} First what comes inside the page
+ * @property {Session | null} session
+ * @property {State | null} state
+ * @property {string} now_utc the daemon's time when it wrote the page
+ */
+
+/** @param {First} first @param {Catalogue} catalogue @param {string} language @returns {Context} */
 export function createContext(first, catalogue, language) {
   const store = createStore({
     session: first.session,
     state: first.state,
     connection: { online: true, since: Date.now() },
-    device: kept("device"),
+    device: keptText("device"),
     clockOffset_ms: Date.parse(first.now_utc) - arrived_ms(),
   });
   const api = createApi({ onUnauthorised: () => store.set({ session: null, state: null }) });
@@ -49,7 +67,7 @@ export function createContext(first, catalogue, language) {
     store, api, texts, go,
     t: texts.t, tn: texts.tn, tl: texts.tl,
     format: createFormat(language, texts.t),
-    may: (role) => RANKS.indexOf(store.get().session?.role ?? "") >= RANKS.indexOf(role),
+    may: (role) => rankOf(store.get().session) >= RANKS.indexOf(role),
     device: () => deviceOf(store.get()),
     announce: announcer.announce,
     refused: announcer.refused,
@@ -60,9 +78,12 @@ export function createContext(first, catalogue, language) {
   };
 }
 
-/** When the page's first bytes came, by this tablet's clock: nearest to when the daemon wrote them. */
+/** The place of a user's role in RANKS; nobody's is below all. @param {Session | null} session */
+const rankOf = (session) => (session ? RANKS.indexOf(session.role) : -1);
+
+/** Time of the page's first byte by this tablet's clock: the nearest it knows to the daemon writing `now_utc`. */
 function arrived_ms() {
   const [timing] = performance.getEntriesByType("navigation");
-  const start = /** @type {any} */ (timing)?.responseStart || performance.now();
+  const start = (timing instanceof PerformanceNavigationTiming && timing.responseStart) || performance.now();
   return performance.timeOrigin + start;
 }

@@ -1,6 +1,6 @@
 // The document's elements, made and changed.
 
-/** @typedef {Node | string | number | null | undefined | false | Child[]} Child */
+/** @import { Attributes, Child } from "types/elements" */
 
 const SPRITE = new URL("../../symbols.svg", import.meta.url).href;
 const SVG = "http://www.w3.org/2000/svg";
@@ -12,31 +12,37 @@ const PROPERTIES = new Set(["value", "checked", "disabled", "hidden", "selected"
  * Keys of `attributes`: `class` (text), `on` ({event: listener}), `data` ({name: text}), properties such as
  * `disabled` and `hidden` (boolean), anything else an attribute; null and undefined are left out, true gives
  * an empty one. There is no way to set inner HTML or a style in the markup.
- * @param {string} tag
- * @param {Record<string, any>} [attributes]
+ * @template {keyof HTMLElementTagNameMap} Tag
+ * @param {Tag} tag
+ * @param {Attributes} [attributes]
  * @param {...Child} children
- * @returns {any}
+ * @returns {HTMLElementTagNameMap[Tag]}
  */
 export function el(tag, attributes = {}, ...children) {
   const made = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) set(made, name, value);
+  const { on = {}, data = {}, ...others } = attributes;
+  for (const [event, listener] of Object.entries(on)) made.addEventListener(event, /** @type {EventListener} */ (listener));
+  Object.assign(made.dataset, data);
+  for (const [name, value] of Object.entries(others)) set(made, name, value);
   made.append(...nodes(children));
   return made;
 }
 
-/** @param {any} made @param {string} name @param {any} value */
+/** @param {HTMLElement} made @param {string} name @param {unknown} value */
 function set(made, name, value) {
   if (value === null || value === undefined) return;
-  if (name === "on") for (const [event, listener] of Object.entries(value)) made.addEventListener(event, listener);
-  else if (name === "data") Object.assign(made.dataset, value);
-  else if (PROPERTIES.has(name)) made[name] = value;
+  // As attributes these would give only the first value, or mean true whatever they say.
+  if (PROPERTIES.has(name)) Object.assign(made, { [name]: value });
   else if (value !== false) made.setAttribute(name, value === true ? "" : String(value));
 }
 
 /** @param {Child[]} children @returns {(Node | string)[]} */
 function nodes(children) {
-  const given = children.flat(9).filter((child) => child !== null && child !== undefined && child !== false);
-  return given.map((child) => (child instanceof Node ? child : String(child)));
+  return children.flatMap((child) => {
+    if (Array.isArray(child)) return nodes(child);
+    if (child === null || child === undefined || child === false) return [];
+    return [child instanceof Node ? child : String(child)];
+  });
 }
 
 /**

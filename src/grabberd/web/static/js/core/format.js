@@ -1,6 +1,11 @@
 // Numbers, times and sizes as people read them.
 
-/** @param {string} language @param {(key: string, values?: any) => string} t */
+/** @import { Values } from "./texts.js" */
+
+/** @typedef {ReturnType<typeof createFormat>} Format */
+/** @typedef {string | number} Time ISO 8601, or milliseconds since 1970 */
+
+/** @param {string} language @param {(key: string, values?: Values) => string} t */
 export function createFormat(language, t) {
   const region = language === "en" ? "en-GB" : language; // the day before the month
   const clock = new Intl.DateTimeFormat(region, { hour: "2-digit", minute: "2-digit", second: "2-digit", hourCycle: "h23" });
@@ -17,7 +22,7 @@ export function createFormat(language, t) {
     }).format(value);
   }
 
-  /** How long, in the two largest units: "12 s", "3 min 20 s", "2 h 5 min", "4 d 3 h". @param {number} seconds */
+  /** A duration in its two largest units: "12 s", "3 min 20 s", "2 h 5 min", "4 d 3 h". @param {number} seconds */
   function duration(seconds) {
     const s = Math.max(0, Math.floor(seconds));
     if (s < 60) return t("core.duration.s", { s });
@@ -32,15 +37,15 @@ export function createFormat(language, t) {
     return bytes >= 1e6 ? `${number(bytes / 1e6, 1)} MB` : `${number(bytes / 1e3)} kB`;
   }
 
-  /** @param {string | number} time */
+  /** @param {Time} time */
   const date = (time) => new Date(time);
   return {
     number, duration, size,
-    /** Time of day. @param {string | number} utc */
+    /** Time of day. @param {Time} utc */
     time: (utc) => clock.format(date(utc)),
-    /** Day. @param {string | number} utc */
+    /** Day. @param {Time} utc */
     day: (utc) => day.format(date(utc)),
-    /** Day and time. @param {string | number} utc */
+    /** Day and time. @param {Time} utc */
     moment: (utc) => moment.format(date(utc)),
   };
 }

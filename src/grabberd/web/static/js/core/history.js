@@ -1,5 +1,9 @@
-// What the daemon's events say over time, kept from when the page was opened, whichever panel is shown.
+// History of the daemon's events since the page was opened, whichever panel is shown.
 import { createRing } from "./ring.js";
+
+/** @import { Ring } from "./ring.js" */
+/** @import { Store } from "./store.js" */
+/** @import { Live } from "types/documents" */
 
 export const SPAN_S = 600;
 /** Nothing for so long is a gap: events come five times a second. */
@@ -14,38 +18,42 @@ export const GAP_S = 2;
  * @property {number | null} residual_px
  * @property {number | null} p50_ms latency
  * @property {number | null} p99_ms
- * @property {{targets: number[], width_mm: number | null, sigma_mm: number | null}[]} widths
+ * @property {Live["widths"]} widths
  */
 
+/** @typedef {ReturnType<typeof createHistory>} History */
+
 /**
- * @param {any} store
+ * @param {Store} store
  * @param {() => number} now_ms the daemon's time
  */
 export function createHistory(store, now_ms) {
-  /** @type {Map<string, ReturnType<typeof createRing>>} */
+  /** @type {Map<string, Ring<Sample>>} */
   const rings = new Map();
-  /** @type {Map<string, any>} */
+  /** @type {Map<string, Live>} */
   const seen = new Map();
   /** @type {Set<() => void>} */
   const watchers = new Set();
 
-  store.subscribe((/** @type {any} */ known) => known.state, (/** @type {any} */ state) => {
+  store.subscribe((known) => known.state, (state) => {
     const devices = Object.entries(state?.devices ?? {});
-    const fresh = devices.filter(([name, device]) => device.live && seen.get(name) !== device.live);
-    for (const [name, device] of fresh) enter(name, device.live);
+    const fresh = devices.filter(([name, { live }]) => live && enter(name, live));
     if (fresh.length) for (const watcher of [...watchers]) watcher();
   });
 
-  /** @param {string} name @param {any} live */
+  /** Tells whether it was new: a part of the state that did not change is the same object. @param {string} name @param {Live} live */
   function enter(name, live) {
+    if (seen.get(name) === live) return false;
     seen.set(name, live);
-    if (!rings.has(name)) rings.set(name, createRing(SPAN_S));
-    rings.get(name)?.push(sampleOf(live, now_ms() / 1000));
+    const ring = rings.get(name) ?? createRing(SPAN_S);
+    rings.set(name, ring);
+    ring.push(sampleOf(live, now_ms() / 1000));
+    return true;
   }
 
   return {
     /** @param {string} device @param {number} last_s @returns {Sample[]} */
-    samples: (device, last_s) => /** @type {any} */ (rings.get(device)?.all(last_s) ?? []),
+    samples: (device, last_s) => rings.get(device)?.all(last_s) ?? [],
     /** Calls when there are more. @param {() => void} listener @returns {() => void} ends it */
     watch(listener) {
       watchers.add(listener);
@@ -54,7 +62,7 @@ export function createHistory(store, now_ms) {
   };
 }
 
-/** @param {any} live of the device's document @param {number} time_s @returns {Sample} */
+/** @param {Live} live @param {number} time_s @returns {Sample} */
 export function sampleOf(live, time_s) {
   return {
     time_s,

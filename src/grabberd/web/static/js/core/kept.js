@@ -1,16 +1,21 @@
-// What this tablet remembers of its user's choices. Never a token.
+// The user's choices, kept on this tablet. Never a token.
 
-/** @param {string} key @param {any} [otherwise] */
-export function kept(key, otherwise = null) {
+/** A kept value, or null. Of unknown type, because an older edition of the page may have kept it. @param {string} key @returns {unknown} */
+export function kept(key) {
   try {
-    const text = localStorage.getItem(`grabberd.${key}`);
-    return text === null ? otherwise : JSON.parse(text);
+    return JSON.parse(localStorage.getItem(`grabberd.${key}`) ?? "null");
   } catch {
-    return otherwise;
+    return null;
   }
 }
 
-/** @param {string} key @param {any} value null forgets it */
+/** A text that was kept, or null. @param {string} key */
+export function keptText(key) {
+  const value = kept(key);
+  return typeof value === "string" ? value : null;
+}
+
+/** @param {string} key @param {unknown} value null forgets it */
 export function keep(key, value) {
   try {
     if (value === null) localStorage.removeItem(`grabberd.${key}`);

@@ -1,8 +1,14 @@
-// What was seen in the last minutes, and no more.
+// Samples of the last minutes.
+
+/**
+ * @template {{time_s: number}} Sample
+ * @typedef {{push: (sample: Sample) => void, all: (last_s?: number) => Sample[]}} Ring
+ */
 
 /**
  * @template {{time_s: number}} Sample
  * @param {number} span_s older ones are forgotten
+ * @returns {Ring<Sample>}
  */
 export function createRing(span_s) {
   /** @type {Sample[]} */

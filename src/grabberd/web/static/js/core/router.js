@@ -1,12 +1,14 @@
-// Which panel the address asks for: #captures/ID.
+// The panel that the address asks for: #captures/ID.
+
+/** @import { Entry } from "../panels/index.js" */
 
 /**
  * @typedef {object} Route
- * @property {any} entry of panels/index.js
+ * @property {Entry} entry
  * @property {Record<string, string>} parameters by their names in the pattern
  */
 
-/** @param {any[]} entries @param {string} hash @returns {Route} the first panel's where none fits */
+/** @param {Entry[]} entries @param {string} hash @returns {Route} the first panel's where none fits */
 export function routeOf(entries, hash) {
   const parts = hash.replace(/^#\/?/, "").split("/").filter(Boolean).map(decodeURIComponent);
   for (const entry of entries) {

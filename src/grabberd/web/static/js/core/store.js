@@ -1,17 +1,19 @@
-// What the page knows: one value, changed in one place, read by whoever subscribes.
+// The state of the page: one value, changed in one place, read by subscribers.
+
+/** @import { Device, Session, State } from "types/documents" */
 
 /**
  * @typedef {object} Known
- * @property {{role: string, by: string, token: string | null} | null} session who uses the page; null: nobody yet
- * @property {any} state the daemon's state document (GET /api/v1/state), or null
+ * @property {Session | null} session of the user; null before signing in
+ * @property {State | null} state of the daemon
  * @property {{online: boolean, since: number}} connection since: by Date.now()
  * @property {string | null} device the chosen device's name
- * @property {number} clockOffset_ms what has to be added to this tablet's clock for the daemon's time
+ * @property {number} clockOffset_ms the daemon's time minus this tablet's
  */
 
-/**
- * @param {Known} first
- */
+/** @typedef {ReturnType<typeof createStore>} Store */
+
+/** @param {Known} first */
 export function createStore(first) {
   let known = first;
   /** @type {Set<() => void>} */
@@ -46,32 +48,45 @@ export function createStore(first) {
   return { get: () => known, set, subscribe };
 }
 
-/** The chosen device's document, or that of the only one, or null. @param {Known} known */
+/** The chosen device, or the only one, or null. @param {Known} known @returns {Device | null} */
 export function deviceOf(known) {
   const devices = known.state?.devices ?? {};
   return devices[known.device ?? ""] ?? Object.values(devices)[0] ?? null;
 }
 
-const STREAMING = new Set(["ready", "no_signal", "capturing"]);
+const NOMINAL_HZ = 50;
 
-/** Whether a device is open and at work, so far as is known. @param {any} device its document, or null */
-export function streams(device) {
-  return STREAMING.has(device?.state);
+/** Fields a second of a device's stream; PAL's as long as there is none. @param {Device | null} device */
+export function rateOf(device) {
+  const rate_hz = device?.stream?.rate_hz;
+  return typeof rate_hz === "number" ? rate_hz : NOMINAL_HZ;
 }
 
-/** Whether fields come from it: before that there is nothing to be asked of them. @param {any} device its document, or null */
+const STREAMING = new Set(["ready", "no_signal", "capturing"]);
+
+/** True if a device is known to be open and at work. @param {Device | null} device @returns {device is Device} */
+export function streams(device) {
+  return device !== null && STREAMING.has(device.state);
+}
+
+/** True if fields come from a device: before that there is nothing to ask about them. @param {Device | null} device @returns {device is Device} */
 export function delivers(device) {
   return streams(device) && device.rate_hz !== null;
 }
 
 /**
- * A document with a change (RFC 7396, but null stays null); parts that did not change are the same objects.
- * @param {any} document
- * @param {any} change
+ * A document with a change (RFC 7396, but null stays null, because in the state it has a meaning). Parts that did not
+ * change remain the same objects: subscribers compare by identity.
+ * @param {unknown} document
+ * @param {unknown} change
+ * @returns {unknown}
  */
 export function merged(document, change) {
-  if (change === null || typeof change !== "object" || Array.isArray(change)) return change;
-  const result = document !== null && typeof document === "object" && !Array.isArray(document) ? { ...document } : {};
+  if (!isObject(change)) return change;
+  const result = isObject(document) ? { ...document } : {};
   for (const [key, value] of Object.entries(change)) result[key] = merged(result[key], value);
   return result;
 }
+
+/** @param {unknown} value @returns {value is Record<string, unknown>} */
+const isObject = (value) => value !== null && typeof value === "object" && !Array.isArray(value);

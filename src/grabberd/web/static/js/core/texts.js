@@ -1,16 +1,18 @@
 // Texts in the user's language: catalogues by name, keys by dots, {places} filled in.
 
-/** @typedef {Record<string, string | number>} Values */
+/** @typedef {Record<string, string | number | null | undefined>} Values */
+/** @typedef {string | string[] | {[key: string]: Catalogue}} Catalogue */
+/** @typedef {ReturnType<typeof createTexts>} Texts */
 
 /**
- * @param {any} catalogue every catalogue of a language, by name
+ * @param {Catalogue} catalogue every catalogue of a language, by name
  * @param {string} language
  */
 export function createTexts(catalogue, language) {
   const plurals = new Intl.PluralRules(language);
 
-  /** @param {string} key @returns {any} */
-  const find = (key) => key.split(".").reduce((part, name) => part?.[name], catalogue);
+  /** @param {string} key @returns {Catalogue | undefined} */
+  const find = (key) => key.split(".").reduce(below, catalogue);
 
   /** A text; what has none shows its key, which a test forbids. @param {string} key @param {Values} [values] */
   function t(key, values = {}) {
@@ -30,11 +32,14 @@ export function createTexts(catalogue, language) {
     return Array.isArray(list) ? list : [];
   }
 
-  /** Whether there is such a text: for words that the daemon chooses. @param {string} key */
+  /** True if there is such a text; for keys that the daemon chooses. @param {string} key */
   const has = (key) => find(key) !== undefined;
 
   return { t, tn, tl, has, language };
 }
+
+/** @param {Catalogue | undefined} part @param {string} name */
+const below = (part, name) => (typeof part === "object" && !Array.isArray(part) ? part[name] : undefined);
 
 /** @param {string} text @param {Values} values */
 function filled(text, values) {

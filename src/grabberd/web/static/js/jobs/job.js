@@ -1,18 +1,23 @@
-// What takes long: how far it is, a way to cancel it, and how it ended.
+// A job: its progress, a button to cancel it, and its outcome.
+import { statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Job, JobProblem } from "types/documents" */
 
 const EVERY_MS = 1000;
 const ENDED = new Set(["done", "failed", "cancelled"]);
 
 /**
+ * @template Result what a job of this kind results in
  * @typedef {object} Hooks
  * @property {string} title what is being done
- * @property {(job: any) => void} done it has ended well
- * @property {(job: any) => void} [cancelled] it has been cancelled here
- * @property {(busy: boolean) => void} [busy] it runs, or does no more
+ * @property {(job: Job & {result: Result}) => void} done it has succeeded
+ * @property {(job: Job) => void} [cancelled] it has been cancelled here
+ * @property {(busy: boolean) => void} [busy] it has started to run, or has ended
  */
 
-/** @param {import("../core/context.js").Context} context @param {Hooks} hooks */
+/** @template Result @param {Context} context @param {Hooks<Result>} hooks */
 export function createJob(context, hooks) {
   const { t, api, format } = context;
   const bar = el("span");
@@ -24,7 +29,7 @@ export function createJob(context, hooks) {
   let timer = 0;
   let turn = 0;
 
-  /** Shows a job until it has ended. @param {any} job */
+  /** Shows a job until it has ended. @param {Job} job */
   function follow(job) {
     id = job.id;
     fill(element, words, meter, context.may("operator") && el("div", { class: "row" }, cancel));
@@ -33,7 +38,7 @@ export function createJob(context, hooks) {
     show(job);
   }
 
-  /** @param {any} job */
+  /** @param {Job} job */
   function show(job) {
     clearTimeout(timer);
     if (ENDED.has(job.state)) return close(job);
@@ -48,10 +53,10 @@ export function createJob(context, hooks) {
     const mine = turn;
     try {
       const job = await api.get(`/jobs/${id}`);
-      if (mine === turn) show(job);
+      if (mine === turn) show(job); // else the panel has been left
     } catch (problem) {
       if (mine !== turn) return;
-      if (/** @type {any} */ (problem).status === 404) close({ state: "failed", problem: { message: t("jobs.gone"), hint: "" } });
+      if (statusOf(problem) === 404) fail({ message: t("jobs.gone"), hint: "" });
       else timer = setTimeout(look, 3 * EVERY_MS); // the banner says that the daemon is away
     }
   }
@@ -66,24 +71,27 @@ export function createJob(context, hooks) {
     }
   }
 
-  /** @param {any} job */
+  /** @param {Job} job */
   function close(job) {
+    if (job.state === "failed") return fail(job.problem);
     hooks.busy?.(false);
     element.hidden = job.state === "done";
-    if (job.state === "done") hooks.done(job);
-    else fill(element, job.state === "cancelled" ? note("info", "is-idle", t("jobs.cancelled")) : failed(job.problem));
+    if (job.state === "done") hooks.done(/** @type {Job & {result: Result}} */ (job));
+    else fill(element, note("info", "is-idle", t("jobs.cancelled")));
   }
 
-  /** @param {any} problem */
-  function failed(problem) {
-    return note("bad", "is-bad", el("div", {}, el("strong", {}, problem?.message ?? t("jobs.failed")), problem?.hint && el("p", {}, problem.hint)));
+  /** @param {JobProblem | null} [problem] */
+  function fail(problem) {
+    hooks.busy?.(false);
+    element.hidden = false;
+    fill(element, note("bad", "is-bad", el("div", {}, el("strong", {}, problem?.message ?? t("jobs.failed")), problem?.hint && el("p", {}, problem.hint))));
   }
 
   /** Shows one that is under way already, as after the page was loaded anew. @param {string} kind @param {string} subject */
   async function resume(kind, subject) {
     const mine = turn;
     const page = await api.get("/jobs?limit=50").catch(() => null);
-    const job = page?.jobs.find((/** @type {any} */ one) => one.kind === kind && one.subject === subject && !ENDED.has(one.state));
+    const job = page?.jobs.find((one) => one.kind === kind && one.subject === subject && !ENDED.has(one.state));
     if (job && mine === turn && element.hidden) follow(job);
   }
 
@@ -96,5 +104,5 @@ export function createJob(context, hooks) {
   };
 }
 
-/** @param {string} name @param {string} level @param {any} body */
+/** @param {string} name @param {string} level @param {Node | string} body */
 const note = (name, level, body) => el("div", { class: `note ${level}`, role: "alert" }, symbol(name), body instanceof Node ? body : el("p", {}, body));

@@ -1,15 +1,18 @@
-// What is wrong, right below Start: one line each, that leads to its light.
+// Alerts right below Start: a line for each problem, which leads to its light.
 import { el, fill, symbol } from "../core/dom.js";
 import { wordsOf } from "./words.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Light } from "./judge.js" */
+
 const MOST = 3;
 
-/** @param {import("../core/context.js").Context} context @param {(id: string) => void} open opens a light */
+/** @param {Context} context @param {(id: string) => void} open opens a light */
 export function createAlerts(context, open) {
   const element = el("div", { class: "alerts" });
   let shown = "";
 
-  /** @param {import("./judge.js").Light[]} lights */
+  /** @param {Light[]} lights */
   function show(lights) {
     const bad = lights.filter((light) => light.level === "bad").slice(0, MOST);
     const lines = bad.map((light) => `${context.t(`lights.${light.id}.title`)}: ${wordsOf(context, light)}`);

@@ -1,15 +1,19 @@
-// How many fields were lost in the last minute, from the counters of the state.
+// Fields lost in the last minute, from the counters of the state.
+
+/** @import { Device } from "types/documents" */
 
 const KEPT_MS = 60_000;
 const LOSSES = ["lost", "damaged", "overrun"];
 
 /** @typedef {{at: number, lost: number, all: number}} Mark */
 
+/** @typedef {ReturnType<typeof createHistory>} LossHistory */
+
 export function createHistory() {
   /** @type {Mark[]} */
   let marks = [];
 
-  /** The counters at a moment; a daemon that has begun anew counts from nothing. @param {any} fields @param {number} at by Date.now() */
+  /** The counters at a moment; a daemon that has begun anew counts from nothing. @param {Device["fields"]} fields @param {number} at by Date.now() */
   function enter(fields, at) {
     const lost = LOSSES.reduce((sum, name) => sum + fields[name], 0);
     const mark = { at, lost, all: lost + fields.received + fields.no_signal };

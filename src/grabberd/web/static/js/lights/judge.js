@@ -1,12 +1,18 @@
-// What each light shows: a level, a word, and when it is wrong, why that may be. Nothing here touches the page.
-import { deviceOf, streams as isStreaming } from "../core/store.js";
+// The state of each light: a level, a word, and possible causes. Nothing here touches the page.
+import { deviceOf, rateOf, streams as isStreaming } from "../core/store.js";
+
+/** @import { Known } from "../core/store.js" */
+/** @import { LossHistory } from "./history.js" */
+/** @import { Device, Storage } from "types/documents" */
+
+/** @typedef {{hz?: number, wanted?: number, n?: number, waiting?: number, slots?: number, id?: string, days?: number, minutes?: number, seconds?: number}} LightValues */
 
 /**
  * @typedef {object} Light
  * @property {string} id
  * @property {"good" | "warn" | "bad" | "idle"} level
  * @property {string} word key of lights.ID.words
- * @property {Record<string, any>} [values] of that word
+ * @property {LightValues} [values] of that word
  * @property {string} [cause] key of lights.ID.causes: what the page itself finds wrong
  * @property {string | null} [code] key of causes: what the daemon says is wrong
  * @property {string[]} [said] the same in its own words; without a cause and without these nothing is wrong
@@ -17,16 +23,16 @@ const CLOCK_MS = 5000;
 const MANY_LOST = 0.01;
 
 /**
- * @param {any} known what the store holds
- * @param {ReturnType<typeof import("./history.js").createHistory>} history
+ * @param {Known} known what the store holds
+ * @param {LossHistory} history
  * @returns {Light[]}
  */
 export function judge(known, history) {
   const device = deviceOf(known);
-  if (!known.connection.online || !device) return IDS.map((id) => idle(id));
+  if (!known.connection.online || !known.state || !device) return IDS.map((id) => idle(id));
   const streams = isStreaming(device);
   return [
-    grabber(device),
+    grabber(device, streams),
     signal(device, streams),
     streams ? rate(device) : idle("rate"),
     streams ? lost(history) : idle("lost"),
@@ -40,41 +46,44 @@ export function judge(known, history) {
 
 const IDS = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"];
 
+/** The daemon's own words about a problem, as far as it has any. @param {(string | null)[]} said */
+const knownOf = (said) => said.flatMap((one) => (one ? [one] : []));
+
 /** @param {string} id @returns {Light} */
 function idle(id) {
   return { id, level: "idle", word: "unknown" };
 }
 
-/** @param {any} device @returns {Light} */
-function grabber(device) {
-  if (isStreaming(device)) return { id: "grabber", level: "good", word: "good" };
-  const about = { id: "grabber", since: device.since_utc, code: device.cause_code, said: [device.cause, device.hint].filter(Boolean) };
+/** @param {Device} device @param {boolean} streams @returns {Light} */
+function grabber(device, streams) {
+  if (streams) return { id: "grabber", level: "good", word: "good" };
+  const about = { id: "grabber", since: device.since_utc, code: device.cause_code, said: knownOf([device.cause, device.hint]) };
   if (device.state === "ended") return { ...about, level: "idle", word: "ended" };
   if (device.state === "opening" || device.cause_code === "not_opened") return { ...about, level: "idle", word: "opening" };
   return { ...about, level: device.state === "recovering" ? "warn" : "bad", word: device.state };
 }
 
-/** @param {any} device @param {boolean} streams @returns {Light} */
+/** @param {Device} device @param {boolean} streams @returns {Light} */
 function signal(device, streams) {
   if (!streams) return idle("signal");
   const isAway = device.state === "no_signal" || device.signal === "absent";
   if (!isAway) return { id: "signal", level: "good", word: "good" };
   const code = device.cause_code ?? "no_signal";
-  return { id: "signal", level: "bad", word: "absent", code, since: device.since_utc, said: [device.cause].filter(Boolean) };
+  return { id: "signal", level: "bad", word: "absent", code, since: device.since_utc, said: knownOf([device.cause]) };
 }
 
-/** @param {any} device @returns {Light} */
+/** @param {Device} device @returns {Light} */
 function rate(device) {
   const now = device.rate_hz;
   if (now === null) return { id: "rate", level: "idle", word: "counting" };
-  const wanted = device.stream?.rate_hz ?? 50;
+  const wanted = rateOf(device);
   const values = { hz: now, wanted };
   if (Math.abs(now - wanted) <= 0.04 * wanted) return { id: "rate", level: "good", word: "good", values };
   const level = now < 0.8 * wanted ? "bad" : "warn";
   return { id: "rate", level, word: "off", values, cause: "off" };
 }
 
-/** @param {any} history @returns {Light} */
+/** @param {LossHistory} history @returns {Light} */
 function lost(history) {
   const { lost: count, all } = history.losses();
   if (count === 0) return { id: "lost", level: "good", word: "none" };
@@ -82,7 +91,7 @@ function lost(history) {
   return { id: "lost", level, word: "some", values: { n: count }, cause: "some" };
 }
 
-/** @param {any} device @returns {Light} */
+/** @param {Device} device @returns {Light} */
 function ring(device) {
   const share = device.ring.waiting / device.ring.slots;
   const values = { waiting: device.ring.waiting, slots: device.ring.slots };
@@ -90,9 +99,9 @@ function ring(device) {
   return { id: "ring", level: share < 0.95 ? "warn" : "bad", word: "full", values, cause: "full" };
 }
 
-/** @param {any} device @returns {Light} */
+/** @param {Device} device @returns {Light} */
 function calibration(device) {
-  const lack = device.lacks.find((/** @type {any} */ one) => one.lacks === "calibration");
+  const lack = device.lacks.find((one) => one.lacks === "calibration");
   const said = lack ? [lack.message, lack.hint] : [];
   const wrong = { code: lack?.cause_code, said };
   if (!device.calibration) return { id: "calibration", level: "bad", word: "none", ...wrong };
@@ -101,7 +110,7 @@ function calibration(device) {
   return { id: "calibration", level: "good", word: "good", values };
 }
 
-/** @param {any} device @returns {Light} */
+/** @param {Device} device @returns {Light} */
 function rig(device) {
   const verdict = device.rig?.verdict ?? "unknown";
   if (verdict === "fits") return { id: "rig", level: "good", word: "fits" };
@@ -110,16 +119,16 @@ function rig(device) {
   return { id: "rig", level, word: verdict, cause: verdict };
 }
 
-/** @param {any} storage @returns {Light} */
+/** @param {Storage} storage @returns {Light} */
 function disk(storage) {
   const minutes = storage.minutes_left;
-  if (minutes === null) return { id: "disk", level: "bad", word: "broken", code: storage.cause_code, said: [storage.problem].filter(Boolean) };
+  if (minutes === null) return { id: "disk", level: "bad", word: "broken", code: storage.cause_code, said: knownOf([storage.problem]) };
   const values = { minutes };
   if (minutes >= 60) return { id: "disk", level: "good", word: "good", values };
   return { id: "disk", level: minutes < 10 ? "bad" : "warn", word: minutes > 0 ? "short" : "full", values, cause: "full" };
 }
 
-/** @param {any} known @returns {Light} */
+/** @param {Known} known @returns {Light} */
 function clock(known) {
   const off_ms = known.clockOffset_ms;
   if (Math.abs(off_ms) <= CLOCK_MS) return { id: "clock", level: "good", word: "good" };

@@ -6,10 +6,13 @@ import { createAlerts } from "./alerts.js";
 import { judge } from "./judge.js";
 import { isKnown, wordsOf } from "./words.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Light } from "./judge.js" */
+
 const SYMBOLS = { good: "ok", warn: "warn", bad: "bad", idle: "unknown" };
 const EVERY_MS = 1000;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createLights(context) {
   const { t, store } = context;
   const history = createHistory();
@@ -24,11 +27,10 @@ export function createLights(context) {
     const judged = judge(store.get(), history);
     alerts.show(judged);
     for (const light of judged) {
-      if (!lights.has(light.id)) {
-        lights.set(light.id, createLight(context, light.id));
-        list.append(lights.get(light.id)?.element);
-      }
-      lights.get(light.id)?.show(light);
+      const one = lights.get(light.id) ?? createLight(context, light.id);
+      if (!lights.has(light.id)) list.append(one.element);
+      lights.set(light.id, one);
+      one.show(light);
     }
   }
 
@@ -48,7 +50,7 @@ export function createLights(context) {
   };
 }
 
-/** @param {import("../core/context.js").Context} context @param {string} id */
+/** @param {Context} context @param {string} id */
 function createLight(context, id) {
   const { t } = context;
   const sign = symbol("unknown");
@@ -60,7 +62,7 @@ function createLight(context, id) {
   let shown = "";
   let began = Date.now();
 
-  /** @param {import("./judge.js").Light} light */
+  /** @param {Light} light */
   function show(light) {
     if (light.level !== level) {
       began = context.now_ms();
@@ -79,13 +81,13 @@ function createLight(context, id) {
   function open() {
     element.open = true;
     element.scrollIntoView({ block: "center" });
-    element.querySelector("summary").focus();
+    element.querySelector("summary")?.focus();
   }
 
   return { element, show, open };
 }
 
-/** @param {import("../core/context.js").Context} context @param {import("./judge.js").Light} light @param {number} since */
+/** @param {Context} context @param {Light} light @param {number} since */
 function helpOf(context, light, since) {
   const { t, tl, format } = context;
   const about = el("p", {}, t(`lights.${light.id}.about`));
@@ -96,7 +98,7 @@ function helpOf(context, light, since) {
   return [about];
 }
 
-/** @param {import("../core/context.js").Context} context @param {string[]} reasons @param {string[]} attempts */
+/** @param {Context} context @param {string[]} reasons @param {string[]} attempts */
 function advice({ t }, reasons, attempts) {
   const items = (/** @type {string[]} */ texts) => texts.map((one) => el("li", {}, one));
   return [el("h3", {}, t("lights.reasons")), el("ul", {}, items(reasons)), el("h3", {}, t("lights.try")), el("ol", {}, items(attempts))];

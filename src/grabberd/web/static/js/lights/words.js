@@ -1,25 +1,29 @@
 // A light's word in full, with its numbers as people read them; the daemon's causes in words.
 
-/** Whether there are words for a cause of the daemon. @param {import("../core/context.js").Context} context @param {string | null | undefined} code */
+/** @import { Context } from "../core/context.js" */
+/** @import { Format } from "../core/format.js" */
+/** @import { Light, LightValues } from "./judge.js" */
+
+/** True if there are texts for a cause of the daemon. @param {Context} context @param {string | null | undefined} code */
 export function isKnown({ texts }, code) {
   return Boolean(code) && texts.has(`causes.${code}.what`);
 }
 
-/** What is wrong; what the daemon says itself only where there are no words for it. @param {import("../core/context.js").Context} context @param {{cause_code: string | null, message: string}} lack */
+/** A lack in words: the page's own, or the daemon's where the page has none. @param {Context} context @param {{cause_code: string | null, message: string}} lack */
 export function lackIn(context, lack) {
   return isKnown(context, lack.cause_code) ? context.t(`causes.${lack.cause_code}.what`) : lack.message;
 }
 
-/** @param {import("../core/context.js").Context} context @param {import("./judge.js").Light} light */
+/** @param {Context} context @param {Light} light */
 export function wordsOf({ t, tn, format }, light) {
   const values = light.values ?? {};
   const key = `lights.${light.id}.words.${light.word}`;
-  if (light.id === "lost" && light.word === "some") return tn("lights.lost.words.some", values.n);
-  if (light.id === "calibration" && light.word === "good") return `${t(key, values)} · ${age(values.days, tn)}`;
+  if (values.n !== undefined) return tn(key, values.n);
+  if (light.word === "good" && values.days !== undefined) return `${t(key, values)} · ${age(values.days, tn)}`;
   return t(key, shown(values, format));
 }
 
-/** @param {any} values @param {any} format */
+/** @param {LightValues} values @param {Format} format */
 function shown(values, format) {
   const { hz, wanted, minutes, seconds } = values;
   return {

@@ -4,10 +4,13 @@ import { delivers, deviceOf } from "../core/store.js";
 import { createHistogram } from "./histogram.js";
 import { createThreshold } from "./threshold.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { ViewIllumination } from "types/documents" */
+
 const EVERY_MS = 500;
 const CLIPPED = 0.5;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createAid(context) {
   const { t, store, api } = context;
   const views = { left: createView(context, "left"), right: createView(context, "right") };
@@ -52,7 +55,7 @@ export function createAid(context) {
   };
 }
 
-/** @param {import("../core/context.js").Context} context @param {"left" | "right"} name */
+/** @param {Context} context @param {"left" | "right"} name */
 function createView({ t, format }, name) {
   const title = t(`live.view.${name}`);
   const histogram = createHistogram(t("live.aid.histogram", { view: title }));
@@ -61,13 +64,13 @@ function createView({ t, format }, name) {
   const warning = el("p", { class: "note is-warn", hidden: true }, t("live.aid.clipped"));
   const element = el("div", { class: "aid-view", data: { view: name } }, el("h3", {}, title), histogram.element, el("dl", { class: "facts number" }, facts), warning);
 
-  /** @param {any} light @param {number} threshold */
+  /** @param {ViewIllumination | null} light @param {number} threshold */
   function show(light, threshold) {
     setText(values.targets, light ? format.number(light.targets) : "–");
     setText(values.size, light?.diameter_px ? t("live.aid.px", { px: format.number(light.diameter_px, 1) }) : "–");
     setText(values.bright, light ? format.number(light.brightest) : "–");
     setText(values.dark, light ? format.number(light.background) : "–");
-    warning.hidden = !(light?.clipped > CLIPPED);
+    warning.hidden = !light || light.clipped <= CLIPPED;
     if (light) histogram.draw(light.histogram, threshold);
   }
 

@@ -1,5 +1,8 @@
 // Packed bits as a picture: white targets on black.
 
+/** @import { Preview } from "./message.js" */
+
+// Image data are bytes R, G, B, A; as one little-endian word opacity is the highest byte.
 const WHITE = 0xffffffff;
 const BLACK = 0xff000000;
 
@@ -9,7 +12,7 @@ const PIXELS = Uint32Array.from({ length: 256 * 8 }, (_, i) => ((i >> 3) >> (7 -
 /**
  * Draws the bits into a canvas of their own size.
  * @param {HTMLCanvasElement} canvas
- * @param {import("./message.js").Preview} preview
+ * @param {Preview} preview
  */
 export function drawBits(canvas, { bits, rows, columns }) {
   const width = 8 * Math.ceil(columns / 8);

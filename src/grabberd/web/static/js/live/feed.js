@@ -2,11 +2,14 @@
 import { deviceOf } from "../core/store.js";
 import { readPreview } from "./message.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Preview } from "./message.js" */
+
 const RETRY_MS = 2000;
 
 /**
- * @param {import("../core/context.js").Context} context
- * @param {(preview: import("./message.js").Preview) => void} take
+ * @param {Context} context
+ * @param {(preview: Preview) => void} take
  */
 export function createFeed({ store }, take) {
   /** @type {WebSocket | null} */

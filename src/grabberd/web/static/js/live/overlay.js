@@ -1,5 +1,9 @@
-// What is drawn over the picture: both views' outlines, the located targets, their ids and residuals.
+// Overlay of the live picture: both views' outlines, the located targets, their ids and residuals.
 
+/** @import { Point, Preview } from "./message.js" */
+/** @import { Views } from "types/documents" */
+
+/** @type {Record<string, string>} */
 const COLOURS = { left: "#35d0ff", right: "#ffb02e" };
 const RING_PX = 7;
 const LARGEST_LABEL_PX = 12;
@@ -14,8 +18,8 @@ const FAIR_PX = 0.3;
 
 /**
  * @param {CanvasRenderingContext2D} to scaled to frame pixels
- * @param {import("./message.js").Preview} preview
- * @param {Record<string, {first_column: number, end_column: number}>} views
+ * @param {Preview} preview
+ * @param {Views} views
  * @param {Choices} choices
  * @param {number} unit how many frame pixels one pixel of the page is
  */
@@ -29,7 +33,7 @@ export function drawOverlay(to, preview, views, choices, unit) {
 
 /** @param {string} name */
 export function colourOf(name) {
-  return /** @type {any} */ (COLOURS)[name] ?? "#ffffff";
+  return COLOURS[name] ?? "#ffffff";
 }
 
 /** @param {number} residual_px */
@@ -38,14 +42,14 @@ export function residualColour(residual_px) {
   return residual_px <= FAIR_PX ? "#ffd54a" : "#ff7a6e";
 }
 
-/** @param {CanvasRenderingContext2D} to @param {any} view @param {number} lines @param {string} colour @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Views[string]} view @param {number} lines @param {string} colour @param {number} unit */
 function outline(to, view, lines, colour, unit) {
   to.strokeStyle = colour;
   to.lineWidth = 2 * unit;
   to.strokeRect(view.first_column + unit, unit, view.end_column - view.first_column - 2 * unit, lines - 2 * unit);
 }
 
-/** @param {CanvasRenderingContext2D} to @param {Float32Array} centroids @param {any} views @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Float32Array} centroids @param {Views} views @param {number} unit */
 function ringAll(to, centroids, views, unit) {
   for (const [name, view] of Object.entries(views)) {
     to.beginPath();
@@ -59,7 +63,7 @@ function ringAll(to, centroids, views, unit) {
   }
 }
 
-/** @param {CanvasRenderingContext2D} to @param {import("./message.js").Point} point @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Point} point @param {number} unit */
 function ringPoint(to, { image, residual }, unit) {
   to.beginPath();
   circle(to, image[0], image[1]);
@@ -75,7 +79,7 @@ function circle(to, x, y) {
   to.arc(x, y, RING_PX, 0, 2 * Math.PI);
 }
 
-/** @param {CanvasRenderingContext2D} to @param {import("./message.js").Point} point @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {Point} point @param {number} unit */
 function label(to, { image, target }, unit) {
   to.font = `600 ${Math.min(11 * unit, LARGEST_LABEL_PX)}px system-ui, sans-serif`;
   to.textAlign = "center";

@@ -5,11 +5,14 @@ import { drawBits } from "./bits.js";
 import { createFeed } from "./feed.js";
 import { drawOverlay } from "./overlay.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Preview } from "./message.js" */
+
 const OLD_MS = 1000;
 const LOOK_MS = 250;
 const FRAME = { columns: 720, lines: 576 };
 
-/** @param {import("../core/context.js").Context} context @param {(preview: any) => void} [seen] told of every field that is shown */
+/** @param {Context} context @param {(preview: Preview) => void} [seen] told of every field that is shown */
 export function createPicture(context, seen = () => {}) {
   const { t, store } = context;
   const bits = document.createElement("canvas");
@@ -20,10 +23,10 @@ export function createPicture(context, seen = () => {}) {
   const choices = { ids: false, residuals: false };
   let frozen = false;
   let arrived = performance.now();
-  /** @type {import("./message.js").Preview | null} */
+  /** @type {Preview | null} */
   let shown = null;
 
-  /** @param {import("./message.js").Preview} preview */
+  /** @param {Preview} preview */
   function take(preview) {
     arrived = performance.now();
     if (frozen) return;
@@ -54,7 +57,7 @@ export function createPicture(context, seen = () => {}) {
     return width / FRAME.columns;
   }
 
-  /** What is old is veiled, and says so; a frozen picture is meant to be. */
+  /** Veils a picture that is out of date, unless it is frozen on purpose. */
   function lift() {
     const age_ms = performance.now() - arrived;
     const device = deviceOf(store.get());

@@ -2,9 +2,12 @@
 import { el, setText } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Settings, Threshold } from "types/documents" */
+
 const SETTLE_MS = 250;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createThreshold(context) {
   const { t, api, store, may, refused } = context;
   const automatic = el("input", { type: "checkbox", id: "automatic", on: { change: () => set(automatic.checked ? null : Number(slider.value)) } });
@@ -29,9 +32,10 @@ export function createThreshold(context) {
   /** @param {number | null} level null: as it is configured */
   async function set(level) {
     busy = true;
+    /** @type {Threshold} */
     const threshold = level === null ? { kind: "automatic" } : { kind: "fixed", value: level };
     try {
-      take(await api.put("/settings", { body: { device: context.device().name, threshold } }));
+      take(await api.put("/settings", { body: { device: context.device()?.name, threshold } }));
     } catch (problem) {
       refused(problem);
       await look();
@@ -43,7 +47,7 @@ export function createThreshold(context) {
     take(await api.get("/settings").catch(() => null));
   }
 
-  /** @param {any} settings */
+  /** @param {Settings | null} settings */
   function take(settings) {
     const own = settings?.devices[context.device()?.name ?? ""];
     if (own) automatic.checked = own.threshold.kind !== "fixed";

@@ -3,7 +3,10 @@ import { el, setText, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { createPicture } from "./picture.js";
 
-/** @param {import("../core/context.js").Context} context @param {{buttons: boolean}} options */
+/** @import { Context } from "../core/context.js" */
+/** @import { Live } from "types/documents" */
+
+/** @param {Context} context @param {{buttons: boolean}} options */
 export function createViewfinder(context, { buttons }) {
   const { t, store, format } = context;
   const counts = el("p", { class: "viewfinder-counts number" });
@@ -23,7 +26,7 @@ export function createViewfinder(context, { buttons }) {
 
   const end = store.subscribe((known) => deviceOf(known)?.live, (live) => setText(counts, countsOf(live)));
 
-  /** @param {any} live */
+  /** @param {Live | null | undefined} live */
   function countsOf(live) {
     if (!live) return t("live.notMeasured");
     const { left, right } = live.views ?? {};

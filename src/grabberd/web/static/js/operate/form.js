@@ -1,25 +1,27 @@
-// What is asked for before Start: how long, from when, and what it shows. Remembered on this tablet.
+// The settings of the next capture: length, fields before the start, labels. Remembered on this tablet.
 import { el, setText } from "../core/dom.js";
 import { keep, kept } from "../core/kept.js";
-import { deviceOf } from "../core/store.js";
-import { USUAL, isSound, lengthOf, orderOf } from "./order.js";
+import { deviceOf, rateOf } from "../core/store.js";
+import { KINDS, USUAL, isSound, lengthOf, requestOf, wishFrom } from "./wish.js";
 import { createLabels } from "./labels.js";
 import { createRate } from "./rate.js";
 
-const KINDS = ["stop", "seconds", "cycles", "fields"];
-const STEPS = { seconds: 5, cycles: 5, fields: 50 };
-const NOMINAL_HZ = 50;
+/** @import { Context } from "../core/context.js" */
+/** @import { Known } from "../core/store.js" */
+/** @import { Change, Wish } from "./wish.js" */
 
-/** @param {import("../core/context.js").Context} context @param {() => void} changed */
+const STEPS = { seconds: 5, cycles: 5, fields: 50 };
+
+/** @param {Context} context @param {() => void} changed */
 export function createForm(context, changed) {
   const { t, store, format } = context;
-  /** @type {import("./order.js").Wish} */
-  const wish = { ...USUAL, ...kept("wish", {}) };
-  const rate = () => context.device()?.stream?.rate_hz ?? NOMINAL_HZ;
+  /** @type {Wish} */
+  const wish = { ...USUAL, ...wishFrom(kept("wish")) };
+  const rate = () => rateOf(context.device());
   const slots = () => context.device()?.ring.slots ?? 32;
 
   const is = el("p", { class: "field-hint", id: "length-is" });
-  const value = number("length-value", (n) => set(wish.kind, n));
+  const value = number("length-value", (n) => wish.kind !== "stop" && set(wish.kind, n));
   const stepper = el("div", { class: "stepper" }, step(-1, t("operate.length.less"), "−"), value, step(+1, t("operate.length.more"), "+"));
   const perMinute = createRate(context, wish, set, () => {
     show();
@@ -34,9 +36,9 @@ export function createForm(context, changed) {
   const isForAll = () => wish.all && isSeveral(store.get());
   const labels = createLabels(context, wish, set);
 
-  /** @param {string} name @param {any} given */
+  /** @type {Change} */
   function set(name, given) {
-    /** @type {any} */ (wish)[name] = given;
+    wish[name] = given;
     keep("wish", { ...wish, note: "" });
     show();
     changed();
@@ -45,19 +47,19 @@ export function createForm(context, changed) {
   /** @param {number} direction @param {string} label @param {string} sign */
   function step(direction, label, sign) {
     const press = () => {
-      const by = /** @type {any} */ (STEPS)[wish.kind];
-      const now = /** @type {any} */ (wish)[wish.kind];
-      set(wish.kind, Math.max(by, now + direction * by));
+      if (wish.kind === "stop") return;
+      const by = STEPS[wish.kind];
+      set(wish.kind, Math.max(by, wish[wish.kind] + direction * by));
     };
     return el("button", { class: "button", type: "button", "aria-label": label, on: { click: press } }, sign);
   }
 
   function show() {
-    const given = /** @type {any} */ (wish)[wish.kind];
+    const given = wish.kind === "stop" ? "" : String(wish[wish.kind] ?? "");
     valueField.hidden = wish.kind === "stop";
     perMinute.show();
     wish.perMinute = perMinute.value();
-    if (document.activeElement !== value) value.value = given ?? "";
+    if (document.activeElement !== value) value.value = given;
     const length = lengthOf(wish, rate());
     is.hidden = length === null || !isSound(wish, rate());
     if (length !== null) setText(is, t("operate.length.is", { seconds: format.number(length / rate(), 2), fields: format.number(length) }));
@@ -84,19 +86,21 @@ export function createForm(context, changed) {
     labels,
   );
 
-  /** @param {string} kind */
+  /** @param {Wish["kind"]} kind */
   function choice(kind) {
     const input = el("input", { type: "radio", name: "length", value: kind, checked: wish.kind === kind, on: { change: () => set("kind", kind) } });
     return el("label", {}, input, el("span", {}, t(`operate.length.${kind}`)));
   }
 
-  const stop = store.subscribe((known) => deviceOf(known)?.stream?.rate_hz, show);
+  const stop = store.subscribe((known) => rateOf(deviceOf(known)), show);
   const count = store.subscribe(isSeveral, (several) => (allField.hidden = !several));
   const follow = store.subscribe((known) => known.session?.role, () => (element.hidden = !context.may("operator")));
   return {
     element,
-    order: () => orderOf(wish, isForAll() ? { devices: "all" } : { device: context.device().name }, rate()),
-    isForAll,
+    /** Requests the capture, or one of each device. @param {string} key Idempotency-Key */
+    submit: (key) => (isForAll()
+      ? context.api.post("/capture-groups", { body: requestOf(wish, { devices: "all" }, rate()), key })
+      : context.api.post("/captures", { body: requestOf(wish, { device: context.device()?.name }, rate()), key })),
     isSound: () => isSound(wish, rate()),
     waits: () => wish.wait,
     unmount() {
@@ -108,7 +112,7 @@ export function createForm(context, changed) {
   };
 }
 
-/** Whether there is more than one grabber. @param {any} known */
+/** True if there is more than one grabber. @param {Known} known */
 function isSeveral(known) {
   return Object.keys(known.state?.devices ?? {}).length > 1;
 }

@@ -3,9 +3,13 @@ import { el, fill, symbol } from "../core/dom.js";
 import { ledgerIn } from "../captures/words.js";
 import { deviceOf } from "../core/store.js";
 
-const EVERY_MS = 1000;
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
 
-/** @param {import("../core/context.js").Context} context */
+const EVERY_MS = 1000;
+const VERDICTS = { complete: ["good", "ok"], incomplete: ["warn", "warn"] };
+
+/** @param {Context} context */
 export function createLastCapture(context) {
   const { t, store, api } = context;
   const element = el("section", { class: "card last", "aria-label": t("operate.last.title") });
@@ -38,12 +42,12 @@ export function createLastCapture(context) {
   };
 }
 
-/** @param {any} capture */
+/** @param {Capture} capture */
 function atRest(capture) {
   return capture.verdict !== null || capture.state === "armed";
 }
 
-/** @param {import("../core/context.js").Context} context @param {any} capture */
+/** @param {Context} context @param {Capture | undefined} capture */
 function words(context, capture) {
   const { t, format } = context;
   if (!capture) return [el("h2", {}, t("operate.last.title")), el("p", { class: "muted" }, t("operate.last.none"))];
@@ -57,15 +61,14 @@ function words(context, capture) {
   ];
 }
 
-/** @param {import("../core/context.js").Context} context @param {any} capture */
+/** @param {Context} context @param {Capture} capture */
 function verdict({ t }, capture) {
   if (capture.state === "recording" || capture.state === "armed") return null;
-  const level = { complete: "good", incomplete: "warn" }[/** @type {string} */ (capture.verdict)] ?? "idle";
-  const sign = { complete: "ok", incomplete: "warn" }[/** @type {string} */ (capture.verdict)] ?? "wait";
+  const [level, sign] = capture.verdict ? VERDICTS[capture.verdict] : ["idle", "wait"];
   return el("span", { class: `badge is-${level}` }, symbol(sign), t(`operate.last.${capture.verdict ?? "sealing"}`));
 }
 
-/** What its ledger says, where the verdict does not say it all. @param {import("../core/context.js").Context} context @param {any} capture */
+/** The ledger in words, unless the capture is complete. @param {Context} context @param {Capture} capture */
 function said(context, capture) {
   return capture.ledger.complete ? "" : ` · ${ledgerIn(context, capture)}`;
 }

@@ -1,14 +1,18 @@
 // Pulsations a minute, for a length in pulsations: as entered here, else as measured last; and which of these it is.
 import { el, setText } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
-import { USUAL } from "./order.js";
+import { USUAL } from "./wish.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Change, Wish } from "./wish.js" */
+/** @import { Pulsation } from "types/documents" */
 
 const DIGITS = 1;
 
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("./order.js").Wish} wish
- * @param {(name: string, value: any) => void} set
+ * @param {Context} context
+ * @param {Wish} wish
+ * @param {Change} set
  * @param {() => void} changed it is another one than before
  */
 export function createRate(context, wish, set, changed) {
@@ -16,14 +20,14 @@ export function createRate(context, wish, set, changed) {
   const input = el("input", { class: "input number", id: "length-rate", type: "number", inputmode: "decimal", min: 1, step: "any", "aria-describedby": "length-rate-from" });
   const from = el("span", { class: "field-hint", id: "length-rate-from" });
   const element = el("label", { class: "field", for: "length-rate" }, el("span", { class: "field-label" }, t("operate.length.rate")), input, from);
-  /** @type {any} */
+  /** @type {Pulsation | null} */
   let measured = null;
   let asked = "";
   let ended = false;
   input.addEventListener("input", () => set("ownPerMinute", Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null));
   input.addEventListener("blur", show);
 
-  /** What the device's newest analysis has found. @param {string} device */
+  /** Asks for the rate in the device's newest analysis. @param {string} device */
   async function ask(device) {
     asked = device;
     measured = null;

@@ -1,11 +1,15 @@
-// What a person in front of the instrument has to know: the state in a word, and why Start is not offered.
+// The situation in front of the instrument: its state in a word, and why Start is not offered.
 import { deviceOf } from "../core/store.js";
 
-/** Level of each state: its colour. */
+/** @import { Known } from "../core/store.js" */
+/** @import { Device } from "types/documents" */
+
+/** @type {Record<Device["state"] | "armed" | "away" | "none", string>} */
 const LEVELS = {
   ready: "good", capturing: "busy", armed: "busy", no_signal: "warn", opening: "idle", recovering: "warn",
   absent: "bad", failed: "bad", ended: "idle", away: "bad", none: "bad",
 };
+/** @type {typeof LEVELS} */
 const SYMBOLS = {
   ready: "ready", capturing: "capturing", armed: "armed", no_signal: "warn", opening: "wait", recovering: "wait",
   absent: "bad", failed: "bad", ended: "stop", away: "away", none: "bad",
@@ -24,14 +28,14 @@ const REFUSING = new Set(["absent", "opening", "recovering", "failed", "ended"])
  * @property {string | null} why key of operate.why: what keeps Start from being offered
  */
 
-/** @param {any} known what the store holds @param {boolean} mayOperate @returns {Situation} */
+/** @param {Known} known what the store holds @param {boolean} mayOperate @returns {Situation} */
 export function situationOf(known, mayOperate) {
   const device = deviceOf(known);
   const word = wordOf(known, device);
   return {
     word,
-    level: LEVELS[word] ?? "idle",
-    symbol: SYMBOLS[word] ?? "unknown",
+    level: LEVELS[word],
+    symbol: SYMBOLS[word],
     since: word === "away" ? known.connection.since + known.clockOffset_ms : device?.since_utc ?? null,
     running: device?.capture_id ?? null,
     armed: device?.armed_capture_id ?? null,
@@ -40,7 +44,7 @@ export function situationOf(known, mayOperate) {
   };
 }
 
-/** @param {any} known @param {any} device */
+/** @param {Known} known @param {Device | null} device @returns {keyof typeof LEVELS} */
 function wordOf(known, device) {
   if (!known.connection.online) return "away";
   if (!device) return "none";
@@ -48,11 +52,11 @@ function wordOf(known, device) {
   return device.state;
 }
 
-/** @param {any} known @param {any} device @param {boolean} mayOperate */
+/** @param {Known} known @param {Device | null} device @param {boolean} mayOperate */
 function whyNot(known, device, mayOperate) {
   if (!mayOperate) return "viewer";
   if (!known.connection.online) return "away";
   if (!device) return "none";
   if (REFUSING.has(device.state)) return device.state;
-  return known.state.storage.minutes_left === 0 ? "full" : null;
+  return known.state?.storage.minutes_left === 0 ? "full" : null;
 }

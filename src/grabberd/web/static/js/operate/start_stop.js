@@ -1,11 +1,13 @@
-// Start and Stop. Start orders once however often it is pressed; Stop is always there.
-import { newKey } from "../core/api.js";
+// Start and Stop. Start requests one capture however often it is pressed; Stop is always there.
+import { newKey, statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { situationOf } from "./situation.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
- * @param {{order: () => any, isForAll: () => boolean, isSound: () => boolean, waits: () => boolean}} form
+ * @param {Context} context
+ * @param {{submit: (key: string) => Promise<unknown>, isSound: () => boolean, waits: () => boolean}} form
  */
 export function createStartStop(context, form) {
   const { t, store, may } = context;
@@ -16,36 +18,36 @@ export function createStartStop(context, form) {
   let busy = "";
   let shown = "";
 
-  const start = el("button", { class: "button good large grow", type: "button", data: { do: "start" }, "aria-describedby": "start-why", on: { click: order } });
+  const start = el("button", { class: "button good large grow", type: "button", data: { do: "start" }, "aria-describedby": "start-why", on: { click: submit } });
   const trigger = el("button", { class: "button good large grow", type: "button", data: { do: "trigger" }, on: { click: () => act("trigger") } }, symbol("trigger"), t("operate.trigger"));
   const disarm = el("button", { class: "button large", type: "button", data: { do: "disarm" }, on: { click: () => act("stop") } }, t("operate.disarm"));
   const stopWords = el("span");
   const stop = el("button", { class: "button danger large grow", type: "button", data: { do: "stop" }, on: { click: () => act("stop") } }, symbol("stop"), stopWords);
 
-  /** Orders a capture; the same key until an answer has come, so what was lost on the way is not done twice. */
-  async function order() {
+  /** Requests a capture; with the same key until an answer has come, so that one lost on the way starts no second capture. */
+  async function submit() {
     if (busy) return;
     setBusy("start");
     try {
       const waits = form.waits();
-      await context.api.post(form.isForAll() ? "/capture-groups" : "/captures", { body: form.order(), key });
+      await form.submit(key);
       key = newKey();
       context.announce(t(waits ? "operate.armedNow" : "operate.started"), { kind: "good" });
     } catch (problem) {
-      if (/** @type {any} */ (problem).status) key = newKey();
+      if (statusOf(problem)) key = newKey();
       context.refused(problem);
     }
     setBusy("");
   }
 
-  /** What was begun together is triggered and stopped together. @param {"stop" | "trigger"} what */
+  /** Captures of a group are triggered and stopped together. @param {"stop" | "trigger"} what */
   async function act(what) {
     const { running, armed, group } = situationOf(store.get(), may("operator"));
     const id = running ?? armed;
     if (!id || (busy && what !== "stop")) return;
     setBusy(what);
     try {
-      await context.api.post(group ? `/capture-groups/${group}/${what}` : `/captures/${id}/${what}`);
+      await (group ? context.api.post(`/capture-groups/${group}/${what}`) : context.api.post(`/captures/${id}/${what}`));
       if (what === "stop") context.announce(t("operate.stopped"), { kind: "good" });
     } catch (problem) {
       context.refused(problem);

@@ -2,7 +2,10 @@
 import { el, setSymbol, setText, symbol } from "../core/dom.js";
 import { situationOf } from "./situation.js";
 
-/** @param {import("../core/context.js").Context} context */
+/** @import { Context } from "../core/context.js" */
+/** @import { Situation } from "./situation.js" */
+
+/** @param {Context} context */
 export function createStateCard(context) {
   const { t, format, store, now_ms, may } = context;
   const picture = symbol("unknown");
@@ -25,7 +28,7 @@ export function createStateCard(context) {
     setText(since, sinceWords(situation.since));
   }
 
-  /** @param {any} time */
+  /** @param {Situation["since"]} time */
   function sinceWords(time) {
     if (time === null) return "";
     const moment = typeof time === "number" ? time : Date.parse(time);

@@ -2,26 +2,28 @@
 import { createRequest } from "../analysis/request.js";
 import { createResults } from "../analysis/results.js";
 import { labelsIn } from "../captures/words.js";
+import { statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 
-export const panel = {
-  id: "analysis",
-  title: "analysis.title",
-  roles: ["viewer", "operator", "admin"],
+/** @import { PanelContext } from "./index.js" */
+/** @import { AnalysisRow, Capture } from "types/documents" */
 
-  /** @param {HTMLElement} element @param {any} context */
+export const panel = {
+  title: "analysis.title",
+
+  /** @param {HTMLElement} element @param {PanelContext} context */
   mount(element, context) {
     const { t, api, format, may, go } = context;
-    const { id, n } = context.parameters;
-    const path = `/captures/${encodeURIComponent(id)}`;
+    const { id = "", n } = context.parameters;
+    const path = /** @type {const} */ (`/captures/${encodeURIComponent(id)}`);
     const back = el("a", { class: "button plain", href: `#captures/${encodeURIComponent(id)}` }, symbol("back"), t("analysis.back"));
     const title = el("h1", {}, t("analysis.title"));
     const list = el("nav", { class: "row", "aria-label": t("analysis.list") });
     const place = el("div", { class: "stack" });
     const asking = el("details", { class: "card analysis-asking" });
-    /** @type {any} */
+    /** @type {ReturnType<typeof createResults> | null} */
     let results = null;
-    /** @type {any} */
+    /** @type {ReturnType<typeof createRequest> | null} */
     let request = null;
     let ended = false;
 
@@ -30,20 +32,20 @@ export const panel = {
       if (ended) return;
       fill(title, t("analysis.of", { when: format.moment(capture.created_utc) }), labelsIn(context, capture) && ` · ${labelsIn(context, capture)}`);
       const { analyses } = listed;
-      const shown = analyses.find((/** @type {any} */ one) => String(one.analysis) === n) ?? analyses[0];
-      fill(list, ...analyses.map((/** @type {any} */ one) => link(one, one === shown)));
+      const shown = analyses.find((one) => String(one.analysis) === n) ?? analyses[0];
+      fill(list, ...analyses.map((one) => link(one, one === shown)));
       list.hidden = !analyses.length;
       results = shown ? createResults(context, capture, shown) : null;
       fill(place, results?.element ?? el("p", { class: "muted" }, t("analysis.none")));
       ask(capture, analyses);
     }
 
-    /** @param {any} one @param {boolean} isShown */
+    /** @param {AnalysisRow} one @param {boolean} isShown */
     function link(one, isShown) {
       return el("a", { class: "button", href: `#analysis/${encodeURIComponent(id)}/${one.analysis}`, "aria-current": isShown ? "page" : null }, t("capture.analysis", { n: one.analysis }), el("span", { class: "muted small" }, one.created_utc && format.moment(one.created_utc)));
     }
 
-    /** @param {any} capture @param {any[]} analyses */
+    /** @param {Capture} capture @param {AnalysisRow[]} analyses */
     function ask(capture, analyses) {
       if (!may("operator")) return fill(asking, el("summary", { class: "capture-summary" }, t("analysis.new")), el("p", {}, t("analysis.viewer")));
       if (capture.state !== "sealed" || !capture.runs.length) return fill(asking, el("summary", { class: "capture-summary" }, t("analysis.new")), el("p", {}, t(capture.runs.length ? "analysis.notYet" : "analysis.noPoints")));
@@ -52,9 +54,9 @@ export const panel = {
       fill(asking, el("summary", { class: "capture-summary" }, t("analysis.new")), request.element);
     }
 
-    /** @param {any} problem */
+    /** @param {unknown} problem */
     function refused(problem) {
-      if (problem.status === 404) fill(place, el("div", { class: "note is-warn" }, symbol("warn"), el("p", {}, t("capture.gone"))));
+      if (statusOf(problem) === 404) fill(place, el("div", { class: "note is-warn" }, symbol("warn"), el("p", {}, t("capture.gone"))));
       else context.refused(problem);
     }
 

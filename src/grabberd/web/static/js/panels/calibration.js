@@ -8,19 +8,20 @@ import { createSteps, remember } from "../calibration/steps.js";
 import { createTake } from "../calibration/take.js";
 import { el, symbol } from "../core/dom.js";
 
-const VIEWS = /** @type {Record<string, (context: any, id: string) => {element: HTMLElement, unmount: () => void}>} */ ({
+/** @import { Context } from "../core/context.js" */
+/** @import { PanelContext } from "./index.js" */
+
+const VIEWS = /** @type {Record<string, (context: Context, id: string) => {element: HTMLElement, unmount: () => void}>} */ ({
   place: createPlace, take: createTake, found: createFound, adjust: createAdjust, review: createReview,
 });
 const NEEDS_ID = new Set(["found", "adjust", "review"]);
 
 export const panel = {
-  id: "calibration",
   title: "calibration.title",
-  roles: ["viewer", "operator", "admin"],
 
-  /** @param {HTMLElement} element @param {any} context */
+  /** @param {HTMLElement} element @param {PanelContext} context */
   mount(element, context) {
-    const { step, id } = context.parameters;
+    const { step = "", id = "" } = context.parameters;
     const title = el("h1", {}, context.t("calibration.title"));
     if (!VIEWS[step] || (NEEDS_ID.has(step) && !id)) {
       const overview = createOverview(context);

@@ -9,20 +9,23 @@ import { createRuns } from "../capture/runs.js";
 import { sampleOf } from "../capture/sample.js";
 import { createStrip } from "../capture/strip.js";
 import { atRest } from "../captures/words.js";
+import { statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
+
+/** @import { PointSample } from "../capture/sample.js" */
+/** @import { PanelContext } from "./index.js" */
+/** @import { Capture } from "types/documents" */
 
 const EVERY_MS = 1000;
 
 export const panel = {
-  id: "capture",
   title: "capture.title",
-  roles: ["viewer", "operator", "admin"],
 
-  /** @param {HTMLElement} element @param {any} context */
+  /** @param {HTMLElement} element @param {PanelContext} context */
   mount(element, context) {
     const { t, api } = context;
-    const id = context.parameters.id;
-    const path = `/captures/${encodeURIComponent(id)}`;
+    const { id = "" } = context.parameters;
+    const path = /** @type {const} */ (`/captures/${encodeURIComponent(id)}`);
     const head = createHead(context);
     const pictures = createPictures(context);
     const strip = createStrip(context, pictures.go);
@@ -32,12 +35,12 @@ export const panel = {
     const downloads = createDownloads(context);
     const analyses = createAnalyses(context);
     const fields = el("section", { class: "card stack" }, el("h2", {}, t("capture.fields")), strip.element, pictures.element);
-    /** @type {any} */
+    /** @type {PointSample | null} */
     let sample = null;
     let timer = 0;
     let turn = 0;
 
-    /** @param {any} capture */
+    /** @param {Capture} capture */
     function show(capture) {
       clearTimeout(timer);
       for (const part of [head, strip, pictures, labels, keep]) part.show(capture);
@@ -59,14 +62,14 @@ export const panel = {
         sample = capture.runs.length ? await sampleOf(api, id) : null;
         if (mine === turn) show(capture);
       } catch (problem) {
-        if (mine === turn) refused(/** @type {any} */ (problem));
+        if (mine === turn) refused(problem);
       }
     }
 
-    /** @param {any} problem */
+    /** @param {unknown} problem */
     function refused(problem) {
-      if (problem.status === 0) timer = setTimeout(load, EVERY_MS); // the banner says that the daemon is away
-      else if (problem.status === 404) fill(element, el("h1", {}, t("capture.title")), el("div", { class: "note is-warn" }, symbol("warn"), el("p", {}, t("capture.gone"))), el("p", {}, el("a", { class: "button", href: "#captures" }, symbol("back"), t("captures.title"))));
+      if (statusOf(problem) === 0) timer = setTimeout(load, EVERY_MS); // the banner says that the daemon is away
+      else if (statusOf(problem) === 404) fill(element, el("h1", {}, t("capture.title")), el("div", { class: "note is-warn" }, symbol("warn"), el("p", {}, t("capture.gone"))), el("p", {}, el("a", { class: "button", href: "#captures" }, symbol("back"), t("captures.title"))));
       else context.refused(problem);
     }
 

@@ -3,12 +3,12 @@ import { createList } from "../captures/list.js";
 import { createSearch } from "../captures/search.js";
 import { el, symbol } from "../core/dom.js";
 
-export const panel = {
-  id: "captures",
-  title: "captures.title",
-  roles: ["viewer", "operator", "admin"],
+/** @import { Context } from "../core/context.js" */
 
-  /** @param {HTMLElement} element @param {import("../core/context.js").Context} context */
+export const panel = {
+  title: "captures.title",
+
+  /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {
     const search = createSearch(context, () => list.search());
     const list = createList(context, search);

@@ -6,15 +6,16 @@ import { createFacts } from "../compare/facts.js";
 import { courseOf, openSide, phasesOf } from "../compare/side.js";
 import { nameOf } from "../scene/subject_bar.js";
 
+/** @import { PanelContext } from "./index.js" */
+/** @import { Capture } from "types/documents" */
+
 const OFFERED = 100;
 const SIDES = ["id", "other"];
 
 export const panel = {
-  id: "compare",
   title: "compare.title",
-  roles: ["viewer", "operator", "admin"],
 
-  /** @param {HTMLElement} element @param {any} context */
+  /** @param {HTMLElement} element @param {PanelContext} context */
   mount(element, context) {
     const { t, api, go, parameters } = context;
     const body = el("div", { class: "stack" });
@@ -22,7 +23,7 @@ export const panel = {
     const labels = selects.map((select, i) => el("label", { class: "field grow" }, el("span", { class: "field-label" }, t(`compare.side.${SIDES[i]}`)), select));
     const back = el("a", { class: "button plain", href: "#captures" }, symbol("back"), t("captures.title"));
     element.append(el("div", {}, back, el("h1", {}, t("compare.title"))), el("div", { class: "compare-sides" }, labels), body);
-    /** @type {any} */
+    /** @type {ReturnType<typeof createCurves> | null} */
     let curves = null;
     let ended = false;
 
@@ -33,14 +34,14 @@ export const panel = {
 
     async function open() {
       const { captures } = await api.get(`/captures?limit=${OFFERED}`);
-      const asked = SIDES.map((side) => parameters[side]);
-      const usable = captures.filter((/** @type {any} */ one) => one.state === "sealed" && one.runs.length);
+      const asked = SIDES.map((side) => parameters[side] ?? "");
+      const usable = captures.filter((one) => one.state === "sealed" && one.runs.length);
       selects.forEach((select, i) => list(select, usable, asked[i]));
       if (asked.every(Boolean)) return compare(asked);
       fill(body, el("p", { class: "muted" }, t(usable.length < 2 ? "compare.tooFew" : "compare.choose")));
     }
 
-    /** @param {any} select @param {any[]} captures @param {string | undefined} chosen */
+    /** @param {HTMLSelectElement} select @param {Capture[]} captures @param {string} chosen */
     function list(select, captures, chosen) {
       const missing = chosen && !captures.some((one) => one.id === chosen) ? [el("option", { value: chosen, selected: true }, chosen)] : [];
       fill(select, el("option", { value: "" }, "–"), missing, captures.map((one) => el("option", { value: one.id, selected: one.id === chosen }, nameOf(context, one))));
@@ -53,11 +54,12 @@ export const panel = {
       const target = sides[0].grid ? middleOf(sides[0].grid) : null;
       const [courses, phases] = await Promise.all([Promise.all(sides.map((side) => courseOf(api, side, target))), Promise.all(sides.map((side) => phasesOf(api, side)))]);
       if (ended) return;
-      curves = sides.every((side) => side.grid) ? createCurves(context, sides, phases, courses) : null;
+      const [grid, other] = sides.map((side) => side.grid);
+      curves = grid && other ? createCurves(context, sides, grid, phases, courses) : null;
       fill(body, el("section", { class: "card" }, createFacts(context, sides, courses)), curves?.element ?? el("p", { class: "muted" }, t("shape.noPoints")));
     }
 
-    /** @param {any} problem */
+    /** @param {unknown} problem */
     function refused(problem) {
       fill(body, "");
       context.refused(problem);

@@ -3,12 +3,12 @@ import { el } from "../core/dom.js";
 import { createAid } from "../live/aid.js";
 import { createViewfinder } from "../live/viewfinder.js";
 
-export const panel = {
-  id: "live",
-  title: "live.title",
-  roles: ["viewer", "operator", "admin"],
+/** @import { Context } from "../core/context.js" */
 
-  /** @param {HTMLElement} element @param {import("../core/context.js").Context} context */
+export const panel = {
+  title: "live.title",
+
+  /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {
     const viewfinder = createViewfinder(context, { buttons: true });
     const aid = createAid(context);

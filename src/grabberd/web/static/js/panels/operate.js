@@ -7,12 +7,12 @@ import { createLastCapture } from "../operate/last_capture.js";
 import { createStartStop } from "../operate/start_stop.js";
 import { createStateCard } from "../operate/state_card.js";
 
-export const panel = {
-  id: "operate",
-  title: "operate.title",
-  roles: ["viewer", "operator", "admin"],
+/** @import { Context } from "../core/context.js" */
 
-  /** @param {HTMLElement} element @param {import("../core/context.js").Context} context */
+export const panel = {
+  title: "operate.title",
+
+  /** @param {HTMLElement} element @param {Context} context */
   mount(element, context) {
     const form = createForm(context, () => buttons.show());
     const state = createStateCard(context);

@@ -4,12 +4,12 @@ import { createCapturePlots } from "../plots/capture_plots.js";
 import { createLivePlots } from "../plots/live_plots.js";
 import { createSubjectBar } from "../scene/subject_bar.js";
 
-export const panel = {
-  id: "plots",
-  title: "plots.title",
-  roles: ["viewer", "operator", "admin"],
+/** @import { PanelContext } from "./index.js" */
 
-  /** @param {HTMLElement} element @param {any} context */
+export const panel = {
+  title: "plots.title",
+
+  /** @param {HTMLElement} element @param {PanelContext} context */
   mount(element, context) {
     const id = context.parameters.id;
     const body = el("div", { class: "stack" });

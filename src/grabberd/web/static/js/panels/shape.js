@@ -4,12 +4,12 @@ import { createCaptureView } from "../scene/capture_view.js";
 import { createLiveView } from "../scene/live_view.js";
 import { createSubjectBar } from "../scene/subject_bar.js";
 
-export const panel = {
-  id: "shape",
-  title: "shape.title",
-  roles: ["viewer", "operator", "admin"],
+/** @import { PanelContext } from "./index.js" */
 
-  /** @param {HTMLElement} element @param {any} context */
+export const panel = {
+  title: "shape.title",
+
+  /** @param {HTMLElement} element @param {PanelContext} context */
   mount(element, context) {
     const id = context.parameters.id;
     const body = el("div", { class: "stack" });

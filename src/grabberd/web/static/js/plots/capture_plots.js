@@ -1,26 +1,34 @@
 // One target of a capture over time: X, Y, Z with their σ.
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { openCapture } from "../scene/capture_source.js";
-import { createChart } from "./chart.js";
+import { INKS, createChart } from "./chart.js";
 import { columnsOf, summaryOf } from "./series.js";
 import { createTable } from "./table.js";
 import { createTargetPicker } from "./target_picker.js";
 
-const AXES = ["x", "y", "z"];
+/** @import { Context } from "../core/context.js" */
+/** @import { Opened } from "../scene/capture_source.js" */
+/** @import { Options } from "./chart.js" */
+/** @import { Column } from "./series.js" */
+/** @import { FieldPoints } from "types/documents" */
+
+const AXES = /** @type {const} */ (["x", "y", "z"]);
 const MOST_POINTS = 200_000;
 const FIELD_S = 0.02;
-const INK = { x: "1", y: "2", z: "3" };
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body @param {string} id @param {number} first target; NaN: the one in the middle */
+/** @typedef {(typeof AXES)[number]} Axis */
+/** @typedef {{n: number, time_s: number} & Record<`${Axis}_mm` | `sigma_${Axis}_mm`, number | null>} Place of the target; null where it was not seen */
+
+/** @param {Context} context @param {HTMLElement} body @param {string} id @param {number} first target; NaN: the one in the middle */
 export function createCapturePlots(context, body, id, first) {
   const { t, api, format } = context;
   const note = el("p", { class: "muted", role: "status" });
   const whole = el("button", { class: "button", type: "button", hidden: true, on: { click: () => load(null) } }, t("plots.whole"));
   const charts = AXES.map((axis) => ({ axis, chart: createChart(context, optionsOf(axis)) }));
   const table = createTable(context, rows, file);
-  /** @type {any} */
+  /** @type {Opened | null} */
   let opened = null;
-  /** @type {any[]} */
+  /** @type {Place[]} */
   let samples = [];
   let target = 0;
   let every = 1;
@@ -28,9 +36,9 @@ export function createCapturePlots(context, body, id, first) {
   /** @type {[number, number] | null} */
   let range = null;
 
-  /** @param {string} axis @returns {import("./chart.js").Options} */
+  /** @param {Axis} axis @returns {Options} */
   function optionsOf(axis) {
-    const lines = [{ label: axis.toUpperCase(), ink: /** @type {any} */ (INK)[axis] }];
+    const lines = [{ label: axis.toUpperCase(), ink: INKS[AXES.indexOf(axis)] }];
     return { title: t("plots.axis", { axis: axis.toUpperCase() }), unit: "mm", digits: 3, lines, band: true, when: (s) => `${format.number(s, 2)} s`, together: "capture", zoomed: zoom };
   }
 
@@ -50,6 +58,7 @@ export function createCapturePlots(context, body, id, first) {
 
   /** Seconds of the capture; null: all of it. @param {[number, number] | null} wanted */
   async function load(wanted) {
+    if (!opened) return;
     const mine = ++turn;
     const span = wanted ? `&first_n=${Math.max(0, Math.floor(wanted[0] / FIELD_S))}&end_n=${Math.ceil(wanted[1] / FIELD_S) + 1}` : "";
     const query = `run=${opened.run}&target=${target}&max_points=${MOST_POINTS}${span}`;
@@ -57,7 +66,7 @@ export function createCapturePlots(context, body, id, first) {
     if (mine !== turn || !document) return;
     range = wanted;
     every = document.every;
-    samples = document.fields.map(sampleOf);
+    samples = document.fields.map(placeOf);
     show();
   }
 
@@ -69,13 +78,13 @@ export function createCapturePlots(context, body, id, first) {
     if (every > 1) parts.push(t("plots.thinned", { every }));
     setText(note, parts.join(" "));
     for (const { axis, chart } of charts) {
-      const columns = columnsOf(samples, [0, 1, -1].map((sigmas) => (/** @type {any} */ one) => at(one, axis, sigmas)), gap_s);
+      const columns = columnsOf(samples, [0, 1, -1].map((sigmas) => (one) => at(one, axis, sigmas)), gap_s);
       chart.set(columns, wordsOf(axis, columns));
     }
     table.show();
   }
 
-  /** @param {string} axis @param {import("./series.js").Column[]} columns */
+  /** @param {Axis} axis @param {Column[]} columns */
   function wordsOf(axis, columns) {
     const summary = summaryOf(columns[1]);
     const name = t("plots.axis", { axis: axis.toUpperCase() });
@@ -102,7 +111,7 @@ export function createCapturePlots(context, body, id, first) {
   }
 
   function file() {
-    const names = AXES.flatMap((axis) => [`${axis}_mm`, `sigma_${axis}_mm`]);
+    const names = AXES.flatMap((axis) => /** @type {const} */ ([`${axis}_mm`, `sigma_${axis}_mm`]));
     const columns = [samples.map((one) => one.n), samples.map((one) => one.time_s), ...names.map((name) => samples.map((one) => one[name]))];
     return { name: `${id}-target-${target}.csv`, names: ["n", "time_s", ...names], columns };
   }
@@ -116,14 +125,19 @@ export function createCapturePlots(context, body, id, first) {
   };
 }
 
-/** The one target's values of a field, null where it was not seen. @param {any} field */
-function sampleOf(field) {
-  const values = AXES.flatMap((axis) => [`${axis}_mm`, `sigma_${axis}_mm`]).map((name) => [name, field[name][0] ?? null]);
-  return { n: field.n, time_s: field.time_s, ...Object.fromEntries(values) };
+/** The one target's values of a field. @param {FieldPoints} field @returns {Place} */
+function placeOf(field) {
+  return {
+    n: field.n, time_s: field.time_s, x_mm: field.x_mm[0] ?? null, y_mm: field.y_mm[0] ?? null, z_mm: field.z_mm[0] ?? null,
+    sigma_x_mm: field.sigma_x_mm[0] ?? null, sigma_y_mm: field.sigma_y_mm[0] ?? null, sigma_z_mm: field.sigma_z_mm[0] ?? null,
+  };
 }
 
-/** @param {any} one @param {string} axis @param {number} sigmas */
-const at = (one, axis, sigmas) => (one[`${axis}_mm`] === null ? null : one[`${axis}_mm`] + sigmas * one[`sigma_${axis}_mm`]);
+/** @param {Place} one @param {Axis} axis @param {number} sigmas */
+function at(one, axis, sigmas) {
+  const [mm, sigma_mm] = [one[`${axis}_mm`], one[`sigma_${axis}_mm`]];
+  return mm === null || sigma_mm === null ? null : mm + sigmas * sigma_mm;
+}
 
 /** @param {string} name @param {string} level @param {string} text */
 const message = (name, level, text) => el("div", { class: `note ${level}` }, symbol(name), el("p", {}, text));

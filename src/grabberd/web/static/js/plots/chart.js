@@ -5,12 +5,15 @@ import { css } from "../scene/colours.js";
 import { digitsOf } from "../scene/scale.js";
 import { coloursOf, onTheme } from "../scene/theme.js";
 
-/** @typedef {import("./series.js").Column} Column */
+/** @import { Context } from "../core/context.js" */
+/** @import { Column } from "./series.js" */
+
+/** @typedef {"1" | "2" | "3"} Ink */
 
 /**
  * @typedef {object} Line
  * @property {string} label
- * @property {"1" | "2" | "3"} ink which of the plots' colours
+ * @property {Ink} ink one of the plots' colours
  * @property {number[]} [dash]
  */
 
@@ -27,10 +30,12 @@ import { coloursOf, onTheme } from "../scene/theme.js";
  * @property {[number, number]} [least] the least range of values
  */
 
+/** @type {Ink[]} */
+export const INKS = ["1", "2", "3"];
 const HEIGHT = 190;
-const TOKENS = ["ink", "muted", "line", "plot-1", "plot-2", "plot-3"];
+const TOKENS = { muted: "muted", line: "line", 1: "plot-1", 2: "plot-2", 3: "plot-3" };
 
-/** @param {import("../core/context.js").Context} context @param {Options} options */
+/** @param {Context} context @param {Options} options */
 export function createChart({ format }, options) {
   const values = options.lines.map(() => el("span", { class: "number" }, "–"));
   const legend = el("ul", { class: "chart-legend" }, options.lines.map((line, i) => el("li", {}, swatch(line), line.label, " ", el("b", {}, values[i]))));
@@ -39,7 +44,7 @@ export function createChart({ format }, options) {
   const element = el("section", { class: "card chart" }, el("div", { class: "chart-head" }, heading, legend), place);
   /** @type {Column[]} */
   let data = [[], ...options.lines.map(() => []), ...(options.band ? [[], []] : [])];
-  /** @type {any} */
+  /** @type {uPlot | null} */
   let plot = null;
 
   function build() {
@@ -47,47 +52,48 @@ export function createChart({ format }, options) {
     if (!width) return;
     const scale = plot?.scales.x;
     plot?.destroy();
-    plot = new uPlot(optionsOf(width), data, place);
-    if (scale && options.zoomed && scale.min !== null) plot.setScale("x", { min: scale.min, max: scale.max });
+    plot = new uPlot(optionsOf(width), aligned(data), place);
+    if (options.zoomed && scale?.min != null && scale.max != null) plot.setScale("x", { min: scale.min, max: scale.max });
   }
 
-  /** @param {number} width */
+  /** @param {number} width @returns {uPlot.Options} */
   function optionsOf(width) {
     const colours = Object.fromEntries(Object.entries(coloursOf(element, TOKENS)).map(([name, rgb]) => [name, css(rgb)]));
-    const line = (/** @type {Line} */ one) => ({ label: one.label, stroke: colours[`plot-${one.ink}`], width: 2, dash: one.dash, spanGaps: false, points: { size: 5 } });
+    const line = (/** @type {Line} */ one) => ({ label: one.label, stroke: colours[one.ink], width: 2, dash: one.dash, spanGaps: false, points: { size: 5 } });
     const edge = { label: "", stroke: "transparent", width: 0, points: { show: false }, spanGaps: false };
     const count = options.lines.length;
-    const band = { series: [count + 1, count + 2], fill: faint(colours[`plot-${options.lines[0].ink}`]) };
+    /** @type {uPlot.Band} */
+    const band = { series: [count + 1, count + 2], fill: faint(colours[options.lines[0].ink]) };
     const axis = { stroke: colours.muted, grid: { stroke: colours.line, width: 1 }, ticks: { stroke: colours.line, width: 1 }, font: "13px system-ui, sans-serif" };
     return {
       width, height: HEIGHT, legend: { show: false },
       cursor: { drag: { x: Boolean(options.zoomed), y: false }, sync: options.together ? { key: options.together } : undefined, points: { size: 9 } },
-      scales: { x: { time: false }, y: { range: (/** @type {any} */ _, /** @type {number} */ low, /** @type {number} */ high) => rangeOf(low, high, options.least) } },
+      scales: { x: { time: false }, y: { range: (_, low, high) => rangeOf(low, high, options.least) } },
       series: [{}, ...options.lines.map(line), ...(options.band ? [edge, edge] : [])],
       bands: options.band ? [band] : [],
       axes: [
-        { ...axis, space: 90, size: 34, values: (/** @type {any} */ _, /** @type {number[]} */ marks) => marks.map(options.when) },
-        { ...axis, size: 58, values: (/** @type {any} */ _, /** @type {number[]} */ marks) => marks.map((mark) => format.number(mark, digitsOf(marks))) },
+        { ...axis, space: 90, size: 34, values: (_, marks) => marks.map(options.when) },
+        { ...axis, size: 58, values: (_, marks) => marks.map((mark) => format.number(mark, digitsOf(marks))) },
       ],
-      hooks: { setCursor: [tell], setSelect: [choose], setScale: [(/** @type {any} */ _, /** @type {string} */ key) => key === "x" && watchZoom()] },
+      hooks: { setCursor: [tell], setSelect: [choose], setScale: [(_, key) => key === "x" && watchZoom()] },
     };
   }
 
-  /** The values under the pointer, or the last. @param {any} now */
+  /** The values under the pointer, or the last. @param {uPlot} now */
   function tell(now) {
     const index = now.cursor.idx ?? data[0].length - 1;
     values.forEach((one, i) => setText(one, format.number(data[i + 1][index], options.digits)));
   }
 
-  /** @param {any} now */
+  /** @param {uPlot} now */
   function choose(now) {
     if (now.select.width > 0) options.zoomed?.([now.posToVal(now.select.left, "x"), now.posToVal(now.select.left + now.select.width, "x")]);
   }
 
   function watchZoom() {
-    const { min, max } = plot?.scales.x ?? {};
-    const whole = data[0].length > 1 && min <= /** @type {number} */ (data[0][0]) && max >= /** @type {number} */ (data[0].at(-1));
-    if (plot && whole) options.zoomed?.(null);
+    const { min = NaN, max = NaN } = plot?.scales.x ?? {};
+    const whole = data[0].length > 1 && min <= (data[0][0] ?? NaN) && max >= (data[0].at(-1) ?? NaN);
+    if (whole) options.zoomed?.(null);
   }
 
   const sizes = new ResizeObserver(([entry]) => {
@@ -103,7 +109,7 @@ export function createChart({ format }, options) {
     set(columns, words) {
       data = columns;
       place.setAttribute("aria-label", words);
-      if (plot) plot.setData(columns);
+      if (plot) plot.setData(aligned(columns));
       else build();
       if (plot) tell(plot);
     },
@@ -114,6 +120,9 @@ export function createChart({ format }, options) {
     },
   };
 }
+
+/** Columns as uPlot takes them: every time is known, values may be missing. @param {Column[]} columns */
+const aligned = (columns) => /** @type {uPlot.AlignedData} */ (columns);
 
 /** Room above and below, and never less than a least range. @param {number | null} low @param {number | null} high @param {[number, number]} [least] @returns {[number, number]} */
 export function rangeOf(low, high, least) {

@@ -1,9 +1,9 @@
 // Of which two targets the width is drawn.
 
-/** @typedef {import("../core/history.js").Sample} Sample */
+/** @import { Sample } from "../core/history.js" */
 
 /**
- * Which pair of facing targets tells most of the width: the outermost that is seen nearly as often as any.
+ * The pair of facing targets that shows the width best: the outermost that is seen nearly as often as any.
  * @param {Sample[]} samples
  * @returns {number} its place in `widths`; −1 where there is none
  */

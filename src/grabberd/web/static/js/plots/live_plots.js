@@ -2,24 +2,26 @@
 import { el } from "../core/dom.js";
 import { GAP_S } from "../core/history.js";
 import { keep, kept } from "../core/kept.js";
-import { createChart } from "./chart.js";
+import { INKS, createChart } from "./chart.js";
 import { pairOf } from "./facing_pair.js";
 import { columnsOf, summaryOf } from "./series.js";
 import { createTable } from "./table.js";
 
-/** @typedef {import("../core/history.js").Sample} Sample */
+/** @import { Context } from "../core/context.js" */
+/** @import { History, Sample } from "../core/history.js" */
+/** @import { Column } from "./series.js" */
 
 const SPANS_MIN = [1, 5, 10];
 const KEPT = "plots.minutes";
 const EVERY_MS = 400;
 const DASH = [7, 4];
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body @param {any} history */
+/** @param {Context} context @param {HTMLElement} body @param {History} history */
 export function createLivePlots(context, body, history) {
   const { t, format } = context;
-  let minutes = SPANS_MIN.includes(kept(KEPT)) ? kept(KEPT) : SPANS_MIN[0];
+  let minutes = SPANS_MIN.find((one) => one === kept(KEPT)) ?? SPANS_MIN[0];
   let last_ms = -Infinity;
-  /** @type {import("./series.js").Column[][]} */
+  /** @type {Column[][]} */
   let shown = [];
 
   const plots = PLOTS.map((plot) => ({ ...plot, chart: createChart(context, optionsOf(plot)) }));
@@ -36,8 +38,7 @@ export function createLivePlots(context, body, history) {
 
   /** @param {(typeof PLOTS)[number]} plot */
   function optionsOf(plot) {
-    const ink = (/** @type {number} */ i) => /** @type {"1" | "2" | "3"} */ (String(i + 1));
-    const lines = plot.lines.map((line, i) => ({ label: t(`plots.line.${line.name}`), ink: ink(i), dash: i ? DASH : undefined }));
+    const lines = plot.lines.map((line, i) => ({ label: t(`plots.line.${line.name}`), ink: INKS[i], dash: i ? DASH : undefined }));
     const when = (/** @type {number} */ s) => format.time(1000 * s);
     return { title: t(`plots.chart.${plot.name}`), unit: plot.unit, digits: plot.digits, lines, band: plot.name === "width", when, together: "live", least: plot.least };
   }
@@ -50,14 +51,14 @@ export function createLivePlots(context, body, history) {
   }
 
   function draw() {
-    const samples = history.samples(context.device()?.name, 60 * minutes);
+    const samples = history.samples(context.device()?.name ?? "", 60 * minutes);
     const pair = pairOf(samples);
     shown = plots.map((plot) => columnsOf(samples, plot.picks(pair), GAP_S));
     plots.forEach((plot, i) => plot.chart.set(shown[i], wordsOf(plot, shown[i])));
     table.show();
   }
 
-  /** @param {(typeof plots)[number]} plot @param {import("./series.js").Column[]} columns */
+  /** @param {(typeof plots)[number]} plot @param {Column[]} columns */
   function wordsOf(plot, columns) {
     const number = (/** @type {number} */ value) => format.number(value, plot.digits);
     const words = plot.lines.map((line, i) => {
@@ -73,7 +74,7 @@ export function createLivePlots(context, body, history) {
   }
 
   function file() {
-    const samples = history.samples(context.device()?.name, 60 * minutes);
+    const samples = history.samples(context.device()?.name ?? "", 60 * minutes);
     const pair = pairOf(samples);
     const picks = plots.flatMap((plot) => plot.picks(pair).slice(0, plot.lines.length));
     const names = ["time_unix_s", ...plots.flatMap((plot) => plot.lines.map((line) => line.column))];
@@ -96,10 +97,12 @@ export function createLivePlots(context, body, history) {
   };
 }
 
-/** @param {(sample: Sample) => any} pick */
-const fixed = (...pick) => () => pick;
+/** @typedef {(sample: Sample) => number | null} Value */
 
-/** @type {{name: string, unit: string, digits: number, least?: [number, number], lines: {name: string, column: string}[], picks: (pair: number) => ((sample: Sample) => any)[]}[]} */
+/** @param {...Value} picks @returns {(pair: number) => Value[]} */
+const fixed = (...picks) => () => picks;
+
+/** @type {{name: string, unit: string, digits: number, least?: [number, number], lines: {name: string, column: string}[], picks: (pair: number) => Value[]}[]} */
 const PLOTS = [
   {
     name: "targets", unit: "", digits: 0, least: [0, 10],

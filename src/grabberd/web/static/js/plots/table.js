@@ -1,20 +1,23 @@
-// What charts show, in numbers: a table for who does not see them, a file for who wants them all.
+// The numbers behind the charts: a table for readers who cannot see them, a file with all of them.
 import { el, fill, symbol } from "../core/dom.js";
 import { save } from "../scene/picture.js";
 import { csvOf, summaryOf } from "./series.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Column } from "./series.js" */
 
 /**
  * @typedef {object} Row
  * @property {string} name
  * @property {string} unit
  * @property {number} digits
- * @property {import("./series.js").Column} column
+ * @property {Column} column
  */
 
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {() => Row[]} rows of the table
- * @param {() => {name: string, names: string[], columns: import("./series.js").Column[]}} file
+ * @param {() => {name: string, names: string[], columns: Column[]}} file
  */
 export function createTable({ t, format }, rows, file) {
   const body = el("tbody");

@@ -1,9 +1,12 @@
-// Which target: by its id, or the one beside it.
+// Choice of a target: by its id, or the next one.
 import { el, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Grid } from "../scene/grid.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("../scene/grid.js").Grid} grid
+ * @param {Context} context
+ * @param {Grid} grid
  * @param {number} first
  * @param {(target: number) => void} choose
  */
@@ -33,7 +36,7 @@ export function createTargetPicker({ t }, grid, first, choose) {
   return { element, chosen: () => Number(select.value) };
 }
 
-/** The target in the middle: it moves most, and both cameras see it. @param {import("../scene/grid.js").Grid} grid */
+/** The target in the middle: it moves most, and both cameras see it. @param {Grid} grid */
 function middle(grid) {
   const half = (/** @type {number[]} */ all) => (Math.min(...all) + Math.max(...all)) / 2;
   const [row, column] = [half(grid.row), half(grid.column)];

@@ -5,14 +5,22 @@ import { listenToPointers } from "./pointer.js";
 import { createStage } from "./stage.js";
 import { coloursOf, onTheme } from "./theme.js";
 
-/** So near a touch has to be. */
+/** @import { Rgb } from "./colours.js" */
+/** @import { Grid } from "./grid.js" */
+/** @import { Orbit } from "./orbit.js" */
+/** @import { Shown } from "./stage.js" */
+
+/** Greatest distance of a touch from the target it means, in CSS pixels. */
 const NEAR_PIXELS = 28;
+/** The stage's colours by the names that the style sheet has for them. */
 const COLOURS = { ink: "ink", wire: "scene-wire", wireOn: "scene-wire-on", plain: "scene-plain", unknown: "scene-unknown", camera: "scene-camera", rim: "scene-rim", ground: "surface" };
 
+/** @typedef {Omit<Shown, "colours">} View */
+
 /**
- * @param {import("./grid.js").Grid} grid
+ * @param {Grid} grid
  * @param {{label: string, lost: string, nameOf: (view: string) => string, describedBy: string}} words
- * @param {{turn: (change: (orbit: import("./orbit.js").Orbit) => import("./orbit.js").Orbit) => void, resized: () => void, tap: (target: number | null) => void}} on
+ * @param {{turn: (change: (orbit: Orbit) => Orbit) => void, resized: () => void, tap: (target: number | null) => void}} on
  */
 export function createCanvas(grid, words, on) {
   const canvas = el("canvas", { class: "scene-canvas", tabindex: 0, role: "img", "aria-label": words.label, "aria-describedby": words.describedBy });
@@ -20,18 +28,17 @@ export function createCanvas(grid, words, on) {
   const veil = el("div", { class: "veil", hidden: true }, words.lost);
   const element = el("div", { class: "scene-picture veiled" }, canvas, labels.element, veil);
   let stage = createStage(canvas, grid);
-  /** @type {any} */
+  /** @type {View | null} */
   let shown = null;
-  /** @type {any} */
+  /** @type {Record<keyof typeof COLOURS, Rgb> | null} */
   let colours = null;
   let asked = 0;
 
   function paint() {
     asked = 0;
     if (!shown || !veil.hidden) return;
-    colours ??= coloursOf(element, Object.values(COLOURS));
-    const own = Object.fromEntries(Object.entries(COLOURS).map(([name, token]) => [name, colours[token]]));
-    const all = { ...shown, colours: own };
+    colours ??= coloursOf(element, COLOURS);
+    const all = { ...shown, colours };
     stage.draw(all);
     labels.place(stage, all);
   }
@@ -39,8 +46,9 @@ export function createCanvas(grid, words, on) {
   /** The target that is nearest to a place on the canvas; null where none is near. @param {number} x @param {number} y */
   function targetAt(x, y) {
     let [nearest, least] = [/** @type {number | null} */ (null), NEAR_PIXELS];
+    if (!shown) return null;
     for (const [i, id] of grid.target.entries()) {
-      if (!Number.isFinite(shown?.xyz_mm[3 * i])) continue;
+      if (!Number.isFinite(shown.xyz_mm[3 * i])) continue;
       const at = stage.onCanvas(shown.xyz_mm.subarray(3 * i, 3 * i + 3));
       const apart = at ? Math.hypot(at.x - x, at.y - y) : Infinity;
       if (apart < least) [nearest, least] = [id, apart];
@@ -83,12 +91,12 @@ export function createCanvas(grid, words, on) {
     element, canvas,
     /** Width by height. */
     aspect: () => (element.clientWidth || 1) / (element.clientHeight || 1),
-    /** @param {any} now everything but the colours */
+    /** @param {View} now */
     show(now) {
       shown = now;
       ask();
     },
-    /** Draws at once, so that the picture can be read. */
+    /** Draws at once, so that the picture can be read; its colours, null where nothing can be drawn. */
     now() {
       paint();
       return colours;

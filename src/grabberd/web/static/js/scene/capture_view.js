@@ -4,7 +4,13 @@ import { measuredPart, meanCycle, openCapture } from "./capture_source.js";
 import { createPlayer } from "./player.js";
 import { createViewer } from "./viewer.js";
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body @param {string} id */
+/** @import { Context } from "../core/context.js" */
+/** @import { Drawable, Played } from "./capture_source.js" */
+/** @import { Moment } from "./moments.js" */
+
+/** @typedef {{part: number, analysis: number}} Choice analysis 0: the measured points */
+
+/** @param {Context} context @param {HTMLElement} body @param {string} id */
 export function createCaptureView(context, body, id) {
   const { t, tn, api, format } = context;
   const place = el("div");
@@ -19,19 +25,19 @@ export function createCaptureView(context, body, id) {
     const opened = await openCapture(api, id).catch(context.refused);
     if (turn < 0) return;
     if (!opened?.grid) fill(body, note("warn", "is-warn", t("shape.noPoints")));
-    else begin(opened);
+    else begin({ ...opened, grid: opened.grid });
   }
 
-  /** @param {any} opened */
+  /** @param {Drawable} opened */
   function begin(opened) {
     const state = { part: 0, analysis: 0 };
-    const change = (/** @type {any} */ to) => load(opened, Object.assign(state, to));
+    const change = (/** @type {Partial<Choice>} */ to) => load(opened, Object.assign(state, to));
     fill(choices, whatOf(opened, change), partOf(opened, change));
     fill(body, el("div", { class: "scene-top" }, choices, playerPlace), place);
     change({});
   }
 
-  /** @param {any} opened @param {{part: number, analysis: number}} state */
+  /** @param {Drawable} opened @param {Choice} state */
   async function load(opened, state) {
     const mine = ++turn;
     const asked = state.analysis ? meanCycle(api, opened, state.analysis) : measuredPart(api, opened, state.part);
@@ -42,7 +48,7 @@ export function createCaptureView(context, body, id) {
     else fill(place, note("warn", "is-warn", t("shape.noPoints")));
   }
 
-  /** @param {any} opened @param {any} found */
+  /** @param {Drawable} opened @param {Played} found */
   function show(opened, found) {
     const viewer = createViewer(context, { grid: opened.grid, frusta: opened.frusta, quantities: found.quantities, moments: found.moments, when, file: id, addressOf });
     const player = createPlayer(context, found.times_s, (index) => when(found.moments[index]), (index) => viewer.show(found.moments[index]));
@@ -53,21 +59,21 @@ export function createCaptureView(context, body, id) {
 
   const addressOf = (/** @type {number} */ target) => `#plots/${encodeURIComponent(id)}/${target}`;
 
-  /** @param {import("./frames.js").Moment} moment */
+  /** @param {Moment} moment */
   const when = (moment) =>
     moment.phase === null
       ? t("shape.whenField", { n: moment.n ?? 0, seconds: format.number(moment.time_s, 2) })
       : t("shape.whenPhase", { phase: format.number(100 * moment.phase) });
 
-  /** @param {any} opened @param {(to: any) => void} change */
+  /** @param {Drawable} opened @param {(to: Partial<Choice>) => void} change */
   function whatOf(opened, change) {
     if (!opened.analyses.length) return null;
-    const analyses = opened.analyses.map((/** @type {any} */ one) => el("option", { value: one.analysis }, t("shape.analysis", { n: one.analysis })));
+    const analyses = opened.analyses.map((one) => el("option", { value: one.analysis }, t("shape.analysis", { n: one.analysis })));
     const select = el("select", { class: "input", id: "scene-what", on: { change: () => change({ analysis: Number(select.value) }) } }, el("option", { value: 0 }, t("shape.measured")), analyses);
     return el("div", { class: "field" }, el("label", { class: "visually-hidden", for: "scene-what" }, t("shape.what")), select);
   }
 
-  /** @param {any} opened @param {(to: any) => void} change */
+  /** @param {Drawable} opened @param {(to: Partial<Choice>) => void} change */
   function partOf(opened, change) {
     if (opened.parts < 2) return null;
     const choose = () => change({ part: Number(slider.value) - 1, analysis: 0 });

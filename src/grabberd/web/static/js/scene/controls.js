@@ -1,25 +1,30 @@
-// What is drawn, coloured by what, seen from where.
+// Controls of the drawing: its layers, its colours, its viewpoint.
 import { el, symbol } from "../core/dom.js";
 import { turned, VIEWS, zoomed } from "./orbit.js";
 import { PLAIN } from "./quantities.js";
 
-/** @typedef {import("./orbit.js").Orbit} Orbit */
+/** @import { Context } from "../core/context.js" */
+/** @import { Orbit } from "./orbit.js" */
 
+/** @typedef {"points" | "wire" | "surface" | "cameras"} Part */
+/** @type {Part[]} */
 export const PARTS = ["points", "wire", "surface", "cameras"];
 const TURN_DEG = 15;
 const ZOOM = 1.25;
 
+/** @typedef {Record<Part, boolean>} Parts */
+
 /**
  * @typedef {object} Look
- * @property {Record<string, boolean>} parts
+ * @property {Parts} parts
  * @property {string} quantity
  */
 
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {Look} look
  * @param {string[]} quantities that there are values of
- * @param {{parts: (parts: Record<string, boolean>) => void, quantity: (name: string) => void, view: (name: string) => void, turn: (change: (orbit: Orbit) => Orbit) => void, picture: () => void}} on
+ * @param {{parts: (parts: Parts) => void, quantity: (name: string) => void, view: (name: string) => void, turn: (change: (orbit: Orbit) => Orbit) => void, picture: () => void}} on
  */
 export function createControls({ t }, look, quantities, on) {
   const parts = { ...look.parts };
@@ -27,7 +32,7 @@ export function createControls({ t }, look, quantities, on) {
     el("button", { class: "button", type: "button", data: { view: name }, on: { click: () => on.view(name) } }, t(`shape.view.${name}`)),
   );
 
-  /** @param {string} name */
+  /** @param {Part} name */
   function part(name) {
     const box = el("input", { type: "checkbox", checked: parts[name], data: { part: name } });
     box.addEventListener("change", () => {
@@ -64,7 +69,7 @@ export function createControls({ t }, look, quantities, on) {
     el("div", { class: "stack" }, colours(), picture),
   );
 
-  /** Which view it is. @param {string | null} view */
+  /** Marks the button of a view. @param {string | null} view */
   function mark(view) {
     for (const button of views) button.setAttribute("aria-pressed", String(button.dataset.view === view));
   }

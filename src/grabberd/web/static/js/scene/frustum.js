@@ -2,6 +2,8 @@
 // R = Rκ·Rφ·Rω, the camera looks along −z; a left-handed one (odd number of mirrors) is diag(−1, 1, 1)·R.
 // The lens's distortion, a few pixels, is left out: at the size drawn it is not to be seen.
 
+/** @import { Calibration, CalibrationView } from "types/open_documents" */
+
 /**
  * @typedef {object} Frustum
  * @property {string} name of the view
@@ -10,7 +12,7 @@
  */
 
 /**
- * @param {any} calibration document
+ * @param {Calibration} calibration
  * @param {number} reach_mm how long the pyramids are
  * @returns {Frustum[]}
  */
@@ -28,7 +30,7 @@ export function frustaOf(calibration, reach_mm) {
 
 /**
  * The direction that a frame pixel looks in, in the object's frame; one unit long along the camera's axis.
- * @param {any} view
+ * @param {Pick<CalibrationView, "x0_px" | "y0_px" | "pixel_x_mm" | "pixel_y_mm" | "f_mm" | "handedness" | "omega_rad" | "phi_rad" | "kappa_rad">} view
  * @param {number} column
  * @param {number} line
  * @returns {number[]}

@@ -1,5 +1,8 @@
 // The target grid of an object model: which targets there are, and which are neighbours.
 
+/** @import { ObjectModel } from "types/documents" */
+/** @import { StoredObject } from "types/open_documents" */
+
 /**
  * @typedef {object} Grid
  * @property {string} name of the object
@@ -15,11 +18,11 @@
 
 /**
  * From an object model of the API (lists), or one as a capture keeps it (`targets`).
- * @param {any} document
+ * @param {ObjectModel | StoredObject} document
  * @returns {Grid}
  */
 export function gridOf(document) {
-  const { target, row, column, xyz } = document.targets ? listed(document.targets) : columns(document);
+  const { target, row, column, xyz } = "targets" in document ? listed(document.targets) : columns(document);
   const nominal_mm = Float32Array.from(xyz.flat());
   const at = places(row, column);
   const cells = cellsOf(row, column, at);
@@ -32,7 +35,7 @@ export function gridOf(document) {
   };
 }
 
-/** @param {any[]} targets */
+/** @param {StoredObject["targets"]} targets */
 function listed(targets) {
   return {
     target: targets.map((one) => one.id),
@@ -42,10 +45,10 @@ function listed(targets) {
   };
 }
 
-/** @param {any} document */
+/** @param {ObjectModel} document */
 function columns(document) {
   const { target, row, column, x_mm, y_mm, z_mm } = document;
-  return { target, row, column, xyz: x_mm.map((/** @type {number} */ x, /** @type {number} */ i) => [x, y_mm[i], z_mm[i]]) };
+  return { target, row, column, xyz: x_mm.map((x, i) => [x, y_mm[i], z_mm[i]]) };
 }
 
 /** @param {number} row @param {number} column */

@@ -2,11 +2,15 @@
 import { el, fill } from "../core/dom.js";
 import { QUANTITIES } from "./quantities.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Moment } from "./moments.js" */
+/** @import { Grid } from "./grid.js" */
+
 const AXES = ["X", "Y", "Z"];
 
 /**
- * @param {import("../core/context.js").Context} context
- * @param {import("./grid.js").Grid} grid
+ * @param {Context} context
+ * @param {Grid} grid
  * @param {string[]} quantities
  * @param {(target: number | null) => void} choose
  * @param {((target: number) => string) | null} addressOf where it is shown over time
@@ -23,7 +27,7 @@ export function createInspector({ t, format }, grid, quantities, choose, address
     facts, link,
   );
 
-  /** @param {number | null} target @param {import("./frames.js").Moment} moment */
+  /** @param {number | null} target @param {Moment} moment */
   function show(target, moment) {
     select.value = target === null ? "" : String(target);
     link.hidden = target === null || !addressOf;
@@ -31,7 +35,7 @@ export function createInspector({ t, format }, grid, quantities, choose, address
     fill(facts, target === null ? null : factsOf(/** @type {number} */ (grid.index.get(target)), moment));
   }
 
-  /** @param {number} i @param {import("./frames.js").Moment} moment */
+  /** @param {number} i @param {Moment} moment */
   function factsOf(i, moment) {
     if (!Number.isFinite(moment.xyz_mm[3 * i])) return el("dt", {}, t("shape.notSeen"));
     const places = AXES.map((axis, k) => fact(axis, moment.xyz_mm[3 * i + k], 2, "mm"));

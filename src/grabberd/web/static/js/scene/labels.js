@@ -2,6 +2,9 @@
 import { el, fill, setText } from "../core/dom.js";
 import { axesOf } from "./orbit.js";
 
+/** @import { Orbit } from "./orbit.js" */
+/** @import { Shown, Stage } from "./stage.js" */
+
 const LETTERS = ["X", "Y", "Z"];
 const SVG = "http://www.w3.org/2000/svg";
 const LONG = 24;
@@ -17,7 +20,7 @@ export function createLabels(nameOf) {
   const ring = el("div", { class: "scene-ring", hidden: true });
   const element = el("div", { class: "scene-labels", "aria-hidden": "true" }, ring, names, compass.element, ruler);
 
-  /** @param {any} stage @param {import("./stage.js").Shown} shown */
+  /** @param {Stage} stage @param {Shown} shown */
   function place(stage, shown) {
     mark(shown.marked_mm ? stage.onCanvas(shown.marked_mm) : null);
     compass.turn(shown.orbit);
@@ -65,7 +68,7 @@ function createCompass() {
   const letters = LETTERS.map((letter) => make("text", {}, letter));
   element.append(...lines, ...letters);
 
-  /** @param {import("./orbit.js").Orbit} orbit */
+  /** @param {Orbit} orbit */
   function turn(orbit) {
     const { right, up } = axesOf(orbit);
     LETTERS.forEach((_, i) => {

@@ -1,14 +1,15 @@
-// What is drawn, each with room for all targets of a grid: discs, lines, triangles.
+// Layers of the drawing, each with room for all targets of a grid: discs, lines, triangles.
 import { Geometry, Mesh, Program } from "../../vendor/ogl/ogl.js";
 import { LINES, POINTS, SURFACE } from "./shaders.js";
 
-/** @typedef {[number, number, number]} Rgb */
-/** @typedef {{mesh: any, uniforms: Record<string, {value: any}>}} Layer */
+/** @import { OGLRenderingContext } from "../../vendor/ogl/ogl.js" */
+
+/** @typedef {Record<string, {value: number | number[] | number[][]}>} Uniforms */
 
 /** Sides of the two triangles that make a line: at which end, on which side of it. */
 const CORNERS = [[0, -1], [1, 1], [0, 1], [0, -1], [1, -1], [1, 1]];
 
-/** Discs at places. @param {any} gl @param {number} capacity @param {Record<string, {value: any}>} colours */
+/** Discs at places. @param {OGLRenderingContext} gl @param {number} capacity @param {Uniforms} colours */
 export function createPoints(gl, capacity, colours) {
   const uniforms = { ...colours, uPixels: { value: 1 }, uLeast: { value: 1 }, uRim: { value: [0, 0, 0] } };
   const layer = createLayer(gl, POINTS, uniforms, { position: [3, capacity], share: [1, capacity] }, gl.POINTS);
@@ -28,7 +29,7 @@ export function createPoints(gl, capacity, colours) {
   return { ...layer, set };
 }
 
-/** Lines between places. @param {any} gl @param {number} capacity of lines @param {number} width in CSS pixels */
+/** Lines between places. @param {OGLRenderingContext} gl @param {number} capacity of lines @param {number} width in CSS pixels */
 export function createLines(gl, capacity, width) {
   const uniforms = { uColour: { value: [0, 0, 0] }, uSize: { value: [1, 1] }, uWidth: { value: width } };
   const sizes = { position: [3, 6 * capacity], other: [3, 6 * capacity], side: [1, 6 * capacity] };
@@ -49,7 +50,7 @@ export function createLines(gl, capacity, width) {
   return { ...layer, set, width };
 }
 
-/** Triangles with normals. @param {any} gl @param {number} capacity of triangles @param {Record<string, {value: any}>} colours */
+/** Triangles with normals. @param {OGLRenderingContext} gl @param {number} capacity of triangles @param {Uniforms} colours */
 export function createSurface(gl, capacity, colours) {
   const sizes = { position: [3, 3 * capacity], normal: [3, 3 * capacity], share: [1, 3 * capacity] };
   const layer = createLayer(gl, SURFACE, { ...colours }, sizes, gl.TRIANGLES);
@@ -76,9 +77,9 @@ export function createSurface(gl, capacity, colours) {
 }
 
 /**
- * @param {any} gl
+ * @param {OGLRenderingContext} gl
  * @param {{vertex: string, fragment: string}} shaders
- * @param {Record<string, {value: any}>} uniforms
+ * @param {Uniforms} uniforms
  * @param {Record<string, number[]>} sizes of the attributes: numbers each, how many
  * @param {number} mode
  */

@@ -1,7 +1,9 @@
-// Which colour is which value.
+// Legend of the colour scale.
 import { el, fill } from "../core/dom.js";
 import { colourAt, css } from "./colours.js";
 import { digitsOf, shareOf, ticks } from "./scale.js";
+
+/** @import { Scale } from "./scale.js" */
 
 const STEPS = 32;
 
@@ -10,7 +12,7 @@ export const stepsOf = (map) => Array.from({ length: STEPS + 1 }, (_, i) => css(
 
 /**
  * The round values along a scale: where, from 0 to 1, and in words.
- * @param {import("./scale.js").Scale} scale
+ * @param {Scale} scale
  * @param {(value: number, digits: number) => string} number
  */
 export function marksOf(scale, number) {
@@ -26,7 +28,7 @@ export function createLegend(number) {
   const marks = el("div", { class: "scene-legend-marks number" });
   const element = el("div", { class: "scene-legend", "aria-hidden": "true", hidden: true }, title, bar, marks);
 
-  /** @param {string} words quantity and unit @param {import("./scale.js").Scale | null} scale null: no colours */
+  /** @param {string} words quantity and unit @param {Scale | null} scale null: no colours */
   function show(words, scale) {
     element.hidden = scale === null;
     if (!scale) return;

@@ -1,25 +1,39 @@
-// The newest points, again and again while somebody looks: a new field's are asked for when events tell of one.
-import { measuredMoment } from "./frames.js";
+// The newest points, requested again when an event tells of a new field.
+import { measuredMoment } from "./moments.js";
 import { frustaOf } from "./frustum.js";
 import { gridOf } from "./grid.js";
 import { deviceOf } from "../core/store.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Moment } from "./moments.js" */
+/** @import { Frustum } from "./frustum.js" */
+/** @import { Grid } from "./grid.js" */
+/** @import { Device } from "types/documents" */
+/** @import { Api } from "types/routes" */
 
 export const REACH_MM = 120;
 export const MEASURED = ["displacement_mm", "sigma_mm", "residual_px"];
 
 /**
- * @param {import("../core/context.js").Context} context
- * @returns {Promise<{grid: import("./grid.js").Grid, frusta: import("./frustum.js").Frustum[], follow: Function} | null>} null: nothing is measured
+ * @typedef {object} LiveSource
+ * @property {Grid} grid
+ * @property {Frustum[]} frusta none without a calibration
+ * @property {(show: (moment: Moment) => void, failed: (problem: unknown) => void) => () => void} follow returns what ends it
+ */
+
+/**
+ * @param {Context} context
+ * @returns {Promise<LiveSource | null>} null: nothing is measured
  */
 export async function openLive(context) {
   const { api, store } = context;
   const device = context.device();
   if (!device?.live?.views) return null; // views: it has a calibration and an object model
-  const path = `/devices/${encodeURIComponent(device.name)}`;
+  const path = /** @type {const} */ (`/devices/${encodeURIComponent(device.name)}`);
   const [object, calibration] = await Promise.all([api.get(`${path}/object`), calibrationOf(api, device)]);
   const grid = gridOf(object);
 
-  /** @param {(moment: import("./frames.js").Moment) => void} show @param {(problem: unknown) => void} failed @returns {() => void} ends it */
+  /** @param {(moment: Moment) => void} show @param {(problem: unknown) => void} failed @returns {() => void} ends it */
   function follow(show, failed) {
     let busy = false;
     let ended = false;
@@ -45,7 +59,7 @@ export async function openLive(context) {
   return { grid, frusta: calibration ? frustaOf(calibration, REACH_MM) : [], follow };
 }
 
-/** @param {any} api @param {any} device */
+/** @param {Api} api @param {Device} device */
 async function calibrationOf(api, device) {
   return device.calibration ? api.get(`/calibrations/${encodeURIComponent(device.calibration.id)}`) : null;
 }

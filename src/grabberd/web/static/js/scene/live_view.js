@@ -3,11 +3,15 @@ import { el, fill, setSymbol, setText, symbol } from "../core/dom.js";
 import { MEASURED, openLive } from "./live_source.js";
 import { createViewer } from "./viewer.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Moment } from "./moments.js" */
+/** @import { LiveSource } from "./live_source.js" */
+
 const FRESH_MS = 2000;
 const LOOK_EVERY_MS = 1000;
 const CALM_MS = 1000;
 
-/** @param {import("../core/context.js").Context} context @param {HTMLElement} body */
+/** @param {Context} context @param {HTMLElement} body */
 export function createLiveView(context, body) {
   const { t, format, store } = context;
   /** @type {(() => void)[]} */
@@ -23,7 +27,7 @@ export function createLiveView(context, body) {
     show(live);
   }
 
-  /** @param {any} live */
+  /** @param {LiveSource} live */
   function show(live) {
     const badge = createBadge(context);
     const viewer = createViewer(context, {
@@ -31,7 +35,7 @@ export function createLiveView(context, body) {
       when: (moment) => t("shape.whenLive", { time: format.time(moment.utc ?? 0) }),
     });
     const calm = calmly(viewer.show);
-    const end = live.follow((/** @type {any} */ moment) => {
+    const end = live.follow((moment) => {
       badge.see(moment);
       calm(moment);
     }, badge.failed);
@@ -51,11 +55,11 @@ export function createLiveView(context, body) {
   };
 }
 
-/** Who wants little motion gets a picture a second. @param {(moment: any) => void} show */
+/** Who wants little motion gets a picture a second. @param {(moment: Moment) => void} show */
 function calmly(show) {
   const still = matchMedia("(prefers-reduced-motion: reduce)");
   let last_ms = -Infinity;
-  return (/** @type {any} */ moment) => {
+  return (/** @type {Moment} */ moment) => {
     const now_ms = performance.now();
     if (still.matches && now_ms - last_ms < CALM_MS) return;
     last_ms = now_ms;
@@ -63,7 +67,7 @@ function calmly(show) {
   };
 }
 
-/** Whether what is shown is of now. @param {import("../core/context.js").Context} context */
+/** Tells whether what is shown is of now. @param {Context} context */
 function createBadge({ t, now_ms, format }) {
   const sign = symbol("live");
   const words = el("span", {}, t("shape.live"));
@@ -80,9 +84,9 @@ function createBadge({ t, now_ms, format }) {
   const timer = setInterval(look, LOOK_EVERY_MS);
   return {
     element,
-    see(/** @type {any} */ moment) {
+    see(/** @type {Moment} */ moment) {
       newest_ms = now_ms();
-      utc = moment.utc;
+      utc = moment.utc ?? "";
       look();
     },
     failed: look,

@@ -1,8 +1,8 @@
 // Lines and triangles between neighbouring targets that were seen; where one is missing there is a hole.
 
-/** @typedef {import("./grid.js").Grid} Grid */
+/** @import { Grid } from "./grid.js" */
 
-/** Whether a target has a place. @param {Float32Array} xyz @param {number} i */
+/** True if a target has a place. @param {Float32Array} xyz @param {number} i */
 export const isSeen = (xyz, i) => Number.isFinite(xyz[3 * i]);
 
 /** The edges between targets that were both seen. @param {Grid} grid @param {Float32Array} xyz */

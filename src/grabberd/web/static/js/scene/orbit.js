@@ -21,7 +21,7 @@ export const VIEWS = {
 const MOST_ZOOM = 12;
 const LEAST_ZOOM = 0.2;
 const MARGIN = 0.9;
-/** What is nearer than the middle looks larger: sine of half the angle of view. */
+/** Sine of half the angle of view: by this much a place nearer than the middle looks larger. */
 const PERSPECTIVE = 0.26;
 
 /** @param {Orbit} orbit @param {number} right_deg @param {number} up_deg @returns {Orbit} */
@@ -54,7 +54,7 @@ export function axesOf({ azimuth_deg, elevation_deg }) {
 }
 
 /**
- * Where the eye is and what it looks at.
+ * Position of the eye and of the place it looks at.
  * @param {Orbit} orbit
  * @param {{middle: Place, radius: number}} object in mm
  * @param {number} fov_deg the picture's lesser angle of view
@@ -63,9 +63,12 @@ export function eyeOf(orbit, object, fov_deg) {
   const { right, up, back } = axesOf(orbit);
   const distance = object.radius / Math.sin((fov_deg * Math.PI) / 360) / orbit.zoom;
   const [x, y] = orbit.shift.map((part) => part * object.radius);
-  const target = object.middle.map((part, i) => part - x * right[i] - y * up[i]);
-  return { up, target, distance, eye: target.map((part, i) => part + distance * back[i]) };
+  const target = place((i) => object.middle[i] - x * right[i] - y * up[i]);
+  return { up, target, distance, eye: place((i) => target[i] + distance * back[i]) };
 }
+
+/** @param {(axis: number) => number} part @returns {Place} */
+const place = (part) => [part(0), part(1), part(2)];
 
 /**
  * The same direction, so near that all places just fit into the picture.

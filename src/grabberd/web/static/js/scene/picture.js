@@ -1,6 +1,8 @@
 // The view as a PNG picture, with its legend and its words.
 import { marksOf, stepsOf } from "./legend.js";
 
+/** @import { Scale } from "./scale.js" */
+
 const FOOT = 84;
 const EDGE = 16;
 
@@ -8,7 +10,7 @@ const EDGE = 16;
  * @typedef {object} Caption
  * @property {string} words what is shown
  * @property {string} legend quantity and unit
- * @property {import("./scale.js").Scale | null} scale
+ * @property {Scale | null} scale
  * @property {(value: number, digits: number) => string} number
  * @property {Record<"ground" | "ink", string>} colours as CSS
  */
@@ -41,7 +43,7 @@ function drawFoot(pen, caption, width, top) {
   if (caption.scale) drawLegend(pen, caption, caption.scale, width, top);
 }
 
-/** @param {CanvasRenderingContext2D} pen @param {Caption} caption @param {import("./scale.js").Scale} scale @param {number} width @param {number} top */
+/** @param {CanvasRenderingContext2D} pen @param {Caption} caption @param {Scale} scale @param {number} width @param {number} top */
 function drawLegend(pen, caption, scale, width, top) {
   const long = Math.min(420, width - 2 * EDGE);
   const colours = stepsOf(scale.map);
@@ -64,5 +66,5 @@ export function save(blob, name) {
   link.href = URL.createObjectURL(blob);
   link.download = name;
   link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
+  setTimeout(() => URL.revokeObjectURL(link.href), 10_000); // the browser reads it after the click has returned
 }

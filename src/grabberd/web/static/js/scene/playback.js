@@ -1,4 +1,4 @@
-// Which of many moments is shown, and how it goes on.
+// Playback: the moment that is shown, and the next one. Nothing here touches the page.
 
 /**
  * @typedef {object} Playback
@@ -35,7 +35,7 @@ export function indexAt(times_s, at) {
   return Math.max(0, low - 1);
 }
 
-/** How long it plays: to the last moment, and as long as one lasts. @param {number[]} times_s */
+/** Duration, up to the end of the last moment. @param {number[]} times_s */
 export function lengthOf(times_s) {
   if (times_s.length < 2) return 0;
   const [first, last] = [times_s[0], times_s[times_s.length - 1]];

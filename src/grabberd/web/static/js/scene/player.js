@@ -2,8 +2,10 @@
 import { el, setSymbol, setText, symbol } from "../core/dom.js";
 import { advanced, atTheBeginning, indexAt, lengthOf, SPEEDS } from "./playback.js";
 
+/** @import { Context } from "../core/context.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {number[]} times_s of the moments, ascending, from 0
  * @param {(index: number) => string} wordsOf a moment
  * @param {(index: number) => void} show
@@ -56,7 +58,7 @@ export function createPlayer({ t, format }, times_s, wordsOf, show) {
   function tell(wanted) {
     if (wanted === index) return;
     index = wanted;
-    slider.value = wanted;
+    slider.value = String(wanted);
     slider.setAttribute("aria-valuetext", wordsOf(index));
     setText(when, wordsOf(index));
     show(index);

@@ -1,13 +1,15 @@
 // Turning, shifting and zooming by mouse, fingers, wheel and keys.
 import { shifted, turned, zoomed } from "./orbit.js";
 
-/** @typedef {import("./orbit.js").Orbit} Orbit */
+/** @import { Orbit } from "./orbit.js" */
 
 const DEG_A_PIXEL = 0.4;
 const KEY_DEG = 7.5;
 const KEY_ZOOM = 1.2;
 /** A touch that moves no farther is a tap. */
 const TAP_PIXELS = 8;
+
+/** @typedef {{x: number, y: number}} At in CSS pixels */
 
 /** @type {Record<string, (orbit: Orbit) => Orbit>} */
 const KEYS = {
@@ -27,7 +29,7 @@ const KEYS = {
  * @returns {() => void} ends it
  */
 export function listenToPointers(element, change, tap) {
-  /** @type {Map<number, {x: number, y: number}>} */
+  /** @type {Map<number, At>} */
   const down = new Map();
   let moved = 0;
 
@@ -52,16 +54,16 @@ export function listenToPointers(element, change, tap) {
     else change((orbit) => turned(orbit, (before.x - now.x) * DEG_A_PIXEL, (now.y - before.y) * DEG_A_PIXEL));
   }
 
-  /** @param {Orbit} orbit @param {any} before @param {any} now @returns {Orbit} */
+  /** @param {Orbit} orbit @param {At} before @param {At} now @returns {Orbit} */
   function dragged(orbit, before, now) {
     const radii = 2 / Math.max(1, Math.min(element.clientWidth, element.clientHeight)) / orbit.zoom;
     return shifted(orbit, (now.x - before.x) * radii, (before.y - now.y) * radii);
   }
 
-  /** Two fingers: their distance zooms, their middle shifts. @param {Orbit} orbit @param {any} still @param {any} before @param {any} now */
+  /** Two fingers: their distance zooms, their middle shifts. @param {Orbit} orbit @param {At} still @param {At} before @param {At} now */
   function pinched(orbit, still, before, now) {
-    const apart = (/** @type {any} */ place) => Math.hypot(place.x - still.x, place.y - still.y) || 1;
-    const middle = (/** @type {any} */ place) => ({ x: (place.x + still.x) / 2, y: (place.y + still.y) / 2 });
+    const apart = (/** @type {At} */ place) => Math.hypot(place.x - still.x, place.y - still.y) || 1;
+    const middle = (/** @type {At} */ place) => ({ x: (place.x + still.x) / 2, y: (place.y + still.y) / 2 });
     return dragged(zoomed(orbit, apart(now) / apart(before)), middle(before), middle(now));
   }
 
@@ -86,11 +88,14 @@ export function listenToPointers(element, change, tap) {
     change(by);
   }
 
-  /** @type {[string, any, any?][]} */
-  const heard = [
-    ["pointerdown", press], ["pointermove", move], ["pointerup", release], ["pointercancel", release],
-    ["wheel", turnWheel, { passive: false }], ["keydown", type], ["contextmenu", (/** @type {Event} */ event) => event.preventDefault()],
-  ];
-  for (const [name, listener, options] of heard) element.addEventListener(name, listener, options);
-  return () => heard.forEach(([name, listener]) => element.removeEventListener(name, listener));
+  const heard = new AbortController();
+  const { signal } = heard;
+  element.addEventListener("pointerdown", press, { signal });
+  element.addEventListener("pointermove", move, { signal });
+  element.addEventListener("pointerup", release, { signal });
+  element.addEventListener("pointercancel", release, { signal });
+  element.addEventListener("wheel", turnWheel, { signal, passive: false }); // the page must not scroll with it
+  element.addEventListener("keydown", type, { signal });
+  element.addEventListener("contextmenu", (event) => event.preventDefault(), { signal });
+  return () => heard.abort();
 }

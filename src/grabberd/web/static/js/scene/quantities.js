@@ -1,5 +1,8 @@
-// What the colours can stand for.
+// The quantities that targets can be coloured by.
 import { scaleOver, shareOf } from "./scale.js";
+
+/** @import { Moment } from "./moments.js" */
+/** @import { Scale } from "./scale.js" */
 
 /**
  * @typedef {object} Quantity
@@ -23,7 +26,7 @@ export const PLAIN = "plain";
 /**
  * The scale of a quantity over moments, in its shown unit.
  * @param {string} name
- * @param {import("./frames.js").Moment[]} moments
+ * @param {Moment[]} moments
  */
 export function scaleOf(name, moments) {
   const quantity = QUANTITIES[name];
@@ -33,10 +36,10 @@ export function scaleOf(name, moments) {
 }
 
 /**
- * Where every target's value is on the scale: −1 where it has none, −2 where no colour is wanted.
+ * Place of every target's value on the scale: −1 where it has none, −2 where no colour is wanted.
  * @param {string} name
- * @param {import("./scale.js").Scale | null} scale
- * @param {import("./frames.js").Moment} moment
+ * @param {Scale | null} scale
+ * @param {Moment} moment
  */
 export function sharesOf(name, scale, moment) {
   const count = moment.xyz_mm.length / 3;

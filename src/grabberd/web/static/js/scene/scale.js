@@ -1,4 +1,4 @@
-// Which values the colours stand for.
+// The range of values that the colours stand for. Nothing here touches the page.
 
 /**
  * @typedef {object} Scale
@@ -18,7 +18,7 @@ const FEWEST_TICKS = 3;
  * @returns {Scale | null} none where there is no value
  */
 export function scaleOver(values, signed) {
-  const known = Float64Array.from(values).filter(Number.isFinite).sort();
+  const known = Float64Array.from(values).filter(Number.isFinite).sort(); // typed arrays sort by value, plain ones as text
   if (!known.length) return null;
   const low = known[Math.floor(OUTERMOST * (known.length - 1))];
   const high = known[Math.ceil((1 - OUTERMOST) * (known.length - 1))];
@@ -31,7 +31,7 @@ export function together(one, other) {
   return { low: Math.min(one.low, other.low), high: Math.max(one.high, other.high), map: one.map };
 }
 
-/** Where a value is, from 0 to 1; −1 where there is none. @param {Scale} scale @param {number} value */
+/** Place of a value on a scale, from 0 to 1; −1 without a value. @param {Scale} scale @param {number} value */
 export function shareOf(scale, value) {
   if (!Number.isFinite(value)) return -1;
   return Math.min(Math.max((value - scale.low) / (scale.high - scale.low), 0), 1);
@@ -49,7 +49,7 @@ export function ticks(low, high, most = 6) {
   return found.length < FEWEST_TICKS ? multiples(low, high, step / 2) : found;
 }
 
-/** How many digits after the point tell such ticks apart. @param {number[]} marks */
+/** Digits after the point that tell ticks apart. @param {number[]} marks */
 export function digitsOf(marks) {
   const apart = marks.length > 1 ? marks[1] - marks[0] : Math.abs(marks[0]) || 1;
   const digits = Math.max(0, -Math.floor(Math.log10(apart) + 1e-9));

@@ -1,4 +1,4 @@
-// What the graphics processor is told. A share is a value's place on the colour scale, 0 to 1; −1: no value; −2: none wanted.
+// Shaders. A share is the place of a value on the colour scale, 0 to 1; −1: no value; −2: none wanted.
 
 const COLOUR = `
 uniform vec3 uMap[17];

@@ -5,8 +5,12 @@ import { createLines, createPoints, createSurface } from "./layers.js";
 import { normalsOf, trianglesOf, wireOf } from "./mesh.js";
 import { eyeOf } from "./orbit.js";
 
-/** @typedef {import("./grid.js").Grid} Grid */
-/** @typedef {[number, number, number]} Rgb */
+/** @import { Rgb } from "./colours.js" */
+/** @import { Frustum } from "./frustum.js" */
+/** @import { Grid } from "./grid.js" */
+/** @import { Orbit } from "./orbit.js" */
+
+/** @typedef {ReturnType<typeof createStage>} Stage */
 
 /**
  * @typedef {object} Shown
@@ -14,21 +18,21 @@ import { eyeOf } from "./orbit.js";
  * @property {Float32Array} shares of the colour scale, −1 without a value, −2 where none is wanted
  * @property {keyof typeof MAPS} map
  * @property {{points: boolean, wire: boolean, surface: boolean}} parts
- * @property {import("./frustum.js").Frustum[]} frusta the cameras; none where they are not to be seen
- * @property {import("./orbit.js").Orbit} orbit
+ * @property {Frustum[]} frusta the cameras; none where they are not to be seen
+ * @property {Orbit} orbit
  * @property {{middle: [number, number, number], radius: number}} object what fills the picture
  * @property {ArrayLike<number> | null} marked_mm where the chosen target is
- * @property {Record<string, Rgb>} colours wire, wireOn (before the surface), plain, unknown, camera, rim
+ * @property {Record<"wire" | "wireOn" | "plain" | "unknown" | "camera" | "rim", Rgb>} colours wireOn: a wire before the surface
  */
 
 export const FOV_DEG = 30;
 const TARGET_MM = 1.5;
 const LEAST_PIXELS = 9;
 
-/** Whether this browser can draw at all. */
+/** True if this browser can draw at all. */
 export function canDraw() {
   const context = document.createElement("canvas").getContext("webgl2");
-  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  context?.getExtension("WEBGL_lose_context")?.loseContext(); // browsers have few: this one is given back at once
   return context !== null;
 }
 
@@ -90,7 +94,7 @@ export function createStage(canvas, grid) {
     layers.points.uniforms.uLeast.value = LEAST_PIXELS * dpr;
   }
 
-  /** The lesser angle of view is always the same, so that a phone held upright shows the whole too. */
+  /** Vertical angle of view, degrees. The lesser angle is always the same, so that an upright phone shows the whole object, too. */
   function vertical() {
     const aspect = size.width / size.height;
     const half = Math.tan((FOV_DEG * Math.PI) / 360);
@@ -107,7 +111,7 @@ export function createStage(canvas, grid) {
     camera.updateMatrixWorld();
   }
 
-  /** Where a place is on the canvas, in CSS pixels; null behind the eye. @param {ArrayLike<number>} place_mm */
+  /** Projects a place onto the canvas, in CSS pixels; null behind the eye. @param {ArrayLike<number>} place_mm */
   function onCanvas(place_mm) {
     const m = camera.projectionViewMatrix;
     const part = (/** @type {number} */ i) => m[i] * place_mm[0] + m[4 + i] * place_mm[1] + m[8 + i] * place_mm[2] + m[12 + i];
@@ -115,7 +119,7 @@ export function createStage(canvas, grid) {
     return w <= 0 ? null : { x: ((part(0) / w + 1) / 2) * size.width, y: ((1 - part(1) / w) / 2) * size.height };
   }
 
-  /** How many CSS pixels a millimetre has at the object's middle. @param {Shown} shown */
+  /** CSS pixels of a millimetre at the object's middle. @param {Shown} shown */
   function pixelsPerMm({ orbit, object }) {
     const { distance } = eyeOf(orbit, object, FOV_DEG);
     return size.height / (2 * Math.tan((vertical() * Math.PI) / 360)) / distance;
@@ -128,7 +132,7 @@ export function createStage(canvas, grid) {
   return { draw, resize, onCanvas, pixelsPerMm, dispose };
 }
 
-/** @param {import("./frustum.js").Frustum} frustum @returns {[number[], number[]][]} */
+/** @param {Frustum} frustum @returns {[number[], number[]][]} */
 function outlineOf({ apex_mm, corners_mm }) {
   return corners_mm.flatMap((corner, i) => [[apex_mm, corner], [corner, corners_mm[(i + 1) % 4]]]);
 }

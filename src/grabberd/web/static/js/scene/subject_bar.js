@@ -1,11 +1,16 @@
-// What is looked at, live or a capture, and how: in space or over time.
+// Choice of the subject, live or a capture, and of the view: in space or over time.
 import { labelsIn } from "../captures/words.js";
 import { el, fill } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Capture } from "types/documents" */
+
 const LISTED = 50;
 
+/** @typedef {{id: string, created_utc: string | null, labels: Record<string, string>, note: string}} Named a capture, or one that is only known by its id */
+
 /**
- * @param {import("../core/context.js").Context} context
+ * @param {Context} context
  * @param {"shape" | "plots"} way which of them this is
  * @param {string | undefined} id of the capture; live without one
  */
@@ -23,19 +28,19 @@ export function createSubjectBar(context, way, id) {
     el("nav", { class: "row", "aria-label": t("shape.ways") }, link("shape"), link("plots")),
   );
 
-  /** @param {any[]} captures */
+  /** @param {Capture[]} captures */
   function list(captures) {
-    const others = id && !captures.some((one) => one.id === id) ? [{ id, created_utc: null, labels: {}, note: "" }] : [];
+    const others = id && !captures.some((one) => one.id === id) ? [/** @type {Named} */ ({ id, created_utc: null, labels: {}, note: "" })] : [];
     const options = [...others, ...captures].map((one) => el("option", { value: one.id, selected: one.id === id }, nameOf(context, one)));
     fill(select, el("option", { value: "", selected: !id }, t("shape.live")), options);
   }
 
   list([]);
-  api.get(`/captures?limit=${LISTED}`).then((/** @type {any} */ page) => list(page.captures.filter((/** @type {any} */ one) => one.runs.length)), context.refused);
+  api.get(`/captures?limit=${LISTED}`).then((page) => list(page.captures.filter((one) => one.runs.length)), context.refused);
   return element;
 }
 
-/** A capture in a line. @param {import("../core/context.js").Context} context @param {any} capture */
+/** A capture in a line. @param {Context} context @param {Named} capture */
 export function nameOf(context, capture) {
   const { format } = context;
   const said = [labelsIn(context, capture), capture.note].filter(Boolean).join(", ");

@@ -3,11 +3,12 @@
 /** @typedef {[number, number, number]} Rgb red, green, blue from 0 to 1 */
 
 /**
+ * @template {string} Name
  * @param {HTMLElement} element the colours are those that hold there
- * @param {string[]} names of the colours, without the dashes
- * @returns {Record<string, Rgb>}
+ * @param {Record<Name, string>} tokens the colours' custom properties, without the dashes
+ * @returns {Record<Name, Rgb>} by the same names
  */
-export function coloursOf(element, names) {
+export function coloursOf(element, tokens) {
   const probe = document.createElement("span");
   probe.hidden = true;
   element.append(probe);
@@ -15,9 +16,9 @@ export function coloursOf(element, names) {
     probe.style.color = `var(--${name})`;
     return parsed(getComputedStyle(probe).color);
   };
-  const colours = Object.fromEntries(names.map((name) => [name, read(name)]));
+  const colours = Object.entries(tokens).map(([name, token]) => [name, read(/** @type {string} */ (token))]);
   probe.remove();
-  return colours;
+  return Object.fromEntries(colours);
 }
 
 /**

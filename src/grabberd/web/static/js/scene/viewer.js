@@ -12,7 +12,13 @@ import { PLAIN, QUANTITIES, scaleOf, sharesOf } from "./quantities.js";
 import { together } from "./scale.js";
 import { canDraw } from "./stage.js";
 
-/** @typedef {import("./frames.js").Moment} Moment */
+/** @import { Context } from "../core/context.js" */
+/** @import { Look, Parts } from "./controls.js" */
+/** @import { Moment } from "./moments.js" */
+/** @import { Frustum } from "./frustum.js" */
+/** @import { Grid } from "./grid.js" */
+/** @import { Orbit } from "./orbit.js" */
+/** @import { Scale } from "./scale.js" */
 
 const KEPT = "shape.look";
 const PARTS = { points: true, wire: true, surface: true, cameras: false };
@@ -20,8 +26,8 @@ const SUMMARY_ID = "scene-summary";
 
 /**
  * @typedef {object} Subject
- * @property {import("./grid.js").Grid} grid
- * @property {import("./frustum.js").Frustum[]} frusta
+ * @property {Grid} grid
+ * @property {Frustum[]} frusta
  * @property {string[]} quantities that there are values of
  * @property {Moment[] | null} moments all there are; null where they come one by one
  * @property {(moment: Moment) => string} when a moment in words
@@ -29,22 +35,22 @@ const SUMMARY_ID = "scene-summary";
  * @property {((target: number) => string) | null} addressOf where a target is shown over time
  */
 
-/** @param {import("../core/context.js").Context} context @param {Subject} subject */
+/** @param {Context} context @param {Subject} subject */
 export function createViewer(context, subject) {
   if (!canDraw()) return unable(context, subject);
   const { t, format } = context;
   const { grid, frusta, quantities } = subject;
-  const known = kept(KEPT, {});
+  const known = lookFrom(kept(KEPT));
   const look = {
     parts: { ...PARTS, ...known.parts },
-    quantity: [PLAIN, ...quantities].includes(known.quantity) ? known.quantity : quantities[0] ?? PLAIN,
+    quantity: [PLAIN, ...quantities].find((one) => one === known.quantity) ?? quantities[0] ?? PLAIN,
   };
   /** One of the named views, which fill the picture by themselves; null: as it was turned. @type {string | null} */
   let view = "oblique";
   let orbit = VIEWS.oblique;
   /** @type {Moment | null} */
   let moment = null;
-  /** @type {import("./scale.js").Scale | null} */
+  /** @type {Scale | null} */
   let scale = null;
   /** @type {number | null} */
   let target = null;
@@ -67,7 +73,7 @@ export function createViewer(context, subject) {
   const figure = el("div", { class: "scene-figure" }, canvas.element, legend.element, summary);
   const element = el("div", { class: "scene" }, figure, el("div", { class: "stack" }, controls.element, inspector.element));
 
-  /** @param {(orbit: import("./orbit.js").Orbit) => import("./orbit.js").Orbit} change */
+  /** @param {(orbit: Orbit) => Orbit} change */
   function turn(change) {
     view = null;
     orbit = change(orbit);
@@ -86,13 +92,13 @@ export function createViewer(context, subject) {
     draw();
   }
 
-  /** Where the chosen target is. @param {Moment} now */
+  /** Place of the chosen target. @param {Moment} now */
   function marked(now) {
     const i = target === null ? -1 : grid.index.get(target) ?? -1;
     return i >= 0 && Number.isFinite(now.xyz_mm[3 * i]) ? now.xyz_mm.subarray(3 * i, 3 * i + 3) : null;
   }
 
-  /** @param {any} change */
+  /** @param {Partial<Look>} change */
   function choose(change) {
     Object.assign(look, change);
     keep(KEPT, { parts: look.parts, quantity: look.quantity });
@@ -140,9 +146,10 @@ export function createViewer(context, subject) {
   async function takePicture() {
     if (!moment) return;
     const colours = canvas.now();
+    if (!colours) return;
     const caption = {
       words: `${t("shape.summary", { seen: moment.seen, all: grid.target.length, name: grid.name })} ${subject.when(moment)}`,
-      legend: coloured(), scale, number: format.number, colours: { ground: css(colours.surface), ink: css(colours.ink) },
+      legend: coloured(), scale, number: format.number, colours: { ground: css(colours.ground), ink: css(colours.ink) },
     };
     const blob = await pictureOf(canvas.canvas, caption);
     if (blob) save(blob, `${subject.file}-${moment.n ?? "phase"}.png`);
@@ -152,7 +159,15 @@ export function createViewer(context, subject) {
   return { element, show, end: canvas.end };
 }
 
-/** Where the browser cannot draw, what is known is said in words. @param {import("../core/context.js").Context} context @param {Subject} subject */
+/** An earlier look as it was kept. @param {unknown} kept @returns {{parts?: Partial<Parts>, quantity?: string}} */
+function lookFrom(kept) {
+  if (typeof kept !== "object" || kept === null) return {};
+  const { parts, quantity } = /** @type {Record<string, unknown>} */ (kept);
+  const known = Object.entries(typeof parts === "object" && parts !== null ? parts : {}).filter(([name, on]) => name in PARTS && typeof on === "boolean");
+  return { parts: Object.fromEntries(known), quantity: typeof quantity === "string" ? quantity : undefined };
+}
+
+/** Stands in for the viewer where the browser cannot draw: a summary in words. @param {Context} context @param {Subject} subject */
 function unable({ t }, subject) {
   const summary = el("p", { id: SUMMARY_ID });
   const note = el("div", { class: "note is-warn" }, el("p", {}, t("shape.noWebgl")));

@@ -1,9 +1,11 @@
 // Says that the daemon is away, and since when.
 import { el, setText, symbol } from "../core/dom.js";
 
+/** @import { Context } from "../core/context.js" */
+
 const PATIENCE_MS = 1500;
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createBanner(context) {
   const { t, format, store } = context;
   const words = el("span");

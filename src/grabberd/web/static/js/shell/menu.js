@@ -1,11 +1,14 @@
 // Who uses the page, in which language, light or dark, and the way out.
 import { el, fill, symbol } from "../core/dom.js";
-import { keep, kept } from "../core/kept.js";
+import { keep, keptText } from "../core/kept.js";
 import { deviceOf } from "../core/store.js";
+
+/** @import { Context } from "../core/context.js" */
+/** @import { Session } from "types/documents" */
 
 const LANGUAGES = { en: "English", nb: "Norsk" };
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 export function createMenu(context) {
   const { t, store } = context;
   const who = el("div", { class: "menu-who" });
@@ -18,7 +21,7 @@ export function createMenu(context) {
   addEventListener("click", (event) => {
     if (menu.open && !menu.contains(/** @type {Node} */ (event.target))) menu.open = false;
   });
-  menu.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+  menu.addEventListener("keydown", (event) => {
     if (event.key !== "Escape") return;
     menu.open = false;
     summary.focus();
@@ -27,7 +30,7 @@ export function createMenu(context) {
   return menu;
 }
 
-/** @param {import("../core/context.js").Context} context @param {any} session */
+/** @param {Context} context @param {Session} session */
 function person({ t, api, store, refused }, session) {
   const role = el("strong", { data: { role: session.role } }, t(`core.role.${session.role}`));
   const name = session.token ? el("span", { class: "muted" }, session.token) : el("span", { class: "muted" }, t("core.noTokens"));
@@ -43,7 +46,7 @@ function person({ t, api, store, refused }, session) {
   return [el("p", { class: "menu-role" }, symbol("person"), el("span", {}, role, " ", name)), session.by === "session" && out];
 }
 
-/** The choice of a device, where there are several. @param {import("../core/context.js").Context} context */
+/** The choice of a device, where there are several. @param {Context} context */
 function devices({ t, store }) {
   const names = Object.keys(store.get().state?.devices ?? {});
   if (names.length < 2) return null;
@@ -54,7 +57,7 @@ function devices({ t, store }) {
   });
 }
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 function language({ t, texts }) {
   return choice(t("core.language"), LANGUAGES, texts.language, (chosen) => {
     keep("language", chosen);
@@ -62,22 +65,22 @@ function language({ t, texts }) {
   });
 }
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 function look({ t }) {
   const looks = { auto: t("core.look.auto"), light: t("core.look.light"), dark: t("core.look.dark") };
-  return choice(t("core.look.title"), looks, kept("look", "auto"), (chosen) => {
+  return choice(t("core.look.title"), looks, keptText("look") ?? "auto", (chosen) => {
     keep("look", chosen === "auto" ? null : chosen);
     if (chosen === "auto") delete document.documentElement.dataset.look;
     else document.documentElement.dataset.look = chosen;
   });
 }
 
-/** @param {import("../core/context.js").Context} context */
+/** @param {Context} context */
 function help({ t }) {
   return el("p", { class: "menu-help" }, el("a", { href: "/docs" }, t("core.docs")));
 }
 
-/** @param {string} label @param {Record<string, string>} options @param {string} present @param {(value: string) => void} chosen */
+/** @param {string} label @param {Record<string, string>} options @param {string | undefined} present @param {(value: string) => void} chosen */
 function choice(label, options, present, chosen) {
   const made = Object.entries(options).map(([value, words]) => el("option", { value, selected: value === present }, words));
   const select = el("select", { class: "input" }, made);

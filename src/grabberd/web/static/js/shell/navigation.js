@@ -1,14 +1,15 @@
 // The way from panel to panel: on top on a tablet, at the bottom on a phone.
 import { el, symbol } from "../core/dom.js";
 
-/** @param {import("../core/context.js").Context} context @param {any[]} entries */
+/** @import { Context } from "../core/context.js" */
+/** @import { Entry } from "../panels/index.js" */
+
+/** @param {Context} context @param {Entry[]} entries */
 export function createNavigation(context, entries) {
   const { t } = context;
-  const links = entries
-    .filter((entry) => entry.nav)
-    .map((entry) =>
-      el("a", { href: `#${entry.route}`, class: "nav-link", data: { entry: entry.id } }, symbol(entry.nav), el("span", {}, t(`core.nav.${entry.id}`))),
-    );
+  const links = entries.flatMap(({ id, nav, route }) =>
+    nav ? [el("a", { href: `#${route}`, class: "nav-link", data: { entry: id } }, symbol(nav), el("span", {}, t(`core.nav.${id}`)))] : [],
+  );
   const element = el("nav", { class: "nav", "aria-label": t("core.navigation") }, links);
 
   /** @param {string} id */

@@ -7,7 +7,9 @@ import { createNavigation } from "./navigation.js";
 import { createSignIn } from "./sign_in.js";
 import { createStage } from "./stage.js";
 
-/** @param {import("../core/context.js").Context} context */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context */
 export function createShell(context) {
   const { t, store } = context;
   const main = el("main", { id: "main", class: "stage", tabindex: "-1" });

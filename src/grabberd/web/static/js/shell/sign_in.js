@@ -1,7 +1,10 @@
 // Signing in: a token is shown once, and traded for a session that no page can read.
+import { ApiProblem } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 
-/** @param {import("../core/context.js").Context} context */
+/** @import { Context } from "../core/context.js" */
+
+/** @param {Context} context */
 export function createSignIn(context) {
   const { t } = context;
   const input = el("input", {
@@ -17,7 +20,7 @@ export function createSignIn(context) {
     refusal,
     button,
   );
-  form.addEventListener("submit", async (/** @type {SubmitEvent} */ event) => {
+  form.addEventListener("submit", async (event) => {
     event.preventDefault();
     button.disabled = true;
     fill(refusal);
@@ -27,7 +30,7 @@ export function createSignIn(context) {
   return form;
 }
 
-/** @param {import("../core/context.js").Context} context @param {string} token @returns {Promise<any>} a refusal, or nothing */
+/** @param {Context} context @param {string} token @returns {Promise<HTMLElement | null>} a refusal, or nothing */
 async function signIn({ api, store, t }, token) {
   try {
     const headers = { Authorization: `Bearer ${token}` };
@@ -36,13 +39,14 @@ async function signIn({ api, store, t }, token) {
     store.set({ session, state });
     return null;
   } catch (problem) {
-    const words = wordsOf(/** @type {any} */ (problem), t);
+    const words = wordsOf(problem, t);
     return el("p", { class: "refused" }, symbol("bad"), el("span", {}, words));
   }
 }
 
-/** @param {any} problem @param {(key: string) => string} t */
+/** @param {unknown} problem @param {(key: string) => string} t */
 function wordsOf(problem, t) {
+  if (!(problem instanceof ApiProblem)) return t("signin.wrong");
   if (problem.status === 0) return t("core.noAnswer");
   if (problem.kind === "token-expired") return t("signin.expired");
   if (problem.status === 401 || problem.status === 400) return t("signin.wrong");

@@ -1,21 +1,24 @@
-// Where one panel at a time is shown.
+// The place of the panels: one at a time.
 import { el, fill } from "../core/dom.js";
 import { routeOf } from "../core/router.js";
 
+/** @import { Context } from "../core/context.js" */
+/** @import { Entry, Panel } from "../panels/index.js" */
+
 /**
- * @param {import("../core/context.js").Context} context
- * @param {any[]} entries
+ * @param {Context} context
+ * @param {Entry[]} entries
  * @param {HTMLElement} main
  * @param {(id: string) => void} mark tells the navigation which is shown
  */
 export function createStage(context, entries, main, mark) {
-  /** @type {{id: string, mounted: any} | null} */
+  /** @type {ReturnType<Panel["mount"]> | null} */
   let shown = null;
   let turn = 0;
   let running = false;
 
   function clear() {
-    shown?.mounted.unmount?.();
+    shown?.unmount?.();
     shown = null;
     turn += 1;
   }
@@ -24,11 +27,10 @@ export function createStage(context, entries, main, mark) {
     if (!running) return;
     const { entry, parameters } = routeOf(entries, location.hash);
     mark(entry.under ?? entry.id);
-    if (shown?.id === entry.id && shown.mounted.update) shown.mounted.update(parameters);
-    else await mount(entry, parameters);
+    await mount(entry, parameters);
   }
 
-  /** @param {any} entry @param {Record<string, string>} parameters */
+  /** @param {Entry} entry @param {Record<string, string>} parameters */
   async function mount(entry, parameters) {
     clear();
     const mine = turn;
@@ -38,14 +40,14 @@ export function createStage(context, entries, main, mark) {
     fill(main, element);
     document.title = `${context.t(panel.title)} – grabberd`;
     try {
-      shown = { id: entry.id, mounted: panel.mount(element, { ...context, parameters }) };
+      shown = panel.mount(element, { ...context, parameters });
     } catch (error) {
       fail(error);
     }
     window.scrollTo(0, 0);
   }
 
-  /** @param {any} entry */
+  /** @param {Entry} entry */
   async function load(entry) {
     try {
       return (await entry.load()).panel;

@@ -1,0 +1,125 @@
+"""The accuracy of points: predicted over the measuring volume, and tested on held-out targets."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from grabberd.reports.columns import Array
+from grabberd.reports.figures.drawing import INK, PALE, WIDTH_MM, Svg, drawn
+from grabberd.reports.numbers import fixed
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.contour import QuadContourSet
+    from matplotlib.figure import Figure
+
+Grid = np.ma.MaskedArray[tuple[int, ...], np.dtype[np.float64]]
+
+_TOP_MM, _BOTTOM_MM, _GAP_MM = 6.0, 20.0, 4.0
+_PANEL_MM = 45.0
+
+
+def volume_svg(volume: Mapping[str, Any], share: str, label: str) -> Svg:
+    """Draw σ of X, Y and Z: a row of panels for each plane, one scale per coordinate for all planes.
+
+    Args:
+        volume: the document's part.
+        share: "calibration" or "total".
+        label: alternative text.
+    """
+    planes = volume["planes"]
+    long, short = volume["x_mm"], volume["y_mm"]
+    panel_mm = min(max(_PANEL_MM * (short[-1] - short[0]) / (long[-1] - long[0]), 12.0), _PANEL_MM)
+    height_mm = _TOP_MM + _BOTTOM_MM + len(planes) * (panel_mm + _GAP_MM)
+
+    def draw(canvas: "Figure") -> None:
+        for index, axis in enumerate("xyz"):
+            grids = [_grid(plane[share][axis]) for plane in planes]
+            levels = _levels(grids)
+            filled = None
+            for row, (plane, grid) in enumerate(zip(planes, grids, strict=True)):
+                bottom = height_mm - _TOP_MM - (row + 1) * panel_mm - row * _GAP_MM
+                box = (_left(index), bottom / height_mm, _PANEL_MM / WIDTH_MM, panel_mm / height_mm)
+                axes = canvas.add_axes(box)
+                filled = _plane(axes, volume, grid, levels) or filled
+                _label(axes, axis, plane["z_mm"], first=row == 0, last=row == len(planes) - 1)
+            if filled is not None:
+                bar = (_left(index), 6.0 / height_mm, _PANEL_MM / WIDTH_MM, 2.2 / height_mm)
+                _scale(canvas, filled, bar)
+
+    return drawn(draw, height_mm, label)
+
+
+def validation_svg(points: Sequence[Mapping[str, Any]], label: str) -> Svg:
+    """Draw the errors of held-out targets in X, Y and Z over their predicted σ, with the band of 1.96 σ."""
+
+    def draw(canvas: "Figure") -> None:
+        for index, axis in enumerate("xyz"):
+            axes = canvas.add_axes((0.10 + 0.325 * index, 0.19, 0.235, 0.70))
+            _errors(axes, axis, points)
+
+    return drawn(draw, 66.0, label)
+
+
+def _left(index: int) -> float:
+    return 0.12 + 0.295 * index
+
+
+def _grid(rows: list[list[float | None]]) -> Grid:
+    return np.ma.masked_invalid(np.array(rows, dtype=np.float64))
+
+
+def _levels(grids: Sequence[Grid]) -> Array:
+    known = [grid.compressed() for grid in grids if grid.count()]
+    if not known:
+        return np.array([0.0, 1.0])
+    values = np.concatenate(known)
+    low, high = float(values.min()), float(values.max())
+    # Levels have to rise, so an even σ gets a range of 2 %; the ends are moved out so that rounding leaves no
+    # value outside of them.
+    return np.linspace(low * 0.999, max(high, low * 1.02) * 1.001 + 1e-12, 9)
+
+
+def _plane(axes: "Axes", volume: Mapping[str, Any], grid: Grid, levels: Array) -> "QuadContourSet | None":
+    axes.set_xlim(volume["x_mm"][0], volume["x_mm"][-1])
+    axes.set_ylim(volume["y_mm"][0], volume["y_mm"][-1])
+    axes.set_facecolor("#f3f3f3")
+    if min(grid.shape) < 2 or grid.count() < 3:
+        return None
+    return axes.contourf(volume["x_mm"], volume["y_mm"], grid.T, levels=levels, cmap="YlGnBu")
+
+
+def _label(axes: "Axes", axis: str, z_mm: float, *, first: bool, last: bool) -> None:
+    axes.tick_params(labelbottom=last, labelleft=axis == "x")
+    axes.locator_params(nbins=5)
+    if first:
+        axes.set_title(f"σ of {axis.upper()} [mm]")
+    if last:
+        axes.set_xlabel("X [mm]")
+    if axis == "x":
+        axes.set_ylabel(f"Z = {fixed(z_mm, 1)} mm\nY [mm]")
+
+
+def _scale(canvas: "Figure", filled: "QuadContourSet", box: tuple[float, float, float, float]) -> None:
+    bar = canvas.colorbar(filled, cax=canvas.add_axes(box), orientation="horizontal", format="%.2g")
+    bar.set_ticks([float(level) for level in np.asarray(filled.levels)[1::3]])
+
+
+def _errors(axes: "Axes", axis: str, points: Sequence[Mapping[str, Any]]) -> None:
+    sigma = np.array([row[f"sigma_{axis}_mm"] for row in points], dtype=np.float64)
+    error = np.array([row[f"d{axis}_mm"] for row in points], dtype=np.float64)
+    width = max(float(sigma.max() - sigma.min()), 0.1 * float(sigma.max()))
+    reach = np.array([max(0.0, float(sigma.min()) - 0.15 * width), float(sigma.max()) + 0.15 * width])
+    axes.fill_between(reach, -1.96 * reach, 1.96 * reach, color=PALE, linewidth=0, label="± 1.96 σ")
+    axes.axhline(0.0, color=INK, linewidth=0.4)
+    axes.plot(sigma, error, "o", color=INK, markersize=2.2, mew=0)
+    highest = 1.15 * max(float(np.abs(error).max()), 1.96 * float(reach[1]))
+    axes.set_xlim(float(reach[0]), float(reach[1]))
+    axes.set_ylim(-highest, highest)
+    axes.locator_params(axis="x", nbins=4)
+    axes.set_title(axis.upper())
+    axes.set_xlabel("predicted σ [mm]")
+    if axis == "x":
+        axes.set_ylabel("error [mm]")
+        axes.legend(loc="upper left", handlelength=1.2, borderaxespad=0.0)

@@ -1,0 +1,72 @@
+// The capture that an operator wishes for, and the request that it makes. Nothing here touches the page.
+
+/**
+ * @typedef {object} Wish
+ * @property {"stop" | "seconds" | "cycles" | "fields"} kind of the length
+ * @property {number} seconds
+ * @property {number} cycles
+ * @property {number} fields
+ * @property {number} perMinute pulsations a minute
+ * @property {number | null} ownPerMinute the same as entered on this tablet; null: as measured last
+ * @property {number} before fields before the start that belong to it
+ * @property {boolean} wait arm first
+ * @property {boolean} all of all grabbers together
+ * @property {Record<string, string>} labels
+ * @property {string} note
+ */
+
+/**
+ * Changes one entry of the wish.
+ * @typedef {<Name extends keyof Wish>(name: Name, value: Wish[Name]) => void} Change
+ */
+
+/** @type {Wish["kind"][]} */
+export const KINDS = ["stop", "seconds", "cycles", "fields"];
+
+/** @type {Wish} */
+export const USUAL = {
+  kind: "seconds", seconds: 10, cycles: 10, fields: 500, perMinute: 60, ownPerMinute: null, before: 0, wait: false, all: false, labels: {}, note: "",
+};
+
+/** An earlier wish as it was kept; entries of the wrong type, which an older edition of the page may have kept, are left out. @param {unknown} kept @returns {Partial<Wish>} */
+export function wishFrom(kept) {
+  const entries = Object.entries(typeof kept === "object" && kept !== null ? kept : {});
+  return Object.fromEntries(entries.filter(([name, value]) => isUsual(name, value)));
+}
+
+/** @param {string} name @param {unknown} value */
+function isUsual(name, value) {
+  if (name === "kind") return KINDS.some((kind) => kind === value);
+  if (name === "ownPerMinute") return value === null || typeof value === "number";
+  const usual = Object.entries(USUAL).find(([one]) => one === name);
+  return usual !== undefined && value !== null && typeof value === typeof usual[1];
+}
+
+/** The length in fields, those before the start left out; null: until it is stopped. @param {Wish} wish @param {number} rate_hz */
+export function lengthOf(wish, rate_hz) {
+  if (wish.kind === "stop") return null;
+  if (wish.kind === "fields") return Math.round(wish.fields);
+  const seconds = wish.kind === "seconds" ? wish.seconds : (wish.cycles * 60) / wish.perMinute;
+  return Math.max(1, Math.round(seconds * rate_hz));
+}
+
+/** True if a capture of this length can be requested. @param {Wish} wish @param {number} rate_hz */
+export function isSound(wish, rate_hz) {
+  const length = lengthOf(wish, rate_hz);
+  return length === null || (Number.isFinite(length) && length >= 1 && length <= 10_000_000);
+}
+
+/**
+ * The body of POST /captures, or /capture-groups.
+ * @template {{device: string | undefined} | {devices: "all"}} Of
+ * @param {Wish} wish
+ * @param {Of} of the device, or all of them
+ * @param {number} rate_hz
+ */
+export function requestOf(wish, of, rate_hz) {
+  const length = lengthOf(wish, rate_hz);
+  const labels = Object.fromEntries(Object.entries(wish.labels).filter(([, text]) => text.trim() !== ""));
+  const common = { ...of, pre_trigger_fields: wish.before, labels, note: wish.note.trim() };
+  if (wish.wait) return { ...common, armed: true, post_trigger_fields: length };
+  return { ...common, fields: length === null ? null : length + wish.before };
+}

@@ -1,0 +1,37 @@
+// The daemon's documents by the page's names for them. Each is taken from the route that answers with it, so that
+// neither the page nor this file depends on what OpenAPI calls its schemas.
+import type { paths } from "./openapi.d.ts";
+import type { Answer, Body } from "./routes.d.ts";
+
+export type State = Answer<"get", "/state">;
+export type Device = State["devices"][string];
+export type Live = NonNullable<Device["live"]>;
+export type Rig = NonNullable<Device["rig"]>;
+export type Storage = State["storage"];
+export type Views = Device["views"];
+export type Session = Answer<"get", "/session">;
+export type Role = Session["role"];
+export type Threshold = NonNullable<Body<"put", "/settings">["threshold"]>;
+export type Settings = Answer<"get", "/settings">;
+export type Illumination = Answer<"get", "/devices/{}/light">;
+export type ViewIllumination = Illumination["views"][string];
+export type Pulsation = Answer<"get", "/devices/{}/pulsation">;
+
+export type Capture = Answer<"get", "/captures/{}">;
+type Ledger = Capture["ledger"];
+export type LedgerEntry = Ledger["entries"][number];
+export type Run = Capture["runs"][number];
+type Points = Answer<"get", "/captures/{}/points">;
+export type FieldPoints = Points["fields"][number];
+export type NewestPoints = Answer<"get", "/devices/{}/points">;
+export type ObjectModel = Answer<"get", "/devices/{}/object">;
+
+export type Job = Answer<"get", "/jobs/{}">;
+export type JobProblem = NonNullable<Job["problem"]>;
+export type CalibrationRow = Answer<"get", "/calibrations">["calibrations"][number];
+export type CalibrationFrame = Answer<"get", "/calibration-frames">["calibration_frames"][number];
+
+export type AnalysisRow = Answer<"get", "/captures/{}/analyses">["analyses"][number];
+
+/** A refusal, as RFC 9457 has it. */
+export type Problem = paths["/api/v1/captures/{capture_id}"]["get"]["responses"][404]["content"]["application/problem+json"];

@@ -1,0 +1,117 @@
+"""Files of the program that one request and one captured field pass through, traced while they happen.
+
+The profiling hook notes the file and the thread of every function call. A file counts as soon as one of its
+functions has run; being imported is not enough.
+"""
+
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from fastapi.testclient import TestClient
+
+import grabberd
+from grabberd.api import create_app
+from grabberd.config import default_config_file, load_config
+from grabberd.service.service import Service
+from grabberd.service.setup import set_up
+
+SOURCE = Path(grabberd.__file__).parent
+FIELDS = 100
+PATIENCE_S = 60.0
+# The threads of a field's way; all others that run meanwhile answer a request or wait.
+FIELD_THREADS = ("capture-", "recorder-", "writer-", "worker-")
+SETTLE_S = 1.0
+
+
+class Trace:
+    """Own files by the name of the thread in which one of their functions ran."""
+
+    def __init__(self) -> None:
+        self._files: dict[str, set[str]] | None = None
+
+    def __call__(self, frame: FrameType, event: str, _: Any) -> None:
+        """The interpreter's profiling hook."""
+        files = self._files
+        if files is not None and event == "call":
+            files[threading.current_thread().name].add(frame.f_code.co_filename)
+
+    @contextmanager
+    def watching(self) -> Iterator[None]:
+        """Watches this thread, and every one that starts inside the block."""
+        threading.setprofile(self)
+        sys.setprofile(self)
+        try:
+            yield
+        finally:
+            sys.setprofile(None)
+            threading.setprofile(None)  # type: ignore[arg-type]  # the stubs know no None
+
+    @contextmanager
+    def story(self) -> Iterator[dict[str, set[str]]]:
+        """Collects the files that are passed inside the block."""
+        found: dict[str, set[str]] = defaultdict(set)
+        self._files = found
+        try:
+            yield found
+        finally:
+            self._files = None
+
+
+def stories() -> dict[str, list[str]]:
+    """Own files, relative to the package, that each story passes."""
+    trace = Trace()
+    with tempfile.TemporaryDirectory() as folder, trace.watching(), _client(Path(folder)) as client:
+        service = client.app.state.service  # type: ignore[attr-defined]
+        with trace.story() as starting:
+            answer = client.post("/api/v1/captures", json={"fields": FIELDS}).raise_for_status().json()
+        with trace.story() as recording:
+            _wait_until_sealed(client, answer["id"])
+        del service
+    return {
+        "POST /captures": _own(starting, lambda thread: not thread.startswith(FIELD_THREADS)),
+        "a captured field, from device to disk": _own(
+            recording, lambda thread: thread.startswith(FIELD_THREADS)
+        ),
+    }
+
+
+@contextmanager
+def _client(folder: Path) -> Iterator[TestClient]:
+    config = load_config(default_config_file())
+    service = Service(set_up(config, default_config_file()), folder)
+    with TestClient(create_app(service), "http://localhost") as client:
+        deadline = time.monotonic() + PATIENCE_S
+        while client.get("/readyz").status_code != 200 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(SETTLE_S)
+        yield client
+
+
+def _wait_until_sealed(client: TestClient, capture_id: str) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        if client.get(f"/api/v1/captures/{capture_id}").json()["verdict"] is not None:
+            return
+        time.sleep(0.1)
+    raise TimeoutError(f"capture {capture_id} was not sealed in {PATIENCE_S} s")
+
+
+def _own(found: Mapping[str, set[str]], wanted: Any) -> list[str]:
+    files = {file for thread, some in found.items() if wanted(thread) for file in some}
+    root = str(SOURCE) + "/"
+    return sorted(file.removeprefix(root) for file in files if file.startswith(root))
+
+
+if __name__ == "__main__":
+    for story, passed in stories().items():
+        print(f"{story}: {len(passed)}")
+        for one in passed:
+            print(f"    {one}")
