@@ -121,7 +121,7 @@ def test_no_option_takes_the_token_itself() -> None:
 def serve(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     command = [sys.executable, "-c", "from grabberd.cli import main; main()", "serve", "--port", "0", *words]
     environment = {**os.environ, "STATE_DIRECTORY": str(folder)}
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, env=environment)
 
 
 def test_the_daemon_refuses_to_listen_to_strangers_without_a_token(tmp_path: Path) -> None:

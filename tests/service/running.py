@@ -14,7 +14,7 @@ from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd_fake import FakeGrabber
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 def configuration(options: Mapping[str, Any], **changes: Any) -> Config:

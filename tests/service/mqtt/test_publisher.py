@@ -177,7 +177,7 @@ def made_certificates(folder: Path) -> None:
     mosquitto_passwd -c -b passwords barn 'right; word'
     chmod 600 passwords
     """
-    subprocess.run(["bash", "-ec", script], cwd=folder, check=True, capture_output=True, timeout=60)
+    subprocess.run(["bash", "-ec", script], cwd=folder, check=True, capture_output=True, timeout=120)
 
 
 @needs_mosquitto

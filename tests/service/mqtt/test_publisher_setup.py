@@ -90,6 +90,6 @@ Service.from_config(load_config(file), set_up(load_config(file), file))
 print([name for name in ("aiomqtt", "paho") if name in sys.modules])
 """
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=True
     )
     assert done.stdout.strip() == "[]"

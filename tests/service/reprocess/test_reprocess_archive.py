@@ -7,9 +7,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
-import duckdb
 import numpy as np
-import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 import reprocessing as made
@@ -87,6 +85,8 @@ def test_captures_lie_in_folders_by_barn_and_day(out: Path) -> None:
 
 
 def test_duckdb_reads_it_as_it_is(out: Path) -> None:
+    import duckdb  # noqa: PLC0415
+
     query = (
         f"SELECT barn, day::VARCHAR, count(DISTINCT n), any_value(labels['cow']) "
         f"FROM read_parquet('{out}/*/*/*.parquet', hive_partitioning = true) GROUP BY ALL ORDER BY ALL"
@@ -100,6 +100,8 @@ def test_duckdb_reads_it_as_it_is(out: Path) -> None:
 
 
 def test_pandas_reads_it_as_it_is(out: Path) -> None:
+    import pandas as pd  # noqa: PLC0415
+
     frame = pd.read_parquet(out)
     assert sorted(frame.barn.unique()) == ["Stall 3/Nord", "Ås"]
     assert str(frame.time_utc.dtype).endswith("UTC]")

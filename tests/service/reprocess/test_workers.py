@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import distributed
 import pytest
 from reprocessing import CALIBRATION, OBJECT, archive, files, only_finished, table
 
@@ -33,6 +32,8 @@ def captures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[Any]:
+    import distributed  # noqa: PLC0415 - a second that only these tests need
+
     with distributed.LocalCluster(
         n_workers=3,
         threads_per_worker=1,
