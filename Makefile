@@ -18,7 +18,7 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults house docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -33,6 +33,8 @@ check: $(READY) check-page  ## ruff, mypy, the arrows between the rooms and the 
 	$(BIN)/ruff check src drivers tests docs
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tests.house.glossary
+	$(BIN)/python -m tests.house.docstrings
 	@systemd/check-units.sh
 
 check-page: npm  ## the page's modules against the types of the API
@@ -107,6 +109,9 @@ soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients comin
 
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
+
+house: $(READY)  ## the drawing of the rooms into docs/architecture.md; sizes and hops into docs/reference/house.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.house --write
 
 docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures; and the page's types
 	$(BIN)/python docs/reference/generate.py
