@@ -36,7 +36,9 @@ def _traced(*arguments: object) -> list[str]:
     with trace.watching(), trace.story() as found:
         _run(*arguments)
     root = f"{SOURCE}/"
-    return sorted({file.removeprefix(root) for some in found.values() for file in some if file.startswith(root)})
+    return sorted(
+        {file.removeprefix(root) for some in found.values() for file in some if file.startswith(root)}
+    )
 
 
 def _run(*arguments: object) -> None:
