@@ -10,12 +10,15 @@ READY := $(VENV)/ready
 SYSTEM_PYTHON ?= /usr/bin/python3
 STATE ?= .state
 PEERS := .venv-bench
+WHEELS := build/wheel
+# One more than there are processors: tests of whole daemons and of the page wait for half of their time.
+WORKERS ?= $(shell expr $$(nproc) + 1)
 NODE := node_modules/ready
 PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-browser browser mosquitto screenshots test-vm test-wheel test-install check-units install uninstall bundle bench profile measured soak faults docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults house docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -30,6 +33,8 @@ check: $(READY) check-page  ## ruff, mypy, the arrows between the rooms and the 
 	$(BIN)/ruff check src drivers tests docs
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tests.house.glossary
+	$(BIN)/python -m tests.house.docstrings
 	@systemd/check-units.sh
 
 check-page: npm  ## the page's modules against the types of the API
@@ -39,7 +44,7 @@ types: npm  ## the page's types, from docs/reference/openapi.json
 	@! command -v npm >/dev/null || { $(MAKE) --no-print-directory $(NODE) && npm run --silent types; }
 
 pytest: $(READY) browser mosquitto  ## the tests alone, on all processors
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 test-browser: $(READY) browser  ## the operator's page in a real browser, before a real daemon
 	$(BIN)/python -m pytest tests/browser -rs
@@ -51,6 +56,9 @@ browser:
 	@command -v chromium >/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
 	  && { apt-get install --yes --no-install-recommends chromium || { apt-get update && apt-get install --yes --no-install-recommends chromium; }; } ; } \
 	  || echo "*** Chromium is missing, so the page is NOT tested: sudo apt-get install chromium ***"
+
+test-affected: $(READY)  ## the tests nearest to what this branch changes, in half a minute (BASE=commit, TEST_SECONDS=60)
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m tests.affected $(if $(BASE),--base $(BASE)) $(if $(TEST_SECONDS),--seconds $(TEST_SECONDS))
 
 mosquitto:
 	@command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null \
@@ -65,11 +73,15 @@ npm:
 test-vm: $(READY)  ## driver and service under a real kernel and systemd, in a virtual machine (WRITE=1: results into docs/)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest tests/vm $(if $(WRITE),--write-tables)
 
-test-wheel: $(READY)  ## build the wheel, install it into an empty environment, run one capture there
-	bash tests/wheel/install_and_capture.sh "$(PYTHON)" "$(BIN)/python"
+test-wheel: wheel  ## build the wheel, install it into an empty environment, run one capture there
+	bash tests/wheel/install_and_capture.sh "$(PYTHON)" $(WHEELS)/grabberd-*.whl
 
-test-install: $(READY)  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
-	bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
+test-install: wheel  ## pack a bundle, install it into an empty root without internet, upgrade and remove it there
+	WHEEL=$$(echo $(WHEELS)/grabberd-*.whl) bash tests/systemd/bundle_and_install.sh "$(SYSTEM_PYTHON)" "$(BIN)/python"
+
+wheel: $(READY)
+	@rm -rf $(WHEELS)
+	@$(BIN)/python -m build --wheel --outdir $(WHEELS) . >$(VENV)/wheel.log 2>&1 || { cat $(VENV)/wheel.log; exit 1; }
 
 check-units:  ## whether systemd accepts the units, and how exposed it finds the daemon
 	@systemd/check-units.sh
@@ -97,6 +109,9 @@ soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients comin
 
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
+
+house: $(READY)  ## the drawing of the rooms into docs/architecture.md; sizes and hops into docs/reference/house.md
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.house --write
 
 docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures; and the page's types
 	$(BIN)/python docs/reference/generate.py

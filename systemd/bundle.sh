@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Packs a bundle: wheels of grabberd and all it needs, and the installer, for a computer without internet.
 # It is for the same Python and processor as the Python that packs it.
+# $WHEEL, if set, is grabberd's own wheel; otherwise it is built.
 # usage: bundle.sh PYTHON OUTPUT_DIRECTORY [OPTIONS OF pip download]        --no-deps: grabberd's own wheel alone
 set -euo pipefail
 python=$1 output=$(mkdir -p "$2" && cd "$2" && pwd)
@@ -9,8 +10,11 @@ work=$(mktemp -d)
 shift 2
 trap 'rm -rf "$work"' EXIT
 
-"$python" -m build --wheel --outdir "$work/built" "$root" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
-wheel=$(echo "$work"/built/grabberd-*.whl)
+wheel=${WHEEL:+$(realpath "$WHEEL")}
+if [ -z "$wheel" ]; then
+    "$python" -m build --wheel --outdir "$work/built" "$root" >"$work/log" 2>&1 || { cat "$work/log"; exit 1; }
+    wheel=$(echo "$work"/built/grabberd-*.whl)
+fi
 version=$(basename "$wheel" | cut -d- -f2)
 name=$("$python" -c "import sys, platform as p; print('grabberd-$version-python%d.%d-' % sys.version_info[:2] + p.machine())")
 bundle=$work/$name

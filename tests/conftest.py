@@ -3,15 +3,34 @@
 Arithmetic runs on one thread: beside other work, two that wait for each other take up to ten times as long.
 Hypothesis does not judge by the clock how long examples take to draw and to run. Whoever is started in the
 background by a script is told to ignore Ctrl-C, and passes that on: tests that press it have it heard again.
+How long each file's tests take is kept for `make test-affected`.
 """
 
 import os
 import signal
+from pathlib import Path
 
+import pytest
 from hypothesis import HealthCheck, settings
 
+from affected.durations import Durations
+
+HERE = Path(__file__).parent
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("shared", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("shared")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+LONGEST = ("browser", "faults")
+"""Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The order is otherwise that of the files, which `--no-loadscope-reorder` keeps among the workers."""
+    items.sort(key=lambda item: item.path.relative_to(HERE).parts[0] not in LONGEST)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Reports reach one process alone, which is none of the workers; without a cache nothing can be kept."""
+    if not hasattr(config, "workerinput") and config.pluginmanager.hasplugin("cacheprovider"):
+        config.pluginmanager.register(Durations(config))

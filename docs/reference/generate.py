@@ -11,56 +11,77 @@ from pydantic_core import PydanticUndefined
 
 from grabberd.api import create_app
 from grabberd.config import Config, default_config_file, load_config
-from grabberd.processes.analysis.columns import TABLES, TableDefinition
+from grabberd.processes.analysis.columns import TABLES
+from grabberd.processes.columns import LABELS, WORD, TableSpec
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
-from grabberd.storage.export.columns import COLUMNS
-from grabberd.storage.export.csv_ply import PLY_COLUMNS, PLY_NAMES, PLY_TYPES
+from grabberd.storage.export.ply_file import PLY_NAMES, PLY_TYPES
+from grabberd.storage.export.points_columns import CLOUD_COLUMNS, DATASET_COLUMNS, POINT_COLUMNS
 
 HERE = Path(__file__).parent
-PARQUET_TYPES = {"i4": "int32", "f4": "float32", "f8": "float64", "M8[ms]": "timestamp, ms, UTC"}
+TYPES = {
+    "i4": "int32",
+    "i8": "int64",
+    "f4": "float32",
+    "f8": "float64",
+    "U": "string",
+    "M8[ms]": "timestamp, ms, UTC",
+    WORD: "dictionary of strings",
+    LABELS: "map of strings to strings",
+}
 POINTS_BEFORE = """\
-Of a capture's run, by `grabberd export --format csv|ply|parquet`, or over HTTP:
+The points of one run of a capture, written by `grabberd export --format csv|ply|parquet`, or downloaded from
 `/api/v1/captures/{capture_id}/points.csv`, `.ply` and `.parquet`, with `?run=`. A row is one target in one
 field.
 """
 POINTS_AFTER = """
-**CSV** has every column, coordinates with all their digits, so they are read back bit for bit.
+**CSV** has every column. Coordinates have all their digits, so they read back bit for bit.
 
-**PLY** is binary, little-endian, one cloud for MeshLab, CloudCompare, Open3D and the like: all fields in one,
-told apart by the property `n`, or one field's with `?field=` (`--field`). It has no time of day, no
-pixels.
+**PLY** is binary, little-endian, a point cloud for MeshLab, CloudCompare, Open3D and the like: all fields in
+one, told apart by the property `n`, or a single field with `?field=` (`--field`). It has neither the time of
+day nor pixels.
 
-**One axis of time** for captures that were made together: `time_s` and the capture's `first_field_s` (in its
-document; in the file, `time_ns` of its first field less `start_ns`) are the seconds since the common start;
-to a millisecond, so is `time_utc` less the group's `start_utc` ([several grabbers](../howto/several.md)).
+**Captures recorded as a group share one time axis**: `time_s` plus the capture's `first_field_s` (in its
+document; from the file, `time_ns` of its first field minus `start_ns`) is the time in seconds since the
+common start; so is, to a millisecond, `time_utc` minus the group's `start_utc` ([several
+grabbers](../howto/several.md)).
 
-**Parquet** has every column; each one's metadata are `unit` and `description`. The file's own metadata
+**Parquet** has every column; the metadata of each are `unit` and `description`. The file's own metadata
 `grabberd` are a JSON document: capture, run, calibration, version, and site, labels and note as they were
 recorded. It is written by pyarrow, which is optional: `pip install 'grabberd[parquet]'`; without it the API
-answers 501. The daemon has it done by a niced process of its own. In Python:
-`pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`."""
+answers 501. The daemon leaves the work to a niced child process. In Python:
+`pyarrow.parquet.read_table(file)`, `pandas.read_parquet(file)`.
+
+## Data sets
+
+The files of a [data set](../howto/archive.md) are Parquet as well. They have all columns above, and:
+
+| column | Parquet | |
+|---|---|---|"""
 ANALYSIS_BEFORE = """\
-Of `grabberd analyse`, and over HTTP `/api/v1/captures/{capture_id}/analyses/{number}/TABLE.csv`. How to
-make them, and what the inputs mean: [analyse](../howto/analyse.md).
+The tables that `grabberd analyse` writes, or over HTTP
+`/api/v1/captures/{capture_id}/analyses/{number}/TABLE.csv`. How to make them, and what the inputs mean:
+[analyse](../howto/analyse.md).
 
-Every measured column (with ± below) has one beside it, `sigma_NAME`, with its σ in the same unit. σ has in
-it what comes from the points, the vacuum, the clocks and the material, as far as their σ were given; not
-what the calibration has wrong, which is alike in all fields. What is not known is empty in CSV, NaN in
-Parquet, HDF5, VTU and PLY; nothing is filled in. Coordinates are in the object's frame.
+Every measured column (marked ±) is followed by `sigma_NAME`, its σ in the same unit. σ covers the
+contributions of the points, the vacuum, the clocks and the material, as far as their σ were given; it does
+not cover the error of the calibration, which is the same in all fields. An unknown value is empty in CSV
+and NaN in Parquet, HDF5, VTU and PLY; nothing is filled in. A column of integers is float64 where a value
+is unknown. Coordinates are in the object's frame.
 
-**CSV**: a file for each table, seven digits. **Parquet** (`pip install 'grabberd[parquet]'`): the same with
-all digits; a column's metadata are `unit` and `description`, the file's `grabberd` say what it was made
-from. **HDF5** (`pip install 'grabberd[hdf5]'`): `analysis.h5` with a group for each table and a plain array
-for each column, its attributes `unit` and `meaning`; and the group `grid` with the targets' ids, rows,
-columns, nominal places and triangles. It opens in MATLAB, Python, Julia, R.
+**CSV**: one file for each table, seven digits. **Parquet** (`pip install 'grabberd[parquet]'`): the same
+with all digits; the metadata of a column are `unit` and `description`, those of the file, `grabberd`, say
+what it was made from. **HDF5** (`pip install 'grabberd[hdf5]'`): `analysis.h5` with a group for each table
+and a plain array for each column, with the attributes `unit` and `meaning`; and the group `grid` with the
+targets' ids, rows, columns, nominal positions and triangles. It opens in MATLAB, Python, Julia and R.
 
-**VTU** and **PLY**: a mesh for each field and phase, with every numeric column of `targets` or
-`phase_targets` at its vertices, which are the targets on the smooth outer face, in mm; a target without a
-place is no vertex. `vtu/fields.pvd` and `vtu/phases.pvd` are the same as series in time, for ParaView.
+**VTU** and **PLY**: a mesh for each field and phase. Its vertices are the targets on the smooth outer face,
+in mm, with every numeric column of `targets` or `phase_targets`; a target without a position is left out.
+`vtu/fields.pvd` and `vtu/phases.pvd` are the same as time series, for ParaView.
 
-The **report** is `report.html` to read and `report.json` for programs: inputs, problems, grid, and all
-tables but those of targets, triangles and edges, column by column; of the targets four states."""
+The **report** is `report.html` to read and `report.json` for programs: inputs, problems, the grid, and all
+tables except those of targets, triangles and edges, column by column; the targets are included for four
+states."""
 MADE = "<!-- made by `make docs`; do not edit -->\n"
 
 
@@ -95,11 +116,11 @@ def _http(description: dict[str, Any]) -> Iterator[str]:
             yield f"| `{method.upper()}` | `{path}` | {role} | {words} |"
     schemas = description["components"]["schemas"]
     yield "\n## A capture as it is asked for\n"
-    yield from _schema(schemas["CaptureOrder"])
+    yield from _schema(schemas["NewCapture"])
     yield "\n## Captures of several devices as they are asked for\n"
-    yield from _schema(schemas["CaptureGroupOrder"])
+    yield from _schema(schemas["NewCaptureGroup"])
     yield "\n## A calibration as it is asked for\n"
-    yield from _schema(schemas["CalibrationOrder"])
+    yield from _schema(schemas["CalibrationRequest"])
     yield "\nIts `options`:\n"
     yield from _schema(schemas["CalibrationOptions"])
 
@@ -167,11 +188,12 @@ def _points() -> Iterator[str]:
     yield f"{MADE}# Points, column by column\n"
     yield POINTS_BEFORE
     yield "| column | unit | Parquet | PLY | |\n|---|---|---|---|---|"
-    ply = {column.name for column in PLY_COLUMNS}
-    for name, kind, unit, meaning in COLUMNS:
-        as_ply = f"`{PLY_NAMES.get(name, name)}` {PLY_TYPES[kind]}" if name in ply else "–"
-        yield f"| `{name}` | {unit or '–'} | {PARQUET_TYPES[kind]} | {as_ply} | {meaning} |"
+    for one in POINT_COLUMNS:
+        ply = f"`{PLY_NAMES.get(one.name, one.name)}` {PLY_TYPES[one.dtype]}" if one in CLOUD_COLUMNS else "–"
+        yield f"| `{one.name}` | {one.unit or '–'} | {TYPES[one.dtype]} | {ply} | {one.meaning} |"
     yield POINTS_AFTER
+    for one in DATASET_COLUMNS[len(POINT_COLUMNS) :]:
+        yield f"| `{one.name}` | {TYPES[one.dtype]} | {one.meaning} |"
 
 
 def _analysis() -> Iterator[str]:
@@ -181,12 +203,12 @@ def _analysis() -> Iterator[str]:
         yield from _analysis_table(name, table)
 
 
-def _analysis_table(name: str, table: TableDefinition) -> Iterator[str]:
+def _analysis_table(name: str, table: TableSpec) -> Iterator[str]:
     yield f"\n## {name}\n\n{table.meaning}.\n"
-    yield "| column | unit | |\n|---|---|---|"
+    yield "| column | unit | type | |\n|---|---|---|---|"
     for one in (*table.key, *table.values):
         unit = f"{one.unit or '–'}{' ±' if one.measured else ''}"
-        yield f"| `{one.name}` | {unit} | {one.meaning} |"
+        yield f"| `{one.name}` | {unit} | {TYPES[one.dtype]} | {one.meaning} |"
 
 
 if __name__ == "__main__":

@@ -43,6 +43,24 @@ def test_the_times_of_a_recording_pass_as_they_are():
     assert np.array_equal(run(FieldClock(PERIOD_NS, exact=True), times), times[1:])
 
 
+def test_the_first_corrections_are_those_of_a_running_mean():
+    clock = FieldClock(PERIOD_NS)
+    clock.lock(0)
+    assert clock.advance(1, PERIOD_NS + 6_000_000) == PERIOD_NS + 3_000_000
+    assert clock.advance(1, 2 * PERIOD_NS + 3_000_000) == pytest.approx(2 * PERIOD_NS + 3_000_000, abs=2_000)
+    assert clock.advance(1, 3 * PERIOD_NS) == pytest.approx(3 * PERIOD_NS + 2_250_000, abs=2_000)
+
+
+def test_times_that_are_late_from_now_on_are_followed_within_two_seconds_and_critically_damped():
+    clock = FieldClock(PERIOD_NS)
+    run(clock, PERIOD_NS * np.arange(1_000))
+    n = np.arange(1_000, 2_000)
+    late = np.array([clock.advance(1, int(PERIOD_NS * one + 1_000_000)) for one in n]) - PERIOD_NS * n
+    assert late[100] == pytest.approx(1_000_000, rel=0.01)
+    assert late.max() < 1_140_000
+    assert late[-1] == pytest.approx(1_000_000, rel=0.001)
+
+
 def test_batches_of_eight_milliseconds_are_smoothed_to_less_than_one():
     true = PERIOD_NS * np.arange(3_000)
     late = np.random.default_rng(2).integers(0, 8_000_000, 3_000)

@@ -98,6 +98,39 @@ def test_entering_a_field_enters_first_what_was_lost_before_it():
     assert ledger.entries == [LOST, LedgerEntry(5, 1, Outcome.DAMAGED, "repeated")]
 
 
+def test_entering_a_received_field_counts_it():
+    ledger = received(0, 1)
+    ledger.enter(5, Outcome.RECEIVED, None, before=(LOST,))
+    assert (ledger.received, ledger.end_n, ledger.entries) == (3, 6, [LOST])
+
+
+def test_an_outcome_without_a_reason_is_its_own_reason():
+    ledger = received(0)
+    ledger.enter(1, Outcome.DAMAGED, None)
+    assert ledger.entries == [LedgerEntry(1, 1, Outcome.DAMAGED, "damaged")]
+
+
+def test_one_field_makes_a_complete_ledger():
+    assert received(7).complete
+
+
+def test_seconds_count_from_the_first_field_of_the_account():
+    ledger = received(0)
+    ledger.add(LedgerEntry(1, 1, Outcome.LOST, "time gap"))
+    assert ledger.in_words(50.0) == "1 field lost at 0.02 s (time gap)"
+
+
+def test_gaps_in_a_restored_account_are_lost_for_the_reason_given():
+    ledger = Ledger.restore(
+        [3, 6], [LedgerEntry(4, 1, Outcome.DAMAGED, "repeated")], first_n=2, gap="cut short"
+    )
+    assert ledger.entries == [
+        LedgerEntry(2, 1, Outcome.LOST, "cut short"),
+        LedgerEntry(4, 1, Outcome.DAMAGED, "repeated"),
+        LedgerEntry(5, 1, Outcome.LOST, "cut short"),
+    ]
+
+
 def test_closing_enters_what_is_missing_as_lost():
     ledger = received(0, 1)
     ledger.close(64, "unplugged")

@@ -156,14 +156,6 @@ def test_an_interruption_that_cost_nothing_leaves_no_entry():
     assert numbering.number(grab(1)).lost_before == ()
 
 
-def test_the_number_due_at_a_time_includes_what_has_not_come():
-    numbering = FieldNumbering(info())
-    assert numbering.due_n(START_NS) == 0
-    numbering.number(grab(0))
-    assert numbering.due_n(START_NS + PERIOD_NS // 2) == 1
-    assert numbering.due_n(START_NS + 64 * PERIOD_NS + 1) == 65
-
-
 # --- outcomes ---
 
 
@@ -245,6 +237,82 @@ def test_a_timestamp_out_of_the_future_is_not_believed_even_where_it_could_be_a_
     found = numbering.number(grab(1, late_ns=1_000 * MS), now_ns=START_NS + PERIOD_NS)
     assert (found.n, found.time_ns) == (1, START_NS + PERIOD_NS)
     assert found.reason == "time predicted (far-off timestamp)"
+
+
+@pytest.mark.parametrize(
+    ("ahead_ms", "doubt"), [(100, None), (101, "far-off timestamp"), (299, "far-off timestamp")]
+)
+def test_a_stamp_may_be_a_tenth_of_a_second_ahead_of_its_arrival_and_no_more(ahead_ms, doubt):
+    numbering = FieldNumbering(info())
+    numbering.number(grab(0), now_ns=START_NS)
+    found = numbering.number(grab(20), now_ns=grab(20).time_ns - ahead_ms * MS)
+    assert found.reason == (doubt and f"time predicted ({doubt})")
+    assert found.n == (20 if doubt is None else 2)  # without its time, parity alone tells
+
+
+@pytest.mark.parametrize(("seconds", "believed"), [(10.0, True), (10.04, False)])
+def test_a_live_stamp_after_more_than_ten_silent_seconds_is_not_believed(seconds, believed):
+    numbering = FieldNumbering(info())
+    numbering.number(grab(0))
+    found = numbering.number(grab(round(50 * seconds)))
+    assert (found.reason is None) is believed
+    assert found.n == (500 if believed else 2)
+
+
+def test_the_longest_gap_that_is_believed_can_be_chosen():
+    numbering = FieldNumbering(info(), max_gap_s=1.0)
+    numbering.number(grab(0))
+    assert numbering.number(grab(52)).reason == "time predicted (far-off timestamp)"
+
+
+@pytest.mark.parametrize(("after_ms", "doubt"), [(6, None), (4, "backward timestamp")])
+def test_a_stamp_less_than_a_quarter_period_after_the_last_counts_as_backward(after_ms, doubt):
+    found = numbers([grab(0), grab(1), grab(2, time_ns=START_NS + PERIOD_NS + after_ms * MS)])[-1]
+    assert found.n == 2
+    assert found.reason == (doubt and f"time predicted ({doubt})")
+
+
+def test_the_first_field_of_a_live_stream_needs_a_stamp_above_zero():
+    assert FieldNumbering(info()).number(grab(0, time_ns=1)).reason is None
+    assert FieldNumbering(info()).number(grab(0, time_ns=0)).reason == "time predicted (zero timestamp)"
+
+
+def test_doubted_stamps_that_disagree_among_themselves_are_never_taken_for_another_clock():
+    far_ms = 3_600_000
+    fields = [grab(n) for n in range(3)]
+    fields += [grab(n, late_ns=(1 + n % 2 / 50) * far_ms * MS) for n in range(3, 12)]
+    assert all(field.reason for field in numbers(fields)[3:])
+
+
+def test_two_doubted_stamps_are_too_few_for_another_clock():
+    jump = {5: 3_600_000 * MS, 6: 3_600_000 * MS}
+    found = numbers(grab(n, late_ns=jump.get(n, 0)) for n in range(10))
+    assert [field.reason is None for field in found] == [True] * 5 + [False] * 2 + [True] * 3
+    assert [field.time_ns for field in found] == [START_NS + n * PERIOD_NS for n in range(10)]
+
+
+def test_a_counted_step_that_is_longer_than_any_believed_gap_is_ignored_without_a_stamp():
+    stream = info(FieldOrder.TOP_FIRST, counts_losses=True)
+    fields = [grab(0, sequence=0), grab(1, sequence=1), grab(1002, sequence=1002, time_ns=0)]
+    assert numbers(fields, stream)[-1].n == 2
+
+
+def test_an_interruption_longer_than_any_gap_is_measured_by_the_next_stamp():
+    numbering = FieldNumbering(info())
+    numbering.number(grab(0))
+    numbering.interrupt("unplugged")
+    found = numbering.number(grab(100_000))
+    assert (found.n, found.reason) == (100_000, None)
+    assert lost(found.lost_before) == [(1, 99_999, "unplugged")]
+    assert numbering.number(grab(100_003)).lost_before[0].reason == "time gap"
+
+
+def test_an_interruption_is_excused_once():
+    numbering = FieldNumbering(info())
+    numbering.number(grab(0))
+    numbering.interrupt("stalled")
+    numbering.number(grab(1))
+    assert lost(numbering.number(grab(5)).lost_before) == [(2, 3, "time gap")]
 
 
 def test_a_world_that_runs_ahead_of_our_clock_is_believed():

@@ -292,6 +292,11 @@ def test_a_ring_tells_how_far_its_slowest_reader_is_behind_and_ever_was() -> Non
     assert (ring.waiting, ring.deepest) == (0, 3)
 
 
+def test_a_ring_has_32_slots_as_in_the_paper_and_begins_empty() -> None:
+    ring = Ring()
+    assert (ring.slots, ring.waiting, ring.deepest, ring.newest) == (32, 0, 0, None)
+
+
 def test_a_reader_that_was_overtaken_has_a_whole_ring_before_it() -> None:
     ring = Ring(4)
     reader = ring.reader()

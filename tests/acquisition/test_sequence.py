@@ -23,6 +23,15 @@ def test_a_count_for_each_field_is_learnt_from_two_single_steps():
     assert steps([10, 11, 12, 13, 15], parities=[0, 1, 0, 1, 1]) == [None, None, 1, 1, 2]
 
 
+def test_single_steps_that_a_loss_interrupts_teach_nothing():
+    assert steps([10, 11, 13, 14], parities=[0, 1, 1, 0]) == [None] * 4
+
+
+@pytest.mark.parametrize(("ahead", "step"), [(2**31 - 1, 2**31 - 1), (2**31, None), (2**32 - 1, None)])
+def test_a_count_half_a_wrap_ahead_or_more_has_run_backward(ahead, step):
+    assert steps([5, (5 + ahead) % 2**32], alternate=False) == [None, step]
+
+
 def test_a_number_for_both_fields_of_a_frame_is_learnt_from_a_pair():
     assert steps([7, 7, 8, 8, 9]) == [None, 1, 1, 1, 1]
 

@@ -48,8 +48,8 @@ def paced(tmp_path: Path) -> Iterator[TestClient]:
 
 def sealed(client: TestClient, capture_id: str) -> dict[str, object]:
     """The capture's document once it is sealed."""
-    session = client.app.state.service.instrument(None).session  # type: ignore[attr-defined]
-    assert session.sealed.wait(PATIENCE_S)
+    recording = client.app.state.service.instrument(None).recording  # type: ignore[attr-defined]
+    assert recording.sealed.wait(PATIENCE_S)
     document: dict[str, object] = client.get(f"/api/v1/captures/{capture_id}").json()
     return document
 

@@ -13,8 +13,8 @@ from grabberd.api.guard.authentication import Authenticator
 from grabberd.api.guard.failed_attempts import Attempts
 from grabberd.api.guard.front import Front
 from grabberd.api.guard.gate import Gate
+from grabberd.documents.roles import Role
 from grabberd.service.access import Access
-from grabberd.service.roles import Role
 
 
 class Ticks:

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from api.daemons import serving
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 ROOT = Path(__file__).parents[2]
 CLIENT = Path(__file__).parent / "client"
@@ -78,7 +78,7 @@ def test_it_starts_waits_reads_and_deletes(python: Path, client: Path, daemon: t
 
 @pytest.mark.slow
 def test_no_name_in_it_was_made_up_by_the_generator(client: Path) -> None:
-    """Such as CaptureOrderLinesType0, for a type that has no name in the description."""
+    """Such as NewCaptureLinesType0, for a type that has no name in the description."""
     models = {file.stem for file in (client / "grabberd_client" / "models").glob("*.py")}
-    assert {"capture_order", "capture_document", "ledger_document", "labels", "verdict"} <= models
+    assert {"new_capture", "capture_document", "ledger_document", "labels", "verdict"} <= models
     assert [name for name in models if "type_" in name or "response_" in name] == []

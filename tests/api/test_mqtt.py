@@ -5,11 +5,11 @@ import time
 from pathlib import Path
 
 import pytest
-from api.test_metrics import metrics
 from fastapi.testclient import TestClient
 from running import PATIENCE_S, configuration, wait_until_it_accepts
 
 from api.conftest import sealed
+from api.routes.test_metrics import metrics
 from grabberd.api import create_app
 from grabberd.config import MqttConfig, default_config_file
 from grabberd.service.service import Service

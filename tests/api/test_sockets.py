@@ -135,4 +135,4 @@ def test_what_is_no_socket_is_said_plainly() -> None:
     code += "inherited({'LISTEN_PID': str(os.getpid()), 'LISTEN_FDS': '1'})"
     command = ["bash", "-c", 'exec "$0" -c "$1" 3</dev/null', sys.executable, code]
     result = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert "Conflict: the 1 sockets that were handed over cannot be used" in result.stderr
+    assert "Conflict: the 1 sockets passed on by systemd cannot be used" in result.stderr

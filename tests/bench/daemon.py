@@ -15,7 +15,7 @@ import uvicorn
 from grabberd.acquisition.device import GrabbedField, Grabber
 from grabberd.api import create_app
 from grabberd.config import default_config_file, load_config
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 from grabberd.service.memory import keep_freed_memory
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up

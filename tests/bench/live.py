@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.storage import CaptureReader
 
 from .daemon import Cost, Daemon, daemon, resident_mb
@@ -42,10 +42,10 @@ def _run(running: Daemon, seconds: float) -> list[tuple[str, str]]:
     assert instrument.worker
     running.wait_until_ready()
     memory, cost = [resident_mb()], Cost(running.grabber)
-    capture_id = service.start_capture(None, CaptureRequest(fields=round(seconds * 50)))
-    session = instrument.session
-    assert session
-    while not session.sealed.wait(max(1.0, seconds / 20)):
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=round(seconds * 50)))
+    recording = instrument.recording
+    assert recording
+    while not recording.sealed.wait(max(1.0, seconds / 20)):
         memory.append(resident_mb())
     shares = cost.shares()
     latency = instrument.worker.latency.milliseconds(round(seconds * 50))
@@ -57,8 +57,11 @@ def _run(running: Daemon, seconds: float) -> list[tuple[str, str]]:
         ("ledger", ledger.in_words(50.0)),
         ("points", f"{points} ({points / max(1, ledger.received):.1f} a field)"),
         ("field arrived → points published, p50 / p99 / max", in_words_ms(latency)),
-        ("deepest ring use", f"{session.deepest_ring} of {instrument.intake.armed.ring.slots} slots"),
-        ("deepest backlog", f"{session.deepest_backlog} fields"),
+        (
+            "deepest ring use",
+            f"{recording.recorder.reader.deepest} of {instrument.pipeline.configured.ring.slots} slots",
+        ),
+        ("deepest backlog", f"{recording.recorder.backlog.deepest} fields"),
         *cost_rows(shares),
         (
             "resident memory, start / highest / end",

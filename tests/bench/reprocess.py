@@ -12,8 +12,13 @@ from grabberd.acquisition import Ledger, Outcome, Slot
 from grabberd.acquisition.registry import create
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, double_lines, quantise
-from grabberd.service.reprocess.executors import local_workers
-from grabberd.service.reprocess.reprocess import Progress, Request, Summary, reprocess
+from grabberd.service.reprocess.reprocess_archive import (
+    ReprocessProgress,
+    ReprocessRequest,
+    ReprocessSummary,
+    reprocess_archive,
+)
+from grabberd.service.reprocess.workers import local_workers
 from grabberd.storage import CaptureMeta, CaptureWriter
 
 from .daemon import resident_mb
@@ -28,7 +33,7 @@ LONG = 1500
 class Run:
     """One data set's making: what it cost, and the memory meanwhile."""
 
-    summary: Summary
+    summary: ReprocessSummary
     processor_s: float
     parent_mb: list[float] = field(default_factory=list)
     workers_mb: list[float] = field(default_factory=list)
@@ -78,12 +83,12 @@ def _spread(values: list[float], form: str) -> str:
 def _run(folder: Path, name: str, workers: int, number: int) -> Run:
     configs = shipped_configs()
     out = folder / f"{name}-{workers}-{number}"
-    request = Request(
+    request = ReprocessRequest(
         [str(folder / name)], out, configs / "fake.calibration.json", configs / "objects" / "liner.yaml"
     )
-    run = Run(Summary(), 0.0)
+    run = Run(ReprocessSummary(), 0.0)
 
-    def look(_: Progress) -> None:
+    def look(_: ReprocessProgress) -> None:
         run.parent_mb.append(resident_mb())
         now_mb = list(_children_mb("VmRSS"))
         if now_mb:
@@ -91,7 +96,7 @@ def _run(folder: Path, name: str, workers: int, number: int) -> Run:
         run.highest_mb = max([run.highest_mb, *_children_mb("VmHWM")])
 
     before = _processor_s()
-    run.summary = reprocess(request, lambda _: local_workers(workers), look)
+    run.summary = reprocess_archive(request, lambda _: local_workers(workers), look)
     run.processor_s = _processor_s() - before
     assert not run.summary.refused, run.summary.refused[0]
     return run

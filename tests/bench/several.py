@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import default_config_file, load_config
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.recording import Recording
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -74,21 +74,21 @@ def _run(
         with one.board.changed:
             one.board.changed.wait_for(lambda one=one: one.accepts, 30.0)
     wanted = CaptureRequest(fields=round(seconds * 50))
-    group_id = service.orders.start_group(dict.fromkeys(service.instruments, wanted))
+    group_id = service.capture_control.start_group(dict.fromkeys(service.instruments, wanted))
     cost = Cost(_NoRendering())  # type: ignore[arg-type]
-    sessions = {name: one.session for name, one in service.instruments.items() if one.session}
+    recordings = {name: one.recording for name, one in service.instruments.items() if one.recording}
     shares, highest_mb = cost.shares(), resident_mb()
-    while all(session.recorder.recording for session in sessions.values()):
+    while all(recording.recorder.recording for recording in recordings.values()):
         shares, highest_mb = cost.shares(), max(highest_mb, resident_mb())
         time.sleep(min(1.0, seconds / 10))
-    for session in sessions.values():
-        session.sealed.wait(60)
-    rows = [_row(service, service.instruments[name], session) for name, session in sessions.items()]
+    for recording in recordings.values():
+        recording.sealed.wait(60)
+    rows = [_row(service, service.instruments[name], recording) for name, recording in recordings.items()]
     return rows, [*_costs(_by_kind(shares)), *_about(service, group_id, watching, highest_mb)]
 
 
-def _row(service: Service, instrument: Instrument, session: Recording) -> tuple[str, ...]:
-    with CaptureReader(service.archive.path(session.id)) as reader:
+def _row(service: Service, instrument: Instrument, recording: Recording) -> tuple[str, ...]:
+    with CaptureReader(service.archive.path(recording.id)) as reader:
         ledger, points = reader.ledger, sum(len(one) for _, one in reader.points())
     latency = instrument.worker.latency.milliseconds(ledger.total)
     return (
@@ -97,7 +97,7 @@ def _row(service: Service, instrument: Instrument, session: Recording) -> tuple[
         ledger.in_words(50.0),
         f"{points / max(1, ledger.received):.1f}",
         in_words_ms(latency),
-        f"{session.deepest_ring} of {instrument.intake.armed.ring.slots}",
+        f"{recording.recorder.reader.deepest} of {instrument.pipeline.configured.ring.slots}",
     )
 
 
@@ -119,7 +119,7 @@ def _costs(shares: dict[str, float]) -> list[tuple[str, str]]:
 
 
 def _about(service: Service, group_id: str, watching: Witness, highest_mb: float) -> list[tuple[str, str]]:
-    first_s = [one["first_field_s"] for one in service.orders.captures_of(group_id)]
+    first_s = [one.first_field_s for one in service.capture_control.captures_of(group_id)]
     return [
         ("first fields after the common start", ", ".join(f"{1e3 * one:.1f} ms" for one in first_s)),
         ("lost by the drivers' buffers", str(sum(_lost(one) for one in service.instruments.values()))),

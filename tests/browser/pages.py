@@ -5,7 +5,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 TABLET = {"width": 1024, "height": 768}
-PATIENCE_MS = 30_000
+PATIENCE_MS = 120_000
 
 
 def until(page: Any, script: str, argument: Any = None) -> None:

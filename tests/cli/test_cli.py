@@ -45,7 +45,7 @@ def run(*words: object) -> Result:
 
 def shell(*words: object) -> "subprocess.CompletedProcess[str]":
     command = [sys.executable, "-c", "from grabberd.cli import main; main()", *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_a_capture_is_written_and_its_verdict_printed(capture: Path, config: Path, tmp_path: Path) -> None:
@@ -119,7 +119,7 @@ def test_a_daemon_that_cannot_write_its_disk_says_so_and_exits_with_74(tmp_path:
     file.write_text(f"devices: {{one: {{driver: fake}}}}\nstorage: {{directory: {tmp_path}}}\n")
     result = shell("serve", "--port", 0, "--config", file)
     assert result.returncode == 74
-    assert "hint: make room or mend the disk" in result.stderr
+    assert "hint: make room or fix the disk" in result.stderr
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,9 @@ def test_two_daemons_do_not_share_a_folder_of_captures(tmp_path: Path) -> None:
     lock.acquire()
     command = [sys.executable, "-c", "from grabberd.cli import main; main()", "serve", "--port", "0"]
     environment = {**os.environ, "STATE_DIRECTORY": str(tmp_path)}
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+    result = subprocess.run(
+        command, capture_output=True, text=True, timeout=120, check=False, env=environment
+    )
     lock.release()
     assert result.returncode == 1
     assert "another grabberd uses" in result.stderr

@@ -44,7 +44,7 @@ def test_whoever_cannot_read_the_daemons_files_is_told_how(
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path / "other"))
     result = run(tmp_path / "barn.zip", running.url)
     assert isinstance(result.exception, GrabberdError)
-    assert "takes the role admin" in result.exception.message
+    assert "requires the role admin" in result.exception.message
     assert "as root or as the daemon's user" in result.exception.hint
     assert not (tmp_path / "barn.zip").exists()
 

@@ -67,7 +67,7 @@ def test_an_interrupt_ends_it_orderly_and_the_same_command_goes_on(tmp_path: Pat
             with suppress(subprocess.TimeoutExpired):
                 running.wait(0.1)
         running.send_signal(signal.SIGINT)
-        output, complaints = running.communicate(timeout=60)
+        output, complaints = running.communicate(timeout=120)
     assert running.returncode == 130, complaints
     assert "measured" in output
     assert "to continue" in complaints

@@ -14,9 +14,9 @@ from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
 from grabberd.cli.remote.client import ask, download
+from grabberd.documents.roles import Role
 from grabberd.errors import GrabberdError, InputError
 from grabberd.service.access import Access, Identity
-from grabberd.service.roles import Role
 
 
 @pytest.fixture
@@ -121,13 +121,13 @@ def test_no_option_takes_the_token_itself() -> None:
 def serve(folder: Path, *words: str) -> "subprocess.CompletedProcess[str]":
     command = [sys.executable, "-c", "from grabberd.cli import main; main()", "serve", "--port", "0", *words]
     environment = {**os.environ, "STATE_DIRECTORY": str(folder)}
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, env=environment)
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False, env=environment)
 
 
 def test_the_daemon_refuses_to_listen_to_strangers_without_a_token(tmp_path: Path) -> None:
     result = serve(tmp_path, "--host", "0.0.0.0")
     assert result.returncode == 78
-    assert "no loopback address" in result.stderr
+    assert "not a loopback address" in result.stderr
     assert "grabberd token add" in result.stderr
     assert not list(tmp_path.glob("captures/*"))
 

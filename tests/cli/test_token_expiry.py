@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
+from grabberd.documents.roles import Role
 from grabberd.service.access import Access
-from grabberd.service.roles import Role
 
 
 @pytest.fixture(autouse=True)

@@ -144,7 +144,7 @@ def test_it_fits_its_own_pictures_and_glass():
     ("columns", "lines", "glass", "said"),
     [
         (640, 480, GLASS, "for pictures of 720 x 576, these are 640 x 480"),
-        (720, 576, None, "through 3.0 mm of glass of index 1.52, the rig is set up without glass"),
+        (720, 576, None, "through 3.0 mm of glass of index 1.52, but the rig is set up without glass"),
         (720, 576, GLASS | {"thickness_mm": 4.0}, "the rig is set up through 4.0 mm"),
     ],
 )

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from geometry.rigs import aimed, places, views
 from grabberd.errors import InputError
-from grabberd.geometry import Plate, project, project_through, rays, rays_through, seen_through
+from grabberd.geometry import Plate, project, project_through, seen_through
 
 GLASS = Plate(3.0, 1.52)
 PLATES = st.builds(
@@ -45,14 +45,6 @@ def test_a_ray_traced_after_snell_from_where_a_place_seems_to_be_meets_the_place
         assert distance_from_ray(place, leaves, direction) < 1e-8
 
 
-@given(plate=PLATES, xyz=places())
-def test_a_corrected_ray_meets_the_place_whose_picture_it_belongs_to(plate, xyz):
-    view = aimed("left")
-    starts, directions = rays_through(plate, view, project_through(plate, view, xyz))
-    for place, start, direction in zip(xyz, starts, directions, strict=True):
-        assert distance_from_ray(place, start, direction) < 1e-6
-
-
 def test_straight_through_a_plate_a_place_seems_nearer_by_t_times_1_minus_1_over_n():
     seeming = seen_through(GLASS, np.array([0.0, 0.0, 240.0]), np.zeros((1, 3)))
     assert seeming[0] == pytest.approx([0, 0, 3 * (1 - 1 / 1.52)])
@@ -63,9 +55,6 @@ def test_a_plate_of_the_mediums_own_index_is_not_there(xyz):
     view = aimed("right")
     xy = project(view, xyz)
     assert project_through(Plate(5.0, 1.0), view, xyz) == pytest.approx(xy, abs=1e-9)
-    starts, directions = rays_through(Plate(5.0, 1.0), view, xy)
-    assert starts == pytest.approx(np.tile(view.center_mm, (len(xyz), 1)), abs=1e-9)
-    assert directions == pytest.approx(rays(view, xy)[1])
 
 
 @given(xyz=places())
@@ -84,5 +73,5 @@ def test_a_plate_put_in_shifts_the_picture_by_more_than_a_pixel():
 
 @pytest.mark.parametrize("wrong", [(0.0, 1.5), (-1.0, 1.5), (3.0, 0.9), (3.0, 1.5, (0.0, 0.0, 0.0))])
 def test_what_is_no_plate_is_refused(wrong):
-    with pytest.raises(InputError, match="no plate is"):
+    with pytest.raises(InputError, match="invalid plate"):
         Plate(*wrong)

@@ -4,6 +4,7 @@ The profiling hook notes the file and the thread of every function call. A file 
 functions has run; being imported is not enough.
 """
 
+import inspect
 import sys
 import tempfile
 import threading
@@ -40,7 +41,8 @@ class Trace:
     def __call__(self, frame: FrameType, event: str, _: Any) -> None:
         """The interpreter's profiling hook."""
         files = self._files
-        if files is not None and event == "call":
+        # Bodies of modules and classes run when they are imported, and are not optimised as functions are.
+        if files is not None and event == "call" and frame.f_code.co_flags & inspect.CO_OPTIMIZED:
             files[threading.current_thread().name].add(frame.f_code.co_filename)
 
     @contextmanager

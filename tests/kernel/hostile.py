@@ -6,10 +6,10 @@ from geometry.rigs import calibration
 from grabberd.field import PackedField
 from grabberd.geometry import Rig
 from grabberd.kernel import load
-from grabberd.measurement.compiled.binary import measure_compiled
-from grabberd.measurement.compiled.grey import measure_grey, takes_grey
-from grabberd.measurement.location import LocationSettings
-from grabberd.measurement.locators.grey import GREY
+from grabberd.measurement import LocationSettings
+from grabberd.measurement.compiled.binary_location import measure_compiled
+from grabberd.measurement.compiled.grey_location import measure_grey, takes_grey
+from grabberd.measurement.locators.locator import GREY
 from grabberd.reconstruction import ImageNoise, ViewBlobs
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from reconstruction.liners import model

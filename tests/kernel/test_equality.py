@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from grabberd.field import Field, double_lines, quantise
 from grabberd.kernel import KERNEL
-from grabberd.measurement.compiled.binary import measure_compiled, takes
-from grabberd.measurement.location import LocationSettings, measure_by_numpy
+from grabberd.measurement import LocationSettings
+from grabberd.measurement.compiled.binary_location import measure_compiled, takes
+from grabberd.measurement.location import measure_by_numpy
 from measurement.rendering import grid_of_discs
 from measurement.test_any_picture import picture
 

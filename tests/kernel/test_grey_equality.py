@@ -7,9 +7,10 @@ from hypothesis import strategies as st
 
 from grabberd.field import Field, double_lines, quantise
 from grabberd.kernel import KERNEL
-from grabberd.measurement.compiled.grey import measure_grey, takes_grey
-from grabberd.measurement.location import LocationSettings, measure_by_numpy
-from grabberd.measurement.locators.grey import GREY
+from grabberd.measurement import LocationSettings
+from grabberd.measurement.compiled.grey_location import measure_grey, takes_grey
+from grabberd.measurement.location import measure_by_numpy
+from grabberd.measurement.locators.locator import GREY
 from measurement.rendering import grid_of_discs
 from measurement.test_any_picture import picture
 

@@ -4,7 +4,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from reconstruction.test_tracking import deflection_mm, wall
 
 from geometry.rigs import calibration
 from grabberd.geometry import LocalField, Rig
@@ -13,6 +12,7 @@ from grabberd.reconstruction import ImageNoise, Tracker
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from reconstruction import many
 from reconstruction.liners import model, see
+from reconstruction.tracking.test_tracker import deflection_mm, wall
 
 pytestmark = pytest.mark.skipif(
     not KERNEL,

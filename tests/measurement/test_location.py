@@ -154,7 +154,7 @@ def test_noise_that_is_known_takes_the_place_of_the_estimate(scene):
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ({"method": "guess"}, "method 'guess' is none of automatic, "),
+        ({"method": "guess"}, "unknown method 'guess'; choose from automatic, "),
         ({"min_diameter_px": 5.0, "max_diameter_px": 5.0}, "no blob can meet"),
         ({"min_diameter_px": -1.0}, "no blob can meet"),
     ],

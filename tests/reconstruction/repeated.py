@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grabberd.reconstruction.series import PointSeries
+from grabberd.reconstruction.point_series import PointSeries
 
 PX_PER_MM = 4.0
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from grabberd.config import shipped_configs
 from grabberd.errors import MeasurementError
-from grabberd.service.jobs.job_runner import Progress
+from grabberd.service.jobs.calibration import CalibrationOutput
+from grabberd.service.jobs.progress import Progress
 from grabberd.storage import CaptureReader
-from grabberd.storage.state.calibration_store import CalibrationStore
 
 Document = dict[str, Any]
 
@@ -25,20 +25,23 @@ def calibration(calibration_id: str, shift_mm: float = 0.0, **changes: Any) -> D
 
 
 def exact(
-    capture: Path, frame: Mapping[str, Any], options: Mapping[str, Any], store: Path, progress: Progress
-) -> Document:
+    progress: Progress, *, path: Path, calibration_frame: Mapping[str, Any], options: Mapping[str, Any]
+) -> CalibrationOutput:
     """Knows the calibration without looking at the fields; its id ends as the calibration frame is called."""
     progress(0.5)
-    with CaptureReader(capture) as reader:
-        details = {"fields": reader.field_count, "options": dict(options), "targets": len(frame["targets"])}
-    document = calibration(f"of-{capture.stem}", SHIFT_MM, details=details)
+    with CaptureReader(path) as reader:
+        details = {
+            "fields": reader.field_count,
+            "options": dict(options),
+            "targets": len(calibration_frame["targets"]),
+        }
+    document = calibration(f"of-{path.stem}", SHIFT_MM, details=details)
     report = {"schema": "grabberd/calibration-report/1", "id": document["id"], "warnings": []}
-    made = CalibrationStore(store).add(document, report=report)
-    return {"calibration": made.id}
+    return CalibrationOutput(document, report)
 
 
 def without_result(
-    capture: Path, frame: Mapping[str, Any], options: Mapping[str, Any], store: Path, progress: Progress
-) -> Document:
+    progress: Progress, *, path: Path, calibration_frame: Mapping[str, Any], options: Mapping[str, Any]
+) -> CalibrationOutput:
     """Finds no targets."""
     raise MeasurementError("2 of 108 targets were found", "light the calibration frame")

@@ -5,7 +5,7 @@ from pathlib import Path
 from running import configuration, sealed
 
 from grabberd.config import ThresholdConfig, default_config_file
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -18,7 +18,7 @@ def fixed_threshold() -> dict[str, object]:
 
 
 def capture(service: Service, **request: object) -> Path:
-    capture_id = service.start_capture(None, CaptureRequest(**request))  # type: ignore[arg-type]
+    capture_id = service.capture_control.start(None, CaptureRequest(**request))  # type: ignore[arg-type]
     sealed(service)
     return service.archive.path(capture_id)
 

@@ -13,8 +13,13 @@ import pyarrow.dataset
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.config import shipped_configs
-from grabberd.service.reprocess.executors import Workers
-from grabberd.service.reprocess.reprocess import Request, Summary, Tell, reprocess
+from grabberd.service.reprocess.reprocess_archive import (
+    OnProgress,
+    ReprocessRequest,
+    ReprocessSummary,
+    reprocess_archive,
+)
+from grabberd.service.reprocess.workers import Workers
 from processes.fake_scene import Scene, take_scene
 from storage.captures import write
 
@@ -59,10 +64,12 @@ def one_thread(_: Path) -> Iterator[Workers]:
 
 
 def measured(
-    sources: Path | list[Path], out: Path, *, tell: Tell = lambda _: None, **changes: Any
-) -> Summary:
+    sources: Path | list[Path], out: Path, *, on_progress: OnProgress = lambda _: None, **changes: Any
+) -> ReprocessSummary:
     listed = [str(source) for source in (sources if isinstance(sources, list) else [sources])]
-    return reprocess(replace(Request(listed, out, CALIBRATION, OBJECT), **changes), one_thread, tell)
+    return reprocess_archive(
+        replace(ReprocessRequest(listed, out, CALIBRATION, OBJECT), **changes), one_thread, on_progress
+    )
 
 
 def table(out: Path) -> Any:

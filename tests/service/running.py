@@ -14,7 +14,7 @@ from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd_fake import FakeGrabber
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 def configuration(options: Mapping[str, Any], **changes: Any) -> Config:
@@ -87,7 +87,7 @@ def wait_until_it_accepts(service: Service) -> None:
 
 def sealed(service: Service) -> Recording:
     """The last capture, once its file is sealed."""
-    session = service.instrument(None).session
-    assert session is not None
-    assert session.sealed.wait(PATIENCE_S)
-    return session
+    recording = service.instrument(None).recording
+    assert recording is not None
+    assert recording.sealed.wait(PATIENCE_S)
+    return recording

@@ -62,7 +62,9 @@ def several(
 
 def sealed_all(service: Service) -> dict[str, Path]:
     """The files of the last captures by device, once they are sealed."""
-    sessions = {name: one.session for name, one in service.instruments.items() if one.session is not None}
-    for session in sessions.values():
-        assert session.sealed.wait(PATIENCE_S)
-    return {name: session.path for name, session in sessions.items()}
+    recordings = {
+        name: one.recording for name, one in service.instruments.items() if one.recording is not None
+    }
+    for recording in recordings.values():
+        assert recording.sealed.wait(PATIENCE_S)
+    return {name: recording.path for name, recording in recordings.items()}

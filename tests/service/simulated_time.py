@@ -9,7 +9,7 @@ from grabberd.acquisition import LedgerEntry, Slot
 from grabberd.acquisition.device import Grabber
 from grabberd.config import DeviceConfig
 from grabberd.errors import GrabberdError
-from grabberd.service.device.capture_thread import Captures, CaptureThread
+from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import StatusBoard
@@ -65,6 +65,19 @@ class Seen(NamedTuple):
     hint: str | None
 
 
+class NoCaptures:
+    """The captures of a device that has none, and room for every field; tells what the thread tells them."""
+
+    has_room = True
+    is_recording = False
+
+    def __init__(
+        self, interrupted: Callable[[GrabberdError], None], source_ended: Callable[[GrabberdError], None]
+    ) -> None:
+        self.interrupted = interrupted
+        self.source_ended = source_ended
+
+
 class Run:
     """A capture thread over a grabber, from time 0 to `end_s`, in the thread of the test."""
 
@@ -76,7 +89,7 @@ class Run:
         interrupted: Callable[[GrabberdError], None] = lambda _: None,
     ) -> None:
         self.clock = clock
-        self.intake = FieldPipeline(SMALL)
+        self.pipeline = FieldPipeline(SMALL)
         self.board = StatusBoard("test", clock)
         self.seen: list[Seen] = []
         self.ended: list[GrabberdError] = []
@@ -86,9 +99,9 @@ class Run:
         self.board.beat = lambda: self.beats_s.append(clock.passed_s)  # type: ignore[method-assign]
         self.board.enter = self._noted  # type: ignore[method-assign]
         self.board.count = self._counted  # type: ignore[method-assign]
-        captures = Captures(lambda: True, lambda: False, interrupted, self.ended.append)
+        captures = NoCaptures(interrupted, self.ended.append)
         stopping = Until(clock, end_s)
-        CaptureThread("test", grabber, self.intake, self.board, clock, captures, stopping).run()
+        CaptureThread("test", grabber, self.pipeline, self.board, clock, captures, stopping).run()
 
     def _noted(self, state: DeviceState, *words: Any) -> None:
         self._enter(state, *words)

@@ -1,13 +1,15 @@
 """Slots and clocks for the tests of the service."""
 
+from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
-from grabberd.acquisition import LedgerEntry, Outcome, Slot
+from grabberd.acquisition import FieldOrder, LedgerEntry, Outcome, Slot, StreamInfo
 from grabberd.field import Field, NumberedField, quantise
 
 PERIOD_NS = 20_000_000
+STREAM = StreamInfo("test", "card", "PAL", 16, 4, 50.0, FieldOrder.ALTERNATE, "GREY", 8, True, True, True, 0)
 
 
 class ManualClock:
@@ -42,3 +44,14 @@ def damaged(n: int, reason: str = "error flag") -> Slot:
 
 def without_signal(n: int) -> Slot:
     return Slot(None, n, Outcome.NO_SIGNAL, "no signal", ())
+
+
+class Source:
+    """A source of fields that is interrupted when the test says so."""
+
+    def __init__(self, interruption: Callable[[], str | None] = lambda: None) -> None:
+        self._interruption = interruption
+
+    @property
+    def interruption(self) -> str | None:
+        return self._interruption()

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from grabberd.documents.roles import Role
 from grabberd.errors import Conflict, NotFound
 from grabberd.service.access import AT_THE_MACHINE, SESSION_LIFE, Access, Identity
-from grabberd.service.roles import Role
 
 
 class Wall:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from running import running, sealed
 
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.documents.roles import Role
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.diagnostics import bundle, daemon_parts, machine_parts
 from grabberd.service.journal import last_lines
-from grabberd.service.roles import Role
 
 
 def read(content: bytes) -> dict[str, str]:
@@ -22,7 +22,9 @@ def read(content: bytes) -> dict[str, str]:
 def test_a_daemon_tells_everything_but_secrets_and_peoples_words(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         token = service.access.add("me", Role.ADMIN)
-        service.start_capture(None, CaptureRequest(fields=5, note="her own words", labels={"cow": "Berta"}))
+        service.capture_control.start(
+            None, CaptureRequest(fields=5, note="her own words", labels={"cow": "Berta"})
+        )
         sealed(service)
         last_lines.handle(logging.LogRecord("x", logging.INFO, "", 0, "asked with %s", (token,), None))
         parts = read(bundle(daemon_parts(service)))

@@ -15,7 +15,7 @@ from several import sealed_all, service_of, several, wait_until_they_accept
 from grabberd.acquisition import GrabbedField, Signal, StreamInfo
 from grabberd.config import default_config_file
 from grabberd.errors import ConfigError, DeviceRefused
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.device.device_state import DeviceState
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
@@ -85,7 +85,7 @@ def test_a_fault_of_one_costs_the_other_nothing(tmp_path: Path, fault: dict[str,
     bad = {**PACED, "seed": 2, "cue": str(tmp_path / "cue"), "faults": [{**fault, "at_s": 0.2}]}
     with several(tmp_path, {"good": PACED, "bad": bad}) as service:
         request = CaptureRequest(fields=FIELDS)
-        service.orders.start_group({"good": request, "bad": request})
+        service.capture_control.start_group({"good": request, "bad": request})
         (tmp_path / "cue").touch()
         files = sealed_all(service)
         assert_good_is_whole(service, files["good"])
@@ -104,7 +104,7 @@ def test_one_that_cannot_be_opened_does_not_keep_the_daemon_from_serving_the_oth
     service.start()
     try:
         wait_until_they_accept(service, "good")
-        service.start_capture("good", CaptureRequest(fields=FIELDS))
+        service.capture_control.start("good", CaptureRequest(fields=FIELDS))
         assert_good_is_whole(service, sealed_all(service)["good"])
         board = service.instrument("bad").board
         with board.changed:
@@ -120,7 +120,7 @@ def test_a_driver_that_does_not_return_holds_up_nobody_else(tmp_path: Path) -> N
     service.start()
     try:
         wait_until_they_accept(service, "good")
-        service.start_capture("good", CaptureRequest(fields=FIELDS))
+        service.capture_control.start("good", CaptureRequest(fields=FIELDS))
         assert_good_is_whole(service, sealed_all(service)["good"])
     finally:
         returns.set()
@@ -141,9 +141,9 @@ def test_a_file_that_cannot_be_written_for_a_while_delays_no_other(
     monkeypatch.setattr(CaptureWriter, "commit", stalling)
     with several(tmp_path, {"good": PACED, "bad": PACED}) as service:
         request = CaptureRequest(fields=FIELDS)
-        service.orders.start_group({"good": request, "bad": request})
+        service.capture_control.start_group({"good": request, "bad": request})
         stalled.append(True)
-        good, bad = (service.instrument(name).session for name in ("good", "bad"))
+        good, bad = (service.instrument(name).recording for name in ("good", "bad"))
         assert good is not None
         assert bad is not None
         assert good.sealed.wait(PATIENCE_S)

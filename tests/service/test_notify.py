@@ -77,7 +77,7 @@ def test_nobody_listens_and_nothing_happens(tmp_path: Path, caplog: pytest.LogCa
     Notifier.from_environment({}).ready()
     assert not caplog.records
     Notifier(str(tmp_path / "none")).ready()
-    assert "cannot be told READY" in caplog.text
+    assert "READY cannot be sent" in caplog.text
 
 
 def test_a_systemd_that_is_busy_does_not_hold_the_daemon_and_is_told_as_soon_as_it_listens(
@@ -90,7 +90,7 @@ def test_a_systemd_that_is_busy_does_not_hold_the_daemon_and_is_told_as_soon_as_
     pulse.boards[0].enter(DeviceState.OPENING)
     for _ in range(3):
         pulse.heartbeat.beat(pulse.clock.passed_s)
-    assert caplog.text.count("cannot be told STATUS") == 1
+    assert caplog.text.count("STATUS cannot be sent") == 1
     ear.heard()
     pulse.heartbeat.beat(pulse.clock.passed_s)
     assert ear.heard() == ["STATUS=cup is opening; pen is absent: not opened yet", "WATCHDOG=1"]

@@ -9,10 +9,11 @@ from running import PATIENCE_S, configuration, running, sealed
 
 from grabberd.config import default_config_file
 from grabberd.errors import CaptureRunning, Conflict, NotFound
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
+from grabberd.storage.capture.schema import create
 
 
 def test_a_file_whose_ledger_contradicts_itself_is_shown_as_damaged_beside_the_others(tmp_path: Path) -> None:
@@ -22,20 +23,20 @@ def test_a_file_whose_ledger_contradicts_itself_is_shown_as_damaged_beside_the_o
         connection.execute("INSERT INTO ledger VALUES (3, 4, 'lost', 'twice')")
         connection.commit()
         connection.close()
-        states = {document["id"]: document["state"] for document in service.archive.documents()}
+        states = {document.id: document.state for document in service.archive.documents()}
         assert states == {bad.stem: "damaged", good.stem: "sealed"}
 
 
 def test_a_second_start_is_refused_with_the_id_of_the_running_one(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}) as service:
-        capture_id = service.start_capture(None, CaptureRequest())
+        capture_id = service.capture_control.start(None, CaptureRequest())
         with pytest.raises(CaptureRunning) as refused:
-            service.start_capture(None, CaptureRequest())
+            service.capture_control.start(None, CaptureRequest())
         assert refused.value.capture_id == capture_id
-        service.stop_capture(capture_id)
+        service.capture_control.stop(capture_id)
         sealed(service)
         with pytest.raises(Conflict):
-            service.stop_capture(capture_id)
+            service.capture_control.stop(capture_id)
 
 
 def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:
@@ -53,11 +54,11 @@ def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:
             assert board.changed.wait_for(lambda: service.instrument("good").accepts, PATIENCE_S)
         with pytest.raises(NotFound):
             service.instrument(None)
-        service.start_capture("good", CaptureRequest(fields=10))
-        session = service.instrument("good").session
-        assert session
-        assert session.sealed.wait(PATIENCE_S)
-        assert session.complete
+        service.capture_control.start("good", CaptureRequest(fields=10))
+        recording = service.instrument("good").recording
+        assert recording
+        assert recording.sealed.wait(PATIENCE_S)
+        assert recording.complete
     finally:
         service.stop()
 
@@ -67,10 +68,10 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
 ) -> None:
     with running(tmp_path) as service:
         path = capture(service, fields=5)
-        session = service.instrument(None).session
-        assert session
-        monkeypatch.setattr(service.archive, "_sessions", lambda: [session])
-        part = service.archive.part_of(session.id)
+        recording = service.instrument(None).recording
+        assert recording
+        monkeypatch.setattr(service.archive, "_recordings", lambda: [recording])
+        part = service.archive.part_of(recording.id)
         part.write_bytes(path.read_bytes())
         opened = CaptureReader.__init__
 
@@ -79,13 +80,13 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
             part.unlink(missing_ok=True)
 
         monkeypatch.setattr(CaptureReader, "__init__", then_gone)
-        assert service.archive.document(session.id)["state"] == "sealed"
+        assert service.archive.document(recording.id).state == "sealed"
 
 
 def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}) as service:
-        capture_id = service.start_capture(None, CaptureRequest())
-        reader = service.instrument(None).intake.armed.ring.reader()
+        capture_id = service.capture_control.start(None, CaptureRequest())
+        reader = service.instrument(None).pipeline.configured.ring.reader()
         assert reader.take(PATIENCE_S)
     path = service.archive.index.file_of(capture_id)
     with CaptureReader(path) as file:
@@ -96,18 +97,15 @@ def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
 def test_a_full_disk_ends_the_capture_and_what_is_on_it_can_be_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from grabberd.storage import schema  # noqa: PLC0415
-
-    create = schema.create
     monkeypatch.setattr(
         "grabberd.storage.capture.writer.create", lambda path, _=None: create(path, max_pages=600)
     )
     with running(tmp_path, {"pace": "real"}) as service:
         path = capture(service)
-        session = service.instrument(None).session
-        assert session
-        assert session.failure is not None
-        assert "full" in session.failure.message
+        recording = service.instrument(None).recording
+        assert recording
+        assert recording.failure is not None
+        assert "full" in recording.failure.message
         with CaptureReader(path) as reader:
             assert reader.meta.complete is False
             assert reader.meta.ended_because is not None
@@ -123,5 +121,5 @@ def test_what_a_crash_left_is_sealed_at_the_next_start(tmp_path: Path) -> None:
     part = whole.with_name(whole.name + ".part")
     whole.rename(part)
     with running(tmp_path) as service:
-        assert service.archive.document(whole.stem)["state"] == "sealed"
+        assert service.archive.document(whole.stem).state == "sealed"
         assert not part.exists()

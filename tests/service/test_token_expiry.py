@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from grabberd.documents.roles import Role
 from grabberd.errors import AccessExpired, Conflict
 from grabberd.service.access import AS_THE_DAEMON, Access
 from grabberd.service.machine_key import MachineKey, readable_key
-from grabberd.service.roles import Role
 
 WEEK = timedelta(days=7)
 

@@ -38,7 +38,7 @@ class Barn(NamedTuple):
         environment |= {"STORE": str(self.store), "URL": self.url, **settings}
         command = [HERE / "upload.sh"]
         return subprocess.run(
-            command, env=environment, capture_output=True, text=True, timeout=60, check=False
+            command, env=environment, capture_output=True, text=True, timeout=120, check=False
         )
 
     def here(self) -> set[str]:
@@ -69,7 +69,9 @@ def test_systemd_accepts_the_units(tmp_path: Path) -> None:
         (tmp_path / name).write_text("\n".join(there) + "\n")
     command = ["systemd-analyze", "verify", "--man=no", *(tmp_path / name for name in UNITS)]
     environment = os.environ | {"SYSTEMD_UNIT_PATH": f"{tmp_path}:"}
-    result = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+    result = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=120, check=False
+    )
     assert (result.returncode, result.stdout + result.stderr) == (0, "")
 
 
@@ -85,7 +87,7 @@ def test_rclone_and_curl_run_under_the_units_filters() -> None:
     sandbox = [sys.executable, ROOT / "tests/systemd/sandbox.py", HERE / UNITS[0]]
     for program in ("rclone", "curl"):
         command = [*sandbox, shutil.which(program) or "", "--version"]
-        assert subprocess.run(command, capture_output=True, timeout=60, check=False).returncode == 0
+        assert subprocess.run(command, capture_output=True, timeout=120, check=False).returncode == 0
 
 
 @needs_rclone

@@ -34,7 +34,7 @@ needs_node = pytest.mark.skipif(bool(_missing()), reason=_missing())
 @pytest.mark.parametrize("file", sorted(MODULES.glob("*.test.mjs")), ids=lambda file: file.stem)
 def test_what_the_modules_promise(file: Path) -> None:
     command = [str(NODE), "--test", str(file)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
@@ -47,7 +47,7 @@ def rays(calibration: dict[str, object], places: list[list[float]]) -> list[list
         console.log(JSON.stringify(views.map((view, i) => places[i].map(([x, y]) => rayOf(view, x, y)))));
     """
     command = [str(NODE), "--input-type=module", "--eval", script]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     found: list[list[list[float]]] = json.loads(done.stdout)
     return found
 

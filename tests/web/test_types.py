@@ -1,11 +1,13 @@
 """The page's types: in one place, never served, and none of them waved through."""
 
+import json
 import re
 from pathlib import Path
 
 from grabberd.web import Files
 from grabberd.web.files import STATIC
 
+ROOT = Path(__file__).parents[2]
 TYPES = STATIC.parent / "types"
 MODULES = sorted((STATIC / "js").rglob("*.js"))
 UNCHECKED = re.compile(r"@ts-(?:ignore|nocheck|expect-error)|\{[^}]*\bany\b[^}]*\}")
@@ -30,6 +32,21 @@ def test_modules_know_documents_by_the_page_s_own_names() -> None:
 def test_every_file_of_types_is_used() -> None:
     imported = set(re.findall(r'from "(?:types|\.)/(\w+)(?:\.d\.ts)?"', "\n".join(read())))
     assert {path.name.removesuffix(".d.ts") for path in TYPES.glob("*.d.ts")} - imported == {"vendor"}
+
+
+def test_libraries_are_checked_against_the_types_of_the_version_that_is_served() -> None:
+    pinned = json.loads((ROOT / "package.json").read_text())["devDependencies"]
+    vendored = re.findall(
+        r"^\| `(\w+)/` \|[^|]*\| ([\d.]+) \|", (STATIC / "vendor" / "README.md").read_text(), re.M
+    )
+    assert dict(vendored)
+    assert {name: pinned.get(name) for name, _ in vendored} == dict(vendored)
+
+
+def test_the_tools_are_pinned_and_come_from_any_registry() -> None:
+    pinned = json.loads((ROOT / "package.json").read_text())["devDependencies"]
+    assert [name for name, version in pinned.items() if not re.fullmatch(r"[\d.]+", version)] == []
+    assert "resolved" not in (ROOT / "package-lock.json").read_text()
 
 
 def read() -> list[str]:

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Builds the wheel, installs it into an empty environment away from the checkout, and runs one capture there,
-# so that a forgotten file or dependency shows.   usage: install_and_capture.sh PYTHON BUILDING_PYTHON
+# Installs a wheel into an empty environment away from the checkout, and runs one capture there, so that a
+# forgotten file or dependency shows.   usage: install_and_capture.sh PYTHON WHEEL
 set -euo pipefail
-python=$1 building_python=$2
+python=$1 wheel=$(realpath "$2")
 here=$(pwd)
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 
-"$building_python" -m build --wheel --outdir "$work/dist" "$here" >"$work/build.log" 2>&1 || { cat "$work/build.log"; exit 1; }
 "$python" -m venv "$work/venv"
-"$work/venv/bin/python" -m pip install --quiet --constraint "$here/constraints.txt" "$work"/dist/grabberd-*.whl
+# One capture imports a small part of the packages: compiling all of them takes longer than the rest of this.
+"$work/venv/bin/python" -m pip install --quiet --no-compile --constraint "$here/constraints.txt" "$wheel"
 cd "$work"
 unset PYTHONPATH
 "$work/venv/bin/grabberd" capture --fields 64 --out liner.grab

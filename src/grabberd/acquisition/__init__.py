@@ -1,9 +1,9 @@
 """From a grabber's buffers to numbered fields in the ring.
 
-`device` is the contract that every driver keeps, `registry` finds drivers by name,
-`discovery` the devices that they see. `numbering` tells which of the camera's fields a grabbed one is and
-what was lost before it, although timestamps jitter and drivers' counts cannot be trusted; `content` what its
-picture tells of damage and signal. The `ring` holds the newest packed fields for several readers, none of
+`device` is the contract that every driver implements, `registry` finds drivers by name, `discovery` lists the
+devices they can see. `numbering` works out which of the camera's fields a grabbed one is and what was lost
+before it, although timestamps jitter and drivers' counters cannot be trusted; `checks` look for damage and a
+missing signal in the picture itself. The `ring` holds the newest packed fields for several readers, none of
 which can hold up the capture; the `ledger` accounts for every field that should have come. No threads are
 started here.
 """

@@ -1,4 +1,4 @@
-"""Time as drivers and threads are given it, so that tests can give them another."""
+"""Clock injected into drivers and threads, so that tests can control time."""
 
 import time
 from typing import Protocol
@@ -12,18 +12,18 @@ class Clock(Protocol):
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Returns after that time of this clock."""
+        """Return after that much time of this clock."""
         ...
 
 
 class SystemClock:
-    """The computer's own."""
+    """The computer's own clock."""
 
     def now_ns(self) -> int:
         """CLOCK_MONOTONIC, nanoseconds."""
         return time.monotonic_ns()
 
     def sleep(self, seconds: float) -> None:
-        """Sleeps; not at all for zero or less."""
+        """Sleep; return at once for zero or less."""
         if seconds > 0:
             time.sleep(seconds)

@@ -1,8 +1,9 @@
-"""The driver contract: what every frame grabber, real or simulated, offers to the capture thread.
+"""The driver contract: the interface of every frame grabber, real or simulated, to the capture thread.
 
-A driver is a package of its own, found by name through the entry point group `grabberd.drivers`. It is called
-with the options of its configuration (`Driver(**options)`), raising a `ValueError` with a clear text for
-options it cannot use; nothing is opened before `open()`. Only one thread uses a grabber at a time.
+A driver is a separate package, found by name through the entry point group `grabberd.drivers`. It is
+constructed with the options of its configuration (`Driver(**options)`) and raises `ValueError` with a clear
+message for options it cannot use; nothing is opened before `open()`. Only one thread uses a grabber at a
+time.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,7 @@ from grabberd.field import Field
 
 
 class FieldOrder(StrEnum):
-    """How a driver delivers the fields of a frame."""
+    """Order in which a driver delivers the fields of a frame."""
 
     ALTERNATE = "alternate"
     TOP_FIRST = "top_first"
@@ -24,7 +25,7 @@ class FieldOrder(StrEnum):
 
 
 class Signal(StrEnum):
-    """What the grabber says of the camera's signal."""
+    """State of the camera's signal as reported by the grabber."""
 
     PRESENT = "present"
     ABSENT = "absent"
@@ -33,24 +34,26 @@ class Signal(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class StreamInfo:
-    """What was granted, not what was asked for; and how far the driver can be trusted.
+    """The stream as granted (not as requested), and how far the driver can be trusted.
 
     Attributes:
-        driver: the driver's name; `card`: the device's own.
-        standard: e.g. "PAL".
-        columns: pixels a row; `field_rows`: rows of one delivered field.
-        rate_hz: fields a second.
-        field_order: see `FieldOrder`.
-        pixel_format: e.g. "GREY".
-        buffers: fields that the driver holds while nobody dequeues.
+        driver: Name of the driver.
+        card: The device's own name.
+        standard: Video standard, e.g. "PAL".
+        columns: Pixels per row.
+        field_rows: Rows of one delivered field.
+        rate_hz: Fields per second.
+        field_order: See `FieldOrder`.
+        pixel_format: E.g. "GREY".
+        buffers: Number of fields that the driver holds while nobody dequeues.
         live: False for a recording, whose fields may repeat bit for bit.
-        waits_for_reader: fields come as fast as they are read and none is lost by reading late; the capture
-            thread then reads only while a capture takes them.
-        counts_losses: `sequence` grows by more than one when a field is lost.
-        tells_signal: `signal()` can be believed.
-        time_sigma_ns: how nearly a field's time is the middle of its exposure.
-        details: what else a person may want to know.
-        remarks: what a person has to know, in sentences: a rate of 25 Hz, a bus that is too slow.
+        counts_losses: True if `sequence` grows by more than one when a field is lost.
+        tells_signal: True if `signal()` can be trusted.
+        time_sigma_ns: Standard deviation of a field's time about the middle of its exposure.
+        waits_for_reader: True if fields come as fast as they are read and reading late loses none; the
+            capture thread then reads only while a capture takes them.
+        details: Further information for people.
+        remarks: Warnings for people, in sentences: a rate of 25 Hz, a bus that is too slow.
     """
 
     driver: str
@@ -75,10 +78,10 @@ class GrabbedField(NamedTuple):
     """One field out of a driver's buffer.
 
     Attributes:
-        field: its grey values, a view that is valid only inside the `dequeue` block.
-        time_ns: middle of the exposure, CLOCK_MONOTONIC, as nearly as the driver lets it be known.
-        sequence: the driver's own count of *fields*, or None where it has none.
-        damage: None, or in a few words what the driver says is wrong with it.
+        field: Grey values, a view that is valid only inside the `dequeue` block.
+        time_ns: Middle of the exposure, CLOCK_MONOTONIC, as exactly as the driver can tell.
+        sequence: The driver's own count of *fields*, or None if it has none.
+        damage: Fault reported by the driver in a few words, or None.
     """
 
     field: Field
@@ -91,52 +94,53 @@ class Grabber(Protocol):
     """A frame grabber."""
 
     def open(self) -> StreamInfo:
-        """Opens the device and starts streaming.
+        """Open the device and start streaming.
 
         Raises:
-            DeviceAbsent: it is not there; trying again later may help.
-            DeviceRefused: it is there and says no.
-            StreamFailed: it is there, but does not answer as it should; `reset` may help.
+            DeviceAbsent: The device is not there; trying again later may help.
+            DeviceRefused: The device is there but cannot be used as asked.
+            StreamFailed: The device does not answer as it should; `reset` may help.
         """
         ...
 
     def dequeue(self, timeout_s: float) -> AbstractContextManager[Sequence[GrabbedField]]:
-        """The fields that have come, the older first; waits up to `timeout_s` for the first of them.
+        """Wait up to `timeout_s` for the next fields, the older first.
 
-        The fields are views into the driver's buffer; leaving the block gives the buffer back. An empty
-        sequence means that nothing came in time.
+        The fields are views into the driver's buffer; leaving the block returns the buffer to the driver. An
+        empty sequence means that nothing arrived in time.
 
         Raises:
-            DeviceLost: it went away.
-            StreamFailed: it is there, but streams no more; `restart` may help.
-            StreamEnded: a recording has no further field.
-            PictureError: a recording's next picture cannot be read; the ones before it were delivered.
+            DeviceLost: The device went away.
+            StreamFailed: The device is there but no longer streams; `restart` may help.
+            StreamEnded: A recording has no further field.
+            PictureError: A recording's next picture cannot be read; those before it were delivered.
         """
         ...
 
     def signal(self) -> Signal:
-        """Whether there is a camera at the input; asked between fields, never blocks."""
+        """Report whether a camera is connected; called between fields, never blocks."""
         ...
 
     def restart(self) -> StreamInfo:
-        """Stops and starts the stream of the open device; what waits in its buffers is dropped.
+        """Stop and restart the stream of the open device; fields waiting in its buffers are dropped.
 
         Raises:
-            DeviceLost: it is not open, or it went away.
-            StreamFailed: it does not start.
-            DeviceRefused: what is granted now is not what was granted before.
+            DeviceLost: The device is not open, or went away.
+            StreamFailed: The stream does not start.
+            DeviceRefused: The stream granted now differs from the one granted before.
         """
         ...
 
     def reset(self) -> None:
-        """Resets the closed device as pulling its plug would, where that can be done by software.
+        """Reset the closed device as unplugging it would, where software can do that.
 
         Raises:
-            DeviceAbsent: it is not there.
-            DeviceRefused: it cannot be reset, or not with these rights; the hint says what is missing.
+            DeviceAbsent: The device is not there.
+            DeviceRefused: The device cannot be reset, or not with these permissions; the hint says what is
+                missing.
         """
         ...
 
     def close(self) -> None:
-        """Stops and lets go of the device; safe twice, and after an `open` that failed."""
+        """Stop streaming and release the device; safe to call twice, and after a failed `open`."""
         ...

@@ -1,7 +1,7 @@
-"""Grabbers that this computer has, configured or not: what drivers find when they look for them.
+"""Discovery of the grabbers in this computer, configured or not.
 
-A driver that can look offers a function without arguments in the entry point group `grabberd.discovery`. It
-opens devices to ask them, never to stream, and a device in use by somebody else is listed all the same.
+A driver that can search offers a function without arguments in the entry point group `grabberd.discovery`. It
+opens devices to query them, never to stream, and lists a device even if another program is using it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,7 +16,7 @@ GROUP = "grabberd.discovery"
 
 
 class Verdict(StrEnum):
-    """What to think of a grabber, in a word."""
+    """Suitability of a grabber."""
 
     RECOMMENDED = "recommended"
     USABLE = "usable"
@@ -26,15 +26,16 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class FoundDevice:
-    """A grabber that is there.
+    """A grabber found in this computer.
 
     Attributes:
-        driver: the driver's name in the configuration, e.g. "v4l2".
-        card: the device's own name.
-        options: of the configuration, naming it as lastingly as it can be named.
-        verdict: in a word; `remarks`: why, and what to mind, in sentences.
-        facts: what else is known, in the order in which it is to be read: node, by-path, USB port, formats …
-        other_options: other ways in which a configuration may name it.
+        driver: Name of the driver in the configuration, e.g. "v4l2".
+        card: The device's own name.
+        options: Options for the configuration that identify the device as permanently as possible.
+        verdict: Suitability.
+        remarks: Reasons for the verdict and warnings, in sentences.
+        facts: Further facts in reading order: node, by-path, USB port, formats …
+        other_options: Other options by which a configuration may name it.
     """
 
     driver: str
@@ -46,7 +47,7 @@ class FoundDevice:
     other_options: tuple[Mapping[str, Any], ...] = ()
 
     def is_meant_by(self, driver: str, options: Mapping[str, Any]) -> bool:
-        """Whether a configuration with this driver and these options, or more of them, names it."""
+        """True if a configuration with this driver and at least these options names this device."""
         ways = (self.options, *self.other_options)
         return driver == self.driver and any(_contains(options, way) for way in ways)
 
@@ -55,10 +56,10 @@ Discovery = Callable[[], Sequence[FoundDevice]]
 
 
 def discover() -> tuple[FoundDevice, ...]:
-    """What all installed drivers find, sorted by driver as they found it.
+    """List the devices that all installed drivers find, ordered by driver name.
 
     Raises:
-        DriverMissing: one of them cannot be imported.
+        DriverMissing: A driver cannot be imported.
     """
     entries = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
     return tuple(found for entry in entries for found in _load(entry)())
@@ -69,7 +70,7 @@ def _load(entry: EntryPoint) -> Discovery:
         find: Discovery = entry.load()
     except (ImportError, AttributeError) as error:
         raise DriverMissing(
-            f"driver '{entry.name}' cannot look for its devices: {error}", "install the driver's package anew"
+            f"driver '{entry.name}' cannot look for its devices: {error}", "reinstall the driver's package"
         ) from error
     return find
 

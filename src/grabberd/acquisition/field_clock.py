@@ -1,20 +1,20 @@
-"""When fields are due: a camera's own clock, seen through the jitter of software timestamps."""
+"""Field clock: the camera's own clock, filtered out of jittering software timestamps."""
 
 _SLOWEST_GAIN = 0.02
-_PERIOD_GAIN = _SLOWEST_GAIN**2 / 4  # critically damped
-_PERIOD_TOLERANCE = 1e-3
+_PERIOD_GAIN = _SLOWEST_GAIN**2 / 4  # critically damped: follows the camera's clock without overshoot
+_PERIOD_TOLERANCE = 1e-3  # a crystal is good to some 100 ppm; more would be jitter mistaken for drift
 
 
 class FieldClock:
-    """Predicts field times from the nominal period and a slow correction of phase and period.
+    """Prediction of field times from the nominal period, with a slow correction of phase and period.
 
-    The gain starts as that of a running mean and falls to 1/50, so a jitter of 8 ms becomes some tenths of a
-    millisecond within a second and a half, and a camera's clock that is off by some 100 ppm is followed. The
-    period never leaves the nominal one by more than 1000 ppm.
+    The gain starts as that of a running mean and falls to 1/50, so a jitter of 8 ms shrinks to some tenths of
+    a millisecond within a second and a half, while a camera clock that is off by some 100 ppm is still
+    followed. The period never differs from the nominal one by more than 1000 ppm.
 
     Args:
-        period_ns: nominal time from field to field.
-        exact: the times are those of a recording: taken as they are, nothing is smoothed.
+        period_ns: Nominal time from field to field.
+        exact: True for the times of a recording, which are taken as they are.
     """
 
     def __init__(self, period_ns: float, exact: bool = False) -> None:
@@ -28,21 +28,21 @@ class FieldClock:
 
     @property
     def time_ns(self) -> int:
-        """Time of the field that it has come to."""
+        """Time of the current field."""
         return self._base_ns + round(self._phase_ns)
 
     def lock(self, time_ns: int) -> None:
-        """Begins anew at a field's time; what is known of the period stays."""
+        """Restart at a field's time; the learned period is kept."""
         self._base_ns, self._phase_ns = time_ns, 0.0
         self._corrections = 1
         self.locked = True
 
     def steps_to(self, time_ns: int) -> float:
-        """How many periods a time lies after the field that it has come to."""
+        """Number of periods from the current field to a given time."""
         return (time_ns - self._base_ns - self._phase_ns) / self._period_ns
 
     def advance(self, steps: int, time_ns: int | None = None) -> int:
-        """Comes to the field `steps` later; its time, corrected by a measured one if there is any."""
+        """Advance to the field `steps` later and return its time, corrected by a measured one if given."""
         due_ns = self._phase_ns + steps * self._period_ns
         late_ns = 0.0 if time_ns is None else time_ns - self._base_ns - due_ns
         if self._exact:
@@ -64,7 +64,7 @@ class FieldClock:
         self._period_ns = min(max(period_ns, self._nominal_ns - limit_ns), self._nominal_ns + limit_ns)
 
     def _move(self, phase_ns: float) -> None:
-        # Whole nanoseconds go into an integer: after a day a float would have lost the small ones.
+        # Whole nanoseconds go into an integer: within a day a float would lose the small ones.
         whole_ns = int(phase_ns)
         self._base_ns += whole_ns
         self._phase_ns = phase_ns - whole_ns

@@ -1,4 +1,4 @@
-"""What became of every field that should have come."""
+"""Ledger of a capture: the outcome of every field that should have come."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 
 class Outcome(StrEnum):
-    """What became of a field."""
+    """Outcome of a field."""
 
     RECEIVED = "received"
     LOST = "lost"
@@ -17,35 +17,35 @@ class Outcome(StrEnum):
 
 
 class LedgerEntry(NamedTuple):
-    """Consecutive fields that share an outcome and its reason; `received` ones are counted, not listed.
+    """Consecutive fields with the same outcome and reason; received fields are counted, not listed.
 
     Attributes:
-        first_n: number of the first of them.
-        count: how many.
-        outcome: never `received`.
-        reason: in a few words, e.g. "time gap", "sequence gap", "unplugged", "ring overrun".
+        first_n: Number of the first field.
+        count: Number of fields.
+        outcome: Never `received`.
+        reason: A few words, e.g. "time gap", "sequence gap", "unplugged", "ring overrun".
     """
 
     first_n: int
-    count: int  # type: ignore[assignment]  # hides a method of tuple that nobody needs here
+    count: int  # type: ignore[assignment]  # shadows tuple.count, which nobody needs here
     outcome: Outcome
     reason: str
 
     @property
     def end_n(self) -> int:
-        """The number after the last of them."""
+        """The number after the last field."""
         return self.first_n + self.count
 
 
 NO_SIGNAL = "no signal"
-"""Reason of fields that came, or did not come, because there was no camera."""
+"""Reason for fields that are empty or missing because no camera was connected."""
 
 UNACCOUNTED = "not accounted for"
-"""Reason of fields between two entries for which nobody gave one."""
+"""Reason for fields between two entries for which none was given."""
 
 
 def never_came(first_n: int, count: int, reason: str) -> LedgerEntry:
-    """Fields that should have come: lost, unless there was no camera to send them."""
+    """Make an entry for fields that never came: lost, unless no camera was connected."""
     outcome = Outcome.NO_SIGNAL if reason == NO_SIGNAL else Outcome.LOST
     return LedgerEntry(first_n, count, outcome, reason)
 
@@ -61,15 +61,15 @@ _LISTED = 5
 
 @dataclass
 class Ledger:
-    """The account of one capture: every number from `first_n` up to `end_n` is in it exactly once.
+    """Account of one capture: every number from `first_n` up to `end_n` occurs exactly once.
 
-    Fields are entered in order of their numbers. A number that was entered before is refused; numbers that
-    are skipped are entered as lost, not accounted for.
+    Fields are entered in ascending order. A number entered before is refused; skipped numbers are entered as
+    lost, "not accounted for".
 
     Attributes:
-        first_n: where the account begins; None until something is entered.
-        received: how many fields came whole.
-        entries: everything else, in order, neighbours of one outcome and reason merged.
+        first_n: First number of the account; None until something is entered.
+        received: Number of fields received intact.
+        entries: All other fields, in order; neighbours with the same outcome and reason are merged.
     """
 
     first_n: int | None = None
@@ -79,28 +79,29 @@ class Ledger:
 
     @property
     def end_n(self) -> int | None:
-        """The number after the last one entered, or None."""
+        """The number after the last field entered, or None."""
         return self.first_n if self._end_n is None else self._end_n
 
     @property
     def total(self) -> int:
-        """How many fields should have come."""
+        """Number of fields that should have come."""
         return 0 if self.first_n is None or self._end_n is None else self._end_n - self.first_n
 
     def receive(self, n: int) -> None:
-        """Enters field `n` as received.
+        """Enter field `n` as received.
 
         Raises:
-            ValueError: it is in the ledger already.
+            ValueError: The field is in the ledger already.
         """
         self._advance(n, 1)
         self.received += 1
 
     def add(self, entry: LedgerEntry) -> None:
-        """Enters what became of some fields.
+        """Enter fields with an outcome other than `received`.
 
         Raises:
-            ValueError: one of them is in the ledger already, there are none of them, or they were received.
+            ValueError: One of them is in the ledger already, the count is below 1, or the outcome is
+                `received`.
         """
         if entry.count < 1 or entry.outcome is Outcome.RECEIVED:
             raise ValueError(f"not a ledger entry: {entry}")
@@ -108,10 +109,10 @@ class Ledger:
         self._merge(entry)
 
     def enter(self, n: int, outcome: Outcome, reason: str | None, before: Iterable[LedgerEntry] = ()) -> None:
-        """Enters field `n`, whatever became of it, after what never came before it.
+        """Enter field `n` with any outcome, after the fields that were lost before it.
 
         Raises:
-            ValueError: one of them is in the ledger already.
+            ValueError: One of them is in the ledger already.
         """
         for entry in before:
             self.add(entry)
@@ -121,7 +122,7 @@ class Ledger:
             self.add(LedgerEntry(n, 1, outcome, reason or str(outcome)))
 
     def close(self, end_n: int, reason: str) -> None:
-        """Enters what never came before `end_n`; does nothing where nothing is missing."""
+        """Enter the fields missing up to `end_n`; does nothing if none are."""
         if self.first_n is None:
             self.first_n = 0
         first = self._end_n if self._end_n is not None else self.first_n
@@ -129,7 +130,7 @@ class Ledger:
             self.add(never_came(first, end_n - first, reason))
 
     def counts(self) -> dict[Outcome, int]:
-        """How many fields met each outcome; all outcomes, zeros too."""
+        """Number of fields by outcome, including outcomes that did not occur."""
         counts = dict.fromkeys(Outcome, 0)
         counts[Outcome.RECEIVED] = self.received
         for entry in self.entries:
@@ -138,11 +139,13 @@ class Ledger:
 
     @property
     def complete(self) -> bool:
-        """Whether fields came and every one of them whole."""
+        """True if at least one field came and every field was received intact."""
         return self.received > 0 and not self.entries
 
     def in_words(self, rate_hz: float) -> str:
-        """For people, e.g. "3 fields lost at 12.40 s (time gap)"; seconds count from the first field."""
+        """Describe the losses, e.g. "3 fields lost at 12.40 s (time gap)"; seconds count from the first
+        field.
+        """
         if self.complete:
             return "complete"
         if not self.entries:
@@ -152,7 +155,7 @@ class Ledger:
         return "; ".join(words + ([f"and {_fields(rest)} more"] if rest else []))
 
     def to_document(self) -> dict[str, Any]:
-        """The account as JSON-able values; `from_document` gives it back."""
+        """Convert to JSON values; `from_document` reverses it."""
         return {
             "first_n": self.first_n,
             "end_n": self._end_n,
@@ -162,7 +165,7 @@ class Ledger:
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> "Ledger":
-        """The account from what `to_document` gave."""
+        """Restore an account from the result of `to_document`."""
         entries = [
             LedgerEntry(row["first_n"], row["count"], Outcome(row["outcome"]), row["reason"])
             for row in document["entries"]
@@ -178,16 +181,16 @@ class Ledger:
         first_n: int | None = None,
         gap: str = UNACCOUNTED,
     ) -> "Ledger":
-        """The account from the numbers that were received (ascending) and the entries, as a file keeps them.
+        """Restore an account from received numbers and entries, as a capture file keeps them.
 
         Args:
-            received_n: numbers of received fields.
-            entries: what became of others.
-            first_n: where the account begins, if earlier than any of them.
-            gap: reason of the fields that neither speaks of.
+            received_n: Numbers of the received fields, ascending.
+            entries: Outcomes of the others.
+            first_n: First number of the account, if earlier than any of them.
+            gap: Reason for fields that occur in neither.
 
         Raises:
-            ValueError: a field is counted twice.
+            ValueError: A field is counted twice.
         """
         ledger = cls(first_n)
         events = [(n, None) for n in received_n] + [(entry.first_n, entry) for entry in entries]
@@ -202,7 +205,7 @@ class Ledger:
             self.first_n = first_n
         end_n = self.first_n if self._end_n is None else self._end_n
         if first_n < end_n:
-            raise ValueError(f"field {first_n} is in the ledger already, which has come to {end_n}")
+            raise ValueError(f"field {first_n} is in the ledger already, which ends at {end_n}")
         if first_n > end_n:
             self._merge(LedgerEntry(end_n, first_n - end_n, Outcome.LOST, UNACCOUNTED))
         self._end_n = first_n + count

@@ -1,4 +1,6 @@
-"""Which field of the camera's endless count a grabbed field is, and what never came before it."""
+"""Field numbering: the place of each grabbed field in the camera's endless count, and the losses before
+it.
+"""
 
 from typing import NamedTuple
 
@@ -8,9 +10,13 @@ from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome, never_c
 from grabberd.acquisition.sequence import SequenceSteps
 
 _TOLERANCE_STEPS = 0.75
+"""Error allowed in a step measured by time: parity, which changes with every field, settles anything below a
+whole one. A stamp less than the remaining quarter after the last counts as running backward."""
 _WOVEN = (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
 _FUTURE_NS = 100_000_000
+"""Grace time: how far a stamp may be ahead of the arrival of its field before it is doubted."""
 _SIGHTINGS = 3
+"""Doubted stamps that must agree among themselves before another clock is accepted."""
 
 TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
@@ -18,15 +24,15 @@ REPEATED_PARITY = "repeated parity"
 
 
 class Numbered(NamedTuple):
-    """A grabbed field's place.
+    """A grabbed field's number, time and outcome.
 
     Attributes:
-        n: nominal steps since the numbering began, lost fields included; the first field is 0.
-        time_ns: middle of the exposure, smoothed where the stream is live.
-        outcome: received, damaged or no_signal.
-        reason: of the outcome; for a received field None, or that its time is predicted and why.
-        lost_before: what never came between the field before and this one: lost, or without a signal some
-            drivers deliver nothing.
+        n: Nominal steps since numbering began, lost fields included; the first field is 0.
+        time_ns: Middle of the exposure, smoothed if the stream is live.
+        outcome: Received, damaged or no_signal.
+        reason: Reason for the outcome; for a received field None, or why its time had to be predicted.
+        lost_before: Fields missing between the previous field and this one: lost, or without a signal, since
+            some drivers deliver nothing then.
     """
 
     n: int
@@ -37,7 +43,7 @@ class Numbered(NamedTuple):
 
 
 class _Step(NamedTuple):
-    """Fields forward, what to call a loss on the way, and what is wrong with the timestamp or the parity."""
+    """Number of fields forward, the name of a loss on the way, and faults of the timestamp and the parity."""
 
     fields: int
     gap: str
@@ -48,17 +54,17 @@ class _Step(NamedTuple):
 class FieldNumbering:
     """Numbers fields by time first, by parity where it can tell, by the driver's count last.
 
-    Parity must agree with the steps: an even step keeps it, an odd one changes it. So a timestamp may be late
-    or early by three quarters of a period before a loss is seen where there is none; by a whole one where
-    fields come in frames, whose parities tell nothing of the camera; by one and a half where the driver
+    Parity must agree with the step: an even step keeps it, an odd one changes it. So a timestamp may be late
+    or early by three quarters of a period before a loss is seen where there is none; by a whole period if
+    fields come in frames, whose parities say nothing about the camera; by one and a half if the driver
     counts. Timestamps that are zero, run backward or are far off are not believed: the field is kept, its
-    time predicted, and that is said. If they stay off but agree among themselves, another clock has taken
-    over: from then on they are used again, shifted to continue the old one.
+    time is predicted, and the reason says so. If they stay off but agree among themselves, another clock has
+    taken over: from then on they are used again, shifted to continue the old one.
 
     Args:
-        info: what the driver granted. The times of a recording are taken as they are.
-        max_gap_s: a live stream that is silent for longer has been interrupted, and its user says so by
-            `interrupt`; a timestamp that tells of a longer gap is not believed.
+        info: The stream as granted. The times of a recording are taken as they are.
+        max_gap_s: Longest gap that a live timestamp may report and still be believed. A stream silent for
+            longer has been interrupted, which its user reports by `interrupt`.
     """
 
     def __init__(self, info: StreamInfo, max_gap_s: float = 10.0) -> None:
@@ -79,15 +85,9 @@ class FieldNumbering:
         self._doubted: list[tuple[int, int]] = []
 
     def interrupt(self, reason: str) -> None:
-        """The stream stopped: what is missing before the next field was lost for this reason."""
+        """Note that the stream stopped: fields missing before the next one were lost for this reason."""
         self._interruption = reason
         self._sequence.forget()
-
-    def due_n(self, time_ns: int) -> int:
-        """The number after the last field that should have come by a time of the driver's clock."""
-        if not self._clock.locked:
-            return self._n + 1
-        return self._n + 1 + max(0, int(self._clock.steps_to(time_ns - self._offset_ns)))
 
     def number(
         self,
@@ -97,15 +97,15 @@ class FieldNumbering:
         now_ns: int | None = None,
         no_picture: str | None = None,
     ) -> Numbered:
-        """The field's place.
+        """Number the next field.
 
         Args:
-            grabbed: its time, parity, sequence and damage are read, not its grey values.
-            signal: what the driver last said.
-            damage: what a look at its content found wrong, beside what the driver says.
-            now_ns: when it arrived, by the clock that a live stream's times should be of: no field comes from
-                the future.
-            no_picture: what a look at its content found the grabber to have made up in place of a picture.
+            grabbed: Its time, parity, sequence and damage are used, not its grey values.
+            signal: The driver's last report.
+            damage: Damage found in its content, in addition to the driver's report.
+            now_ns: Arrival, on the clock that a live stream's times should use: no field comes from the
+                future.
+            no_picture: Picture that the grabber substituted, as found in its content.
         """
         parity, time_ns = grabbed.field.parity, grabbed.time_ns - self._offset_ns
         step = self._step(grabbed, time_ns, now_ns)
@@ -138,7 +138,7 @@ class FieldNumbering:
         if self._n < 0:
             return _Step(1, "", doubt)
         if doubt and self._interruption and self._keeps_pace and now_ns is not None and self._clock.locked:
-            # Nothing but its arrival tells how long the interruption was.
+            # Only its arrival tells how long the interruption was.
             return self._step_by_time(self._clock.steps_to(now_ns - self._way_ns), parity, count)._replace(
                 doubt=doubt
             )
@@ -152,11 +152,11 @@ class FieldNumbering:
             return _Step(count, TIME_GAP if count == nearest else SEQUENCE_GAP)
         if self._woven or abs(agreeing - steps) <= _TOLERANCE_STEPS or self._interruption:
             return _Step(agreeing, TIME_GAP)
-        # The second contradiction in a row means that the camera's phase has changed.
+        # A single contradiction is a damaged field; a second in a row means the camera's phase has changed.
         return _Step(nearest, TIME_GAP, damage=None if self._contradicted else "parity contradicts time")
 
     def _confirms(self, count: int, steps: float, parity: int) -> bool:
-        """Whether a driver's count fits the parity and is not far from the time."""
+        """True if a driver's count fits the parity and is not far from the time."""
         spacing = 2 if self._has_parity else 1
         return self._fits(count, parity) and abs(count - steps) <= spacing * _TOLERANCE_STEPS
 
@@ -166,7 +166,7 @@ class FieldNumbering:
         return _Step(self._agreeing(1.0, parity), REPEATED_PARITY, doubt)
 
     def _agreeing(self, steps: float, parity: int) -> int:
-        """The step nearest to the measured one that ends at this parity."""
+        """The step nearest to the measured one that leads to this parity."""
         nearest = max(1, round(steps))
         if self._fits(nearest, parity):
             return nearest
@@ -183,7 +183,7 @@ class FieldNumbering:
             self._parity_of_zero = (parity + self._n) % 2
 
     def _doubt(self, time_ns: int, now_ns: int | None) -> str | None:
-        """Why a timestamp is not believed, or None."""
+        """Reason not to believe a timestamp, or None."""
         stamp_ns = time_ns + self._offset_ns
         if self._live and stamp_ns <= 0:
             return "zero timestamp"
@@ -195,7 +195,7 @@ class FieldNumbering:
         return "far-off timestamp" if steps > self._max_steps and not self._interruption else None
 
     def _come_to(self, time_ns: int, step: _Step, now_ns: int | None) -> int:
-        """The field's time; the clock goes along."""
+        """Advance the clock to the field and return its time."""
         if step.doubt:
             return self._come_by_prediction(time_ns, step.fields, now_ns)
         self._doubted.clear()

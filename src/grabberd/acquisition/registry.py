@@ -1,4 +1,4 @@
-"""Drivers by name: packages that offer themselves in the entry point group `grabberd.drivers`."""
+"""Registry of drivers: packages with an entry point in the group `grabberd.drivers`, by name."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -12,16 +12,16 @@ GROUP = "grabberd.drivers"
 
 
 def available() -> tuple[str, ...]:
-    """Names of the installed drivers, sorted; none of them is imported."""
+    """List the names of the installed drivers, sorted, without importing any."""
     return tuple(sorted({entry.name for entry in entry_points(group=GROUP)}))
 
 
 def create(driver: str, options: Mapping[str, Any]) -> Grabber:
-    """A grabber that is not opened yet.
+    """Create a grabber, not yet opened.
 
     Raises:
-        DriverMissing: no driver of that name is installed, or something that it needs is not.
-        ValueError: an option is unknown, missing or cannot be used; the text says which.
+        DriverMissing: No driver of that name is installed, or a package it needs is missing.
+        ValueError: An option is unknown, missing or unusable; the message says which.
     """
     factory = _load(_find(driver))
     _check_names(driver, factory, options)
@@ -52,7 +52,7 @@ def _load(entry: EntryPoint) -> Callable[..., Grabber]:
     except AttributeError as error:
         raise DriverMissing(
             f"driver '{entry.name}' is not where its package says ({entry.value}): {error}",
-            "install the driver's package anew",
+            "reinstall the driver's package",
         ) from error
 
 

@@ -1,4 +1,4 @@
-"""The ring of packed fields between the capture thread and whoever reads them (paper 3.4: 32 of them)."""
+"""Ring of packed fields between the capture thread and its readers (paper 3.4: 32 slots)."""
 
 import threading
 import weakref
@@ -14,14 +14,14 @@ OVERRUN_REASON = "ring overrun"
 
 
 class Slot(NamedTuple):
-    """One field in the ring, with what the ledger has to say up to it.
+    """One field in the ring, with everything the ledger needs up to it.
 
     Attributes:
-        numbered: the field; None where there is nothing to keep (no signal).
-        n: its number.
-        outcome: received, damaged or no_signal.
-        reason: None for a received field, unless its time had to be predicted: then why.
-        lost_before: what never came between the field before it and this one.
+        numbered: The field; None if there is nothing to keep (no signal).
+        n: Number of the field.
+        outcome: Received, damaged or no_signal.
+        reason: None for a received field, unless its time had to be predicted.
+        lost_before: Fields missing between the previous field and this one.
     """
 
     numbered: NumberedField | None
@@ -32,26 +32,26 @@ class Slot(NamedTuple):
 
     @property
     def first_n(self) -> int:
-        """The first number that this slot accounts for."""
+        """First number that this slot accounts for."""
         return self.lost_before[0].first_n if self.lost_before else self.n
 
 
 class Policy(StrEnum):
-    """What a reader wants when the ring has overtaken it."""
+    """Reaction of a reader that the ring has overtaken."""
 
     COUNT = "count"
     STOP = "stop"
 
 
 class Ring:
-    """The newest slots, for one writer and any number of readers, each with its own place.
+    """The newest slots, for one writer and any number of readers, each with its own position.
 
-    `put` never waits for a reader: the lock is held by either side for a few assignments only. Slots are
-    handed on by reference; nobody changes a slot's arrays after it was put.
+    `put` never waits for a reader: either side holds the lock for a few assignments only. Slots are passed by
+    reference; nobody changes a slot's arrays after it was put.
 
     Attributes:
-        slots: how many it keeps.
-        deepest: the most of them that were ever waiting for a reader.
+        slots: Number of slots kept.
+        deepest: Greatest number of slots that ever waited for a reader.
     """
 
     def __init__(self, slots: int = 32) -> None:
@@ -67,7 +67,7 @@ class Ring:
         self._changed = threading.Condition(threading.Lock())
 
     def put(self, slot: Slot) -> None:
-        """Appends a slot, over the oldest one where the ring is full; wakes the readers."""
+        """Append a slot, overwriting the oldest if the ring is full, and wake the readers."""
         with self._changed:
             if self._first_n is None:
                 self._first_n = slot.first_n
@@ -76,27 +76,27 @@ class Ring:
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Says that nothing more will come; readers get what is left, then None."""
+        """Announce that nothing more will come; readers get the remaining slots, then None."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     @property
     def newest(self) -> Slot | None:
-        """The slot that was put last, or None."""
+        """The slot put last, or None."""
         with self._changed:
             return self._kept[-1] if self._kept else None
 
     @property
     def waiting(self) -> int:
-        """How many slots wait for the reader that is furthest behind."""
+        """Number of slots waiting for the reader that is furthest behind."""
         with self._changed:
             return max((reader._fill for reader in self._readers if not reader._closed), default=0)
 
     def reader(self, policy: Policy | str = Policy.COUNT, back: int = 0) -> "RingReader":
-        """A reader whose first slot is the next one to come, or the oldest of the `back` newest ones.
+        """Make a reader that starts at the next slot to come, or at the oldest of the `back` newest ones.
 
-        The slots before the trigger are set aside for it at once, so none of them can be overrun.
+        Pre-trigger slots are set aside for it at once, so none of them can be overrun.
         """
         with self._changed:
             before = list(self._kept)[-back:] if back > 0 else []
@@ -107,14 +107,14 @@ class Ring:
 
 
 class RingReader:
-    """One reader's place in a ring; used by one thread.
+    """One reader's position in a ring; used by one thread.
 
     Attributes:
-        policy: what happens when the ring has overtaken it: `count` tells so in the next slot's
-            `lost_before`, `stop` raises `RingOverrun`, at once and ever after.
-        missed: how many slots were overwritten before they could be taken.
-        deepest: the most slots of the ring that were ever waiting for this reader.
-        back_fields: how many fields lie between its first slot and the moment it was made, lost ones too.
+        policy: Reaction to being overtaken: `count` reports it in the next slot's `lost_before`, `stop`
+            raises `RingOverrun`, at once and on every later call.
+        missed: Number of slots overwritten before they could be taken.
+        deepest: Greatest number of the ring's slots that ever waited for this reader.
+        back_fields: Number of fields from its first slot to its creation, lost ones included.
     """
 
     def __init__(self, ring: Ring, policy: Policy, before: list[Slot], head: int, next_n: int | None) -> None:
@@ -134,15 +134,15 @@ class RingReader:
 
     @property
     def ended(self) -> bool:
-        """Whether nothing more can be taken: closed, or the ring is and everything was taken."""
+        """True if nothing more can be taken: closed, or the ring is closed and everything was taken."""
         with self._ring._changed:
             return self._closed or (self._ring._closed and not self._waiting)
 
     def take(self, timeout_s: float) -> Slot | None:
-        """The next slot; None if none came in time, or none will come (`ended`).
+        """Take the next slot; None if none came in time, or none will come (`ended`).
 
         Raises:
-            RingOverrun: the ring has overtaken a reader whose policy is `stop`.
+            RingOverrun: The ring has overtaken a reader whose policy is `stop`.
         """
         if self._overrun:
             raise self._overrun
@@ -156,7 +156,7 @@ class RingReader:
         return slot._replace(lost_before=(missed, *slot.lost_before))
 
     def close(self) -> None:
-        """Lets go of the ring; a `take` in another thread returns None. Safe twice."""
+        """Detach from the ring; a `take` in another thread returns None. Safe to call twice."""
         with self._ring._changed:
             self._closed = True
             self._before.clear()
@@ -170,7 +170,7 @@ class RingReader:
 
     @property
     def waiting(self) -> int:
-        """How many slots it has not taken yet; more than the ring has, once it is overtaken."""
+        """Number of slots not yet taken; exceeds the ring's size once overtaken."""
         with self._ring._changed:
             return self._waiting
 
@@ -180,7 +180,7 @@ class RingReader:
 
     @property
     def _fill(self) -> int:
-        """How many of the ring's own slots it has not taken yet."""
+        """Number of the ring's own slots not yet taken."""
         return min(self._ring._head - self._next, self._ring.slots)
 
     def _ready(self) -> bool:
@@ -200,7 +200,7 @@ class RingReader:
         return slot, missed
 
     def _skip(self, overwritten: int) -> LedgerEntry:
-        """Passes over what was overwritten; what was lost among it counts as overrun too."""
+        """Skip overwritten slots; fields lost among them count as overrun too."""
         self.missed += overwritten
         self._next += overwritten
         first_n = self._next_n if self._next_n is not None else self._ring._first_n

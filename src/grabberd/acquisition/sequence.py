@@ -1,16 +1,18 @@
-"""What a driver's own count says of the steps from field to field."""
+"""Steps from field to field by the driver's own counter."""
 
-_WRAP = 2**32
+_WRAP = 2**32  # V4L2 counts in 32 bits
 
 
 class SequenceSteps:
-    """Turns a driver's `sequence` into steps of fields.
+    """Converts a driver's `sequence` into steps of fields.
 
-    Where fields come one a buffer, some drivers give both fields of a frame the same number and some count
-    each. It is learnt from the fields: until then, and after a restart of the count, there is no answer.
+    If each buffer holds one field, some drivers give both fields of a frame the same number and some number
+    each field. Which, is learned from the stream: until then, and after the counter restarts, there is no
+    answer.
 
     Args:
-        alternate: fields come one a buffer, so either numbering may be met; otherwise fields are counted.
+        alternate: True if each buffer holds one field, so that either numbering may occur; otherwise the
+            counter counts fields.
     """
 
     def __init__(self, alternate: bool) -> None:
@@ -20,11 +22,11 @@ class SequenceSteps:
         self._last: tuple[int, int] | None = None
 
     def forget(self) -> None:
-        """The count may begin anew; how it counts is remembered."""
+        """Expect the counter to restart; its way of counting is remembered."""
         self._last = None
 
     def step(self, sequence: int | None, parity: int) -> int | None:
-        """Fields from the last one to this one by the driver's count, or None where it does not tell."""
+        """Number of fields since the last one by the driver's counter, or None if it cannot tell."""
         last, self._last = self._last, None if sequence is None else (sequence, parity)
         if sequence is None or last is None:
             return None

@@ -1,4 +1,4 @@
-"""The application: every route, the error handlers, and the service's life."""
+"""The application: every route, the error handlers, and the lifespan of the service."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -7,6 +7,7 @@ from weakref import WeakValueDictionary
 from fastapi import Depends, FastAPI
 from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd import __version__
 from grabberd.api import problems
@@ -18,37 +19,32 @@ from grabberd.api.guard.gate import Gate
 from grabberd.api.guard.limits import Streams
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.roles import check_declared
-from grabberd.api.head import HeadAsGet
 from grabberd.api.routes import (
     analyses,
-    calibration_frames,
     calibrations,
     capture_contents,
     capture_groups,
     captures,
-    checks,
     devices,
-    diagnostics,
-    docs,
     jobs,
+    live,
     metrics,
     page,
     sessions,
     settings,
     system,
 )
-from grabberd.api.streams import events, preview_routes
-from grabberd.api.streams.feeds import Live
+from grabberd.api.streams.feeds import Feeds
 from grabberd.service.service import Service
 from grabberd.web import Files
 
 
 def create_app(service: Service, front: Front | None = None) -> FastAPI:
-    """An application over a service, which it starts and stops.
+    """The application over a service, which it starts and stops.
 
     Args:
-        service: what it shows.
-        front: how it is reached; by default, as on a loopback address.
+        service: The service that the routes call.
+        front: How the daemon is reached; default: on a loopback address.
     """
     front = front or Front()
     app = FastAPI(
@@ -67,7 +63,7 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
     app.state.once = WeakValueDictionary()
     app.state.streams = streams = Streams(front.limits)
     app.state.metrics = metrics.registry_of(service, lambda: streams.count)
-    app.state.live = Live(service)
+    app.state.feeds = Feeds(service)
     problems.install(app)
     app.add_exception_handler(Refusal, answer_refusal)
     app.state.files = Files()
@@ -79,18 +75,14 @@ def create_app(service: Service, front: Front | None = None) -> FastAPI:
         capture_groups,
         capture_contents,
         analyses,
-        calibration_frames,
         calibrations,
-        checks,
-        diagnostics,
         jobs,
         sessions,
-        events,
-        preview_routes,
+        live,
         settings,
     ):
         app.include_router(part.router, prefix="/api/v1")
-    for part in (devices, system, metrics, docs, page):
+    for part in (devices, system, metrics, page):
         app.include_router(part.router)
     describe(app)
     return app
@@ -106,3 +98,32 @@ async def _life(app: FastAPI) -> AsyncIterator[None]:
 
 def _name_of(route: APIRoute) -> str:
     return route.name
+
+
+class _Answered(Exception):
+    """The head has been sent, and the body is not wanted."""
+
+
+class HeadAsGet:
+    """Answers HEAD as GET without the body; a stream ends before its first byte."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves one request; anything but HEAD passes unchanged."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_head(message: Message) -> None:
+            if message["type"] != "http.response.body":
+                await send(message)
+                return
+            await send({"type": "http.response.body", "body": b"", "more_body": False})
+            raise _Answered
+
+        try:
+            await self._app({**scope, "method": "GET"}, receive, send_head)
+        except _Answered:
+            return

@@ -1,4 +1,4 @@
-"""What a client has already is not sent again."""
+"""Conditional requests: what the client has already is not sent again."""
 
 import hashlib
 from collections.abc import Mapping
@@ -6,22 +6,22 @@ from typing import Annotated, Any
 
 from fastapi import Header, Response, status
 
-IfNoneMatch = Annotated[str | None, Header(description="ETag of what you have: 304 where it is the same.")]
+IfNoneMatch = Annotated[str | None, Header(description="ETag of the client's copy; 304 if it is current.")]
 
-NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "It is the one you have."}}
+NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "The client's copy is current."}}
 IMMUTABLE = "private, max-age=31536000, immutable"
-"""Never asked for again."""
-ASK_AGAIN = "private, no-cache"
-"""Kept, but asked for with its ETag."""
+"""Cache-Control of content that never changes."""
+REVALIDATE = "private, no-cache"
+"""Cache-Control of content that is cached, but revalidated with its ETag."""
 
 
 def etag_of(content: bytes) -> str:
-    """Of these bytes."""
+    """ETag of some content."""
     return f'"{hashlib.sha256(content).hexdigest()}"'
 
 
 def is_known(etag: str, if_none_match: str | None) -> bool:
-    """Whether the client has it, after RFC 9110 13.1.2."""
+    """True if the client has it, according to RFC 9110 13.1.2."""
     known = [tag.strip().removeprefix("W/") for tag in (if_none_match or "").split(",")]
     return etag in known or "*" in known
 
@@ -30,10 +30,10 @@ def tagged(
     content: bytes,
     media_type: str,
     if_none_match: str | None,
-    cache: str = ASK_AGAIN,
+    cache: str = REVALIDATE,
     headers: Mapping[str, str] | None = None,
 ) -> Response:
-    """The content with its ETag, or 304."""
+    """The content with its ETag, or 304 if the client has it."""
     own = {**(headers or {}), "ETag": etag_of(content), "Cache-Control": cache}
     if is_known(own["ETag"], if_none_match):
         return Response(status_code=status.HTTP_304_NOT_MODIFIED, headers=own)

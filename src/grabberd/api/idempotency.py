@@ -1,4 +1,4 @@
-"""Orders that take effect once: one that comes again with its Idempotency-Key gets the first one's answer."""
+"""Idempotent POST requests: one repeated with its Idempotency-Key gets the response of the first."""
 
 import asyncio
 import contextlib
@@ -37,23 +37,23 @@ def _declare(
         Header(
             alias=HEADER,
             pattern=PATTERN,
-            description="Of your own making, e.g. a UUID. For a day, the same order with the same key takes "
-            "effect once and gets the same answer; a refused one may come again.",
+            description="A key chosen by the client, e.g. a UUID. For a day, a request repeated with its "
+            "key takes effect only once and gets the same response; a refused request can be repeated.",
         ),
     ] = None,
 ) -> None:
-    """Has the description say it, and keys that cannot be meant refused."""
+    """Declares the header in the description, and has invalid keys refused."""
 
 
 TAKES_KEY = Depends(_declare)
-"""A dependency of every route that takes a key."""
+"""Dependency of every route that takes a key."""
 
 
 class OnceRoute(APIRoute):
-    """A route whose orders (POST) may carry a key."""
+    """A route whose POST requests may carry a key."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """The handler, with what is answered from what is kept before it."""
+        """The handler, preceded by the look-up of a stored response."""
         handle = super().get_route_handler()
 
         async def once(request: Request) -> Response:
@@ -82,30 +82,30 @@ async def _answer(request: Request, key: str, handle: Handler) -> Response:
     answer = KeptAnswer(digest, response.status_code, response.headers.get("location"), bytes(response.body))
     try:
         await run_in_threadpool(kept.finish, key, answer)
-    except StorageError as error:  # it has taken effect, so it is answered
-        log.warning("an answer cannot be kept for its %s: %s; %s", HEADER, error.message, error.hint)
+    except StorageError as error:  # the request has taken effect, so it gets its response all the same
+        log.warning("a response cannot be stored for its %s: %s; %s", HEADER, error.message, error.hint)
     return response
 
 
 def _again(known: KeptAnswer, digest: bytes) -> Response:
-    """The first answer.
+    """The stored response to the first request.
 
     Raises:
-        Refusal: 422, the order is another one; 409, nobody knows whether the first one took effect.
+        Refusal: 422, the request differs from the first; 409, it is unknown if the first one took effect.
     """
     if known.digest != digest:
         raise Refusal(
             422,
             "idempotency-key-reused",
-            f"another order came with this {HEADER} within a day",
-            "make a new key for every order; send an old one only to repeat its order",
+            f"this {HEADER} was used for a different request within a day",
+            "make a new key for every request; reuse a key only to repeat its request",
         )
     if known.status is None:
         raise Refusal(
             409,
             "outcome-unknown",
-            f"the daemon ended before it answered the order with this {HEADER}",
-            "look whether it took effect, e.g. GET /api/v1/captures; to order again, make a new key",
+            f"the daemon stopped before it responded to the request with this {HEADER}",
+            "check if it took effect, e.g. GET /api/v1/captures; to send it again, make a new key",
         )
     location = {"Location": known.location} if known.location else {}
     headers = {"Idempotent-Replayed": "true", **location}
@@ -113,13 +113,13 @@ def _again(known: KeptAnswer, digest: bytes) -> Response:
 
 
 def _key_of(request: Request, key: str) -> str:
-    """Every token, and every thing that is ordered, has keys of its own."""
+    """The key within its scope: keys are separate for each token and each address."""
     identity = getattr(request.state, "identity", None)
     return f"{identity.token if identity else None} {request.method} {request.url.path} {key}"
 
 
 def _digest(body: bytes) -> bytes:
-    """The same for JSON that is written in another way."""
+    """A digest of the body that does not depend on how its JSON is formatted."""
     with contextlib.suppress(ValueError, RecursionError):
         body = json.dumps(json.loads(body), sort_keys=True).encode()
     return hashlib.sha256(body).digest()

@@ -1,4 +1,4 @@
-"""The server: an application on sockets, with or without a certificate, in its limits; systemd is told."""
+"""The server: runs the application on sockets, with TLS and limits, and notifies systemd."""
 
 import asyncio
 import contextlib
@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from grabberd.api.guard.connections import connection_class
 from grabberd.api.guard.front import Front
 from grabberd.api.sockets import describe
-from grabberd.api.streams.feeds import Live
+from grabberd.api.streams.feeds import Feeds
 from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
 from grabberd.service.heartbeat import Heartbeat
@@ -22,19 +22,19 @@ log = logging.getLogger(__name__)
 
 HEAD_BYTES = 32_768
 WEBSOCKET_BYTES = 65_536
-"""No client has more than a word to say on a WebSocket."""
+"""Enough for any client message: clients have nothing to send on the preview's WebSocket."""
 SHUTDOWN_S = 5
 
 
 def tls_context(tls: TlsConfig, file: Path) -> ssl.SSLContext:
-    """What the certificate is shown with, TLS 1.2 or later.
+    """The TLS context with the certificate, TLS 1.2 or later.
 
     Raises:
-        ConfigError: the files cannot be read, are none, or do not belong together.
+        ConfigError: the files cannot be read, are not PEM, or do not belong together.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     try:
-        context.load_cert_chain(tls.certificate, tls.key, password="")  # without one, it asks the terminal
+        context.load_cert_chain(tls.certificate, tls.key, password="")  # None would prompt on the terminal
     except (OSError, ssl.SSLError) as error:
         reason = getattr(error, "reason", None) or error.strerror or "no PEM"
         message = f"{tls.certificate} and {tls.key} cannot be used: {reason}"
@@ -43,14 +43,14 @@ def tls_context(tls: TlsConfig, file: Path) -> ssl.SSLContext:
 
 
 class BeatingServer(uvicorn.Server):
-    """Says when it serves, beats while its loop runs, and says when it begins to end."""
+    """Tells systemd when it serves and when it stops, and sends a heartbeat while its event loop runs."""
 
     def __init__(self, config: uvicorn.Config, heartbeat: Heartbeat | None) -> None:
         super().__init__(config)
         self._heartbeat = heartbeat
 
     async def main_loop(self) -> None:
-        """Serves until it is told to end."""
+        """Serves until it is told to stop."""
         if self._heartbeat is None:
             await super().main_loop()
             return
@@ -63,15 +63,15 @@ class BeatingServer(uvicorn.Server):
             self._heartbeat.notifier.stopping()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends the live streams first: the server waits for answers to end."""
-        live: Live | None = getattr(getattr(self.config.app, "state", None), "live", None)
-        if live is not None:
-            live.close()
+        """Ends the live streams first, because the server waits for responses to end."""
+        feeds: Feeds | None = getattr(getattr(self.config.app, "state", None), "feeds", None)
+        if feeds is not None:
+            feeds.close()
         await super().shutdown(sockets)
 
 
 async def _beat(heartbeat: Heartbeat) -> None:
-    """By the loop's own clock: uvicorn's callback_notify goes by the time of day, which may be set back."""
+    """Beats by the loop's own clock; uvicorn's callback_notify uses the time of day, which can jump."""
     while True:
         heartbeat.beat(asyncio.get_running_loop().time())
         await asyncio.sleep(heartbeat.every_s)
@@ -80,25 +80,25 @@ async def _beat(heartbeat: Heartbeat) -> None:
 def server_of(
     app: FastAPI, front: Front, context: ssl.SSLContext | None = None, heartbeat: Heartbeat | None = None
 ) -> uvicorn.Server:
-    """The server of an application; what a proxy says of its clients is not believed."""
+    """The server of an application; it ignores a proxy's headers about its clients."""
     config = uvicorn.Config(
         app,
         http=connection_class(front.limits),
         ssl_context_factory=None if context is None else lambda *_: context,
         h11_max_incomplete_event_size=HEAD_BYTES,
         ws_max_size=WEBSOCKET_BYTES,
-        ws_per_message_deflate=False,  # what is sent is deflated already, once for all clients
+        ws_per_message_deflate=False,  # messages are deflated already, once for all clients
         proxy_headers=False,
         server_header=False,
         access_log=False,
-        log_config=None,  # the daemon's own format
+        log_config=None,  # logging is configured in the daemon's own format
         timeout_graceful_shutdown=SHUTDOWN_S,
     )
     return BeatingServer(config, heartbeat)
 
 
 def run(server: uvicorn.Server, sockets: list[socket.socket]) -> bool:
-    """Serves until a signal ends it; returns whether it has started at all."""
+    """Serves until a signal ends it; returns True if it has started at all."""
     scheme = "https" if server.config.is_ssl else "http"
     log.info("listening on %s", ", ".join(describe(one, scheme) for one in sockets))
     with contextlib.suppress(KeyboardInterrupt):

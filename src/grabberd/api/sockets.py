@@ -1,4 +1,4 @@
-"""The sockets that the daemon listens on, and who can reach them."""
+"""Listening sockets: inherited or bound, and private or public."""
 
 import contextlib
 import ipaddress
@@ -13,16 +13,16 @@ from grabberd.errors import ConfigError, Conflict, Problem
 FIRST_INHERITED = 3
 BACKLOG = 128
 GONE_AFTER_MS = 30_000
-"""A client that acknowledges nothing for so long is gone, whatever it has left unread."""
+"""Time without acknowledgement after which a client counts as gone, whatever it has left unread."""
 
 
 def inherited(environment: MutableMapping[str, str]) -> list[socket.socket]:
-    """The sockets that systemd hands over (LISTEN_PID, LISTEN_FDS); none where it does not.
+    """The sockets that systemd passes on (LISTEN_PID, LISTEN_FDS); empty if it passes none.
 
-    They are taken out of the environment, so that no child takes them for its own.
+    The variables are removed from the environment, so that no child takes the sockets for its own.
 
     Raises:
-        Conflict: they are not there, or are no sockets.
+        Conflict: the descriptors do not exist, or are not sockets.
     """
     count = environment.pop("LISTEN_FDS", "0")
     environment.pop("LISTEN_FDNAMES", None)
@@ -32,33 +32,33 @@ def inherited(environment: MutableMapping[str, str]) -> list[socket.socket]:
         return [_take(FIRST_INHERITED + n) for n in range(int(count))]
     except OSError as error:
         raise Conflict(
-            f"the {count} sockets that were handed over cannot be used: {error.strerror}",
+            f"the {count} sockets passed on by systemd cannot be used: {error.strerror}",
             "check the socket unit (ListenStream=), or start without it",
         ) from error
 
 
 def bind(host: str, port: int) -> list[socket.socket]:
-    """A listening socket for every address that a host name or address stands for.
+    """A listening socket for every address that a host name or address resolves to.
 
     Raises:
-        Conflict: it cannot be listened on.
+        Conflict: none of the addresses can be bound.
     """
     bound: list[socket.socket] = []
     try:
         for address in _addresses(host, port):
             bound.append(_listen(address))
     except OSError as error:
-        if not bound:  # "localhost" stands for ::1 also where there is no IPv6
+        if not bound:  # "localhost" resolves to ::1 even on a machine without IPv6
             raise Conflict(
-                f"{host} port {port} cannot be listened on: {error.strerror}",
-                "another program may listen there, or this machine has no such address; see http in the "
-                "configuration",
+                f"cannot listen on {host} port {port}: {error.strerror}",
+                "another program may be listening there, or this machine may not have the address; see http "
+                "in the configuration",
             ) from error
     return bound
 
 
 def is_private(listening: socket.socket) -> bool:
-    """Whether a socket is reached from this machine alone: judged by what it is bound to, not by a setting.
+    """True if a socket can be reached only from this machine, judged by its address, not by a setting.
 
     A Unix socket is private unless everybody may write to its file.
     """
@@ -72,22 +72,22 @@ def is_private(listening: socket.socket) -> bool:
 
 
 def check_private(sockets: Iterable[socket.socket], has_tokens: bool, file: Path) -> None:
-    """Whether the sockets may be served with the tokens that there are.
+    """Checks that sockets which others can reach are protected by tokens.
 
     Raises:
-        ConfigError: somebody else can reach one of them, and there is no token.
+        ConfigError: others can reach one of the sockets, and there are no tokens.
     """
     public = [describe(one) for one in sockets if not is_private(one)]
     if public and not has_tokens:
         message = (
-            f"{', '.join(public)} is no loopback address, and there are no tokens that say who may use the "
-            "daemon; make one: grabberd token add NAME --role admin"
+            f"{', '.join(public)} is not a loopback address, and there are no tokens to control access; "
+            "make one: grabberd token add NAME --role admin"
         )
         raise ConfigError([Problem(str(file), "http.host", message)])
 
 
 def describe(listening: socket.socket, scheme: str = "http") -> str:
-    """A socket as an address that can be typed."""
+    """A socket's address as a URL."""
     name = listening.getsockname()
     if listening.family == socket.AF_INET6:
         return f"{scheme}://[{name[0]}]:{name[1]}"
@@ -98,7 +98,7 @@ def describe(listening: socket.socket, scheme: str = "http") -> str:
 
 def _is_private_file(name: str | bytes) -> bool:
     if not name or name[:1] in ("\0", b"\0"):
-        return False  # an abstract name has no rights: every process may connect
+        return False  # an abstract name has no permissions: every process may connect
     with contextlib.suppress(OSError):
         return not stat.S_IMODE(os.stat(name).st_mode) & stat.S_IWOTH
     return False
@@ -133,7 +133,8 @@ def _take(descriptor: int) -> socket.socket:
 
 def _prepare(one: socket.socket) -> None:
     one.setblocking(False)
-    if one.family in (socket.AF_INET, socket.AF_INET6):  # what is accepted inherits it
+    if one.family in (socket.AF_INET, socket.AF_INET6):  # accepted connections inherit it
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, GONE_AFTER_MS)
-        # Head and body of an answer are written apart: the body must not wait until the head is acknowledged.
+        # Head and body of a response are written separately: without this the body would wait until the head
+        # is acknowledged.
         one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -1,18 +1,21 @@
-"""The rig's numbers from pictures of known targets (paper 3.6): adjustment, significance, validation.
+"""Calibration: the rig's parameters from pictures of known targets (paper 3.6).
 
-A `Network` says which blob is which target in which view and how well each is known, `Unknowns` which of the
-views' parameters are sought, held, shared or tied; `adjust` finds them. Any number of views and targets.
+A `Network` states which blob is which target in which view, and their σ; `Unknowns` which of the views'
+parameters are free, held, shared or tied; `adjust` estimates them, for any number of views and targets.
+`mean_images` averages the pictures beforehand and `identification` names the targets in them; afterwards
+`statistics` judges the result, `local_field` describes what the model leaves, and `glass_transfer` carries a
+calibration over to a glass plate.
 """
 
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.propagation import Propagated, intersect_network, propagate
-from grabberd.calibration.adjustment.rank import NullVector, check_depth, check_rank, null_vectors
+from grabberd.calibration.adjustment.rank import NullVector, check_depth, check_rank
 from grabberd.calibration.adjustment.resection import Resection, resect
 from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
 from grabberd.calibration.adjustment.unmodelled import with_unmodelled
-from grabberd.calibration.glass import with_glass
+from grabberd.calibration.glass_transfer import with_glass
 from grabberd.calibration.identification import (
     Identification,
     IdentificationSettings,
@@ -21,14 +24,18 @@ from grabberd.calibration.identification import (
     identify_by_hand,
     identify_frame,
 )
-from grabberd.calibration.local_field.local_field import LocalFieldSettings, LocalFieldTrial, try_local_fields
-from grabberd.calibration.means import FieldImages, MeanImages, MeansSettings, mean_images
+from grabberd.calibration.local_field.local_field_trial import (
+    LocalFieldSettings,
+    LocalFieldTrial,
+    try_local_fields,
+)
+from grabberd.calibration.mean_images import FieldImages, MeanImages, MeansSettings, mean_images
 from grabberd.calibration.statistics.blunders import Blunder, without_blunders
+from grabberd.calibration.statistics.cross_validation import Validation, cross_validate, spatial_blocks
 from grabberd.calibration.statistics.normality import Normality, normality
 from grabberd.calibration.statistics.significance import Elimination, FTest, eliminate, f_tests
-from grabberd.calibration.statistics.validation import Validation, cross_validate, spatial_blocks
 from grabberd.calibration.statistics.view_comparison import Difference, compare
-from grabberd.calibration.statistics.volume import VolumeSigma, volume_sigma
+from grabberd.calibration.statistics.volume_sigma import VolumeSigma, volume_sigma
 
 __all__ = [
     "LENS",
@@ -67,7 +74,6 @@ __all__ = [
     "intersect_network",
     "mean_images",
     "normality",
-    "null_vectors",
     "propagate",
     "resect",
     "spatial_blocks",

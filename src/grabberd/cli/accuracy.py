@@ -67,7 +67,7 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
     from grabberd.cli.accuracy_tables import document, show  # noqa: PLC0415
     from grabberd.processes.accuracy import InvestigationSettings  # noqa: PLC0415
     from grabberd.storage import CaptureReader  # noqa: PLC0415
-    from grabberd.storage.truth import read_truth  # noqa: PLC0415
+    from grabberd.storage.input_files import read_truth  # noqa: PLC0415
 
     known, wanted = read_truth(truth), _bits(bits)
     settings = InvestigationSettings(fit=fit == "rigid", limit_mm=limit)

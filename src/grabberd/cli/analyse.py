@@ -12,7 +12,7 @@ from grabberd.cli.options import JsonOption, console, print_json, progress_conso
 from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
-    from grabberd.service.jobs.analyse_file import Analysed
+    from grabberd.service.jobs.analysis import AnalysisOutput
 
 _SHOWN = (
     "period_s",
@@ -64,10 +64,10 @@ def analyse(
 
     Example: grabberd analyse b1.grab --bursts b2.grab --bursts b3.grab --inputs liner.yaml --out out
     """
-    from grabberd.service.jobs.analyse_file import analyse_file  # noqa: PLC0415
+    from grabberd.service.jobs.analysis import analyse_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
+    from grabberd.storage.disk import new_folder  # noqa: PLC0415
     from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
-    from grabberd.storage.export.folders import new_folder  # noqa: PLC0415
 
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
@@ -97,8 +97,8 @@ def analyse(
         typer.echo(f"{out}: {', '.join(path.name for path in written)}")
 
 
-def _report(out: Path, made: "Analysed") -> list[Path]:
-    from grabberd.service.jobs.analysis_report import write_document, write_page  # noqa: PLC0415
+def _report(out: Path, made: "AnalysisOutput") -> list[Path]:
+    from grabberd.service.jobs.analysis import write_document, write_page  # noqa: PLC0415
     from grabberd.storage.state.analysis_store import DOCUMENT  # noqa: PLC0415
 
     document = write_document(out, made)
@@ -116,7 +116,7 @@ def _text(path: Path) -> str:
         raise InputError(f"{path} cannot be read: {error}", "give the logger's CSV file") from error
 
 
-def _document(made: "Analysed", written: list[Path]) -> dict[str, Any]:
+def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
     """Summary for scripts; everything else is in the files."""
     return {
         **made.about,
@@ -127,12 +127,12 @@ def _document(made: "Analysed", written: list[Path]) -> dict[str, Any]:
     }
 
 
-def _summary(made: "Analysed") -> dict[str, float]:
+def _summary(made: "AnalysisOutput") -> dict[str, float]:
     """The only row of the table `summary`."""
-    return {column.name: column.values.tolist()[0] for column in made.tables["summary"].columns}
+    return {name: values.tolist()[0] for name, values in made.tables["summary"].rows.items()}
 
 
-def _show(made: "Analysed") -> None:
+def _show(made: "AnalysisOutput") -> None:
     from grabberd.reports.numbers import measured  # noqa: PLC0415
 
     row = _summary(made)
@@ -149,7 +149,7 @@ def _show(made: "Analysed") -> None:
     warn(made.analysis.problems)
 
 
-def _ranges(made: "Analysed") -> list[tuple[str, str, str]]:
+def _ranges(made: "AnalysisOutput") -> list[tuple[str, str, str]]:
     """Smallest and largest values of some columns over all fields."""
     import numpy as np  # noqa: PLC0415
 

@@ -21,7 +21,7 @@ from grabberd.config import RigConfig
 from grabberd.errors import StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.jobs.calibrate_file import Calibrated
+    from grabberd.service.jobs.calibration import CalibrationOutput
 
 
 def register(app: typer.Typer) -> None:
@@ -116,11 +116,11 @@ def _calibrated(
     options: dict[str, Any],
     rig: RigConfig | None,
     identifications: Path | None,
-) -> "Calibrated":
+) -> "CalibrationOutput":
     """Calibrate, showing a progress bar."""
-    from grabberd.service.jobs.calibrate_file import calibrate_file  # noqa: PLC0415
+    from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
-    from grabberd.storage.identifications import read_identifications  # noqa: PLC0415
+    from grabberd.storage.input_files import read_identifications  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
     with Progress(console=progress_console, transient=True) as progress:
@@ -128,7 +128,7 @@ def _calibrated(
         return calibrate_file(
             lambda share: progress.update(task, completed=share),
             path=capture,
-            frame=read_yaml(calibration_frame),
+            calibration_frame=read_yaml(calibration_frame),
             options=options,
             rig=rig,
             by_hand=by_hand,
@@ -149,7 +149,7 @@ def _write_report(path: Path, document: dict[str, Any]) -> None:
     _write(path, calibration_html(document) if path.suffix == ".html" else document_json(document))
 
 
-def _show(out: Path, report: Path | None, made: "Calibrated") -> None:
+def _show(out: Path, report: Path | None, made: "CalibrationOutput") -> None:
     document = made.report
     result, found = document["result"], document["identification"]
     table = Table(title=f"{out}: calibration {document['id']}")

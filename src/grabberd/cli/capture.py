@@ -24,9 +24,9 @@ from grabberd.config import Config, default_config_file
 from grabberd.errors import DeviceAbsent, StorageError
 
 if TYPE_CHECKING:
-    from grabberd.service.capture.recorder import CaptureRequest
+    from grabberd.service.capture.capture_request import CaptureRequest
     from grabberd.service.capture.recording import Recording
-    from grabberd.service.device.instrument import Instrument
+    from grabberd.service.instrument import Instrument
 
 POLL_S = 0.05
 FIELD_S = 0.02
@@ -65,9 +65,10 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         int,
         typer.Option(min=0, help="Include this many fields from the ring before the start or trigger."),
     ] = 0,
-    together: Annotated[
+    group_devices: Annotated[
         str | None,
         typer.Option(
+            "--together",
             help="Start these devices at the same moment, A,B or all; writes NAME-DEVICE.grab for each.",
             metavar="DEVICES",
         ),
@@ -102,10 +103,10 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     )
     if not out.parent.is_dir():
         raise StorageError(f"there is no folder {out.parent}", "create it, or name another file")
-    if together:
+    if group_devices:
         if device is not None:
             raise typer.BadParameter("give either --device or --together, not both")
-        _capture_together(url or DEFAULT_URL, together, order, out, token_file, json=json)
+        _capture_group(url or DEFAULT_URL, group_devices, order, out, token_file, json=json)
         return
     if out.exists():
         raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
@@ -128,7 +129,7 @@ def _say(out: Path, document: dict[str, Any]) -> None:
     typer.echo(f"{out}: {document['fields']} fields, {words}")
 
 
-def _capture_together(
+def _capture_group(
     url: str, devices: str, order: dict[str, Any], out: Path, token_file: Path | None, *, json: bool
 ) -> None:
     from grabberd.cli.remote.remote_group import capture_group_through, file_of  # noqa: PLC0415
@@ -157,14 +158,14 @@ def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
     """Validate the options as the API would, with errors in terms of the command line."""
     from pydantic import ValidationError  # noqa: PLC0415
 
-    from grabberd.api.routes.capture_models import CaptureOrder  # noqa: PLC0415
+    from grabberd.documents.requests import NewCapture  # noqa: PLC0415
 
     pairs = [label.partition("=") for label in labels]
     if wrong := [label for label, (_, equals, _) in zip(labels, pairs, strict=True) if not equals]:
         raise typer.BadParameter(f"{wrong[0]!r} is not KEY=VALUE", param_hint="--label")
     try:
         order = {**values, "labels": {key: value for key, _, value in pairs}}
-        return CaptureOrder.model_validate(order).model_dump(exclude_none=True)
+        return NewCapture.model_validate(order).model_dump(exclude_none=True)
     except ValidationError as error:
         faults = "; ".join(
             f"{'.'.join(str(part) for part in fault['loc']) or 'capture'}: {fault['msg']}"
@@ -178,13 +179,13 @@ def _capture_here(
 ) -> dict[str, Any]:
     from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
     from grabberd.service.clock import SystemClock  # noqa: PLC0415
-    from grabberd.service.device.instrument import Instrument  # noqa: PLC0415
+    from grabberd.service.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
-    from grabberd.storage.capture.leftovers import leftovers, recording_folder  # noqa: PLC0415
+    from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder  # noqa: PLC0415
 
     warn(
         f"{part} was left by an interrupted capture; 'grabberd storage seal {part}' recovers it"
-        for part in leftovers(out.parent)
+        for part in interrupted_captures(out.parent)
     )
     sys.setswitchinterval(0.001)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the capture as Ctrl-C does
@@ -197,18 +198,19 @@ def _capture_here(
         warn(instrument.board.now.warnings)
         rate_hz = instrument.rate_hz
         with recording_folder(out.parent) as folder:
-            session = instrument.start_capture(
+            recording = instrument.start_capture(
                 out.stem, _request(order, rate_hz), folder / f"{out.name}.part"
             )
-            _follow(session, order, rate_hz)
-            _keep(session, out)
+            _follow(recording, order, rate_hz)
+            _keep(recording, out)
     finally:
         instrument.stop()
-    return describe(out)
+    # A pin belongs to the state of a daemon, and there is none here.
+    return describe(out).model_dump(mode="json", exclude={"pinned"})
 
 
 def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
-    from grabberd.service.capture.recorder import CaptureRequest  # noqa: PLC0415
+    from grabberd.service.capture.capture_request import CaptureRequest  # noqa: PLC0415
 
     values = dict(order)
     values.pop("armed", None)  # without a daemon a capture always starts at once
@@ -233,7 +235,7 @@ def _wait_until_it_accepts(instrument: "Instrument") -> None:
         )
 
 
-def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None:
+def _follow(recording: "Recording", order: dict[str, Any], rate_hz: float) -> None:
     """Show progress until the file is sealed; Ctrl-C ends the recording."""
     wanted = order.get("fields") or round(order.get("duration_s", 0) * rate_hz) or None
     columns = (
@@ -244,16 +246,16 @@ def _follow(session: "Recording", order: dict[str, Any], rate_hz: float) -> None
     )
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("", total=wanted)
-        while not session.sealed.is_set():
+        while not recording.sealed.is_set():
             with contextlib.suppress(KeyboardInterrupt):
-                progress.update(task, completed=session.recorder.ledger.total)
-                session.sealed.wait(POLL_S)
+                progress.update(task, completed=recording.recorder.ledger.total)
+                recording.sealed.wait(POLL_S)
                 continue
-            session.stop("stopped by the operator")
+            recording.stop("stopped by the operator")
 
 
-def _keep(session: "Recording", out: Path) -> None:
+def _keep(recording: "Recording", out: Path) -> None:
     """Rename the file, complete or not, then raise the failure that made it incomplete."""
-    session.path.rename(out)
-    if session.failure is not None:
-        raise session.failure
+    recording.path.rename(out)
+    if recording.failure is not None:
+        raise recording.failure

@@ -79,8 +79,8 @@ def _frame(path: Path | None) -> dict[str, Any] | None:
 def _of_file(
     capture: Path, calibration: Path | None, frame: dict[str, Any] | None, *, in_place: bool
 ) -> dict[str, Any]:
-    from grabberd.service.calibrations.calibration_frames import frame_document  # noqa: PLC0415
-    from grabberd.service.jobs.check_job import check_file  # noqa: PLC0415
+    from grabberd.service.calibrations.calibration_frames import calibration_frame_document  # noqa: PLC0415
+    from grabberd.service.jobs.check import check_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents  # noqa: PLC0415
 
     document = read_documents(calibration, None)["calibration"]
@@ -89,7 +89,7 @@ def _of_file(
         return check_file(
             lambda share: progress.update(task, completed=share),
             path=capture,
-            frame=frame_document(frame),
+            calibration_frame=calibration_frame_document(frame),
             calibration=document,
             in_place=in_place,
         )

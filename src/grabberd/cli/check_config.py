@@ -21,12 +21,12 @@ def check_config(
 
     Example: grabberd check-config /etc/grabberd/grabberd.yaml
     """
-    from grabberd.service.mqtt.publishing import check_publishing  # noqa: PLC0415
+    from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
 
     config = load_config(file)
     devices = set_up(config, file)
-    check_publishing(config, file)
+    check_mqtt(config, file)
     if config.http.tls is not None:
         from grabberd.api.serving import tls_context  # noqa: PLC0415
 

@@ -39,16 +39,16 @@ def export(
 
     Example: grabberd export liner.grab --format ply --field 25 --out open-liner
     """
-    from grabberd.storage.export import export as exports  # noqa: PLC0415
+    from grabberd import storage  # noqa: PLC0415 - the command line starts without numpy
 
     if field is not None and format is not Format.PLY:
         raise typer.BadParameter("--field requires --format ply", param_hint="--field")
     match format:
         case Format.CSV:
-            typer.echo(f"{out}/points.csv: {exports.export_csv(capture, out, run)} points")
+            typer.echo(f"{out}/points.csv: {storage.export_csv(capture, out, run)} points")
         case Format.PARQUET:
-            typer.echo(f"{out}/points.parquet: {exports.export_parquet(capture, out, run)} points")
+            typer.echo(f"{out}/points.parquet: {storage.export_parquet(capture, out, run)} points")
         case Format.PLY:
-            typer.echo(f"{out}/points.ply: {exports.export_ply(capture, out, run, field)} points")
+            typer.echo(f"{out}/points.ply: {storage.export_ply(capture, out, run, field)} points")
         case Format.PNG:
-            typer.echo(f"{out}: {exports.export_png(capture, out)} pictures and fields.csv")
+            typer.echo(f"{out}: {storage.export_png(capture, out)} pictures and fields.csv")

@@ -29,7 +29,7 @@ def measure(
 
     Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner.yaml
     """
-    from grabberd.service.jobs.measure_job import measure_file  # noqa: PLC0415
+    from grabberd.service.jobs.measurement import measure_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents, settings_of_capture  # noqa: PLC0415
     from grabberd.storage import CaptureReader  # noqa: PLC0415
 

@@ -12,8 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from grabberd.cli.options import JsonOption, print_json, progress_console, warn
 
 if TYPE_CHECKING:
-    from grabberd.service.reprocess.reprocess import Progress as Far
-    from grabberd.service.reprocess.reprocess import Summary
+    from grabberd.service.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
 
 INTERRUPTED = 130
 RATE_OVER_S = 600
@@ -59,9 +58,11 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd reprocess 'archive/**/2026-03-*.grab' --calibration rig.json --out points --scheduler
     tcp://10.0.0.5:8786
     """
-    from grabberd.service.reprocess.executors import cluster_workers, local_workers  # noqa: PLC0415
-    from grabberd.service.reprocess.reprocess import Request  # noqa: PLC0415
-    from grabberd.service.reprocess.reprocess import reprocess as measure_again  # noqa: PLC0415
+    from grabberd.service.reprocess.reprocess_archive import (  # noqa: PLC0415
+        ReprocessRequest,
+        reprocess_archive,
+    )
+    from grabberd.service.reprocess.workers import cluster_workers, local_workers  # noqa: PLC0415
 
     if scheduler and workers:
         raise typer.BadParameter(
@@ -69,12 +70,12 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
         )
     chosen = {"method": method, "line_jitter_px": line_jitter}
     settings = {key: value for key, value in chosen.items() if value is not None}
-    request = Request(captures, out, calibration, object_model, settings, barn, replace)
+    request = ReprocessRequest(captures, out, calibration, object_model, settings, barn, replace)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as Ctrl-C does
     make = partial(cluster_workers, scheduler) if scheduler else lambda _: local_workers(workers)
     with _bar() as bar:
         task = bar.add_task("inspecting captures", total=None, rate="", left="")
-        summary = measure_again(request, make, lambda far: _show(bar, task, far))
+        summary = reprocess_archive(request, make, lambda progress: _show(bar, task, progress))
     _report(summary, out, json)
     if summary.interrupted:
         raise typer.Exit(INTERRUPTED)
@@ -93,18 +94,18 @@ def _bar() -> Progress:
     return Progress(*columns, console=progress_console, transient=True, speed_estimate_period=RATE_OVER_S)
 
 
-def _show(bar: Progress, task: Any, far: "Far") -> None:
+def _show(bar: Progress, task: Any, progress: "ReprocessProgress") -> None:
     bar.update(
         task,
         description="measuring",
-        total=far.all_fields,
-        completed=far.fields,
-        rate=f"{far.fields_per_s:.0f} fields/s",
-        left=f"{far.left} captures left",
+        total=progress.all_fields,
+        completed=progress.fields,
+        rate=f"{progress.fields_per_s:.0f} fields/s",
+        left=f"{progress.left} captures left",
     )
 
 
-def _report(summary: "Summary", out: Path, as_json: bool) -> None:
+def _report(summary: "ReprocessSummary", out: Path, as_json: bool) -> None:
     if as_json:
         print_json(_document(summary, out))
         return
@@ -118,7 +119,7 @@ def _report(summary: "Summary", out: Path, as_json: bool) -> None:
         typer.echo("interrupted; repeat the command to continue", err=True)
 
 
-def _document(summary: "Summary", out: Path) -> dict[str, Any]:
+def _document(summary: "ReprocessSummary", out: Path) -> dict[str, Any]:
     lists = {
         "refused": [{**one._asdict(), "capture": str(one.capture)} for one in summary.refused],
         "left_out": [{**one._asdict(), "capture": str(one.capture)} for one in summary.left_out],

@@ -40,7 +40,7 @@ def serve(
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
     from grabberd.service.memory import keep_freed_memory  # noqa: PLC0415
-    from grabberd.service.mqtt.publishing import check_publishing  # noqa: PLC0415
+    from grabberd.service.mqtt.publisher_setup import check_mqtt  # noqa: PLC0415
     from grabberd.service.notify import Notifier  # noqa: PLC0415
     from grabberd.service.service import Service  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
@@ -53,7 +53,7 @@ def serve(
     file: Path = config or default_config_file()
     http = settings.http
     context = None if http.tls is None else serving.tls_context(http.tls, file)
-    check_publishing(settings, file)
+    check_mqtt(settings, file)
     service = Service.from_config(settings, set_up(settings, file))
     listening = sockets.inherited(os.environ) or sockets.bind(
         host or http.host, http.port if port is None else port

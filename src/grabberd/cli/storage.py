@@ -55,7 +55,8 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     """
     from grabberd.service.archive.retention import Policy, candidates, removals  # noqa: PLC0415
     from grabberd.service.capture.disk_guard import GB, free_bytes  # noqa: PLC0415
-    from grabberd.storage.capture.schema import SUFFIX, storage_errors  # noqa: PLC0415
+    from grabberd.storage.capture.schema import SUFFIX  # noqa: PLC0415
+    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
     from grabberd.storage.state.annotation_store import AnnotationStore  # noqa: PLC0415
     from grabberd.storage.state.capture_index import entry_of  # noqa: PLC0415
 
@@ -92,11 +93,12 @@ def seal(
     Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
     """
     from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
-    from grabberd.storage.capture.leftovers import seal as seal_part  # noqa: PLC0415
+    from grabberd.storage.capture.recording_folder import seal as seal_part  # noqa: PLC0415
 
     path = seal_part(part)
     document = describe(path)
     if json:
-        print_json({"file": str(path), **document})
+        # A pin belongs to the daemon's state, not to the file.
+        print_json({"file": str(path), **document.model_dump(mode="json", exclude={"pinned"})})
     else:
-        typer.echo(f"{path}: {document['fields']} fields, {document['ledger']['in_words']}")
+        typer.echo(f"{path}: {document.fields} fields, {document.ledger.in_words}")

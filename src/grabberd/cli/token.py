@@ -8,8 +8,8 @@ import typer
 from rich.table import Table
 
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+from grabberd.documents.roles import Role
 from grabberd.service.clock import SystemClock, iso_utc
-from grabberd.service.roles import Role
 
 if TYPE_CHECKING:
     from grabberd.service.access import Access

@@ -1,13 +1,13 @@
-"""One video field: its lines, its grey values, its bits (paper 3.3 and 3.4).
+"""Video fields: their lines, grey values and packed bits (paper 3.3 and 3.4).
 
-A woven frame is split into two fields; the missing lines of a field may be interpolated; grey values are
-quantised to a few bits and packed. Every field carries `y0` and `y_step`, so that row `k` is frame line
-`y0 + k * y_step` and no later room needs to know of parity.
+An interlaced frame is split into two fields; the missing lines of a field may be interpolated; grey values
+are quantised to a few bits and packed. Every field carries `y0` and `y_step`, so that row `k` is frame line
+`y0 + k * y_step` and no later room needs to know about parity.
 """
 
 from grabberd.field.field import BOTTOM, TOP, Field, split_frame
-from grabberd.field.lines import INTERPOLATIONS, double_bits, double_lines
-from grabberd.field.packed import BIT_DEPTHS, NumberedField, PackedField, quantise, unpack
+from grabberd.field.line_doubling import INTERPOLATIONS, double_bits, double_lines
+from grabberd.field.packed_field import BIT_DEPTHS, NumberedField, PackedField, quantise, unpack
 
 __all__ = [
     "BIT_DEPTHS",

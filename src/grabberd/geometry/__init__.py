@@ -1,28 +1,28 @@
-"""The cameras in numbers: where a point of the object appears, and on which ray it lies (paper 3.6).
+"""Camera geometry: where a point of the object appears, and on which ray an image point lies (paper 3.6).
 
-A `View` is one virtual camera, a `Calibration` the two of them with their covariance as a document keeps it,
-a `Rig` the same views made ready for computing. The functional model is the paper's (4)–(7) with b1 as an
-affinity and b8 and b9 apart; its derivatives are analytic, its inverse is iterated. Everything is in frame
-pixels and in millimetres of the object's frame; nothing here knows of fields, targets or adjustments.
+A `View` is one virtual camera, a `Calibration` the two of them with their covariance as stored in a document,
+a `Rig` the same views prepared for fast computation. The functional model is the paper's (4)–(7) with b1 as
+an affinity and b8 and b9 separate; its derivatives are analytic, its inverse is iterated. Everything is in
+frame pixels and in millimetres of the object's frame; nothing here knows about fields, targets or
+adjustments.
 """
 
 from grabberd.geometry.calibration import SCHEMA, Calibration
 from grabberd.geometry.distortion import distortion
-from grabberd.geometry.document import Reading
+from grabberd.geometry.document_reader import Reading
 from grabberd.geometry.epipolar import Approach, approach
-from grabberd.geometry.glass import Plate, project_through, rays_through, seen_through
-from grabberd.geometry.inverse import correct, correct_all, directions_all, rays
-from grabberd.geometry.local_field import LocalField
-from grabberd.geometry.model import (
+from grabberd.geometry.functional_model import (
     linearise,
     linearise_parameters,
-    object_derivatives,
     parameter_derivatives,
     parameter_slopes,
     project,
     project_all,
 )
-from grabberd.geometry.nominal import NominalRig
+from grabberd.geometry.glass import Plate, project_through, seen_through
+from grabberd.geometry.inverse_model import correct, correct_all, directions_all, rays
+from grabberd.geometry.local_field import LocalField
+from grabberd.geometry.nominal_rig import NominalRig
 from grabberd.geometry.rig import Rig
 from grabberd.geometry.rotation import rotation_angles, rotation_derivatives, rotation_matrix
 from grabberd.geometry.view import PARAMETERS, View
@@ -45,14 +45,12 @@ __all__ = [
     "distortion",
     "linearise",
     "linearise_parameters",
-    "object_derivatives",
     "parameter_derivatives",
     "parameter_slopes",
     "project",
     "project_all",
     "project_through",
     "rays",
-    "rays_through",
     "rotation_angles",
     "rotation_derivatives",
     "rotation_matrix",

@@ -1,4 +1,4 @@
-"""The rig as calibrated: both views, their covariance, and where they come from."""
+"""Calibration of a rig: both views, their covariance and their provenance, as a JSON document."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import CalibrationMismatch
-from grabberd.geometry.document import Reading, is_number
+from grabberd.geometry.document_reader import Reading, is_number
 from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.view import PARAMETERS, View
 
@@ -30,25 +30,27 @@ _KEYS = (
 _EXTENT = ("first_column", "end_column", "pixel_x_mm", "pixel_y_mm", "handedness")
 _GLASS = ("thickness_mm", "refractive_index")
 _SIZE = 2 * len(PARAMETERS)
-_HINT = "mend the file, or calibrate again"
+_HINT = "fix the file, or calibrate again"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """Two virtual cameras.
+    """Two calibrated virtual cameras.
 
     Attributes:
-        id: name of this calibration.
-        created_utc: ISO 8601.
-        source: what it was made from, for people.
-        columns: picture width in pixels; `lines`: height in frame lines.
-        left: the left view; `right`: the right one.
-        covariance: (36, 36) float64 of left's then right's `PARAMETERS`; zero where a parameter was held.
-        sigma0_px: standard deviation of unit weight, or None where nothing was adjusted.
+        id: Name of this calibration.
+        created_utc: Time of creation, ISO 8601.
+        source: Description of its origin, for people.
+        columns: Picture width in pixels.
+        lines: Picture height in frame lines.
+        left: The left view.
+        right: The right view.
+        covariance: (36, 36) float64 of the left, then the right view's `PARAMETERS`; zero where a parameter
+            was held.
+        sigma0_px: Standard deviation of unit weight, or None if nothing was adjusted.
         glass: thickness_mm and refractive_index of the plate that was in place, or None.
-        local_fields: of the left and the right view, what their pictures show beyond the model; None: nothing
-            that is known.
-        details: everything else of the document (certificate, temperature, protocol …), carried along unread.
+        local_fields: Displacement fields of the left and right view beyond the model; None if not known.
+        details: Rest of the document (certificate, temperature, protocol …), carried along unread.
     """
 
     id: str
@@ -66,15 +68,15 @@ class Calibration:
 
     @property
     def views(self) -> tuple[View, View]:
-        """Left and right."""
+        """The left and the right view."""
         return self.left, self.right
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> "Calibration":
-        """The calibration from a JSON document.
+        """Read a calibration from its JSON document.
 
         Raises:
-            InputError: schema, key or value is not what it should be; the message names all of them.
+            InputError: The schema, a key or a value is invalid; the message lists every problem.
         """
         reading = Reading("the calibration")
         _check_schema(reading, document)
@@ -102,7 +104,7 @@ class Calibration:
         return calibration
 
     def to_document(self) -> dict[str, Any]:
-        """The JSON document; `from_document` gives back the same calibration, bit for bit."""
+        """Convert to the JSON document; `from_document` restores the same calibration bit for bit."""
         return {
             "schema": SCHEMA,
             "id": self.id,
@@ -120,10 +122,10 @@ class Calibration:
         }
 
     def check_fits(self, columns: int, lines: int, glass: Mapping[str, float] | None) -> None:
-        """Whether pictures of this size, taken through this glass, may be measured with it.
+        """Check that pictures of this size, taken through this glass, may be measured with it.
 
         Raises:
-            CalibrationMismatch: they may not; the message says what differs.
+            CalibrationMismatch: They may not; the message says what differs.
         """
         if (columns, lines) != (self.columns, self.lines):
             raise CalibrationMismatch(
@@ -133,7 +135,8 @@ class Calibration:
             )
         if not _same_glass(self.glass, glass):
             raise CalibrationMismatch(
-                f"calibration {self.id} was made {_through(self.glass)}, the rig is set up {_through(glass)}",
+                f"calibration {self.id} was made {_through(self.glass)}, "
+                f"but the rig is set up {_through(glass)}",
                 "the plate shifts the picture by a millimetre: calibrate with the glass that is in place",
             )
 
@@ -192,13 +195,14 @@ def _covariance(reading: Reading, value: object) -> NDArray[np.float64]:
     if value is None:
         return np.zeros((_SIZE, _SIZE))
     covariance = reading.numbers(value, "covariance", (_SIZE, _SIZE))
+    # Judged as correlations, because the parameters' units span twenty decades.
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(sigma > 0, sigma, 1.0)
     correlation = covariance / np.outer(scale, scale)
     if np.abs(correlation - correlation.T).max() > 1e-9:
         reading.problems.append("covariance: is not symmetric")
     elif np.linalg.eigvalsh(correlation)[0] < -1e-6:
-        reading.problems.append("covariance: has a negative eigenvalue, so it is none")
+        reading.problems.append("covariance: has a negative eigenvalue, so it is not a covariance")
     return covariance
 
 
@@ -211,7 +215,7 @@ def _glass(reading: Reading, document: Mapping[str, Any]) -> dict[str, float] | 
 
 
 def _check_halves(reading: Reading, calibration: Calibration) -> None:
-    """Each half inside the picture, left left of right; not asked while there are nearer problems."""
+    """Check that each half lies inside the picture, left before right; skipped while values are invalid."""
     left, right = calibration.views
     if reading.problems:
         return

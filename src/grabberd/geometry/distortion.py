@@ -1,16 +1,16 @@
-"""What lens and mirrors add to the ideal point (paper eqs. 6 and 7).
+"""Distortion by lens and mirrors, added to the ideal point (paper eqs. 6 and 7).
 
 With x, y reduced to the principal point and r² = x² + y²:
 
     dx = −b1 x + b2 y + x (b3 r² + b4 r⁴ + b5 r⁶) + b6 (r² + 2x²) + 2 b7 x y − b8 x y²
     dy = +b1 y + b2 x + y (b3 r² + b4 r⁴ + b5 r⁶) + 2 b6 x y + b7 (r² + 2y²) − b9 x² y
 
-b1 is an affinity (with the equal signs that the paper prints it would be a scale, which f is already) and b9
-stands apart from b8. For speed the equations and their slopes are kept as a table over fifteen monomials:
+b1 is an affinity (with equal signs, as printed in the paper, it would be a scale, which f already is) and b9
+is separate from b8. For speed the equations and their slopes are kept as a table over fifteen monomials:
 
     dx = x·P + y·Q,  dy = y·P + x·Q;  ∂dx/∂x, ∂dy/∂y = S;  ∂dx/∂y, ∂dy/∂x = T   (each for x and for y)
 
-so that a few products and one matrix multiplication give everything for all points of all views.
+so that a few products and one matrix multiplication give everything, for all points of all views.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _ONE, _X, _Y, _XX, _YY, _XY, _R2, _R4, _R6, _XX2, _YY2, _XY2, _XX4, _YY4, _XY4 = range(15)
-"""The monomials; x²r² is _XX2, x²r⁴ is _XX4."""
+"""Indices of the monomials; x²r² is _XX2, x²r⁴ is _XX4."""
 
 
 def polynomials(b: Sequence[float]) -> Array:
-    """(4, 2, 15): the polynomials P, Q, S, T of the equations of dx and of dy, by their coefficients."""
+    """(4, 2, 15) coefficients of the polynomials P, Q, S, T, each for dx and for dy."""
     return np.tensordot(b, _OF_EACH, axes=1)
 
 
@@ -52,7 +52,7 @@ def _written_out(b: Sequence[float]) -> Array:
 
 
 def monomials(xy_mm: Array) -> Array:
-    """(V, 15, N) from the ideal points (2, V, N) in mm."""
+    """Evaluate the monomials, (V, 15, N), at the ideal points (2, V, N) in mm."""
     _, views, count = xy_mm.shape
     powers = np.empty((15, views, count))
     powers[_ONE] = 1.0
@@ -76,7 +76,7 @@ def distortion(b: Sequence[float], xy_mm: Array) -> Array:
 
 
 def basis(xy_mm: Array) -> Array:
-    """(2, V, 9, N): derivatives of dx and dy by b1…b9 at the ideal points (2, V, N) in mm."""
+    """(2, V, 9, N) derivatives of dx and dy by b1…b9 at the ideal points (2, V, N) in mm."""
     x, y = xy_mm
     xx, yy, xy = x * x, y * y, x * y
     r2 = xx + yy
@@ -93,7 +93,7 @@ def basis(xy_mm: Array) -> Array:
 
 
 def _steep(square: int, fourth: int, sixth: int, b: Sequence[float]) -> dict[int, float]:
-    """The slope of the radial terms, beside themselves; `square` is x², y² or xy."""
+    """Slope terms of the radial series, added to the series itself; `square` is x², y² or xy."""
     return {square: 2 * b[2], fourth: 4 * b[3], sixth: 6 * b[4]}
 
 
@@ -104,4 +104,4 @@ def _row(terms: dict[int, float]) -> Array:
 
 
 _OF_EACH = np.array([_written_out(one) for one in np.eye(9).tolist()])
-"""(9, 4, 2, 15): they are linear in b1…b9."""
+"""(9, 4, 2, 15) polynomials of each unit coefficient: they are linear in b1…b9."""

@@ -1,4 +1,4 @@
-"""How two rays of different views lie to one another."""
+"""Closest approach of rays from two views: the epipolar condition in mm."""
 
 from typing import NamedTuple
 
@@ -9,12 +9,12 @@ Array = NDArray[np.float64]
 
 
 class Approach(NamedTuple):
-    """Where rays pass each other closest.
+    """Closest approach of pairs of rays.
 
     Attributes:
-        distance_mm: (…) shortest distance, signed: positive where the right ray passes on the side of
-            left direction × right direction.
-        middle_mm: (…, 3) the middle of the shortest connection.
+        distance_mm: (…) shortest distance, signed: positive if the right ray passes on the side of left
+            direction × right direction.
+        middle_mm: (…, 3) middle of the shortest connection.
     """
 
     distance_mm: Array
@@ -22,7 +22,7 @@ class Approach(NamedTuple):
 
 
 def approach(left_center: Array, left: Array, right_center: Array, right: Array) -> Approach:
-    """The closest approach of rays; directions broadcast, so (N, 1, 3) against (1, M, 3) compares every pair.
+    """Compute the closest approach of rays; (N, 1, 3) directions against (1, M, 3) compare every pair.
 
     Args:
         left_center: (3,) mm, object's frame.
@@ -31,7 +31,7 @@ def approach(left_center: Array, left: Array, right_center: Array, right: Array)
         right: (…, 3) unit vectors from it.
 
     Returns:
-        distances and middles; NaN for parallel rays. Two rays of one point of the object pass at distance 0:
+        Distances and middles; NaN for parallel rays. Two rays of the same object point pass at distance 0:
         the epipolar condition in mm.
     """
     base = right_center - left_center

@@ -1,13 +1,13 @@
-"""A plane-parallel plate between the cameras and the object: what it does to rays, and to pictures.
+"""Plane-parallel glass plate between cameras and object: its effect on rays and pictures.
 
 A plate keeps the direction of every ray and shifts it sideways, so that it seems to come from a place nearer
 to the camera by t·(1 − cos θ/√(n² − sin² θ)) along the plate's normal, θ being the angle to the normal; near
-the normal that is t·(1 − 1/n). Where the plate stands does not matter, only that it is between.
+the normal that is t·(1 − 1/n). The position of the plate does not matter, only that it lies in between.
 
-A calibration made through the plate needs nothing of this: of the 1.2 px (RMS) by which 3 mm of glass change
-the reference rig's pictures equations (4)–(7) take all but .0003 px, of a plate of 5 mm tilted by 20° all but
-.002 px; without any of b1…b9 .010 and .05 px stay. This is for planning, and for a plate that was put in
-where calibrating again is not possible.
+A calibration made through the plate needs none of this: of the 1.2 px (RMS) by which 3 mm of glass change the
+reference rig's pictures, equations (4)–(7) absorb all but .0003 px, and for a plate of 5 mm tilted by 20° all
+but .002 px; without any of b1…b9, .010 and .05 px remain. The model is meant for planning, and for a plate
+inserted where calibrating again is impossible.
 """
 
 from dataclasses import dataclass
@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
-from grabberd.geometry.inverse import rays
-from grabberd.geometry.model import project
+from grabberd.geometry.functional_model import project
 from grabberd.geometry.view import View
 
 Array = NDArray[np.float64]
@@ -31,12 +30,12 @@ class Plate:
     """A plane-parallel plate with the same medium on both sides.
 
     Attributes:
-        thickness_mm: of the plate, above 0.
-        refractive_index: relative to the medium, at least 1.
-        normal: direction across the plate in the object's frame, of either sign and any length.
+        thickness_mm: Thickness of the plate, above 0.
+        refractive_index: Index relative to the medium, at least 1.
+        normal: Direction across the plate in the object's frame, of either sign and any length.
 
     Raises:
-        InputError: a number that no plate has.
+        InputError: A thickness, index or normal is out of range.
     """
 
     thickness_mm: float
@@ -46,7 +45,7 @@ class Plate:
     def __post_init__(self) -> None:
         if not (self.thickness_mm > 0 and self.refractive_index >= 1 and any(self.normal)):
             raise InputError(
-                f"no plate is {self.thickness_mm} mm thick with index {self.refractive_index} and normal "
+                f"invalid plate: thickness {self.thickness_mm} mm, index {self.refractive_index}, normal "
                 f"{self.normal}",
                 "give a thickness above 0, an index of at least 1 (glass: 1.52) and a normal that is not 0",
             )
@@ -59,7 +58,7 @@ class Plate:
         return unit
 
     def shift_mm(self, directions: Array) -> Array:
-        """(N,) by how much places seem nearer along the normal, for rays with unit directions (N, 3)."""
+        """(N,) apparent shift along the normal toward the camera, for rays with unit directions (N, 3)."""
         cosine = np.abs(directions @ self.unit)
         inside = np.sqrt(self.refractive_index**2 - 1.0 + cosine**2)
         shift: Array = self.thickness_mm * (1.0 - cosine / inside)
@@ -67,15 +66,15 @@ class Plate:
 
 
 def seen_through(plate: Plate, center_mm: Array, xyz_mm: Array) -> Array:
-    """Where places seem to be for a camera that looks at them through a plate.
+    """Compute where points appear to be for a camera that sees them through a plate.
 
     Args:
-        plate: somewhere between.
+        plate: Plate between camera and points.
         center_mm: (3,) projection centre.
-        xyz_mm: (N, 3) places, in the object's frame.
+        xyz_mm: (N, 3) points in the object's frame.
 
     Returns:
-        (N, 3) places on the rays that reach the camera: projecting them without a plate gives the picture
+        (N, 3) points on the rays that reach the camera: projecting them without a plate gives the picture
         with it.
     """
     toward = plate.unit * np.sign((center_mm - xyz_mm) @ plate.unit)[:, np.newaxis]
@@ -91,25 +90,8 @@ def seen_through(plate: Plate, center_mm: Array, xyz_mm: Array) -> Array:
 
 
 def project_through(plate: Plate, view: View, xyz_mm: Array) -> Array:
-    """(N, 2) frame pixels of places (N, 3) seen through a plate by a view that was calibrated without it."""
+    """Project points (N, 3) through a plate into a view calibrated without it, giving (N, 2) frame pixels."""
     return project(view, seen_through(plate, view.center_mm, xyz_mm))
-
-
-def rays_through(plate: Plate, view: View, xy_px: Array) -> tuple[Array, Array]:
-    """The rays behind the plate, of a view that was calibrated without it.
-
-    Args:
-        plate: somewhere between camera and object.
-        view: calibrated without the plate.
-        xy_px: (N, 2) frame pixels.
-
-    Returns:
-        for each ray a point of its own (N, 3), in place of the projection centre, and its unit direction
-        (N, 3); NaN where `rays` gives NaN.
-    """
-    center, directions = rays(view, xy_px)
-    along = np.sign(directions @ plate.unit) * plate.shift_mm(directions)
-    return center + along[:, np.newaxis] * plate.unit, directions
 
 
 def _unit(vectors: Array) -> Array:

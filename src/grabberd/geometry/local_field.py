@@ -1,10 +1,10 @@
-"""What one view's picture shows beyond the global model: a smooth field of displacements over its half.
+"""Local field: smooth displacements in one view's half of the picture that the global model does not explain.
 
-    observed = equations (6), (7) + field(observed place)
+    observed = equations (6), (7) + field(observed position)
 
-The field is a uniform bicubic spline. It spans the whole half, because where the calibration frame had no
-targets nearby its estimate has faded to zero by itself, and its σ has grown to what is not known there; no
-rule for places without knowledge is needed. Beyond the half nothing is seen; the nearest edge stands for it.
+The field is a uniform bicubic spline. It spans the whole half: where the calibration frame had no targets
+nearby, its estimate has faded to zero and its σ has grown to the prior's, so no special rule for such places
+is needed. Nothing is seen beyond the half; positions there take the value of the nearest edge.
 """
 
 from collections.abc import Mapping
@@ -14,27 +14,27 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry.document import Reading
+from grabberd.geometry.document_reader import Reading
 
 Array = NDArray[np.float64]
 
 _KEYS = ("origin_px", "step_px", "x_px", "y_px", "sigma_x_px", "sigma_y_px")
 _CUBIC = np.array([[1, -3, 3, -1], [4, 0, -6, 3], [1, 3, 3, -3], [0, 0, 0, 1]]) / 6.0
-"""The uniform cubic B-spline's four pieces over one interval, by powers of the place in it."""
+"""Four pieces of the uniform cubic B-spline over one interval, by powers of the position in it."""
 _SHORT = 1e-9
-"""The last place is this much, in intervals, before the last node."""
+"""Intervals by which the last position is kept short of the last node, so that it has an interval."""
 _LEAST_NODES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LocalField:
-    """A spline with a coefficient at every node of a square grid.
+    """Spline with a coefficient at every node of a square grid.
 
     Attributes:
-        origin_px: frame pixel (x, y) where the spline begins; its first coefficients lie one step before.
-        step_px: distance of the nodes, columns and frame lines alike.
+        origin_px: Frame pixel (x, y) where the spline begins; its first coefficients lie one step before.
+        step_px: Distance between nodes, in columns and in frame lines.
         shift_px: (rows, columns, 2) float64, coefficients of the displacement in x and y.
-        sigma_px: (rows, columns, 2) float64, those of its standard deviation.
+        sigma_px: (rows, columns, 2) float64, coefficients of its standard deviation.
     """
 
     origin_px: tuple[float, float]
@@ -46,13 +46,14 @@ class LocalField:
     def through(
         cls, origin_px: tuple[float, float], step_px: float, shift: Array, sigma: Array
     ) -> "LocalField":
-        """The natural spline through displacements at the nodes.
+        """Interpolate displacements at the nodes by a natural spline.
 
         Args:
-            origin_px: frame pixel of the first node.
-            step_px: how far the next ones are, in columns and in frame lines.
+            origin_px: Frame pixel of the first node.
+            step_px: Distance between nodes, in columns and in frame lines.
             shift: (rows, columns, 2) displacements at the nodes, frame pixels.
-            sigma: likewise, their standard deviations; smoothed a little, and so above 0 everywhere.
+            sigma: (rows, columns, 2) their standard deviations; used as coefficients, which smooths them a
+                little and keeps them above 0 everywhere.
         """
         edges = np.pad(sigma, ((1, 1), (1, 1), (0, 0)), mode="edge")
         return cls(
@@ -60,16 +61,16 @@ class LocalField:
         )
 
     def at(self, xy_px: Array) -> Array:
-        """(N, 2) float64 displacements in frame pixels at observed places (N, 2)."""
+        """(N, 2) float64 displacements in frame pixels at observed positions (N, 2)."""
         return self._value(self.shift_px, xy_px)
 
     def sigma_at(self, xy_px: Array) -> Array:
-        """(N, 2) float64 standard deviations of x and y that stay after `at` was taken off, frame pixels."""
+        """(N, 2) float64 standard deviations of x and y left after subtracting `at`, frame pixels."""
         return self._value(self.sigma_px, xy_px)
 
     @classmethod
     def from_document(cls, reading: Reading, where: str, values: Mapping[str, Any]) -> "LocalField":
-        """The field from its part of a calibration's document; what is wrong is entered in `reading`."""
+        """Read the field from its part of a calibration document; problems are added to `reading`."""
         reading.keys(where, values, _KEYS)
         shape = _shape(reading, where, values.get("x_px"))
         x, y, sigma_x, sigma_y = (reading.numbers(values.get(key), where + key, shape) for key in _KEYS[2:])
@@ -82,7 +83,7 @@ class LocalField:
         )
 
     def to_document(self) -> dict[str, Any]:
-        """Its part of the document; `from_document` gives back the same field, bit for bit."""
+        """Convert to its part of the document; `from_document` restores the same field bit for bit."""
         channels = [*np.moveaxis(self.shift_px, 2, 0), *np.moveaxis(self.sigma_px, 2, 0)]
         arrays = zip(_KEYS[2:], (channel.tolist() for channel in channels), strict=True)
         return {"origin_px": list(self.origin_px), "step_px": self.step_px, **dict(arrays)}
@@ -102,7 +103,7 @@ class LocalField:
 
 
 def _weights(part: Array) -> Array:
-    """(2, N, 4) what the four coefficients along x, and along y, weigh at a part (N, 2) of an interval."""
+    """(2, N, 4) weights of the four coefficients along x and along y, at a part (N, 2) of an interval."""
     powers = np.ones((4, *part.shape))
     powers[1] = part
     np.multiply(part, part, out=powers[2])
@@ -111,12 +112,12 @@ def _weights(part: Array) -> Array:
 
 
 def _taps(columns: int) -> NDArray[np.intp]:
-    """(16,) how far the coefficients that a place depends on are from the first of them."""
+    """(16,) offsets of the coefficients that a position depends on from the first of them."""
     return (np.arange(4)[:, np.newaxis] * columns + np.arange(4)).ravel()
 
 
 def _interpolating(values: Array) -> Array:
-    """Coefficients along the first axis, two more than values; straight beyond the ends."""
+    """Coefficients along the first axis, two more than values; linear beyond the ends."""
     count = len(values)
     matrix = (np.eye(count + 2) + 4 * np.eye(count + 2, k=1) + np.eye(count + 2, k=2))[:count] / 6.0
     straight = np.zeros((2, count + 2))
@@ -127,7 +128,7 @@ def _interpolating(values: Array) -> Array:
 
 
 def _shape(reading: Reading, where: str, value: object) -> tuple[int, int]:
-    """Rows and columns as the first array has them; a harmless shape if it has none."""
+    """Rows and columns of the first array; a harmless shape if it is invalid."""
     if isinstance(value, list) and value and isinstance(value[0], list):
         shape = len(value), len(value[0])
         if min(shape) >= _LEAST_NODES:

@@ -1,4 +1,4 @@
-"""Several views made ready for computing with all of them, and with many points, at once."""
+"""Rig: several views prepared for computing with all of them, and many points, at once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,19 +20,19 @@ class Rig:
     """V views; every array broadcasts against (2, V, N): coordinate, view, point.
 
     Attributes:
-        views: the views themselves.
+        views: The views themselves.
         rotation: (V, 3, 3), from the object's frame into the camera's, handedness included.
         rotation_rates: (3, V, 3, 3), its derivatives by ω, φ, κ.
         center_mm: (V, 3, 1), projection centres.
-        f_mm: (V, 1).
+        f_mm: (V, 1), focal lengths.
         origin_px: (2, V, 1), x0 and y0.
         pixel_mm: (2, V, 1), mm per frame pixel; negative in y, because y of the sensor points up.
-        image: (V, 8, 15), `polynomials` of the views, in frame pixels and with the ideal point itself:
+        image: (V, 8, 15), `polynomials` of the views in frame pixels, including the ideal point itself:
             column, line = origin + own·P + other·Q, with S and T their slopes in px/mm.
-        factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order, or None where
-            C is zero or not known.
-        local_fields: of each view, what its picture shows beyond the model; empty where no view has one.
-            `project` and its like do not contain it: it is taken off what was observed.
+        factor: (V, 18, K), L of the calibration's covariance C = L·Lᵀ in the parameters' order; None if C is
+            zero or unknown.
+        local_fields: Local field of each view; empty if no view has one. `project` and the like do not
+            include it: it is subtracted from the observations.
     """
 
     views: tuple[View, ...]
@@ -48,7 +48,7 @@ class Rig:
 
     @classmethod
     def of_views(cls, views: Sequence[View], factor: Array | None = None) -> "Rig":
-        """A rig of any number of views."""
+        """Make a rig of any number of views."""
         angles = [(view.omega_rad, view.phi_rad, view.kappa_rad) for view in views]
         mirrors = np.array([np.diag([view.handedness, 1.0, 1.0]) for view in views])
         rates = np.array([rotation_derivatives(*three) for three in angles])
@@ -68,12 +68,12 @@ class Rig:
 
     @classmethod
     def of(cls, calibration: Calibration) -> "Rig":
-        """The two views of a calibration, left then right, with its covariance."""
+        """Make a rig of a calibration's views, left then right, with its covariance."""
         rig = cls.of_views(calibration.views, _factor(calibration.covariance))
         return replace(rig, local_fields=calibration.local_fields) if any(calibration.local_fields) else rig
 
     def local_sigma_px(self, observed_px: Array) -> Array | None:
-        """(2, V, N) σ of the local fields at observed places (2, V, N); None where no view has one."""
+        """(2, V, N) σ of the local fields at observed positions (2, V, N); None if no view has one."""
         if not self.local_fields:
             return None
         sigma = np.zeros(observed_px.shape)
@@ -84,7 +84,7 @@ class Rig:
 
 
 def _image(view: View) -> Array:
-    """(8, 15): the distortion's polynomials become the image's."""
+    """(8, 15) polynomials of the image, from those of the distortion."""
     table = polynomials(view.b)
     table[[0, 2], :, 0] += 1.0
     table[:, 0] /= view.pixel_x_mm
@@ -93,7 +93,7 @@ def _image(view: View) -> Array:
 
 
 def _factor(covariance: Array) -> Array | None:
-    """(2, 18, K) L with L·Lᵀ = covariance; from its correlations, because its units span twenty decades."""
+    """(2, 18, K) L with L·Lᵀ = covariance, from its correlations because the units span twenty decades."""
     sigma = np.sqrt(np.diag(covariance))
     if not sigma.any():
         return None

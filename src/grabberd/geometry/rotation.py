@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def rotation_matrix(omega_rad: float, phi_rad: float, kappa_rad: float) -> NDArray[np.float64]:
-    """R = Rκ·Rφ·Rω, the photogrammetric rotation of coordinates from the object's frame into the camera's.
+    """Compute R = Rκ·Rφ·Rω, which rotates coordinates from the object's frame into the camera's.
 
     A single-axis matrix turns the *axes* counterclockwise by its angle: Rω = [[1, 0, 0], [0, cos, sin],
     [0, −sin, cos]], Rφ = [[cos, 0, −sin], [0, 1, 0], [sin, 0, cos]], Rκ = [[cos, sin, 0], [−sin, cos, 0],
@@ -20,7 +20,7 @@ def rotation_matrix(omega_rad: float, phi_rad: float, kappa_rad: float) -> NDArr
 
 
 def rotation_derivatives(omega_rad: float, phi_rad: float, kappa_rad: float) -> NDArray[np.float64]:
-    """(3, 3, 3) float64: the derivative of R by ω, by φ and by κ, stacked along the first axis."""
+    """(3, 3, 3) float64 derivatives of R by ω, φ and κ, stacked along the first axis."""
     about_x, about_y, about_z = _turn(0, omega_rad), _turn(1, phi_rad), _turn(2, kappa_rad)
     return np.stack(
         [
@@ -32,9 +32,9 @@ def rotation_derivatives(omega_rad: float, phi_rad: float, kappa_rad: float) -> 
 
 
 def rotation_angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
-    """ω, φ, κ of a rotation matrix (3, 3); φ lies in [−π/2, π/2].
+    """Extract ω, φ, κ from a rotation matrix (3, 3); φ lies in [−π/2, π/2].
 
-    Where φ = ±π/2 only the sum or the difference of ω and κ is determined; κ is zero then.
+    At φ = ±π/2 only the sum or the difference of ω and κ is determined; κ is then set to zero.
     """
     phi = math.atan2(rotation[2, 0], math.hypot(rotation[0, 0], rotation[1, 0]))
     if abs(rotation[0, 0]) < 1e-12 and abs(rotation[1, 0]) < 1e-12:

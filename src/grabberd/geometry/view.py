@@ -1,4 +1,4 @@
-"""One virtual camera: the numbers of the functional model."""
+"""View: one virtual camera, as the parameters of the functional model."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,17 +23,19 @@ PARAMETERS = (
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A virtual camera: one half of the picture (paper eqs. 4–7, with b1 as an affinity and b8, b9 apart).
+    """A virtual camera: one half of the picture (paper eqs. 4–7, with b1 an affinity and b8, b9 separate).
 
     Attributes:
         name: "left" or "right".
-        first_column: first frame column of its half; `end_column`: the one after its last.
-        pixel_x_mm: pixel pitch along a line; `pixel_y_mm`: from frame line to frame line.
-        handedness: +1, or -1 where an odd number of mirrors makes the virtual camera left-handed.
-        f_mm: focal length (principal distance).
-        x0_px: principal point, frame pixels; `y0_px` likewise.
-        omega_rad: rotation, R = Rκ·Rφ·Rω; `phi_rad`, `kappa_rad` likewise.
-        X0_mm: projection centre in the object's frame; `Y0_mm`, `Z0_mm` likewise.
+        first_column: First frame column of its half.
+        end_column: The frame column after its last.
+        pixel_x_mm: Pixel pitch along a line.
+        pixel_y_mm: Pitch from frame line to frame line.
+        handedness: +1, or −1 if an odd number of mirrors makes the virtual camera left-handed.
+        f_mm: Focal length (principal distance).
+        x0_px, y0_px: Principal point, frame pixels.
+        omega_rad, phi_rad, kappa_rad: Rotation, R = Rκ·Rφ·Rω.
+        X0_mm, Y0_mm, Z0_mm: Projection centre in the object's frame.
         b: b1…b9 in 1, 1, mm⁻², mm⁻⁴, mm⁻⁶, mm⁻¹, mm⁻¹, mm⁻², mm⁻².
     """
 
@@ -59,7 +61,7 @@ class View:
         return np.array([*(getattr(self, name) for name in PARAMETERS[:9]), *self.b])
 
     def with_vector(self, values: NDArray[np.float64]) -> "View":
-        """This view with other parameters; values (18,) in the order of `PARAMETERS`."""
+        """Copy the view with other parameters; values (18,) in the order of `PARAMETERS`."""
         numbers = [float(value) for value in values]
         changes: dict[str, Any] = dict(zip(PARAMETERS[:9], numbers, strict=False))
         return replace(self, **changes, b=tuple(numbers[9:]))
@@ -70,6 +72,6 @@ class View:
         return np.array([self.X0_mm, self.Y0_mm, self.Z0_mm])
 
     def holds(self, xy_px: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) bool: which of the (N, 2) frame pixels lie in this view's half of the picture."""
+        """(N,) bool: True for frame pixels (N, 2) in this view's half of the picture."""
         x = xy_px[:, 0]
         return (x >= self.first_column - 0.5) & (x < self.end_column - 0.5)

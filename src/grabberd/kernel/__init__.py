@@ -1,22 +1,23 @@
-"""The compiled kernel: what takes most of a field's time, in C, where the installation has it.
+"""Compiled kernel: the most time-consuming steps of a field, in C, if the installation has it.
 
-It is built with the wheel where a C compiler and Python's headers are at hand; without it numpy does the
-same. The rooms that have work for it ask for `KERNEL`, and need no other sign of it.
+It is built with the wheel if a C compiler and Python's headers are available; without it numpy does the same.
+Rooms that can use it check `KERNEL` and need to know nothing else (docs/decisions/0014).
 """
 
 from importlib import import_module
 from typing import Any, Protocol, cast
 
 Buffer = Any
-"""What shares its contiguous memory: an array, a ctypes structure, bytes."""
+"""Anything with contiguous memory: an array, a ctypes structure, bytes."""
 LAYOUT = 2
-"""Of functions and structures (module.c): a kernel with another one is left over from an older build."""
+"""Version of functions and structures (module.c); a kernel with another one is left over from an older
+build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS = range(6)
-"""What a call ends with (kernel.h)."""
+"""Status codes of a call (kernel.h)."""
 
 
 class Kernel(Protocol):
-    """The functions of module.c; what buffers hold is said there, and their lengths are checked there."""
+    """Functions of module.c, which documents the contents of the buffers and checks their lengths."""
 
     def locate(
         self,
@@ -26,25 +27,25 @@ class Kernel(Protocol):
         out: Buffer,
         /,
     ) -> tuple[int, int, float, float, float, float]:
-        """Blobs of a packed field of 1 bit."""
+        """Locate the blobs of a packed field of 1 bit."""
 
     def locate_grey(
         self, data: Buffer, picture: tuple[int, ...], settings: Buffer, out: Buffer, /
     ) -> tuple[int, int, float, float]:
-        """Blobs of a packed field of more bits."""
+        """Locate the blobs of a packed field of more bits."""
 
     def whole(self, xy_px: Buffer, /, *arguments: Buffer | float) -> int:
-        """Blobs that lie in a view as a whole."""
+        """Select blobs that lie wholly inside a view."""
 
     def near(self, world: Buffer, /, *arguments: Buffer | float) -> tuple[int, int, float]:
-        """Targets near where they must be, and their points."""
+        """Find targets near their expected positions, with their points."""
 
     def agree(self, world: Buffer, /, *arguments: Buffer) -> int:
-        """Whether targets agree, and where all of them are."""
+        """Check that targets agree with one another, and compute the positions of all."""
 
 
 def load(name: str = "grabberd.kernel._kernel") -> Kernel | None:
-    """The kernel as a module of this name; None where it has not been built for this computer and program."""
+    """Load the kernel from a module; None if there is none for this computer and this version."""
     try:
         found = import_module(name)
     except ImportError:
@@ -53,9 +54,9 @@ def load(name: str = "grabberd.kernel._kernel") -> Kernel | None:
 
 
 KERNEL = load()
-"""None where numpy does the work."""
+"""None if numpy does the work."""
 
 
 def in_use() -> str:
-    """How the work is done, for people."""
+    """Describe which implementation is in use, for people."""
     return "compiled kernel" if KERNEL else "numpy, no compiled kernel"

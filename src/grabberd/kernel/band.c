@@ -1,9 +1,9 @@
-/* Cholesky's factor of a band, and what of the inverse lies within it (as banded.py). */
+/* Cholesky factor of a band matrix, and the part of its inverse within the band (as line_shifts.band_factor). */
 #include "band.h"
 
 static const double TINY = 2.2250738585072014e-308;
 
-/* Of a band with so much more on its main diagonal. */
+/* Factor of a band with `more` added to its main diagonal. */
 void factor(const Band *matrix, double more, Band *lower) {
     int64_t height = matrix->height, count = matrix->count;
     memcpy(lower->values, matrix->values, (size_t)(height * count) * sizeof *lower->values);

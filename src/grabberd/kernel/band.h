@@ -1,4 +1,4 @@
-/* Symmetric positive definite equations whose matrix is a band. */
+/* Symmetric positive definite equations with a band matrix. */
 #ifndef GRABBERD_BAND_H
 #define GRABBERD_BAND_H
 

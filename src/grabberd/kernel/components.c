@@ -1,4 +1,4 @@
-/* Runs of set pixels, found in the packed bits, and which of them belong together (as runs.py, labels.py). */
+/* Runs of set pixels, found in the packed bits, and their connected components (as runs.py, labels.py). */
 #include "kernel.h"
 
 INLINE uint64_t word_at(const uint8_t *bytes, int64_t count) {

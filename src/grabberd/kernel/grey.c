@@ -1,4 +1,4 @@
-/* The grey values of a packed field: which exceed the threshold, and the background (as mask.py, background.py). */
+/* Grey values of a packed field: those above the threshold, and the background (as mask.py, background.py). */
 #include "grey.h"
 
 enum { CHUNK = 64, SAMPLED_EVERY_PX = 32 };
@@ -43,7 +43,7 @@ WIDE static void row_at_least(const uint8_t *row, int64_t columns, uint8_t least
     if (columns % 8) bits[columns / 8] &= (uint8_t)(0xff << (8 - columns % 8));
 }
 
-/* Where the number written in the planes exceeds a level: a comparison from the highest bit down. */
+/* Marks where the number stored in the planes exceeds a level, comparing from the highest bit down. */
 static void planes_above(const GreyPicture *picture, int64_t row, uint8_t *bits) {
     int64_t middle = 128 >> picture->bits, step = 256 >> picture->bits, size = picture->rows * picture->stride;
     int64_t level = picture->threshold > middle ? (picture->threshold - middle) / step : 0;

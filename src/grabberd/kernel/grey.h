@@ -1,4 +1,4 @@
-/* What location with more than 1 bit has in common. */
+/* Declarations shared by location with more than 1 bit. */
 #ifndef GRABBERD_GREY_H
 #define GRABBERD_GREY_H
 
@@ -28,7 +28,7 @@ typedef struct {
 /* What came of it: of `count` blobs. */
 typedef struct {
     int64_t count;
-    double common_reach_px, jitter_px; /* NaN: nobody estimated it */
+    double common_reach_px, jitter_px; /* NaN: not estimated */
 } GreyOutcome;
 
 /* Windows of N blobs, all of one size: the component of each, its first field line and first column. */
@@ -45,7 +45,7 @@ typedef struct {
     double *middle, *centre, *weight, *share; /* `middle`: the field line of each blob's centre */
 } Chords;
 
-/* What shifted lines do to the x of N blobs: (count,) each. `jitter_px` NaN: nobody estimated it. */
+/* What shifted lines do to the x of N blobs: (count,) each. `jitter_px` NaN: not estimated. */
 typedef struct {
     double *x_px, *common_px;
     double reach_px, jitter_px;

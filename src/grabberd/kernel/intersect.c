@@ -1,4 +1,4 @@
-/* The points that pairs of blobs determine (as intersection.py), four at once. */
+/* Intersection of pairs of blobs to points (as intersection.py), four at once. */
 #include "space.h"
 
 static const double SETTLED_MM = 5e-3;
@@ -27,7 +27,7 @@ INLINE void whiten(const Pairs *pairs, Four value[2][VIEWS]) {
     value[0][1] -= pairs->mixed * value[0][0];
 }
 
-/* One step of Gauss and Newton; whether it was a long one. */
+/* One Gauss–Newton step; true if it was a long one. */
 INLINE bool step(const Rig *rig, Pairs *pairs) {
     Four misfit[2][VIEWS], right[3] = {{0}}, six[6] = {{0}}, along[3];
     Image4 seen[VIEWS];
@@ -127,7 +127,7 @@ static double sigma_at(const LocalField *field, const double xy[2], int channel)
     return value;
 }
 
-/* (2, 18) slopes of the frame pixels of a view by its parameters (as model.linearise_parameters). */
+/* (2, 18) slopes of the frame pixels of a view by its parameters (as functional_model.linearise_parameters). */
 static void parameter_slopes(const Rig *rig, int view, const Image4 *seen, int lane, double slope[2][PARAMETERS]) {
     double x = seen->ideal[0][lane], y = seen->ideal[1][lane], near_by = seen->closeness[lane];
     double ideal[2] = {x, y}, direct[2][PARAMETERS] = {{0}};
@@ -152,7 +152,7 @@ static void parameter_slopes(const Rig *rig, int view, const Image4 *seen, int l
     }
 }
 
-/* What 1 px, not whitened, in each coordinate moves the point: (3, 4), coordinate and view. */
+/* Shift of the point by 1 px, not whitened, in each coordinate: (3, 4), coordinate and view. */
 static void pulls_of(const Pairs *pairs, int lane, double pull[3][2][VIEWS]) {
     for (int i = 0; i < 3; i++) {
         for (int c = 0; c < 2; c++)

@@ -1,4 +1,4 @@
-/* What the kernel's files share. Plain C11: arrays in, arrays out; no global state, no Python, no files.
+/* Declarations shared by the kernel's files. Plain C11: arrays in, arrays out; no global state, no Python, no files.
 
    Every function does what the numpy one of the same room does, in the same order where the order of sums
    matters. Status codes are told to the caller, who looks up what is missing and asks again. */
@@ -73,7 +73,7 @@ typedef struct {
     double ratio[4];
 } Fullness;
 
-/* What location is made with, besides the picture. */
+/* Inputs of location other than the picture. */
 typedef struct {
     double min_diameter_px, max_diameter_px, line_jitter_px;
     int64_t locale; /* 0: centroids alone */

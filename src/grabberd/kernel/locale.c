@@ -1,4 +1,4 @@
-/* The mean of all places that explain a blob's bits (as locale.py, locale_posterior.py). */
+/* Mean of all positions that explain a blob's bits (as locale.py, locale_posterior.py). */
 #include "lanes.h"
 #include "patterns.h"
 

@@ -1,4 +1,4 @@
-/* What the module offers of the rooms' functions. */
+/* Functions that the module exports. */
 #ifndef GRABBERD_MODULE_H
 #define GRABBERD_MODULE_H
 

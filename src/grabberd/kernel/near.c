@@ -1,4 +1,4 @@
-/* The targets that are seen in both views near where they must be (as correspondence.near), and their agreement. */
+/* Search for targets near their expected positions in both views (as correspondence.near), and their agreement. */
 #include "space.h"
 
 /* As `Prediction.of`: (targets, 2) images and reaches of one view. */
@@ -42,7 +42,7 @@ static void take_over(Found *found, int64_t from, int64_t to) {
     found->residual_px[to] = found->residual_px[from];
 }
 
-/* Those whose rays meet; the others are left out. */
+/* Keeps the pairs whose rays meet. */
 static int64_t meeting(const World *world, const ViewBlobs blobs[VIEWS], int64_t count, Found *found) {
     int64_t kept = 0;
     for (int64_t i = 0; i < count; i++) {
@@ -61,7 +61,7 @@ static int64_t meeting(const World *world, const ViewBlobs blobs[VIEWS], int64_t
     return kept;
 }
 
-/* Mean square distance from the predicted places, in variances of each coordinate; as tracking._surprise. */
+/* Mean square distance from the predicted places, in variances of each coordinate; as tracker._surprise. */
 static double surprise_of(const double *places_mm, const double *sigma_mm, int64_t count, const Found *found) {
     double sum = 0;
     for (int64_t i = 0; i < count; i++)
@@ -158,7 +158,7 @@ int64_t worst_of(const World *world, const double *weights, const double *sigma_
     return worst;
 }
 
-/* Places and σ of all targets after a field (as tracking._begun). */
+/* Places and σ of all targets after a field (as Tracker._begun). */
 void settle(const World *world, const double *expected_mm, const double *sigma_mm, int64_t count, const int64_t *target,
             const double *displacement_mm, const double *covariance, double *places_mm, double *settled_sigma_mm) {
     double square = world->noise_mm * world->noise_mm;

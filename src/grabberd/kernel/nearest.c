@@ -1,4 +1,4 @@
-/* Which blob is each target's (as prediction.Prediction.nearest), looked for only where it may be. */
+/* Assignment of blobs to targets (as prediction.Prediction.nearest), searched only where they may be. */
 #include "space.h"
 
 /* Blobs by cells of a grid over the places where there are any. */

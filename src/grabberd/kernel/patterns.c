@@ -1,4 +1,4 @@
-/* The bits of blobs, ready to be looked up in the tables of their kind (as locale_patterns.py, Entries). */
+/* Bit patterns of blobs, prepared for lookup in the tables of their kind (as locale_patterns.py, Entries). */
 #include "patterns.h"
 
 static const double STEPS_X = 10, STEPS_Y = 8, WIDE_PX = 0.5, HIGH_PX = 0.25, HALF = 5.0;
@@ -124,7 +124,7 @@ void pattern_of(const Picture *picture, const Component *own, const Size *size, 
     pattern->higher = HIGH_PX * kind->high / size->half_height_px;
 }
 
-/* What is no number is below all. */
+/* NaN ranks below all. */
 INLINE int64_t bounded(double value) { return (int64_t)(value > -1e9 ? smaller(value, 1e9) : -1e9); }
 
 int64_t entries_of(const Picture *picture, const Run *runs, const Component *own, const Size *size,
@@ -137,7 +137,7 @@ int64_t entries_of(const Picture *picture, const Run *runs, const Component *own
     const Run *run = runs + own->begin;
     for (int32_t i = 0; i < own->count; i++) {
         int32_t first = run[i].first;
-        /* What is empty between two runs of a row is taken for set: no target has such rows. */
+        /* A gap between two runs of a row is taken as set: no target has such rows. */
         while (i + 1 < own->count && run[i + 1].row == run[i].row) i++;
         double down = (double)(run[i].row - first_row(picture)) * ((double)picture->y_step * STEPS_Y) - pattern->middle_y;
         double origin = pattern->middle_x + HALF + size->lean * down * (STEPS_X / STEPS_Y);

@@ -1,4 +1,4 @@
-/* The shift that each field line has in common to all blobs of both views (as line_shifts.py). */
+/* Shift of each field line, common to all blobs of both views (as line_shifts.py). */
 #include "band.h"
 #include "grey.h"
 
@@ -40,7 +40,7 @@ static bool make_system(const Chords *chords, int64_t lines, System *system, voi
     return true;
 }
 
-/* The middles of the chords from that of each blob's surest one: small numbers round less. */
+/* Middles of the chords relative to each blob's best one: small numbers round less. */
 static void from_the_surest(const Chords *chords, System *system) {
     for (int64_t i = 0; i < chords->count; i++) {
         const double *weight = chords->weight + i * chords->height, *centre = chords->centre + i * chords->height;
@@ -73,7 +73,7 @@ static void number_lines(int64_t lines, System *system) {
     system->band.count = system->lower.count = system->inverse.count = equations;
 }
 
-/* Least squares for a straight line whose slope is near 0; nothing where nothing weighs. */
+/* Least squares for a straight line of slope near 0; zero where all weights are. */
 static void tilts_of(System *system, int64_t from) {
     const double *weight = system->weight + from, *beside = system->beside + from;
     double a = 0, b = 0, c = 0;
@@ -149,7 +149,7 @@ static void residuals(System *system, double jitter_px, double *most, double *le
     *lean_sigma = sqrt(median_of(square, count) / MEDIAN_OF_SQUARES + unsure / (double)count);
 }
 
-/* Wild chords count as if they were less sure. */
+/* Weights outlying chords down. */
 static void distrust(System *system, double jitter_px) {
     double most, lean;
     residuals(system, jitter_px, &most, &lean);
@@ -182,7 +182,7 @@ static int64_t likeliest_of(System *system, const double *tried_px, int64_t coun
     return best;
 }
 
-/* The likeliest jitter: of a few, then of a few about that, and between these by a parabola. */
+/* Most likely jitter: among a few values, then a few around the best, and between these by a parabola. */
 static double likeliest_px(System *system, double expected_px) {
     double tried_px[TRIED], value[TRIED];
     for (int i = 0; i < TRIED; i++) tried_px[i] = expected_px * exp2(i - 4.0);

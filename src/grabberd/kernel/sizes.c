@@ -1,4 +1,4 @@
-/* How large targets appear over the picture (as locale_sizes.py). */
+/* Apparent size of targets over the picture (as locale_sizes.py). */
 #include "kernel.h"
 
 enum { TERMS = 6 };

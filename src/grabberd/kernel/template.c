@@ -1,4 +1,4 @@
-/* One step of Gauss and Newton from the moments to the picture of a disc (as template.py, disc_image.py). */
+/* One Gauss–Newton step from the moments to the image of a disc (as template.py, disc_image.py). */
 #include "grey.h"
 #include "lanes.h"
 
@@ -90,7 +90,7 @@ INLINE Lanes root_of(Lanes value) {
     return value;
 }
 
-/* How much of an edge so many σ away is there, and how fast that changes. */
+/* Profile of an edge and its slope at a distance in σ. */
 INLINE void look_up(const GreySettings *settings, Lanes distance, Lanes *inside, Lanes *density) {
     Lanes entry = (distance + 5.0f) * 512.0f + 0.5f;
     entry = choose(entry > 0.0f, entry, all(0.0f));

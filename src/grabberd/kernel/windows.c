@@ -1,9 +1,9 @@
-/* The windows around those components that have the size of a target (as windows.py). */
+/* Windows around the components of a target's size (as windows.py). */
 #include "grey.h"
 
 static const double BEYOND_PX = 1.2, BEYOND_MORE_PX = 3.9, LARGEST_SHARE = 0.5, ALL_BUT_THE_LARGEST = 0.9;
 
-/* How far windows reach beyond the pixels above the threshold. */
+/* Margin of windows beyond the pixels above the threshold. */
 static double beyond_px(const GreyPicture *picture, const Windows *windows, double background, double *scratch) {
     for (int64_t i = 0; i < windows->count; i++) {
         float grey;
@@ -15,7 +15,7 @@ static double beyond_px(const GreyPicture *picture, const Windows *windows, doub
     return BEYOND_PX + BEYOND_MORE_PX * smaller(larger(share, 0.0), LARGEST_SHARE);
 }
 
-/* A window's size in steps of so many pixels: odd, unless the field has not so many. */
+/* Size of a window in steps: odd, unless the field is smaller. */
 static int64_t size_of(double *extent, int64_t count, double beyond, int64_t step, int64_t most) {
     double large = ranked(extent, count, (int64_t)(ALL_BUT_THE_LARGEST * (double)count));
     return at_most(2 * (int64_t)ceil((large / 2 + beyond) / (double)step - 0.01) + 1, most);

@@ -1,13 +1,14 @@
-"""Where the targets are in one field (paper 3.5): threshold, labelling, centre, and how well it is known.
+"""Measurement of target images in one field (paper 3.5): threshold, labelling, centre and its σ.
 
 A packed field goes in; blobs come out in frame pixels, x in columns and y in frame lines, so that no later
-room knows of rows, parity or bits. Everything works on the packed bits: of a field of targets 96 % of the
-bytes are empty and never looked at, and grey values are gathered only where the threshold is exceeded.
+room knows about rows, parity or bits. Everything works on the packed bits: in a field of targets 96 % of the
+bytes are empty and never touched, and grey values are gathered only where the threshold is exceeded.
 """
 
+from grabberd.measurement.background import Background, background_of
 from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.location import METHODS, LocationSettings, measure
-from grabberd.measurement.threshold.background import Background, background_of
+from grabberd.measurement.location import measure
+from grabberd.measurement.settings import METHODS, LocationSettings
 from grabberd.measurement.threshold.threshold import ThresholdRule, choose_threshold, trinder_levels
 from grabberd.measurement.threshold.threshold_map import threshold_map, with_seen_size
 

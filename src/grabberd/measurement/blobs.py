@@ -1,4 +1,4 @@
-"""What is seen of targets in one field."""
+"""Blobs: the images of targets in one field."""
 
 from dataclasses import dataclass
 
@@ -13,14 +13,16 @@ class Blobs:
     Attributes:
         xy_px: (N, 2) float64, frame pixels: x in columns, y in frame lines.
         sigma_px: (N, 2) float64, standard deviation of `xy_px` from location alone, without line jitter.
-        common_px: (N,) float64, standard deviation of what line jitter leaves in x: an error that blobs on
-            the same lines have in common, in both views.
-        area_px: (N,) float64, size above the threshold in square *frame* pixels (an intact field's rows
-            count 2).
-        width_px: (N,) float64, columns it spans; `height_px`: (N,) float64, frame lines it spans.
-        at_border: (N,) bool, it touches the edge of the field and so is cut off.
-        common_reach_px: blobs so many frame lines apart have e^−½ of that error in common.
-        line_jitter_px: standard deviation of a line's shift in this field; None where it was not estimated.
+        common_px: (N,) float64, standard deviation of the residual line jitter in x, an error shared by all
+            blobs on the same lines, in both views.
+        area_px: (N,) float64, size above the threshold in square *frame* pixels (rows of an intact field
+            count twice).
+        width_px: (N,) float64, number of columns spanned.
+        height_px: (N,) float64, number of frame lines spanned.
+        at_border: (N,) bool, True for a blob cut off by the edge of the field.
+        common_reach_px: Distance in frame lines over which the correlation of that shared error falls to
+            e^−½.
+        line_jitter_px: Standard deviation of a line's shift in this field; None if not estimated.
     """
 
     xy_px: NDArray[np.float64]
@@ -37,7 +39,7 @@ class Blobs:
         return len(self.xy_px)
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Blobs":
-        """The blobs that a mask or index array chooses."""
+        """Select blobs by a mask or index array."""
         return Blobs(
             self.xy_px[chosen],
             self.sigma_px[chosen],

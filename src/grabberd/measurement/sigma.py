@@ -1,27 +1,27 @@
-"""How well a blob's centre is known from its own pixels: quantisation and noise, not line jitter (paper 3.5).
+"""Pointing σ of a blob's centre from its own pixels: quantisation and noise, without line jitter (paper 3.5).
 
-A target's place between the pixels is as good as random, so the error of quantisation is given as its RMS
-over that phase. In y it depends strongly on whether the blob's height is near a whole or a half number of
-rows; what is given here is the mean over heights. For a mixture of sizes it is within a factor 1.35 in x and
-1.6 in y of the true RMS; for one exact size, y may be off by 2.5.
+A target's sub-pixel phase is effectively random, so the quantisation error is given as its RMS over that
+phase. In y it depends strongly on whether the blob's height is near a whole or a half number of rows; the
+mean over heights is given here. For a mixture of sizes it is within a factor 1.35 in x and 1.6 in y of the
+true RMS; for one exact size, y may be off by 2.5.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 NOISE_SHARED_BY_DOUBLED_ROWS = 1.25
-"""Interpolated rows bring no noise of their own: it averages out less than the number of rows promises."""
+"""Interpolated rows have no noise of their own, so it averages out less than the number of rows suggests."""
 GREY_SHARE_OF_BINARY = (0.4, 1.4)
-"""Error in x, y of the cut-off at the threshold, in binary errors times the threshold's relative height."""
+"""Error in x, y of cutting off at the threshold, in binary errors times the threshold's relative height."""
 MEAN_OF_PEAK = 0.65
-"""Mean weight of a blurred disc's pixels, as a share of the highest."""
+"""Mean weight of a blurred disc's pixels as a share of the highest."""
 
 
 def binary_sigma_px(area_px: NDArray[np.float64], y_step: int) -> NDArray[np.float64]:
-    """Standard deviation of a centre whose pixels all weigh the same.
+    """Compute the standard deviation of a centre whose pixels are weighted equally.
 
     Intact rows: sx = .2122 √(py/D), sy = .2122 py/√D with py = `y_step`. Doubled rows (py 1): .105 and .109
-    px at D = 5 and proportional to 1/√D, which is a little worse than real rows would be.
+    px at D = 5 and proportional to 1/√D, slightly worse than real rows would be.
 
     Args:
         area_px: (N,) float64, square frame pixels; D is the diameter of a disc of this area.
@@ -43,10 +43,10 @@ def grey_sigma_px(
     noise: float,
     threshold_height: float,
 ) -> NDArray[np.float64]:
-    """Standard deviation of a centre weighted with the grey value above the threshold.
+    """Compute the standard deviation of a centre weighted with the grey value above the threshold.
 
     Noise: s = √(Σ Δ²) sn / Σ(g−T), which for a disc is .282 √py (W/R)² sn/C with W the radius of its
-    `area_px` and C π R²/py = Σ(g−T). Cut-off: a share of the binary error that grows with the threshold's
+    `area_px` and C π R²/py = Σ(g−T). Cut-off: a share of the binary error proportional to the threshold's
     relative height.
 
     Args:

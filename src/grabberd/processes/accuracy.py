@@ -11,12 +11,12 @@ from grabberd.field import BIT_DEPTHS, Field, NumberedField, PackedField, double
 from grabberd.measurement import ThresholdRule
 from grabberd.processes.thresholds import field_threshold
 from grabberd.reconstruction.accuracy.accuracy import WRONG_BEYOND_MM, Accuracy, Axes, accuracy
-from grabberd.reconstruction.accuracy.comparison import Coordinates, Truth, true_places
-from grabberd.reconstruction.accuracy.lengths import LengthErrors, length_errors
+from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth, true_places
+from grabberd.reconstruction.accuracy.length_errors import LengthErrors, length_errors
 from grabberd.reconstruction.accuracy.pointing import PointingPrecision, pointing_precision
-from grabberd.reconstruction.accuracy.rigid import RigidMotion
+from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
+from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.series import PointSeries
 from grabberd.reconstruction.smoothing.smoothing import Smoothed, SmoothingSettings, smooth
 
 __all__ = [

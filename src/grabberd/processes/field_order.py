@@ -223,8 +223,8 @@ def _variation(two_steps: Array) -> float:
     """Significance, in σ, with which differences in both halves of the bands vary together."""
     halves = two_steps - two_steps.mean(axis=0)
     power = float(np.sqrt(np.square(halves).sum(axis=0).prod()))
-    together = float(halves.prod(axis=1).sum())
-    return together / power * np.sqrt(len(halves) / _OVERLAP) if power > 0 else 0.0
+    covariation = float(halves.prod(axis=1).sum())
+    return covariation / power * np.sqrt(len(halves) / _OVERLAP) if power > 0 else 0.0
 
 
 def _without_variation(growth: Array) -> tuple[Order, str]:

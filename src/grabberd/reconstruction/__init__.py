@@ -1,20 +1,20 @@
-"""From blobs of two views to the points of an object's targets (paper 3.7).
+"""Reconstruction: from blobs in two views to the points of an object's targets (paper 3.7).
 
-Which blob is which target is decided by the object model and the calibration (`correspondence`), then from
-field to field by prediction (`tracking`); where the rays of both views meet, with its covariance, is
-`intersection`'s.
+Object model and calibration decide which blob is which target (`correspondence`), and prediction carries that
+from field to field (`tracking`); `intersection` computes where the rays of both views meet, with covariance;
+`smoothing` filters points over time, `accuracy` compares them with the truth and with the calibration.
 """
 
 from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
+from grabberd.reconstruction.correspondence.displacement_field import Smoothness
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.tracking.displacement import Smoothness
 from grabberd.reconstruction.tracking.track import Track
 from grabberd.reconstruction.tracking.tracker import Tracker, TrackingSettings
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 __all__ = [
     "Correspondence",

@@ -1,4 +1,4 @@
-"""The covariance of a target's four image coordinates: pointing, and the jitter that both views share."""
+"""Image noise: covariance of a target's four image coordinates, from pointing and the shared line jitter."""
 
 import math
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ _JITTER_OF_A_BLOB = 0.735
 
 @dataclass(frozen=True, slots=True)
 class ImageNoise:
-    """What blurs the image coordinates beside the pointing.
+    """Errors of image coordinates other than pointing.
 
     Attributes:
-        jitter_px: standard deviation of a line's shift, one for the whole line and so for both views.
-        y_step: frame lines from row to row: 2 intact, 1 doubled.
-        radius_lines: radius of a target's image in frame lines.
+        jitter_px: Standard deviation of a line's shift, common to the whole line and so to both views.
+        y_step: Frame lines from row to row: 2 intact, 1 doubled.
+        radius_lines: Radius of a target's image in frame lines.
     """
 
     jitter_px: float
@@ -32,28 +32,28 @@ class ImageNoise:
 
     @classmethod
     def of(cls, rig: Rig, model: ObjectModel, jitter_px: float, y_step: int) -> "ImageNoise":
-        """The noise of this object before this rig: the radius at the middle of the object, seen face on."""
+        """Noise of an object seen by a rig, with the radius at the middle of the object, seen face on."""
         _, slopes = linearise(rig, model.xyz_mm.mean(axis=0, keepdims=True))
         lines_per_mm = float(np.sqrt((slopes[1] ** 2).sum(axis=1)).mean())
         return cls(jitter_px, y_step, 0.5 * model.target_diameter_mm * lines_per_mm)
 
     @property
     def blob_jitter_px(self) -> float:
-        """Standard deviation that line jitter alone gives a blob's x."""
+        """Standard deviation of a blob's x from line jitter alone."""
         return _JITTER_OF_A_BLOB * self.jitter_px * math.sqrt(self.y_step / self.radius_lines)
 
     def expected(self, lines: Array) -> "Common":
-        """What blobs on these frame lines (2, N) share while nobody has solved for the shifts."""
+        """Error shared by blobs on frame lines (2, N) if the shifts have not been solved for."""
         overlap = np.maximum(1.0 - np.abs(lines[0] - lines[1]) / (2.0 * self.radius_lines), 0.0)
         return Common(np.full_like(lines, self.blob_jitter_px), overlap)
 
     def whitening(self, lines: Array, sigma_px: Array, common: "Common | None" = None) -> "Whitening":
-        """The transformation that makes the four coordinates uncorrelated with unit weight.
+        """Make the transformation to four uncorrelated coordinates of unit weight.
 
         Args:
             lines: (2, N) y of the blobs in frame lines: left, right.
-            sigma_px: (2, 2, N) pointing of x and y (first axis) in the left and the right view (second).
-            common: what line jitter leaves in x, where that is known better than `expected`.
+            sigma_px: (2, 2, N) pointing σ of x and y (first axis) in the left and right view (second).
+            common: Error of line jitter in x, if known better than by `expected`.
         """
         sigma, overlap = common or self.expected(lines)
         scale = np.empty_like(sigma_px)
@@ -67,10 +67,10 @@ class ImageNoise:
 
 
 class Common(NamedTuple):
-    """The error in x that both blobs of a target may share, since they lie on the same lines.
+    """Error in x shared by both blobs of a target, since they lie on the same lines.
 
     Attributes:
-        sigma_px: (2, N) its standard deviation in the left and the right view.
+        sigma_px: (2, N) its standard deviation in the left and right view.
         overlap: (N,) correlation of the two.
     """
 
@@ -79,29 +79,29 @@ class Common(NamedTuple):
 
     @classmethod
     def of(cls, sigma_px: Array, lines: Array, reach_px: float) -> "Common":
-        """Of blobs on these frame lines (2, N), the correlation falling to e^−½ over the reach."""
+        """Make it for blobs on frame lines (2, N), with a correlation that falls to e^−½ over the reach."""
         return cls(sigma_px, np.exp(-0.5 * ((lines[0] - lines[1]) / reach_px) ** 2))
 
 
 class Whitening(NamedTuple):
-    """Inverse of the Cholesky factor of N covariances, of which only x left and x right correlate.
+    """Inverse Cholesky factors of N covariances in which only the left and the right x correlate.
 
     Attributes:
         scale: (2, 2, N): coordinate, view.
-        mixed: (N,) what the whitened x of the left view takes from that of the right.
+        mixed: (N,) share of the left view's whitened x subtracted from the right view's.
     """
 
     scale: Array
     mixed: Array
 
     def of_values(self, values: Array) -> Array:
-        """(2, 2, N) values, whitened."""
+        """Whiten values (2, 2, N)."""
         white = values * self.scale
         white[0, 1] -= self.mixed * white[0, 0]
         return white
 
     def of_slopes(self, slopes: Array) -> Array:
-        """(2, 2, K, N) derivatives of the values, whitened."""
+        """Whiten derivatives of values (2, 2, K, N)."""
         white = slopes * self.scale[:, :, np.newaxis]
         white[0, 1] -= self.mixed * white[0, 0]
         return white

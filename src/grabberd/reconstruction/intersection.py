@@ -1,4 +1,4 @@
-"""The point that two blobs of a target determine: least squares on the full functional model (paper 3.7)."""
+"""Intersection of a target's two blobs to a point: least squares on the full functional model (paper 3.7)."""
 
 from typing import NamedTuple
 
@@ -7,18 +7,18 @@ from numpy.typing import NDArray
 
 from grabberd.geometry import Rig, approach, correct_all, directions_all, linearise, parameter_slopes
 from grabberd.geometry.symmetric import FIRST, SECOND, inverse_symmetric
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
 from grabberd.reconstruction.image_noise import Common, ImageNoise, Whitening
 from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 
 _SETTLED_MM = 5e-3
-"""After a step this short the next would be below 1e-6 mm: at .2 m the model is that nearly linear."""
+"""Last step of the iteration: the next would be below 1e-6 mm, so nearly linear is the model at .2 m."""
 _MOST_STEPS = 10
 
 _EACH = np.eye(4).reshape(2, 2, 4, 1)
-"""Coordinate, view, error: every one moves one image coordinate."""
+"""Coordinate, view, error: each error moves one image coordinate."""
 
 
 class _Adjusted(NamedTuple):
@@ -38,23 +38,23 @@ def intersect(
     noise: ImageNoise,
     start_mm: Array | None = None,
 ) -> Points:
-    """The points of N targets, from the blob that each has in the left and in the right view.
+    """Intersect N targets from their blobs in the left and right view.
 
     Weighted least squares of the four image coordinates on equations (4)–(7), all points at once. The
-    covariance is that of pointing and line jitter; the calibration's share is J·C·Jᵀ with J from the implicit
-    function that the least squares are, zero where the rig's covariance is not known.
+    covariance is that of pointing and line jitter; the calibration's share is J·C·Jᵀ with J from implicit
+    differentiation of the least-squares condition, zero if the rig's covariance is unknown.
 
     Args:
-        rig: left and right view.
+        rig: Left and right view.
         target: (N,) int32, ids, ascending.
         left: N blobs of the left view, in the order of `target`.
         right: N blobs of the right view.
-        noise: line jitter, for blobs that do not say what they share.
-        start_mm: (N, 3) where to start from, to within some millimetres; without it, from the middle of the
-            rays' shortest connection.
+        noise: Line jitter, for blobs that do not carry their shared error.
+        start_mm: (N, 3) start values, good to some millimetres; without them, the middles of the rays'
+            shortest connections.
 
     Returns:
-        the points; a pair of blobs whose rays do not meet before the cameras has NaN for its place.
+        The points; NaN for a pair of blobs whose rays do not meet in front of the cameras.
     """
     if not len(target):
         return Points.none()
@@ -76,14 +76,16 @@ def intersect(
 
 
 def middles(rig: Rig, observed_px: Array) -> Array:
-    """(N, 3) middles of the shortest connections of N pairs of rays; observed (2, 2, N): coordinate, view."""
+    """(N, 3) middles of the shortest connections of N pairs of rays, from observed (2, 2, N) coordinate,
+    view.
+    """
     left, right = directions_all(rig, correct_all(rig, observed_px)).swapaxes(1, 2)
     centers = rig.center_mm[:, :, 0]
     return approach(centers[0], left, centers[1], right).middle_mm
 
 
 def _common(left: ViewBlobs, right: ViewBlobs, lines: Array) -> Common | None:
-    """What N pairs share by line jitter, where their blobs say."""
+    """Line-jitter error shared by N pairs, if their blobs carry it."""
     if left.common_px is None or right.common_px is None:
         return None
     return Common.of(np.array([left.common_px, right.common_px]), lines, left.common_reach_px)
@@ -107,7 +109,7 @@ def _adjust(rig: Rig, observed: Array, whitening: Whitening, start_mm: Array) ->
 def _calibration_share(rig: Rig, observed: Array, whitening: Whitening, adjusted: _Adjusted) -> Array:
     """(N, 3, 3) J·C·Jᵀ.
 
-    The least squares X(l, p) keep Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p; with C = L·Lᵀ
+    The solution X(l, p) satisfies Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p; with C = L·Lᵀ
     the share is G·Gᵀ, G = (AᵀA)⁻¹Aᵀ·(∂f/∂p·L). The local fields' errors move l itself.
     """
     count = adjusted.xyz.shape[1]
@@ -122,7 +124,7 @@ def _calibration_share(rig: Rig, observed: Array, whitening: Whitening, adjusted
 
 
 def _calibration_errors(rig: Rig, observed: Array, xyz: Array) -> list[Array]:
-    """(2, 2, K, N) image coordinates moved by K independent errors of the calibration, 1 σ each."""
+    """(2, 2, K, N) shifts of image coordinates by K independent calibration errors of 1 σ each."""
     errors = []
     if rig.factor is not None:
         errors.append(rig.factor.swapaxes(1, 2) @ parameter_slopes(rig, xyz.T))
@@ -132,5 +134,5 @@ def _calibration_errors(rig: Rig, observed: Array, xyz: Array) -> list[Array]:
 
 
 def _stack(left: Array, right: Array) -> Array:
-    """(2, 2, N) coordinate, view, point from (N, 2) of either view."""
+    """Stack (N, 2) of either view to (2, 2, N): coordinate, view, point."""
     return np.array([left.T, right.T]).swapaxes(0, 1)

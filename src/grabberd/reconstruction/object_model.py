@@ -1,4 +1,4 @@
-"""The prior knowledge of an object: where its targets nominally are, and which are neighbours."""
+"""Object model: nominal positions of an object's targets, and their grid."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,11 +11,11 @@ from grabberd.geometry import Reading
 
 _KEYS = ("name", "target_diameter_mm", "sigma_mm", "homologous", "targets")
 _TARGET_KEYS = ("id", "x_mm", "y_mm", "z_mm", "row", "column")
-_HINT = "mend the file; every target needs an id and a grid place of its own"
+_HINT = "fix the file; every target needs its own id and its own grid position"
 
 
 class _Target(NamedTuple):
-    """One entry of the file."""
+    """Target entry of the file."""
 
     id: int
     x_mm: float
@@ -27,18 +27,18 @@ class _Target(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObjectModel:
-    """N targets; a calibration frame's file has the same form.
+    """Model of N targets; the file of a calibration frame has the same form.
 
     Attributes:
-        name: what the object is called.
+        name: Name of the object.
         target: (N,) int32, ids, ascending.
-        xyz_mm: (N, 3) float64, nominal places in the object's frame.
-        row: (N,) int32, row of the target grid; `column`: (N,) int32. Neighbours differ by one in one of
-            them.
-        target_diameter_mm: diameter of the discs.
-        sigma_mm: standard deviation of the nominal places.
-        homologous: whether a target is the same point of the object in every field; not so where a pattern is
-            projected, or where ids are given anew.
+        xyz_mm: (N, 3) float64, nominal positions in the object's frame.
+        row: (N,) int32, row of the target grid; neighbours differ by one in row or column.
+        column: (N,) int32, column of the target grid.
+        target_diameter_mm: Diameter of the discs.
+        sigma_mm: Standard deviation of the nominal positions.
+        homologous: True if a target is the same material point in every field; False for a projected pattern,
+            or if ids are reassigned.
     """
 
     name: str
@@ -55,11 +55,11 @@ class ObjectModel:
 
     @classmethod
     def from_document(cls, document: Mapping[str, object]) -> "ObjectModel":
-        """The model from a YAML file's content.
+        """Read the model from a YAML file's content.
 
         Raises:
-            InputError: a key is missing, unknown or of a wrong type, an id or grid place is given twice; the
-                message names all problems.
+            InputError: A key is missing, unknown or of the wrong type, or an id or grid position is given
+                twice; the message lists every problem.
         """
         reading = Reading("the object file")
         reading.keys("", document, _KEYS)
@@ -88,10 +88,9 @@ class ObjectModel:
         )
 
     def neighbours(self) -> NDArray[np.intp]:
-        """(K, 2) indices of the pairs of targets next to each other on the grid, each pair once, sorted.
+        """(K, 2) indices of pairs of neighbours on the grid, each pair once, sorted.
 
-        Next to each other are targets of the same row in adjoining columns, or of the same column in
-        adjoining rows.
+        Neighbours are targets of the same row in adjacent columns, or of the same column in adjacent rows.
         """
         place = {(int(r), int(c)): i for i, (r, c) in enumerate(zip(self.row, self.column, strict=True))}
         pairs = [
@@ -127,7 +126,7 @@ def _target(reading: Reading, entry: object, where: str) -> _Target:
 
 
 def _check_unique(reading: Reading, key: str, values: Sequence[tuple[int, ...]]) -> None:
-    """Said only of values that were read: while one is missing, its stand-in proves nothing."""
+    """Check that values are unique; skipped after problems, since placeholders prove nothing."""
     if reading.problems:
         return
     seen: set[tuple[int, ...]] = set()

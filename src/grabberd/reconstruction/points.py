@@ -1,4 +1,4 @@
-"""A target's place in space at one field."""
+"""Points: positions of targets in space at one field."""
 
 from dataclasses import dataclass
 
@@ -14,10 +14,10 @@ class Points:
         target: (N,) int32, target ids, each at most once.
         xyz_mm: (N, 3) float64.
         covariance_mm2: (N, 3, 3) float64, from pointing and line jitter: independent from field to field.
-        calibration_covariance_mm2: (N, 3, 3) float64, from the calibration: common to all fields, reduced by
-            no averaging, and so kept apart.
+        calibration_covariance_mm2: (N, 3, 3) float64, from the calibration: common to all fields and not
+            reduced by averaging, hence kept separate.
         image_px: (N, 2, 2) float64, frame pixels of the blobs it was intersected from: [point, view, (x, y)],
-            view 0 left, 1 right; corrected by the views' local fields where the calibration has them.
+            view 0 left, 1 right; corrected by the views' local fields if the calibration has them.
         residual_px: (N,) float64, root mean square of the four image residuals after intersection.
     """
 
@@ -32,7 +32,7 @@ class Points:
         return len(self.target)
 
     def select(self, chosen: NDArray[np.bool_] | NDArray[np.intp]) -> "Points":
-        """The points that a mask or ascending index array chooses."""
+        """Select points by a mask or ascending index array."""
         return Points(
             self.target[chosen],
             self.xyz_mm[chosen],
@@ -44,7 +44,7 @@ class Points:
 
     @classmethod
     def none(cls) -> "Points":
-        """No points at all."""
+        """Make an empty set of points."""
         return cls(
             np.empty(0, np.int32),
             np.empty((0, 3)),

@@ -1,4 +1,4 @@
-"""How wide the liner is at this moment: between targets that face each other in the middle row."""
+"""Section width of the liner: distance between facing targets of the middle row."""
 
 from typing import NamedTuple
 
@@ -10,12 +10,12 @@ from grabberd.reconstruction.points import Points
 
 
 class SectionWidth(NamedTuple):
-    """The distance of two targets.
+    """Distance between two targets.
 
     Attributes:
-        targets: their ids.
-        width_mm: None where one of both has no point.
-        sigma_mm: from pointing and line jitter; the calibration's share is common to all fields.
+        targets: Their ids.
+        width_mm: None if one of them has no point.
+        sigma_mm: From pointing and line jitter; the calibration's share is common to all fields.
     """
 
     targets: tuple[int, int]
@@ -24,17 +24,16 @@ class SectionWidth(NamedTuple):
 
 
 def section_widths(points: Points, model: ObjectModel) -> list[SectionWidth]:
-    """The widths across the object's middle row: the first target to the last, the second to the last but
-    one, and so on.
+    """Measure the widths across the object's middle row, from the outermost pair of targets inwards.
 
-    Each is always of the same two targets, so that it compares from field to field; which of them the cameras
-    see depends on how far the liner is open.
+    Each width is always between the same two targets, so that it can be compared from field to field; which
+    pairs the cameras see depends on how far the liner is open.
     """
     return [_width(points, pair) for pair in facing_targets(model)]
 
 
 def facing_targets(model: ObjectModel) -> list[tuple[int, int]]:
-    """Ids of the pairs of targets of the middle row that face each other, the outermost first."""
+    """Ids of pairs of facing targets in the middle row, the outermost first."""
     rows = np.unique(model.row)
     own = np.flatnonzero(model.row == rows[(len(rows) - 1) // 2])
     ids: list[int] = model.target[own[np.argsort(model.column[own])]].tolist()

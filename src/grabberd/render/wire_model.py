@@ -55,10 +55,10 @@ def wire_model(
         caption: words above it, ASCII.
     """
     canvas = Canvas(look.width, look.height)
-    stand = Viewpoint.before(box, look.azimuth_deg, look.elevation_deg, canvas)
-    stand.draw(canvas)
+    viewpoint = Viewpoint.before(box, look.azimuth_deg, look.elevation_deg, canvas)
+    viewpoint.draw(canvas)
     if mesh is not None:
-        _draw_facets(canvas, stand, mesh, outward, painted)
+        _draw_facets(canvas, viewpoint, mesh, outward, painted)
     if painted is not None:
         draw_bar(canvas, painted.scale)
     canvas.words(caption, np.array([16.0, 18.0]), INK, 10.0, "left")
@@ -66,16 +66,16 @@ def wire_model(
 
 
 def _draw_facets(
-    canvas: Canvas, stand: Viewpoint, mesh: Mesh, outward: float, painted: Painted | None
+    canvas: Canvas, viewpoint: Viewpoint, mesh: Mesh, outward: float, painted: Painted | None
 ) -> None:
     """The painter's way: the farthest facet first, each with its pieces of the grid's lines."""
     corners, xyz = mesh.corners(), mesh.xyz_mm.reshape(-1, 3)
     four = xyz[corners]
-    colours = _shaded(stand, four, outward, painted, mesh)
-    places = stand.places(xyz)[corners]
+    colours = _shaded(viewpoint, four, outward, painted, mesh)
+    places = viewpoint.places(xyz)[corners]
     row, column = np.nonzero(mesh.supported)
     edges = np.stack([_on_grid(column), _on_grid(row + 1), _on_grid(column + 1), _on_grid(row)], axis=1)
-    for index in np.argsort(stand.nearness(four.mean(axis=1))):
+    for index in np.argsort(viewpoint.nearness(four.mean(axis=1))):
         corner, colour = places[index], colours[index]
         canvas.area(corner, (colour[0], colour[1], colour[2]))
         for first in np.flatnonzero(edges[index]):
@@ -88,11 +88,11 @@ def _on_grid(line: NDArray[np.intp]) -> NDArray[np.bool_]:
     return on
 
 
-def _shaded(stand: Viewpoint, four: Array, outward: float, painted: Painted | None, mesh: Mesh) -> Array:
+def _shaded(viewpoint: Viewpoint, four: Array, outward: float, painted: Painted | None, mesh: Mesh) -> Array:
     """(F, 3) the facets' colours under the light."""
     normal = np.cross(four[:, 2] - four[:, 0], four[:, 3] - four[:, 1]) * outward
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    seen = normal @ stand.axes.T
+    seen = normal @ viewpoint.axes.T
     outside = seen[:, 2] >= 0
     seen = np.where(outside[:, np.newaxis], seen, -seen)
     bright = _LEAST_LIGHT + (1 - _LEAST_LIGHT) * np.clip(seen @ _LIGHT / np.linalg.norm(_LIGHT), 0, 1)

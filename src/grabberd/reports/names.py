@@ -1,4 +1,4 @@
-"""How keys and names of the document are written for people: symbols, units, colours."""
+"""Keys and names of the document as written for people: symbols, units, colours."""
 
 import re
 from collections.abc import Mapping, Sequence

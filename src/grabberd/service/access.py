@@ -1,4 +1,4 @@
-"""Who may: tokens with roles, and the browser sessions they are traded for."""
+"""Access: tokens with roles, and the browser sessions they are traded for."""
 
 import hashlib
 import re
@@ -8,26 +8,28 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Literal
 
+from grabberd.documents.roles import Role
 from grabberd.errors import AccessExpired, Conflict, InputError
 from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.machine_key import PREFIX, MachineKey
-from grabberd.service.roles import Role
 from grabberd.storage.state.token_store import Holder, TokenRow, TokenStore
 
 SECRET_BYTES = 32
+"""256 random bits, which nobody guesses; see `hash_of`."""
 SESSION_LIFE = timedelta(days=30)
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """Who asks.
+    """Identity of whoever sends a request.
 
     Attributes:
-        role: what they may.
-        by: a token, the session it was traded for, the private socket itself, or the machine's key.
-        token: the token's name; None for the socket and the key.
-        expires_utc: until when the token is good; None: until it is removed.
+        role: Role, which says what they may do.
+        by: Proof of identity: a token, the session it was traded for, the private socket itself, or the
+            machine's key.
+        token: Name of the token; None for the socket and the key.
+        expires_utc: Time until which the token is valid; None: until it is removed.
     """
 
     role: Role
@@ -37,26 +39,33 @@ class Identity:
 
 
 AT_THE_MACHINE = Identity(Role.OPERATOR, "socket")
-"""Whoever reaches a private socket, as long as there are no tokens."""
+"""Identity of whoever reaches a private socket, as long as there are no tokens."""
 AS_THE_DAEMON = Identity(Role.ADMIN, "machine")
-"""Whoever can read the daemon's own files."""
+"""Identity of whoever can read the daemon's own files (docs/decisions/0012)."""
 
 
 def hash_of(secret: str) -> bytes:
-    """What is kept of a secret.
+    """Digest of a secret, which is all that is stored of it.
 
-    One round of SHA-256 is right here: a slow, salted hash protects what people think up, and nobody
-    guesses 256 random bits. It is looked up by its hash, so how long that takes tells nothing of a secret.
+    One round of SHA-256 is right here: a slow, salted hash protects passwords that people think up, and
+    nobody guesses 256 random bits. Secrets are looked up by their digest, so the time that takes reveals
+    nothing of a secret.
     """
     return hashlib.sha256(secret.encode("utf-8", "replace")).digest()
 
 
 class Access:
-    """The tokens of a state directory. Any thread may call; nothing is kept between calls, so that a token
-    made or removed by another program counts from the next request on.
+    """Tokens and sessions of a state directory; any thread may call.
+
+    Nothing is cached between calls: a token that another program adds or removes counts from the next request
+    on.
+
+    Args:
+        directory: The state directory.
+        clock: Source of time.
 
     Attributes:
-        key: of the machine, while a daemon runs.
+        key: Key of the machine, valid while a daemon runs.
     """
 
     def __init__(self, directory: Path, clock: Clock | None = None) -> None:
@@ -65,34 +74,34 @@ class Access:
         self._clock = clock or SystemClock()
 
     def open(self) -> None:
-        """Makes the store if it is not there; safe twice.
+        """Creates the store if it does not exist; safe twice.
 
         Raises:
-            StorageError: it cannot be used.
+            StorageError: It cannot be used.
         """
         self._store.open()
 
     @property
     def has_tokens(self) -> bool:
-        """Whether anybody has been given a token, also one that has expired since."""
+        """True if there are tokens, expired ones included."""
         return self._store.any()
 
     def add(self, name: str, role: Role, life: timedelta | None = None) -> str:
-        """Makes a token and returns its secret, which nobody can ask for again.
+        """Adds a token and returns its secret, which cannot be read again.
 
         Args:
-            name: whose it is, or what it is for.
-            role: what it may.
-            life: it expires after that; None: it is good until it is removed.
+            name: Name of its holder, or of its purpose.
+            role: Role of its holder.
+            life: Time after which it expires; None: it is valid until it is removed.
 
         Raises:
-            InputError: it cannot be a name.
-            Conflict: there is a token of that name.
+            InputError: The name is invalid.
+            Conflict: There is a token of that name already.
         """
         if not _NAME.fullmatch(name):
             raise InputError(
-                f"{name!r} cannot be a token's name",
-                "letters, digits, '.', '_' and '-', at most 64, beginning with a letter or digit",
+                f"{name!r} is not a valid token name",
+                "use at most 64 letters, digits, '.', '_' and '-', beginning with a letter or digit",
             )
         secret = PREFIX + secrets.token_urlsafe(SECRET_BYTES)
         now = self._clock.utc_now()
@@ -101,10 +110,10 @@ class Access:
         return secret
 
     def remove(self, name: str) -> None:
-        """Ends a token and its sessions.
+        """Removes a token and ends its sessions.
 
         Raises:
-            NotFound: there is none of that name.
+            NotFound: There is no token of that name.
         """
         self._store.remove(name)
 
@@ -113,38 +122,38 @@ class Access:
         return self._store.list(self._now())
 
     def of_token(self, secret: str) -> Identity | None:
-        """Whose token it is; None where it is nobody's.
+        """Identity of a token's holder; None if there is no such token.
 
         Raises:
-            AccessExpired: it was good until a day that has passed.
+            AccessExpired: The token has expired.
         """
         if self.key.fits(secret):
             return AS_THE_DAEMON
         found = self._store.of_token(hash_of(secret))
         if found is not None and found.expires_utc is not None and found.expires_utc <= self._now():
             raise AccessExpired(
-                f"the token {found.name} has expired: it was good until {found.expires_utc}",
+                f"the token {found.name} expired at {found.expires_utc}",
                 f"ask for a new one: grabberd token remove {found.name}, then grabberd token add",
             )
         return _identity(found, "token")
 
     def of_session(self, secret: str) -> Identity | None:
-        """Whose session it is; None where it is nobody's, or has ended."""
+        """Identity of a session's holder; None if there is no such session, or it has ended."""
         return _identity(self._store.of_session(hash_of(secret), self._now()), "session")
 
     def open_session(self, identity: Identity) -> str:
         """Trades a token for a session and returns the session's secret.
 
         Raises:
-            Conflict: who asks has no token.
-            NotFound: the token has just been removed.
+            Conflict: The identity has no token.
+            NotFound: The token has just been removed.
         """
         if identity.by != "token" or identity.token is None:
             raise Conflict(
                 "only a token can be traded for a session", "send it as 'Authorization: Bearer TOKEN'"
             )
         secret, now = secrets.token_urlsafe(SECRET_BYTES), self._clock.utc_now()
-        ends = min(iso_utc(now + SESSION_LIFE), identity.expires_utc or "~")  # comes after every time
+        ends = min(iso_utc(now + SESSION_LIFE), identity.expires_utc or "~")  # '~' sorts after every time
         self._store.add_session(hash_of(secret), identity.token, iso_utc(now), ends)
         return secret
 

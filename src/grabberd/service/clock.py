@@ -1,4 +1,4 @@
-"""The two clocks that the service reads; tests hand in their own."""
+"""The two clocks that the service reads; tests inject their own."""
 
 from datetime import UTC, datetime
 from typing import Protocol
@@ -7,7 +7,7 @@ from grabberd.acquisition import clock
 
 
 class Clock(Protocol):
-    """Where the time comes from."""
+    """Source of time."""
 
     def now_ns(self) -> int:
         """CLOCK_MONOTONIC, nanoseconds."""
@@ -19,7 +19,7 @@ class Clock(Protocol):
 
 
 class SystemClock(clock.SystemClock):
-    """The machine's own clocks."""
+    """The computer's own clocks."""
 
     def utc_now(self) -> datetime:
         """Coordinated universal time."""
@@ -27,5 +27,5 @@ class SystemClock(clock.SystemClock):
 
 
 def iso_utc(moment: datetime) -> str:
-    """ISO 8601 with milliseconds and Z."""
+    """A moment as ISO 8601 with milliseconds and Z."""
     return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

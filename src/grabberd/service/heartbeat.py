@@ -1,4 +1,4 @@
-"""The daemon's pulse: it lives while its event loop and every capture thread do."""
+"""Heartbeat: tells systemd that the daemon lives while its event loop and every capture thread do."""
 
 import logging
 from collections.abc import Iterable
@@ -10,17 +10,22 @@ from grabberd.service.notify import Notifier
 log = logging.getLogger(__name__)
 
 STATUS_EVERY_S = 1.0
+"""Interval at which `systemctl status` is brought up to date."""
 
 
 class Heartbeat:
-    """Tells systemd that the daemon lives; the event loop calls `beat`, so it can only while that runs.
+    """Sends the watchdog's sign of life; the event loop calls `beat`, so it is sent only while that runs.
 
-    A capture thread that is silent for half the watchdog's time holds the words back, and systemd restarts
-    the daemon. It beats in every state, whatever its device does: silence is a fault of the program or of the
-    kernel's driver. While another device records a capture, the restart waits for its end.
+    A capture thread that is silent for half the watchdog's time holds it back, and systemd restarts the
+    daemon. The threads beat in every state, whatever their devices do: silence is a fault of the program or
+    of the kernel's driver. While another device records a capture, the restart waits for the capture's end.
+
+    Args:
+        notifier: Sends to systemd.
+        boards: Status of each device.
 
     Attributes:
-        every_s: how often to call `beat`.
+        every_s: Interval at which to call `beat`.
     """
 
     def __init__(self, notifier: Notifier, boards: Iterable[StatusBoard]) -> None:
@@ -32,18 +37,21 @@ class Heartbeat:
         self.every_s = STATUS_EVERY_S if self._half_s is None else min(STATUS_EVERY_S, self._half_s / 4)
 
     def beat(self, now_s: float) -> None:
-        """Sends what is due; `now_s` is of a clock that no one sets."""
-        self.notifier.status(self.in_words())
+        """Sends what is due.
+
+        Args:
+            now_s: Time of a clock that nobody sets.
+        """
+        self.notifier.status(self.summary())
         if self._half_s is None or now_s < self._due_s or not self._all_live(self._half_s):
             return
         if self.notifier.alive():
-            self._due_s = (
-                now_s + self._half_s - self.every_s
-            )  # late by a beat at most, never by more than half
+            # A beat may be late by one interval; systemd asks for one in half its time.
+            self._due_s = now_s + self._half_s - self.every_s
 
-    def in_words(self) -> str:
-        """Every device and its state, in one line."""
-        return "; ".join(map(_in_words, self._boards))
+    def summary(self) -> str:
+        """Every device with its state, in one line."""
+        return "; ".join(map(_summary, self._boards))
 
     def _all_live(self, limit_s: float) -> bool:
         silent = tuple(board.name for board in self._boards if board.silent_s > limit_s)
@@ -62,6 +70,6 @@ class Heartbeat:
         return any(board.now.state is DeviceState.CAPTURING for board in others)
 
 
-def _in_words(board: StatusBoard) -> str:
+def _summary(board: StatusBoard) -> str:
     now = board.now
     return f"{board.name} is {now.state}" + (f": {now.cause}" if now.cause else "")

@@ -1,7 +1,7 @@
-"""How the daemon logs: lines of JSON for the journal, words for a person at a terminal.
+"""Logging: lines of JSON for the journal, plain text for a person at a terminal.
 
-A record may carry `device`, `capture` and `cause` (`log.info("…", extra={"device": name})`); where it does
-not, they are read from words such as "device cup is …".
+A record may carry `device`, `capture` and `cause` (`log.info("…", extra={"device": name})`); if it does not,
+they are read from a message that begins like "device cup is …".
 """
 
 import io
@@ -15,9 +15,9 @@ from typing import Any, TextIO
 
 LAST_LINES = 2000
 LONGEST = 8000
-"""A message is cut after so many characters: a journal is no place for documents."""
+"""Characters after which a message is cut: a journal is no place for documents."""
 PRIORITIES = {"CRITICAL": 2, "ERROR": 3, "WARNING": 4, "INFO": 6, "DEBUG": 7}
-"""As syslog numbers them."""
+"""Priorities as syslog numbers them."""
 FIELDS = ("device", "capture", "cause")
 _SECRETS = re.compile(r"(grabberd_[A-Za-z0-9_-]{20})[A-Za-z0-9_-]+|(?i:(bearer|session=)\s*[^\s;,\"']+)")
 _NAMED = re.compile(r"^(device|capture) ([^\s:]+)")
@@ -25,52 +25,52 @@ _OWN_FORMAT = ("uvicorn", "uvicorn.error", "uvicorn.access")
 
 
 def without_secrets(text: str) -> str:
-    """A text without what looks like a token or a session."""
+    """A text with everything removed that looks like a token or a session."""
     return _SECRETS.sub("(secret)", text)
 
 
-def words_of(record: logging.LogRecord) -> str:
-    """The message of a record, with its exception, on lines of its own, and without secrets."""
+def message_of(record: logging.LogRecord) -> str:
+    """The message of a record without secrets, followed by its exception on further lines."""
     formatter = logging.Formatter("%(message)s")
     return without_secrets(formatter.format(record))[:LONGEST]
 
 
 class JsonFormatter(logging.Formatter):
-    """One JSON object a line: time_utc, priority, level, logger, message, and what it is about."""
+    """One JSON object per line: time_utc, priority, level, logger, message, and device, capture or cause."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line."""
+        """Formats a record as one line."""
         return json.dumps(document_of(record), ensure_ascii=False)
 
 
 class PlainFormatter(logging.Formatter):
-    """For a terminal."""
+    """Lines of text for a terminal."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, or lines where there is an exception."""
+        """Formats a record as one line, or more if it has an exception."""
         moment = datetime.fromtimestamp(record.created).astimezone()
-        return f"{moment:%H:%M:%S} {record.levelname} {record.name}: {words_of(record)}"
+        return f"{moment:%H:%M:%S} {record.levelname} {record.name}: {message_of(record)}"
 
 
 def document_of(record: logging.LogRecord) -> dict[str, Any]:
-    """A record as the journal gets it."""
-    message = words_of(record)
+    """A record as the document that goes to the journal."""
+    message = message_of(record)
     moment = datetime.fromtimestamp(record.created, UTC)
     named = _NAMED.match(message)
-    about = {named[1]: named[2]} if named else {}
-    about |= {key: getattr(record, key) for key in FIELDS if getattr(record, key, None) is not None}
+    subject = {named[1]: named[2]} if named else {}
+    subject |= {key: getattr(record, key) for key in FIELDS if getattr(record, key, None) is not None}
     return {
         "time_utc": moment.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
         "priority": PRIORITIES.get(record.levelname, 6),
         "level": record.levelname.lower(),
         "logger": record.name,
         "message": message,
-        **{key: without_secrets(str(value)) for key, value in about.items()},
+        **{key: without_secrets(str(value)) for key, value in subject.items()},
     }
 
 
 class LastLines(logging.Handler):
-    """Keeps the last lines in memory, for the diagnostics."""
+    """Keeps the last lines in memory for the diagnostics."""
 
     def __init__(self, count: int = LAST_LINES) -> None:
         super().__init__()
@@ -78,12 +78,12 @@ class LastLines(logging.Handler):
         self.setFormatter(JsonFormatter())
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keeps one."""
+        """Keeps the line of a record."""
         self._lines.append(self.format(record))
 
     @property
     def lines(self) -> list[str]:
-        """The oldest first."""
+        """The lines kept, oldest first."""
         self.acquire()
         try:
             return list(self._lines)
@@ -92,15 +92,15 @@ class LastLines(logging.Handler):
 
 
 last_lines = LastLines()
-"""Of this process."""
+"""The last lines of this process."""
 
 
 def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> None:
-    """One format for everything that this process logs; safe twice.
+    """Sets one format for everything that this process logs; safe twice.
 
     Args:
-        stream: where to; standard error by default. A terminal gets words, all else JSON.
-        level: the least that is logged.
+        stream: Destination; standard error by default. A terminal gets plain text, anything else JSON.
+        level: Lowest level that is logged.
     """
     stream = stream or sys.stderr
     shown = logging.StreamHandler(stream)
@@ -110,6 +110,7 @@ def set_up_logging(stream: TextIO | None = None, level: int = logging.INFO) -> N
     root.setLevel(level)
     for name in _OWN_FORMAT:
         logger = logging.getLogger(name)
+        # uvicorn brings handlers of its own, with which its lines would be no JSON.
         logger.handlers, logger.propagate = [], True
 
 

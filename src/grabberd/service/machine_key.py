@@ -1,4 +1,4 @@
-"""A key for whoever may read the daemon's own files: root, and the daemon's user."""
+"""Machine key: access for whoever may read the daemon's own files, that is root and the daemon's user."""
 
 import hashlib
 import hmac
@@ -12,17 +12,17 @@ log = logging.getLogger(__name__)
 
 FILE = "machine.key"
 PREFIX = "grabberd_"
-"""So that a secret which strays into a file is recognised."""
+"""Prefix of every secret, by which one that strays into a file or a log is recognised."""
 OWNER_ONLY = 0o600
 
 
 class MachineKey:
-    """A file with a secret that is made anew at every start and counts until the daemon ends.
+    """A file with a secret that is created anew at every start and is valid until the daemon ends.
 
-    Who can read it can write the tokens beside it, too: it gives nobody more than they have.
+    Whoever can read it can write the tokens beside it, too: it gives nobody more than they have.
 
     Args:
-        directory: the daemon's own, which it has locked.
+        directory: The daemon's state directory, which it has locked.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -30,9 +30,10 @@ class MachineKey:
         self._hash: bytes | None = None
 
     def make(self) -> None:
-        """Makes a new one; on a disk that cannot be written there is none, and the log says so."""
+        """Creates a new key; if the disk cannot be written there is none, and a warning is logged."""
         secret = PREFIX + secrets.token_urlsafe(32)
         try:
+            # Never written into an existing file: somebody may hold that open, with other rights.
             self.path.unlink(missing_ok=True)
             descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, OWNER_ONLY)
             with os.fdopen(descriptor, "w", encoding="ascii") as file:
@@ -43,19 +44,19 @@ class MachineKey:
         self._hash = _hash(secret)
 
     def remove(self) -> None:
-        """Ends it; safe twice."""
+        """Invalidates the key and removes its file; safe twice."""
         if self._hash is not None:
             self._hash = None
             with suppress(OSError):
                 self.path.unlink(missing_ok=True)
 
     def fits(self, secret: str) -> bool:
-        """Whether this is it."""
+        """True if a secret is the key; takes the same time whichever part of it is wrong."""
         return self._hash is not None and hmac.compare_digest(self._hash, _hash(secret))
 
 
 def readable_key(directory: Path) -> Path | None:
-    """The file with a daemon's key, where there is one and this user may read it."""
+    """Path of a daemon's key, or None if there is none or this user may not read it."""
     path = directory / FILE
     return path if os.access(path, os.R_OK) else None
 

@@ -1,26 +1,27 @@
-"""Memory that a field has freed is kept for the next one.
+"""Settings of the C library's allocator that keep the memory of one field's arrays for the next.
 
-Unless told otherwise glibc gives large blocks back to the kernel as soon as they are freed, and gets them
-anew page by page: of a field of arrays that costs as much as what is done with them.
+By default glibc returns large blocks to the kernel as soon as they are freed, and gets them anew page by
+page: for the arrays of a field that costs as much as the work done on them.
 """
 
 import ctypes
 
 KEPT_BYTES = 32 << 20
-"""So much freed memory the process keeps in each of its arenas."""
+"""Freed memory that the process keeps in each of its arenas."""
 ARENAS = 2
-"""Threads that take turns in the interpreter need few, and each keeps its own."""
+"""Number of arenas: threads that take turns in the interpreter need few, and each keeps memory of its own."""
 LARGEST_BYTES = 4 << 20
-"""Larger blocks are still given back at once."""
+"""Size of a block above which it is still returned at once."""
 AHEAD_BYTES = 1 << 20
-"""So much is got at once where more is needed."""
+"""Memory that is requested at a time when more is needed."""
 _TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -2, -3, -8
+"""Options of mallopt(3), as malloc.h numbers them."""
 
 
 def keep_freed_memory() -> bool:
-    """For this process, from now on; whether its C library can be told so."""
+    """Keeps freed memory in this process from now on; returns False if its C library has no such settings."""
     try:
-        tell = ctypes.CDLL(None).mallopt
+        mallopt = ctypes.CDLL(None).mallopt
     except (AttributeError, OSError):
         return False
     asked = {
@@ -29,4 +30,4 @@ def keep_freed_memory() -> bool:
         _MMAP_THRESHOLD: LARGEST_BYTES,
         _TOP_PAD: AHEAD_BYTES,
     }
-    return all(tell(option, value) == 1 for option, value in asked.items())
+    return all(mallopt(option, value) == 1 for option, value in asked.items())

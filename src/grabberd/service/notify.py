@@ -1,4 +1,4 @@
-"""What systemd is told: that the daemon serves, how it fares, that it lives, that it ends (sd_notify(3))."""
+"""Notifications to systemd: ready, status, watchdog, stopping (sd_notify(3))."""
 
 import logging
 import os
@@ -8,14 +8,14 @@ from collections.abc import MutableMapping
 log = logging.getLogger(__name__)
 
 PATIENCE_S = 5.0
-"""With what is said only once: a daemon whose readiness is not heard is taken for one that does not start."""
+"""Longest wait to send what is sent only once: without READY=1 systemd would take the start for failed."""
 
 
 class Notifier:
-    """Sends words to the socket that systemd names; where there is none, to nobody.
+    """Sends messages to the socket that systemd names; to nobody if it names none.
 
     Attributes:
-        watchdog_s: how long the daemon may be silent before it is killed, or None where nobody watches it.
+        watchdog_s: Silence after which systemd kills the daemon, or None if there is no watchdog.
     """
 
     def __init__(self, address: str | None = None, watchdog_s: float | None = None) -> None:
@@ -26,9 +26,9 @@ class Notifier:
 
     @classmethod
     def from_environment(cls, environment: MutableMapping[str, str]) -> "Notifier":
-        """What the environment names: NOTIFY_SOCKET, WATCHDOG_USEC, WATCHDOG_PID.
+        """Makes a notifier from NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID.
 
-        They are taken out of it, so that no child speaks in the daemon's name.
+        They are removed from the environment, so that no child process speaks in the daemon's name.
         """
         address = environment.pop("NOTIFY_SOCKET", None) or None
         timeout_us = environment.pop("WATCHDOG_USEC", "")
@@ -36,39 +36,43 @@ class Notifier:
         return cls(address, int(timeout_us) / 1e6 if watched and timeout_us.isdigit() else None)
 
     def ready(self) -> None:
-        """The API serves."""
+        """Tells that the API serves."""
         self._send("READY=1", PATIENCE_S)
 
-    def status(self, words: str) -> None:
-        """How it fares, in one line; said again only when it has changed."""
-        if words != self._status and self._send("STATUS=" + " ".join(words.split())):
-            self._status = words
+    def status(self, line: str) -> None:
+        """Tells the daemon's status in one line; sent only if it has changed."""
+        if line != self._status and self._send("STATUS=" + " ".join(line.split())):
+            self._status = line
 
     def alive(self) -> bool:
-        """It lives; returns whether that was heard, so that it can be said again."""
+        """Tells that the daemon lives; returns False if that was not received and must be sent again."""
         return self._send("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """It begins to end."""
+        """Tells that the daemon begins to stop."""
         self._send("STOPPING=1", PATIENCE_S)
 
-    def _send(self, words: str, patience_s: float = 0.0) -> bool:
-        """A daemon that is not heard works on: systemd's own time-outs say the rest."""
+    def _send(self, message: str, patience_s: float = 0.0) -> bool:
+        """Sends a message; returns False if it was not received.
+
+        The daemon works on all the same: systemd's own time-outs decide what becomes of it.
+        """
         if self._address is None:
             return False
+        # A leading @ stands for an abstract socket, whose name begins with a zero byte.
         name = "\0" + self._address[1:] if self._address.startswith("@") else self._address
         try:
-            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as speaking:
-                speaking.settimeout(patience_s)
-                speaking.sendto(words.encode(), name)
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
+                sender.settimeout(patience_s)
+                sender.sendto(message.encode(), name)
         except OSError as error:
-            self._complain(words, error)
+            self._complain(message, error)
             return False
         self._unheard = False
         return True
 
-    def _complain(self, words: str, error: OSError) -> None:
-        """Once, until something is heard again."""
+    def _complain(self, message: str, error: OSError) -> None:
+        """Logs the first failure after a success."""
         if not self._unheard:
-            log.warning("systemd cannot be told %s: %s", words.partition("=")[0], error)
+            log.warning("%s cannot be sent to systemd: %s", message.partition("=")[0], error)
         self._unheard = True

@@ -1,4 +1,4 @@
-"""The configuration as it may be shown: without what is secret in it. Nothing else."""
+"""Removal of secrets from configuration documents before they are shown. Nothing else."""
 
 import re
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ HIDDEN = "…"
 
 
 def without_secrets(document: Any) -> Any:
-    """A JSON document in which secrets are "…": by their key's name, and names and passwords in addresses."""
+    """A JSON document with "…" for secrets: values by their key's name, and credentials in addresses."""
     if isinstance(document, Mapping):
         return {key: _shown(str(key), value) for key, value in document.items()}
     if isinstance(document, list | tuple):

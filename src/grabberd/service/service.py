@@ -1,4 +1,4 @@
-"""All instruments, their captures and the jobs: what HTTP and the command line stand on."""
+"""The service: all instruments, their captures and the jobs, on which the API and the commands stand."""
 
 import logging
 from collections.abc import Mapping
@@ -7,28 +7,28 @@ from typing import Any
 
 from grabberd import __version__
 from grabberd.config import Config
-from grabberd.errors import NotFound, StorageError
+from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.state import StateDocument, StorageDocument
+from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
-from grabberd.service.calibrations.catalog import CalibrationCatalog
-from grabberd.service.capture.armed_capture import ArmedCapture
+from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.capture.capture_control import CaptureControl
+from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import GB, DiskGuard
-from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.capture.recording import Recording
 from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.device.fair_lock import FairLock
-from grabberd.service.device.instrument import NOMINAL_RATE_HZ, Instrument
 from grabberd.service.idempotency import Idempotency
-from grabberd.service.jobs.calibrate_file import calibrate_capture
-from grabberd.service.jobs.calibration_job import Calibrator
-from grabberd.service.jobs.job_runner import JobRunner
+from grabberd.service.instrument import Instrument
+from grabberd.service.jobs.calibration import Calibrator, calibrate_file
+from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
-from grabberd.service.mqtt.publishing import Publishes, publisher_of
+from grabberd.service.mqtt.publisher_setup import MqttPublisher, create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
@@ -41,20 +41,24 @@ log = logging.getLogger(__name__)
 
 
 class Service:
-    """Everything that runs; `start` and `stop` frame its life.
+    """The daemon without its server: instruments, archive, jobs, stores; it lives from `start` to `stop`.
 
     Attributes:
-        instruments: by the name of their device.
-        archive: the captures; `orders`: begins and ends them; `analyses`: of their points.
-        calibrations: those that there are; `active`: which of them every device measures with.
-        access: who may.
-        settings: what was set in place of the configuration.
-        configuration: as it was read, without what is secret in it.
-        jobs: what takes long; `calibrator`: of those that calibrate.
-        annotations: pins, notes and labels of captures.
-        idempotency: orders that take effect once.
-        keeping: pins, notes and labels of captures, and their end; `retention`: their end by themselves.
-        publisher: tells a broker of them; None where the configuration names none.
+        instruments: The instruments, by the name of their device.
+        capture_control: Starts, arms, triggers and stops captures.
+        archive: The captures on disk.
+        annotations: Pins, notes and labels of captures, and their deletion by hand.
+        retention: Deletion of old captures, where it is configured.
+        analyses: Analyses of the captures' points.
+        calibrations: The calibrations that there are.
+        active: The calibration that each device measures with.
+        access: Tokens and browser sessions.
+        settings: Settings that an operator has made in place of the configuration.
+        configuration: The configuration as it was read, without secrets.
+        jobs: Runner of the jobs.
+        calibrator: Function that calibration jobs run.
+        idempotency: Requests that must take effect once only.
+        publisher: Publishes states and captures to a broker; None if none is configured.
     """
 
     def __init__(
@@ -67,11 +71,11 @@ class Service:
         queue_s: float = 10.0,
         disk: DiskGuard | None = None,
         retention: Policy | None = None,
-        calibrator: Calibrator = calibrate_capture,
+        calibrator: Calibrator = calibrate_file,
     ) -> None:
         self._clock = clock or SystemClock()
         self._disk = disk or DiskGuard()
-        turns = FairLock()
+        fair_lock = FairLock()
         self.instruments = {
             name: Instrument(
                 setup,
@@ -80,14 +84,16 @@ class Service:
                 queue_s=queue_s,
                 disk=self._disk,
                 on_sealed=self._sealed,
-                turns=turns,
+                fair_lock=fair_lock,
             )
             for name, setup in setups.items()
         }
-        self.annotations = AnnotationStore(directory / "state.sqlite")
-        said = self.annotations
-        self.archive = Archive(directory / "captures", self._sessions, self._waiting, said.get, said.all)
-        self.orders = CaptureControl(self.instruments, self.archive, said, self._disk, self._clock)
+        self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
+        store = AnnotationStore(directory / "state.sqlite")
+        self.archive = Archive(
+            directory / "captures", self._current.recordings, self._current.armed, store.get, store.all
+        )
+        self.capture_control = CaptureControl(self._current, self.archive, store, self._disk, self._clock)
         self.calibrations = CalibrationCatalog(directory / "calibrations", _configured(setups))
         self._state_store = StateStore(directory / "state.sqlite")
         self.access = Access(directory, self._clock)
@@ -97,27 +103,27 @@ class Service:
         self.calibrator = calibrator
         self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
-        self.keeping = CaptureAnnotations(self.archive, self.annotations, self.jobs, self.analyses)
+        self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
         self.idempotency = Idempotency(directory, self._clock)
         self.retention = Retention(
             self.archive,
             retention or Policy(),
             self._disk,
             self._clock,
-            self.keeping.spared,
-            self.keeping.delete,
+            self.annotations.spared,
+            self.annotations.delete,
         )
-        self.publisher: Publishes | None = None
+        self.publisher: MqttPublisher | None = None
         self._started = False
 
     @property
     def clock(self) -> Clock:
-        """The clocks that it reads."""
+        """Source of time."""
         return self._clock
 
     @classmethod
     def from_config(cls, config: Config, setups: Mapping[str, DeviceSetup]) -> "Service":
-        """The service that a configuration describes."""
+        """Makes the service that a configuration describes."""
         service = cls(
             setups,
             config.state_directory,
@@ -127,17 +133,18 @@ class Service:
             retention=Policy.from_config(config.storage.retention),
         )
         service.configuration = without_secrets(config.model_dump(mode="json"))
-        service.publisher = publisher_of(config, service.archive, service.state, service.clock)
+        service.publisher = create_publisher(config, service.archive, service.state, service.clock)
         return service
 
     def start(self) -> None:
         """Seals what a crash left, then starts all instruments; does nothing the second time.
 
         Raises:
-            StorageError: the state directory cannot be used.
+            StorageError: The state directory cannot be used.
         """
         if self._started:
             return
+        # First: it locks the folder, so that a second daemon fails before it touches anything.
         self.archive.open()
         self.open_stores()
         self.access.key.make()
@@ -150,10 +157,10 @@ class Service:
             instrument.start()
 
     def open_stores(self) -> None:
-        """Takes up the calibrations and what was chosen among them.
+        """Opens calibrations, analyses, tokens and settings, and applies the stored choices.
 
         Raises:
-            StorageError: the state directory cannot be used.
+            StorageError: The state directory cannot be used.
         """
         self.calibrations.open()
         self.analyses.open()
@@ -165,52 +172,37 @@ class Service:
     def stop(self) -> None:
         """Ends and seals running captures, then stops everything."""
         self.retention.stop()
-        for session in self._sessions():
-            session.stop("the daemon stopped")  # all at the same moment, before any of them is waited for
+        # All at the same moment: sealing takes its time, and no capture should last longer for another's.
+        for recording in self._current.recordings():
+            recording.stop("the daemon stopped")
         for instrument in self.instruments.values():
             instrument.stop()
         if self.publisher is not None:
             self.publisher.stop()
         self.jobs.stop()
         self.access.key.remove()
-        self.archive.close()
+        self.archive.close()  # last: it lets another daemon have the folder
 
     def instrument(self, name: str | None) -> Instrument:
-        """An instrument by its device's name, which may be left out where there is one.
+        """An instrument by its device's name, which may be left out where there is only one.
 
         Raises:
-            NotFound: there is none of that name, or the name is needed.
+            NotFound: No device has that name, or the name is needed.
         """
-        if name is None and len(self.instruments) == 1:
-            return next(iter(self.instruments.values()))
-        if name is None or name not in self.instruments:
-            said = "no device is named" if name is None else f"no device {name!r}"
-            raise NotFound(said, f"name one of: {', '.join(self.instruments)}")
-        return self.instruments[name]
+        return of_device(self.instruments, name)
 
     def rate_hz(self, device: str | None) -> float:
-        """Fields a second of a device."""
+        """Fields per second of a device."""
         return self.instrument(device).rate_hz
-
-    def start_capture(self, device: str | None, request: CaptureRequest) -> str:
-        """Starts a capture of one device and returns its id; see `CaptureControl.start`."""
-        return self.orders.start(self.instrument(device), request)
-
-    def arm_capture(self, device: str | None, request: CaptureRequest) -> str:
-        """Arms a capture of one device and returns its id; errors as `CaptureControl.arm`, and NotFound."""
-        return self.orders.arm(self.instrument(device), request)
-
-    def stop_capture(self, capture_id: str) -> None:
-        """Ends a running or armed capture; errors as `CaptureControl.stop`."""
-        self.orders.stop(capture_id)
 
     def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
         """Stores a complete calibration that fits a device, and returns its id.
 
         Raises:
-            NotFound: there is no such device.
-            InputError: it is no calibration; CalibrationMismatch: it is one of another rig or stream.
-            Conflict: there is one of that id.
+            NotFound: There is no such device.
+            InputError: The document is not a calibration.
+            CalibrationMismatch: It is for another rig or stream.
+            Conflict: There is one of that id already.
         """
         instrument = self.instrument(device)
         instrument.check_fits(Calibration.from_document(document))
@@ -218,56 +210,50 @@ class Service:
         return self.calibrations.add(document, CalibrationRecord(instrument.name, "import", stored_utc, note))
 
     def activate_calibration(self, calibration_id: str, device: str | None) -> None:
-        """Has a device measure with a calibration from the next field on.
+        """Makes a device measure with a calibration from the next field on.
 
         Raises:
             NotFound, CalibrationMismatch, CaptureRunning: see `ActiveCalibrations.activate`.
         """
         self.active.activate(calibration_id, self.instrument(device))
 
-    def state(self) -> dict[str, Any]:
-        """Everything that a glance needs."""
-        return {
-            "version": __version__,
-            "devices": {name: self.device_document(one) for name, one in self.instruments.items()},
-            "storage": self.storage_document(),
-            "mqtt": self.publisher.document() if self.publisher else None,
-        }
+    def state(self) -> StateDocument:
+        """State of the devices, the disk and the daemon at a glance."""
+        return StateDocument(
+            version=__version__,
+            devices={name: self.device_document(one) for name, one in self.instruments.items()},
+            storage=self.storage_document(),
+            mqtt=self.publisher.document() if self.publisher else None,
+        )
 
-    def storage_document(self) -> dict[str, Any]:
+    def storage_document(self) -> StorageDocument:
         """The disk at this moment, and what has been removed from it since the start."""
-        together = sum(instrument.bytes_per_s for instrument in self.instruments.values())
-        removed = {"removed": self.retention.removed, "removed_bytes": self.retention.removed_bytes}
-        return self._disk.document(self.archive.directory, together) | removed
+        return self._disk.document(
+            self.archive.directory,
+            sum(instrument.bytes_per_s for instrument in self.instruments.values()),
+            removed=self.retention.removed,
+            removed_bytes=self.retention.removed_bytes,
+        )
 
-    def device_document(self, instrument: Instrument) -> dict[str, Any]:
-        """A device as it is shown."""
+    def device_document(self, instrument: Instrument) -> DeviceDocument:
+        """A device at this moment."""
         return device_document(instrument, self.active)
 
-    def _waiting(self) -> list[ArmedCapture]:
-        """The captures that are armed."""
-        return [one.waiting for one in self.instruments.values() if one.waiting is not None]
+    def _sealed(self, recording: Recording) -> None:
+        self._enter_in_index(recording)
+        if recording.failure is not None:
+            log.error("capture %s: %s; %s", recording.id, recording.failure.message, recording.failure.hint)
+        received = recording.recorder.ledger.in_words(NOMINAL_RATE_HZ)
+        log.info("capture %s has ended, %s; received: %s", recording.id, recording.verdict, received)
 
-    def _sessions(self) -> list[Recording]:
-        """The captures that are being recorded or sealed, or could not be sealed."""
-        sessions = (instrument.session for instrument in self.instruments.values())
-        return [session for session in sessions if session is not None and not session.is_sealed]
-
-    def _sealed(self, session: Recording) -> None:
-        self._enter_in_index(session)
-        if session.failure is not None:
-            log.error("capture %s: %s; %s", session.id, session.failure.message, session.failure.hint)
-        words = session.recorder.ledger.in_words(NOMINAL_RATE_HZ)
-        log.info("capture %s has ended, %s; received: %s", session.id, session.verdict, words)
-
-    def _enter_in_index(self, session: Recording) -> None:
-        """A disk that lets nobody write has no say in whether the capture has ended."""
+    def _enter_in_index(self, recording: Recording) -> None:
+        # The capture has ended all the same if the index cannot be written; it is rebuilt at the next start.
         try:
-            self.archive.index.add(session.path)
+            self.archive.index.add(recording.path)
         except StorageError as error:
-            log.error("capture %s is not in the index: %s; %s", session.id, error.message, error.hint)
+            log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
         if self.publisher is not None:
-            self.publisher.notice()
+            self.publisher.capture_ended()
 
 
 def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:

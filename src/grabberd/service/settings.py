@@ -1,4 +1,4 @@
-"""What an operator has set in place of the configuration; kept over restarts."""
+"""Settings that an operator has made in place of the configuration; they survive restarts."""
 
 import logging
 from collections.abc import Mapping
@@ -7,15 +7,19 @@ from typing import Any
 from pydantic import ValidationError
 
 from grabberd.config import DeviceConfig, ThresholdConfig
+from grabberd.documents.settings import DeviceSettings, SettingsDocument
 from grabberd.errors import InputError
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 from grabberd.storage.state.state_store import StateStore
 
 log = logging.getLogger(__name__)
 
 
 class Settings:
-    """The configuration's threshold until another one is set; a capture keeps the one that it began with."""
+    """Threshold of each device: the configuration's until another one is set.
+
+    A capture keeps the one that it began with (docs/decisions/0003).
+    """
 
     def __init__(self, state: StateStore, instruments: Mapping[str, Instrument]) -> None:
         self._state = state
@@ -23,38 +27,39 @@ class Settings:
         self._configured = {name: one.setup.config for name, one in instruments.items()}
 
     def open(self) -> None:
-        """Takes up what was set before; called before the instruments start.
+        """Applies the stored settings; called before the instruments start.
 
         Raises:
-            StorageError: the state cannot be read.
+            StorageError: The state cannot be read.
         """
         for instrument in self._instruments.values():
-            kept = self._state.get(_key(instrument.name))
-            if kept is not None:
-                self._take_up(instrument, kept)
+            stored = self._state.get(_key(instrument.name))
+            if stored is not None:
+                self._apply(instrument, stored)
 
-    def document(self) -> dict[str, Any]:
-        """What is in force, device by device."""
-        return {"devices": {name: self._of(one) for name, one in self._instruments.items()}}
+    def document(self) -> SettingsDocument:
+        """The settings in force, by device."""
+        return SettingsDocument(devices={name: self._of(one) for name, one in self._instruments.items()})
 
     def set_threshold(self, instrument: Instrument, threshold: ThresholdConfig | None) -> None:
-        """Has a device's threshold be found in another way from now on; None: as it is configured.
+        """Sets how a device's threshold is chosen from now on; None: as configured.
 
         Raises:
-            InputError: it does not go with the device's ring.
-            CaptureRunning: a capture has the way it began with from its first field to its last.
-            StorageError: it cannot be kept.
+            InputError: It does not suit the device's ring.
+            CaptureRunning: A capture keeps its threshold from its first field to its last.
+            StorageError: It cannot be stored.
         """
         config = self._config(instrument, threshold)
         with instrument.between_captures():
-            self._keep(instrument.name, threshold)
+            # Stored first: if that fails, the device goes on as it was.
+            self._store(instrument.name, threshold)
             instrument.configure(config)
         log.info("device %s: threshold %s", instrument.name, config.threshold.model_dump())
 
-    def _of(self, instrument: Instrument) -> dict[str, Any]:
+    def _of(self, instrument: Instrument) -> DeviceSettings:
         threshold = instrument.setup.config.threshold
         configured = threshold == self._configured[instrument.name].threshold
-        return {"threshold": threshold.model_dump(), "as_configured": configured}
+        return DeviceSettings(threshold=threshold, as_configured=configured)
 
     def _config(self, instrument: Instrument, threshold: ThresholdConfig | None) -> DeviceConfig:
         configured = self._configured[instrument.name]
@@ -68,19 +73,19 @@ class Settings:
             )
         return configured.model_copy(update={"threshold": threshold})
 
-    def _keep(self, device: str, threshold: ThresholdConfig | None) -> None:
+    def _store(self, device: str, threshold: ThresholdConfig | None) -> None:
         if threshold is None:
             self._state.remove(_key(device))
         else:
             self._state.put({_key(device): threshold.model_dump(mode="json")})
 
-    def _take_up(self, instrument: Instrument, kept: Any) -> None:
-        """What no longer goes with the configuration is left, and said so."""
+    def _apply(self, instrument: Instrument, stored: Any) -> None:
+        """Applies a stored setting; one that no longer suits the configuration is ignored and logged."""
         try:
-            instrument.configure(self._config(instrument, ThresholdConfig.model_validate(kept)))
+            instrument.configure(self._config(instrument, ThresholdConfig.model_validate(stored)))
         except (ValidationError, InputError) as error:
-            words = " ".join(str(error).split())
-            log.error("device %s: the threshold that was set cannot be used: %s", instrument.name, words)
+            reason = " ".join(str(error).split())
+            log.error("device %s: the stored threshold cannot be used: %s", instrument.name, reason)
 
 
 def _key(device: str) -> str:

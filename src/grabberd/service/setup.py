@@ -1,4 +1,4 @@
-"""From the configuration to what the instruments are made of; every problem of all devices at once."""
+"""Setup: from the configuration to the parts of each instrument, with the problems of all devices at once."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -19,19 +19,20 @@ from grabberd.reconstruction import ObjectModel
 
 T = TypeVar("T")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""Written in C where PyYAML has it: an object model is read ten times as fast, a daemon starts sooner."""
-_EXAMPLES = "the folder configs/ has examples of calibrations, objects and calibration frames"
+"""The loader in C if PyYAML has it: it reads an object model ten times as fast, so a daemon starts sooner."""
+_EXAMPLES = "see the examples of calibrations, objects and calibration frames in the folder configs/"
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceSetup:
-    """What an instrument is made of.
+    """Parts of an instrument.
 
     Attributes:
-        name: of the device; `config`: its part of the configuration.
-        grabber: not opened yet.
-        measuring: what points are measured with, or None where there is no calibration or no object model.
-        documents: the calibration's and the object model's own documents, copied into every capture.
+        name: Name of the device.
+        config: The device's part of the configuration.
+        grabber: The grabber, not opened yet.
+        measuring: Setup that points are measured with, or None without a calibration or an object model.
+        documents: Documents of the calibration and the object model, copied into every capture.
     """
 
     name: str
@@ -42,25 +43,25 @@ class DeviceSetup:
 
     @property
     def made_with(self) -> dict[str, Any]:
-        """The documents that points are made with, as a run keeps them."""
+        """The documents that points are made with, as a run stores them."""
         return {**self.documents, "settings": settings_of(self.config)}
 
     def with_calibration(self, document: Mapping[str, Any] | None) -> "DeviceSetup":
-        """The same with another calibration, or with none.
+        """The same setup with another calibration, or with none.
 
         Raises:
-            InputError: it is no calibration.
-            CalibrationMismatch: it is one of another rig.
+            InputError: The document is not a calibration.
+            CalibrationMismatch: It is for another rig.
         """
         documents = {**self.documents, "calibration": document}
         return replace(self, documents=documents, measuring=_measuring(self.config, documents))
 
 
 def set_up(config: Config, file: Path) -> dict[str, DeviceSetup]:
-    """Every device's setup, by name.
+    """Makes every device's setup, by name.
 
     Raises:
-        ConfigError: with the problems of all devices.
+        ConfigError: Some devices have problems; it lists those of all.
     """
     problems: list[Problem] = []
     setups = {name: _device(name, device, file, problems) for name, device in config.devices.items()}
@@ -90,10 +91,10 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
 
 
 def read_documents(calibration: Path | None, object_model: Path | None) -> dict[str, Any]:
-    """The documents in a calibration (JSON) and an object model (YAML) file, None where there is no file.
+    """The documents in a calibration (JSON) and an object model (YAML) file, None without a file.
 
     Raises:
-        InputError: a file is no JSON or YAML.
+        InputError: A file is not valid JSON or YAML.
     """
     return {
         "calibration": None if calibration is None else _read(calibration, json.loads),
@@ -105,7 +106,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     """The document in a YAML file, such as an object model or a calibration frame.
 
     Raises:
-        InputError: it cannot be read, or has no keys.
+        InputError: It cannot be read, or has no keys.
     """
     return _read(path, lambda text: yaml.load(text, Loader=_LOADER))  # noqa: S506 - both are safe
 
@@ -116,8 +117,8 @@ def _read(path: Path, parse: Callable[[str], Any]) -> dict[str, Any]:
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}", "check the file's name") from error
     except (ValueError, yaml.YAMLError) as error:
-        words = " ".join(str(error).split())
-        raise InputError(f"{path} cannot be read: {words}", _EXAMPLES) from error
+        reason = " ".join(str(error).split())
+        raise InputError(f"{path} cannot be read: {reason}", _EXAMPLES) from error
     if not isinstance(document, dict):
         raise InputError(f"{path} has no keys: it is {str(document)[:40]!r}", _EXAMPLES)
     return document
@@ -133,10 +134,10 @@ def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSet
 
 
 def measure_setup(documents: Mapping[str, Any], settings: Mapping[str, Any]) -> MeasureSetup:
-    """What points are measured with, from documents and settings as a capture file keeps them.
+    """Makes a measuring setup from documents and settings as a capture file stores them.
 
     Raises:
-        InputError: a document or a setting is not what it should be.
+        InputError: A document or a setting is invalid.
     """
     location = location_settings(settings)
     return MeasureSetup(
@@ -148,35 +149,35 @@ def measure_setup(documents: Mapping[str, Any], settings: Mapping[str, Any]) -> 
 
 
 def settings_of(config: DeviceConfig) -> dict[str, Any]:
-    """The settings of a measurement as a capture file keeps them."""
+    """The settings of a measurement as a capture file stores them."""
     own = {"line_jitter_px": config.line_jitter_px, "spread_px": config.spread_px}
     return own | config.location.model_dump()
 
 
 def settings_of_capture(config: Mapping[str, Any]) -> dict[str, Any]:
-    """The same from the device's configuration as a capture file keeps it."""
+    """The same settings, from a device's configuration as a capture file stores it."""
     own = {key: config[key] for key in ("line_jitter_px", "spread_px") if key in config}
     return own | dict(config.get("location") or {})
 
 
 def location_settings(settings: Mapping[str, Any]) -> LocationSettings:
-    """How targets are located; what the settings do not name is as `LocationSettings` has it.
+    """Settings of the locators; missing ones take the defaults of `LocationSettings`.
 
     Raises:
-        InputError: a setting is not what it should be.
+        InputError: A setting is invalid.
     """
     known = {field.name for field in fields(LocationSettings)}
     try:
         return LocationSettings(**{key: settings[key] for key in settings if key in known})
     except ValueError as error:
-        raise InputError(str(error), "automatic suits most fields") from error
+        raise InputError(str(error), "'automatic' suits most fields") from error
 
 
 def check_rig(calibration: Calibration, rig: RigConfig) -> None:
-    """Whether a calibration is one of this rig.
+    """Checks that a calibration is for this rig.
 
     Raises:
-        CalibrationMismatch: picture size, glass or the views' columns differ.
+        CalibrationMismatch: Picture size, glass or the views' columns differ.
     """
     glass = rig.glass.model_dump() if rig.glass else None
     calibration.check_fits(rig.columns, rig.lines, glass)
@@ -190,15 +191,15 @@ def _check_views(calibration: Calibration, rig: RigConfig) -> None:
             raise CalibrationMismatch(
                 f"the calibration's {view.name} view has columns {has[0]} to {has[1]}, "
                 f"the rig's {wants[0]} to {wants[1]}",
-                "use the calibration of this rig, or mend rig.views",
+                "use the calibration of this rig, or fix rig.views",
             )
 
 
 def check_stream(calibration: Calibration, stream: StreamInfo) -> None:
-    """Whether the pictures of a stream are of the calibration's size; one of doubled fields has all lines.
+    """Checks that the pictures of a stream have the calibration's size; doubled fields have all lines.
 
     Raises:
-        CalibrationMismatch: they are not.
+        CalibrationMismatch: They have another size.
     """
     doubled = stream.field_rows == calibration.lines
     lines = stream.field_rows if doubled else 2 * stream.field_rows

@@ -1,7 +1,7 @@
-"""Captures on disk: one SQLite database a capture, an index over many, and what is exported from them.
+"""Captures on disk: one SQLite database each, what is exported from them, and the state that outlives them.
 
 A capture file is crash-safe and readable from anything that reads SQLite; `docs/reference/capture-file.md`
-describes it. It is `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
+describes it. It is called `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
 """
 
 from grabberd.storage.capture.codec import decode_points, encode_points
@@ -11,12 +11,11 @@ from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField, RunInfo
 from grabberd.storage.capture.runs import append_run
 from grabberd.storage.capture.writer import CaptureWriter
-from grabberd.storage.export.export import (
+from grabberd.storage.export.field_pictures import export_png, field_png
+from grabberd.storage.export.points_export import (
     export_csv,
     export_parquet,
     export_ply,
-    export_png,
-    field_png,
     points_csv,
     points_ply,
 )

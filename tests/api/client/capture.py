@@ -13,7 +13,7 @@ from grabberd_client.api.captures import (
     get_points_csv,
     start_capture,
 )
-from grabberd_client.models import CaptureDocument, CaptureOrder, Labels
+from grabberd_client.models import CaptureDocument, Labels, NewCapture
 
 PATIENCE_S = 30.0
 
@@ -32,8 +32,8 @@ def sealed(client: AuthenticatedClient, capture_id: str) -> CaptureDocument:
 def main(url: str, token: str) -> None:
     """Prints what was seen."""
     client = AuthenticatedClient(url, token, raise_on_unexpected_status=True)
-    order = CaptureOrder(fields=20, bits=1, labels=Labels.from_dict({"cow": "112"}))
-    ids = [start_capture.sync(client=client, body=order, idempotency_key="one").id for _ in range(2)]
+    new = NewCapture(fields=20, bits=1, labels=Labels.from_dict({"cow": "112"}))
+    ids = [start_capture.sync(client=client, body=new, idempotency_key="one").id for _ in range(2)]
     document = sealed(client, ids[0])
     points = get_points.sync(ids[0], client=client, every=3)
     text = get_points_csv.sync(ids[0], client=client)

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.api.docs.schema_words import words_of
+from grabberd.api.docs.docs_page import type_in_words
 
 VOID = {"meta", "br"}
 
@@ -94,4 +94,4 @@ def test_its_policy_allows_its_own_style_and_nothing_else(idle: TestClient, text
     ],
 )
 def test_a_type_in_words(schema: dict[str, object], words: str) -> None:
-    assert words_of(schema) == words
+    assert type_in_words(schema) == words

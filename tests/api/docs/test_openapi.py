@@ -6,8 +6,6 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.api.routes.models import Document
-
 Operation = dict[str, Any]
 
 
@@ -89,17 +87,3 @@ def names_in(schema: Operation) -> Iterator[str]:
         yield schema["$ref"].rpartition("/")[2]
     for choice in schema.get("anyOf", ()):
         yield from names_in(choice)
-
-
-def with_examples() -> list[type[Document]]:
-    return [one for one in Document.__subclasses__() if "json_schema_extra" in one.__dict__["model_config"]]
-
-
-@pytest.mark.parametrize("model", with_examples())
-def test_an_example_is_one(model: type[Document]) -> None:
-    extra = model.model_config["json_schema_extra"]
-    assert isinstance(extra, dict)
-    examples = extra["examples"]
-    assert isinstance(examples, list)
-    for example in examples:
-        model.model_validate(example)

@@ -5,7 +5,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from api.gates import Gated, is_problem
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 GONE = timedelta(microseconds=-1)
 

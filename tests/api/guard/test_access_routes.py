@@ -16,7 +16,7 @@ from grabberd.api import create_app
 from grabberd.api.guard.gate import Gate
 from grabberd.api.guard.roles import LEAST_ROLE
 from grabberd.config import default_config_file
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 

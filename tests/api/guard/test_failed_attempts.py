@@ -8,7 +8,7 @@ import pytest
 from api.gates import Gated, Ticks, is_problem
 from grabberd.api.guard.failed_attempts import ADDRESSES, FREE_ATTEMPTS, LONGEST_WAIT_S, Attempts, client_of
 from grabberd.api.guard.refusals import Refusal
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 STATE = "/api/v1/state"
 
@@ -111,8 +111,8 @@ def test_the_log_has_one_line_a_minute(
     clock.now_s += 61
     fail(attempts, "b", 500)
     assert [record.getMessage() for record in caplog.records] == [
-        "refused tokens or sessions that nobody has: 1, the last from a",
-        "refused tokens or sessions that nobody has: 500, the last from b",
+        "refused invalid tokens or sessions: 1, the last from a",
+        "refused invalid tokens or sessions: 500, the last from b",
     ]
 
 
@@ -149,7 +149,7 @@ def test_no_secret_comes_into_the_log_or_an_answer(tmp_path: Path, caplog: pytes
     secrets = [*gated.secrets.values(), "grabberd_wrong-one"]
     answers = [client.get(STATE, headers={"Authorization": f"Bearer {secret}"}) for secret in secrets]
     told = caplog.text + "".join(answer.text + str(answer.headers) for answer in answers)
-    assert "nobody has" in caplog.text
+    assert "invalid tokens" in caplog.text
     assert not any(secret in told for secret in secrets)
     stored = (tmp_path / "state.sqlite").read_bytes()
     assert not any(secret.encode() in stored for secret in secrets)

@@ -10,7 +10,7 @@ from grabberd.api.guard.front import Front
 from grabberd.api.guard.hosts import check_host
 from grabberd.api.guard.refusals import Refusal
 from grabberd.config import HttpConfig
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 STATE = "/api/v1/state"
 CAPTURES = "/api/v1/captures"

@@ -16,7 +16,7 @@ from grabberd.api.guard.front import Front
 from grabberd.api.guard.limits import LimitedBody, OneStream, Streams
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.config import HttpLimits
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 CAPTURES = "/api/v1/captures"
 LIMITS = HttpLimits(body_bytes=1024, body_timeout_s=0.02, streams_per_client=2)

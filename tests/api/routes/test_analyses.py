@@ -13,7 +13,7 @@ from running import PATIENCE_S, wait_until_it_accepts
 
 from api.conftest import service_in
 from grabberd.api import create_app
-from grabberd.service.jobs.analysis_job import analyse_capture
+from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.service import Service
 from processes.milking import CONSTANT, MATERIAL, PERIOD_S, field, still
 from storage.milkings import milking, object_document
@@ -99,16 +99,13 @@ def is_problem(answer: Any, status: int) -> bool:
 def analysed(client: TestClient) -> str:
     """The address of an analysis with everything, the first of its capture; made as the job makes it."""
     service = service_of(client)
-    made = analyse_capture(
-        lambda share: None,
-        capture_id="pulsating",
+    job = AnalysisJob(
+        subject="pulsating",
         path=service.archive.sealed_path("pulsating"),
-        bursts=[],
         inputs=INPUTS,
-        run=None,
-        vacuum_log=None,
         store=service.analyses.directory,
     )
+    made = job.run(lambda share: None)
     assert made["analysis"] == 1
     return f"{CAPTURES}/pulsating/analyses/1"
 

@@ -29,9 +29,9 @@ def looking(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[tuple[Te
 def identified(client: TestClient, **order: Any) -> dict[str, Any]:
     service: Service = client.app.state.service  # type: ignore[attr-defined]
     capture_id = client.post("/api/v1/captures", json={"fields": 6, "bits": 8}).json()["id"]
-    session = service.instrument(None).session
-    assert session
-    assert session.sealed.wait(PATIENCE_S)
+    recording = service.instrument(None).recording
+    assert recording
+    assert recording.sealed.wait(PATIENCE_S)
     asked = client.post(f"/api/v1/captures/{capture_id}/identification", json=order)
     assert asked.status_code == 202, asked.json()
     service.jobs.wait(asked.json()["id"], PATIENCE_S)

@@ -14,7 +14,7 @@ from running import configuration, wait_until_it_accepts
 from grabberd import reports
 from grabberd.api import create_app
 from grabberd.config import default_config_file
-from grabberd.service.jobs.calibration_job import Calibrator
+from grabberd.service.jobs.calibration import Calibrator
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.state.calibration_store import CalibrationRecord
@@ -54,9 +54,9 @@ def service_of(client: TestClient) -> Service:
 
 def captured(client: TestClient) -> str:
     capture_id = str(client.post("/api/v1/captures", json={"fields": 5}).json()["id"])
-    session = service_of(client).instrument(None).session
-    assert session
-    assert session.sealed.wait(60)
+    recording = service_of(client).instrument(None).recording
+    assert recording
+    assert recording.sealed.wait(60)
     return capture_id
 
 

@@ -9,6 +9,7 @@ from fastapi.testclient import TestClient
 
 from api.conftest import service_in
 from grabberd.api import create_app
+from grabberd.service.jobs.measurement import MeasurementJob
 from storage.captures import META, slots, write
 
 CAPTURES = "/api/v1/captures"
@@ -93,7 +94,8 @@ def test_jobs_come_in_pages(client: TestClient) -> None:
     made = [client.post(f"{CAPTURES}/c0{day}/measure") for day in (1, 3, 5)]
     assert [answer.status_code for answer in made] == [404, 404, 404]  # no such device here
     service = client.app.state.service  # type: ignore[attr-defined]
-    ids = [service.jobs.submit("sleep", "nothing", print).id for _ in range(11)]
+    nothing = MeasurementJob(subject="nothing", path=Path("nothing.grab"), made_with={})
+    ids = [service.jobs.submit(nothing).id for _ in range(11)]
     first = client.get("/api/v1/jobs", params={"limit": 8}).json()
     second = client.get("/api/v1/jobs", params={"limit": 8, "cursor": first["next"]}).json()
     assert [job["id"] for job in first["jobs"] + second["jobs"]] == ids[::-1]

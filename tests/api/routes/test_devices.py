@@ -13,7 +13,7 @@ from grabberd.acquisition import Signal
 from grabberd.api import create_app
 from grabberd.errors import Cause
 from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.instrument import Instrument
+from grabberd.service.instrument import Instrument
 
 
 def instrument_of(client: TestClient) -> Instrument:
@@ -107,7 +107,7 @@ def test_nor_is_one_without_a_calibration_or_an_object_model(fast: TestClient) -
     instrument = instrument_of(fast)
     setup = instrument.setup
     for missing, code in (("calibration", "no_calibration"), ("object", "no_object")):
-        instrument.setup = replace(setup, documents={**setup.documents, missing: None})
+        instrument.captures.setup = replace(setup, documents={**setup.documents, missing: None})
         lacks = fast.get("/readyz").json()["lacks"]
         assert [(lack["lacks"], lack["cause_code"]) for lack in lacks] == [("calibration", code)]
         assert lacks[0]["hint"]
@@ -148,7 +148,7 @@ def test_what_is_measured_is_known_target_by_target(idle: TestClient) -> None:
 
 def test_a_device_without_an_object_model_says_so(still: TestClient) -> None:
     instrument = instrument_of(still)
-    instrument.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
+    instrument.captures.setup = replace(instrument.setup, documents={"calibration": None, "object": None})
     assert is_problem(still.get("/api/v1/devices/simulated/object"), 404, "not-found")
 
 

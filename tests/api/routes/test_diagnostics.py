@@ -6,7 +6,7 @@ import zipfile
 from fastapi.testclient import TestClient
 
 from grabberd.api.guard.roles import LEAST_ROLE
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 
 def test_they_are_for_administrators() -> None:

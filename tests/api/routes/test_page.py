@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 
 from api.conftest import service_in
 from grabberd.api import create_app
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 
 
 def first_of(page: str) -> dict[str, Any]:

@@ -11,7 +11,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from api.conftest import sealed, service_in
-from grabberd.storage.export.csv_ply import PLY_BYTES
+from grabberd.storage.export.ply_file import ply_vertex
+from grabberd.storage.export.points_columns import CLOUD_COLUMNS
 
 CAPTURES = "/api/v1/captures"
 
@@ -43,7 +44,7 @@ def test_a_cloud_has_a_vertex_for_every_row_of_the_table(measured: tuple[TestCli
     head, _, body = answer.content.partition(b"end_header\n")
     rows = table(client, url)
     assert f"element vertex {len(rows)}\n".encode() in head
-    assert len(body) == len(rows) * PLY_BYTES
+    assert len(body) == len(rows) * ply_vertex(CLOUD_COLUMNS).itemsize
 
 
 def test_a_cloud_of_one_field_has_its_points_alone(measured: tuple[TestClient, str]) -> None:

@@ -11,7 +11,7 @@ from api.gates import Gated, is_problem
 from grabberd.api import create_app
 from grabberd.api.guard.front import Front
 from grabberd.config import default_config_file
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 

@@ -9,7 +9,7 @@ from api.conftest import sealed, service_in
 from api.gates import is_problem
 from grabberd.api import create_app
 from grabberd.config import ThresholdConfig
-from grabberd.service.roles import Role
+from grabberd.documents.roles import Role
 from grabberd.service.service import Service
 from grabberd.storage import CaptureReader
 
@@ -58,12 +58,12 @@ def test_it_is_kept_over_a_restart(tmp_path: Path) -> None:
     first.settings.set_threshold(first.instrument(None), _fixed(55))
     again = service_in(tmp_path)
     again.open_stores()
-    assert again.instrument(None).intake.thresholds.in_force.level == 55
-    assert again.settings.document()["devices"]["simulated"]["as_configured"] is False
+    assert again.instrument(None).pipeline.thresholds.in_force.level == 55
+    assert again.settings.document().devices["simulated"].as_configured is False
     again.settings.set_threshold(again.instrument(None), None)
     once_more = service_in(tmp_path)
     once_more.open_stores()
-    assert once_more.settings.document()["devices"]["simulated"]["as_configured"] is True
+    assert once_more.settings.document().devices["simulated"].as_configured is True
 
 
 def _fixed(value: int) -> ThresholdConfig:
@@ -78,7 +78,7 @@ def test_what_was_kept_and_cannot_be_used_is_left_and_said_so(
     service._state_store.put({"threshold.simulated": {"kind": "of old"}})
     again = service_in(tmp_path)
     again.open_stores()
-    assert again.settings.document()["devices"]["simulated"]["as_configured"] is True
+    assert again.settings.document().devices["simulated"].as_configured is True
     assert "cannot be used" in caplog.text
 
 

@@ -50,7 +50,7 @@ def test_a_fault_of_the_program_is_a_problem_without_its_insides(
     monkeypatch.setattr(service, "state", lambda: 1 / 0)
     answer = fast.get("/api/v1/state")
     assert answer.status_code == 500
-    assert answer.json()["detail"] == "ZeroDivisionError while answering"
+    assert answer.json()["detail"] == "ZeroDivisionError while responding"
 
 
 def test_the_api_describes_itself(fast: TestClient) -> None:

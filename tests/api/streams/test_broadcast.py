@@ -115,5 +115,5 @@ def test_a_failure_is_logged_once_and_does_not_end_it(caplog: pytest.LogCaptureF
 
     run(work)
     assert [record.message for record in caplog.records if "at this moment" in record.message] == [
-        "what is live cannot be shown at this moment"
+        "live data cannot be made at this moment"
     ]

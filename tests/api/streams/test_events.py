@@ -60,7 +60,7 @@ def test_then_the_changes_alone_from_which_the_state_is_known(daemon: Served) ->
 
 
 def service_state(daemon: Served) -> dict[str, Any]:
-    return daemon.service.state()
+    return daemon.service.state().model_dump()
 
 
 def test_changes_come_five_times_a_second_at_most(daemon: Served) -> None:
@@ -95,7 +95,7 @@ def test_a_client_that_never_reads_is_dropped_and_costs_nobody_else(
     daemon: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert not streams_after(daemon)
-    monkeypatch.setattr(daemon.app.state.live, "events", flood(daemon))
+    monkeypatch.setattr(daemon.app.state.feeds, "events", flood(daemon))
     streams = daemon.app.state.streams
     with closing(socket.create_connection(daemon.address)) as deaf, events(daemon.address) as client:
         client.next()
@@ -115,7 +115,7 @@ def flood(daemon: Served) -> EventFeed:
     numbers, state = iter(range(1_000_000)), daemon.service.state()
     feed = EventFeed(daemon.service, every_s=0.001)
     feed._service = SimpleNamespace(  # type: ignore[assignment]
-        state=lambda: {**state, "version": f"{next(numbers)} " * 100_000}
+        state=lambda: state.model_copy(update={"version": f"{next(numbers)} " * 100_000})
     )
     return feed
 

@@ -41,9 +41,9 @@ def test_a_target_is_undetermined_if_seen_less_often_than_its_unknown_coordinate
         ({"target": np.full(18, 9)}, "none of the 9 targets"),
         ({"target": np.zeros(18, np.intp)}, "two image points in one view"),
         ({"target": np.arange(17)}, "other numbers"),
-        ({"sigma_px": np.zeros((18, 2))}, "no possible number"),
-        ({"xy_px": np.full((18, 2), np.nan)}, "no possible number"),
-        ({"target_sigma_mm": -np.ones((9, 3))}, "no possible number"),
+        ({"sigma_px": np.zeros((18, 2))}, "out of range or not finite"),
+        ({"xy_px": np.full((18, 2), np.nan)}, "out of range or not finite"),
+        ({"target_sigma_mm": -np.ones((9, 3))}, "out of range or not finite"),
         ({"target_sigma_mm": np.ones((8, 3))}, "another number of σ"),
     ],
 )

@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 from calibration.networks import TRUE, frame, network, rough, tied
-from grabberd.calibration import LENS, Unknowns, adjust, check_rank, null_vectors
+from grabberd.calibration import LENS, Unknowns, adjust, check_rank
+from grabberd.calibration.adjustment.rank import null_vectors
 from grabberd.errors import MeasurementError, RankDeficient
 from grabberd.geometry import PARAMETERS, parameter_derivatives
 
 PLANE = frame() * [1.0, 1.0, 0.0]
+
+
+def null_vectors_of(jacobian, names):
+    normal = jacobian.T @ jacobian
+    return null_vectors(normal, np.diag(normal), names)
 
 
 def printed_b1(view) -> np.ndarray:
@@ -36,7 +42,7 @@ def test_a_planar_calibration_frame_is_refused_with_the_names_of_what_it_confoun
 
 def test_a_planar_calibration_frame_has_three_null_vectors_a_view():
     view = replace(TRUE[0], b=(0.0,) * 9)
-    found = null_vectors(parameter_derivatives(view, PLANE).reshape(-1, 18), PARAMETERS)
+    found = null_vectors_of(parameter_derivatives(view, PLANE).reshape(-1, 18), PARAMETERS)
     assert len(found) == 3
     assert {"f_mm", "x0_px", "y0_px"} <= {name for vector in found for name in vector.parameters}
 
@@ -62,7 +68,7 @@ def test_a_frame_of_too_little_depth_is_refused_by_its_depth():
 
 
 def test_the_printed_b1_is_a_scale_and_confounded_with_the_focal_length():
-    (vector,) = null_vectors(printed_b1(TRUE[0]), PARAMETERS)
+    (vector,) = null_vectors_of(printed_b1(TRUE[0]), PARAMETERS)
     assert set(vector.parameters) == {"f_mm", "b1"}
     assert np.abs(vector.shares) == pytest.approx([0.707, 0.707], abs=0.02)
     assert vector.singular < 1e-6
@@ -71,12 +77,12 @@ def test_the_printed_b1_is_a_scale_and_confounded_with_the_focal_length():
 
 def test_b1_as_an_affinity_is_not():
     view = replace(TRUE[0], b=(0.0,) * 9)
-    assert null_vectors(parameter_derivatives(view, frame()).reshape(-1, 18), PARAMETERS) == ()
+    assert null_vectors_of(parameter_derivatives(view, frame()).reshape(-1, 18), PARAMETERS) == ()
 
 
 def test_a_column_of_zeros_is_a_null_vector_by_itself():
     jacobian = np.random.default_rng(1).normal(size=(9, 3)) * [1.0, 0.0, 1e-9]
-    (vector,) = null_vectors(jacobian, ("a", "b", "c"))
+    (vector,) = null_vectors_of(jacobian, ("a", "b", "c"))
     assert vector.parameters == ("b",)
     assert vector.shares == (pytest.approx(1.0),)
 
@@ -84,12 +90,12 @@ def test_a_column_of_zeros_is_a_null_vector_by_itself():
 def test_separate_null_vectors_are_named_separately():
     base = np.random.default_rng(1).normal(size=(20, 4))
     jacobian = np.column_stack([base[:, 0], base[:, 1], base[:, 2], base[:, 0] * 3, base[:, 1] - base[:, 2]])
-    found = null_vectors(jacobian, "abcde")
+    found = null_vectors_of(jacobian, "abcde")
     assert sorted("".join(sorted(vector.parameters)) for vector in found) == ["ad", "bce"]
 
 
 def test_fewer_observations_than_parameters_leave_null_vectors():
-    assert len(null_vectors(np.random.default_rng(1).normal(size=(2, 5)), "abcde")) == 3
+    assert len(null_vectors_of(np.random.default_rng(1).normal(size=(2, 5)), "abcde")) == 3
 
 
 def test_targets_of_unknown_place_leave_the_datum_undetermined():

@@ -29,7 +29,7 @@ def run(*words: object) -> Result:
 
 def wait_until_the_ring_holds(daemon: Daemon, slots: int) -> None:
     """It has been filling for so long."""
-    armed = daemon.service.instrument(None).intake.armed
+    armed = daemon.service.instrument(None).pipeline.configured
     with armed.ring.reader() as reader:
         for _ in range(slots):
             assert reader.take(PATIENCE_S) is not None
@@ -65,7 +65,7 @@ def test_an_armed_one_waits_for_its_trigger_and_has_what_was_before_it(
     process = begun(*order, "--pre-trigger", 8, "--duration-s", 0.3)
     triggered = run("trigger", "--url", daemon.url, "--json")
     assert json.loads(triggered.stdout)["state"] in ("recording", "sealing", "sealed")
-    output, _ = process.communicate(timeout=60)
+    output, _ = process.communicate(timeout=2 * PATIENCE_S)
     assert json.loads(output)["pre_trigger_fields"] >= 8
     with CaptureReader(out) as reader:
         before_n = 8 + sum(
@@ -78,10 +78,10 @@ def test_an_armed_one_waits_for_its_trigger_and_has_what_was_before_it(
 def test_turning_away_disarms_it_and_leaves_nothing(daemon: Daemon, tmp_path: Path) -> None:
     process = begun("capture", "--armed", "--url", daemon.url, "--out", tmp_path / "slip.grab")
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60)
+    _, errors = process.communicate(timeout=2 * PATIENCE_S)
     assert process.returncode == 1
     assert "before it was triggered" in errors
-    assert daemon.service.instrument(None).waiting is None
+    assert daemon.service.instrument(None).armed_capture is None
     assert list(tmp_path.iterdir()) == []
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner, Result
 from api.daemons import Daemon, served
 from grabberd.cli.app import app
 from grabberd.errors import Conflict, GrabberdError, StorageError
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.storage import CaptureReader
 
 PACED = {"left": {"pace": "real"}, "right": {"pace": "real", "seed": 2}}
@@ -62,35 +62,35 @@ def test_nothing_is_overwritten_and_then_nothing_begins(daemon: Daemon, tmp_path
 
 
 def test_a_refusal_says_which_device_and_why(daemon: Daemon, tmp_path: Path) -> None:
-    capture_id = daemon.service.start_capture("left", CaptureRequest())
+    capture_id = daemon.service.capture_control.start("left", CaptureRequest())
     try:
         result = run("capture", "--together", "all", "--url", daemon.url, "--out", tmp_path / "a.grab")
         assert isinstance(result.exception, GrabberdError)
         assert capture_id in result.exception.message
     finally:
-        daemon.service.stop_capture(capture_id)
+        daemon.service.capture_control.stop(capture_id)
         sealed_all(daemon.service)
 
 
 def test_a_trigger_needs_no_name_where_all_that_wait_belong_together(daemon: Daemon) -> None:
-    orders = daemon.service.orders
+    orders = daemon.service.capture_control
     requests = {name: CaptureRequest(fields=5) for name in PACED}
     group_id = orders.arm_group(requests)
     document = json.loads(run("trigger", "--url", daemon.url, "--json").stdout)
     assert document["group"]["id"] == group_id
     sealed_all(daemon.service)
-    assert {one["state"] for one in orders.captures_of(group_id)} == {"sealed"}
+    assert {one.state for one in orders.captures_of(group_id)} == {"sealed"}
 
 
 def test_of_two_that_wait_alone_one_has_to_be_named(daemon: Daemon) -> None:
-    ids = [daemon.service.arm_capture(name, CaptureRequest()) for name in PACED]
+    ids = [daemon.service.capture_control.arm(name, CaptureRequest()) for name in PACED]
     try:
         result = run("trigger", "--url", daemon.url)
         assert isinstance(result.exception, Conflict)
         assert all(capture_id in result.exception.message for capture_id in ids)
     finally:
         for capture_id in ids:
-            daemon.service.stop_capture(capture_id)
+            daemon.service.capture_control.stop(capture_id)
 
 
 def test_devices_are_named_in_one_way(tmp_path: Path) -> None:

@@ -155,7 +155,7 @@ def test_it_is_what_automatic_does_at_one_bit():
 
 def test_a_field_of_more_bits_is_refused():
     packed = quantise(pictures()[0][0], 4, 66)
-    with pytest.raises(InputError, match="'locale' locates targets in fields of 1 bits, not of 4"):
+    with pytest.raises(InputError, match="'locale' needs fields of 1 bits, not of 4"):
         measure(packed, None, LocationSettings(method="locale"))
 
 

@@ -55,7 +55,7 @@ def test_a_blob_at_the_edge_of_the_picture_is_located_with_what_is_there():
 
 @pytest.mark.parametrize("method", ["weighted", "template", "edge", "correlation"])
 def test_one_bit_is_refused_with_what_would_do(scene, method):
-    with pytest.raises(InputError, match=f"method '{method}' locates targets in fields of 2, 3") as refused:
+    with pytest.raises(InputError, match=f"method '{method}' needs fields of 2, 3") as refused:
         measure(quantise(scene[0], 1, THRESHOLD), None, LocationSettings(method=method))
     assert "automatic" in refused.value.hint
 

@@ -91,7 +91,7 @@ def test_a_white_picture_is_refused_too():
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        ({"kind": "otsu"}, "kind 'otsu' is none of fixed, trinder, automatic"),
+        ({"kind": "otsu"}, "unknown kind 'otsu'; choose from fixed, trinder, automatic"),
         ({"kind": "fixed"}, "needs a value from 0 to 254, not None"),
         ({"kind": "fixed", "value": 255}, "not 255"),
         ({"spread_px": 0.0}, "spread_px 0.0"),

@@ -3,7 +3,7 @@ import pytest
 
 from grabberd.errors import MeasurementError
 from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE, accuracy
-from grabberd.reconstruction.accuracy.comparison import Coordinates, Truth, true_places
+from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth, true_places
 from grabberd.reconstruction.points import Points
 from reconstruction.repeated import series_of
 

@@ -20,7 +20,7 @@ def archive_in(folder: Path) -> Archive:
 
 
 def states(archive: Archive) -> dict[str, str]:
-    return {document["id"]: document["state"] for document in archive.documents()}
+    return {document.id: document.state for document in archive.documents()}
 
 
 def interrupted(folder: Path, name: str) -> Path:
@@ -39,8 +39,8 @@ def test_a_damaged_file_is_set_aside_and_shown_beside_the_others(tmp_path: Path)
     assert states(archive) == {"good": "sealed", "bad": "damaged", "cut": "damaged"}
     assert (tmp_path / "damaged" / "bad.grab").read_bytes() == b"garbage " * 100
     document = archive.document("bad")
-    assert document["verdict"] == "incomplete"
-    assert "cannot be read as a capture" in document["ended_because"]
+    assert document.verdict == "incomplete"
+    assert "cannot be read as a capture" in document.ended_because
 
 
 @pytest.mark.parametrize("value", ["{}", "[1]", "7", "garbage", "null", '""'])
@@ -76,7 +76,7 @@ def test_a_later_versions_files_are_neither_sealed_nor_moved(tmp_path: Path) -> 
         connection.close()
     archive = archive_in(tmp_path)
     assert states(archive) == {"running": "damaged", "new": "damaged"}
-    assert "version 99" in archive.document("running")["ended_because"]
+    assert "version 99" in archive.document("running").ended_because
     assert {path.name for path in tmp_path.glob("*.grab*")} == {"running.grab.part", "new.grab"}
 
 

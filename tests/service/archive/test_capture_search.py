@@ -27,7 +27,7 @@ def archive(tmp_path: Path) -> Archive:
 
 
 def found(archive: Archive, **query: object) -> list[str]:
-    return [document["id"] for document in list_captures(archive, CaptureQuery(**query))[0]]  # type: ignore[arg-type]
+    return [document.id for document in list_captures(archive, CaptureQuery(**query))[0]]  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -74,4 +74,4 @@ def test_those_of_a_day_are_found_whatever_came_later(archive: Archive) -> None:
     query = CaptureQuery(limit=1, **day)
     first, last = list_captures(archive, query)
     assert found(archive, after=last, **day) == ["c2"]
-    assert [one["id"] for one in first] == ["c3"]
+    assert [one.id for one in first] == ["c3"]

@@ -14,9 +14,10 @@ from grabberd.config import RetentionConfig, StorageConfig, default_config_file
 from grabberd.errors import Conflict, StorageError
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
-from grabberd.service.archive.retention import Kept, Policy, Retention, removals
+from grabberd.service.archive.retention import Candidate, Policy, Retention, removals
 from grabberd.service.capture.disk_guard import GB, DiskGuard
-from grabberd.service.jobs.job_runner import JobRunner
+from grabberd.service.jobs.measurement import MeasurementJob
+from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage.state.analysis_store import AnalysisStore
@@ -27,11 +28,11 @@ from storage.captures import slots, write
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 
 
-def kept(days: float, size: int = 10, name: str | None = None) -> Kept:
-    return Kept(name or f"{days:g} days", NOW - timedelta(days=days), size)
+def kept(days: float, size: int = 10, name: str | None = None) -> Candidate:
+    return Candidate(name or f"{days:g} days", NOW - timedelta(days=days), size)
 
 
-def ids(policy: Policy, captures: list[Kept], free: int = 0) -> list[str]:
+def ids(policy: Policy, captures: list[Candidate], free: int = 0) -> list[str]:
     return [removal.id for removal in removals(captures, policy, NOW, free)]
 
 
@@ -147,7 +148,7 @@ def test_captures_that_have_to_go_are_deleted_logged_and_counted(
 def test_pinned_captures_and_those_that_a_job_works_on_stay(tmp_path: Path) -> None:
     barn = Barn(tmp_path, (40, 50, 60), Policy(keep_days=30))
     barn.annotations.put("d60", Annotation(pinned=True))
-    barn.jobs.submit("measure", "d50", lambda _: None)
+    barn.jobs.submit(MeasurementJob(subject="d50", path=Path("d50.grab"), made_with={}))
     barn.retention.apply()
     assert barn.files == {"d50", "d60"}
 
@@ -210,6 +211,6 @@ def test_a_service_removes_by_itself_what_its_configuration_says(tmp_path: Path)
         with service.retention.applied:
             assert service.retention.applied.wait_for(lambda: service.retention.removed == 2, PATIENCE_S)
         assert barn.files == {"new"}
-        assert service.state()["storage"]["removed"] == 2
+        assert service.state().storage.removed == 2
     finally:
         service.stop()

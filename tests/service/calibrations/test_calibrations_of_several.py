@@ -21,7 +21,7 @@ def service(tmp_path: Path) -> Service:
 
 
 def active(service: Service) -> set[tuple[str, str]]:
-    return {(row["id"], row["device"]) for row in service.active.rows() if row["active"]}
+    return {(row.id, row.device) for row in service.active.rows() if row.active}
 
 
 def test_what_one_measures_with_is_active_for_that_one_alone(service: Service) -> None:
@@ -34,5 +34,5 @@ def test_what_one_measures_with_is_active_for_that_one_alone(service: Service) -
 def test_the_row_that_is_shown_is_that_of_the_device_in_question(service: Service) -> None:
     same = service.instrument("left").setup.documents["calibration"]["id"]
     service.activate_calibration(OWN, "left")
-    assert service.active.row(same, "right")["active"]
-    assert not service.active.row(same, "left")["active"]
+    assert service.active.row(same, "right").active
+    assert not service.active.row(same, "left").active

@@ -8,7 +8,7 @@ from capturing import capture, thresholds_of
 from running import PATIENCE_S, live, running, sealed
 
 from grabberd.config import ThresholdConfig
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.storage import CaptureReader
 
 
@@ -70,7 +70,7 @@ def test_without_a_wish_a_capture_has_the_bits_of_the_configuration(tmp_path: Pa
 
 def test_the_fields_before_the_trigger_belong_to_the_capture(tmp_path: Path) -> None:
     with live(tmp_path) as service:
-        reader = service.instrument(None).intake.armed.ring.reader()
+        reader = service.instrument(None).pipeline.configured.ring.reader()
         for _ in range(12):
             assert reader.take(PATIENCE_S)
         with CaptureReader(capture(service, fields=20, pre_trigger_fields=10)) as file:
@@ -93,12 +93,12 @@ def test_a_live_capture_has_one_chosen_threshold_from_its_first_field_on(
 def test_a_capture_ends_though_the_index_cannot_be_written(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         index = service.archive.index.path
-        service.start_capture(None, CaptureRequest(fields=16))
+        service.capture_control.start(None, CaptureRequest(fields=16))
         index.unlink()
         index.mkdir()
-        session = sealed(service)
-        assert session.complete
-        assert session.path.suffix == ".grab"
+        recording = sealed(service)
+        assert recording.complete
+        assert recording.path.suffix == ".grab"
         index.rmdir()
         service.archive.index.rebuild()
-        assert service.archive.document(session.id)["verdict"] == "complete"
+        assert service.archive.document(recording.id).verdict == "complete"

@@ -7,13 +7,14 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from recording_rig import Rig, wait_until_written
 from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
-from test_session import Rig, slot, wait_until_written
+from slots import slot
 
 from grabberd.config import default_config_file
 from grabberd.errors import Cause, StorageError
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.disk_guard import GB, DiskGuard, bytes_per_field
-from grabberd.service.capture.recorder import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -79,8 +80,8 @@ def test_what_a_field_is_expected_to_take_grows_with_its_bits() -> None:
 
 def test_a_capture_that_fills_the_disk_ends_sealed_and_says_why(tmp_path: Path) -> None:
     disk = Disk(2 * GB)
-    rig = Rig(tmp_path, None, 100, measured=False, shortage=DiskGuard(GB, disk).shortage)
-    rig.session.start()
+    rig = Rig(tmp_path, None, 100, measured=False, disk=DiskGuard(GB, disk))
+    rig.recording.start()
     rig.put(slot(0), slot(1))
     wait_until_written(rig, 2)
     disk.free = GB - 1
@@ -95,29 +96,29 @@ def test_a_capture_that_fills_the_disk_ends_sealed_and_says_why(tmp_path: Path) 
 
 def test_a_disk_that_goes_away_ends_the_capture_and_not_the_program(tmp_path: Path) -> None:
     disk = Disk(2 * GB)
-    rig = Rig(tmp_path, None, 100, measured=False, shortage=DiskGuard(GB, disk).shortage)
-    rig.session.start()
+    rig = Rig(tmp_path, None, 100, measured=False, disk=DiskGuard(GB, disk))
+    rig.recording.start()
     rig.put(slot(0))
     wait_until_written(rig, 1)
     disk.free = -1
     rig.put(slot(1))
     wait_until_written(rig, 2)
-    assert rig.session.sealed.wait(PATIENCE_S)
-    assert rig.session.failure is not None
-    assert "no such device" in rig.session.failure.message
+    assert rig.recording.sealed.wait(PATIENCE_S)
+    assert rig.recording.failure is not None
+    assert "no such device" in rig.recording.failure.message
 
 
 def test_a_file_that_can_only_be_read_any_more_keeps_what_is_in_it(tmp_path: Path) -> None:
     rig = Rig(tmp_path, None, 100, measured=False)
-    rig.session.start()
+    rig.recording.start()
     rig.put(slot(0), slot(1))
     wait_until_written(rig, 2)
-    rig.session._writer._connection.execute("PRAGMA query_only = ON")
+    rig.recording._writer._connection.execute("PRAGMA query_only = ON")
     rig.put(slot(2))
-    assert rig.session.sealed.wait(PATIENCE_S)
-    assert isinstance(rig.session.failure, StorageError)
-    assert "readonly" in rig.session.failure.message
-    with CaptureReader(rig.session.path) as reader:
+    assert rig.recording.sealed.wait(PATIENCE_S)
+    assert isinstance(rig.recording.failure, StorageError)
+    assert "readonly" in rig.recording.failure.message
+    with CaptureReader(rig.recording.path) as reader:
         assert [numbered.n for numbered in reader.received()] == [0, 1]
 
 
@@ -125,23 +126,23 @@ def test_the_service_refuses_what_does_not_fit_and_goes_on(tmp_path: Path) -> No
     disk = Disk(1.01 * GB)
     with service_with(tmp_path, disk) as service:
         with pytest.raises(StorageError, match="minutes at this rate"):
-            service.start_capture(None, CaptureRequest(fields=100_000, bits=8))
+            service.capture_control.start(None, CaptureRequest(fields=100_000, bits=8))
         assert not list(service.archive.directory.glob("*.grab*"))
-        service.start_capture(None, CaptureRequest(fields=20))
+        service.capture_control.start(None, CaptureRequest(fields=20))
         assert sealed(service).complete
 
 
 def test_the_state_says_how_many_minutes_are_left(tmp_path: Path) -> None:
     disk = Disk(3 * GB)
     with service_with(tmp_path, disk) as service:
-        storage = service.state()["storage"]
+        storage = service.state().storage
         per_minute = 60 * service.instrument(None).bytes_per_s
-        assert storage["free_bytes"] == 3 * GB
-        assert storage["minutes_left"] == pytest.approx(2 * GB / per_minute, abs=0.1)
+        assert storage.free_bytes == 3 * GB
+        assert storage.minutes_left == pytest.approx(2 * GB / per_minute, abs=0.1)
         disk.free = -1
-        assert service.state()["storage"]["minutes_left"] is None
-        assert "no such device" in service.state()["storage"]["problem"]
-        assert service.state()["storage"]["cause_code"] == Cause.DISK_FAILED
+        assert service.state().storage.minutes_left is None
+        assert "no such device" in service.state().storage.problem
+        assert service.state().storage.cause_code == Cause.DISK_FAILED
 
 
 def test_a_disk_that_is_away_or_read_only_says_which(tmp_path: Path) -> None:
@@ -152,13 +153,13 @@ def test_a_disk_that_is_away_or_read_only_says_which(tmp_path: Path) -> None:
         return free
 
     for number, code in ((errno.ENOENT, Cause.DISK_MISSING), (errno.EROFS, Cause.DISK_READ_ONLY)):
-        assert DiskGuard(free=free_of(number)).document(tmp_path, 1.0)["cause_code"] == code
+        assert DiskGuard(free=free_of(number)).document(tmp_path, 1.0).cause_code == code
 
 
 def test_a_running_capture_is_judged_by_what_it_really_writes(tmp_path: Path) -> None:
     with service_with(tmp_path, Disk(3 * GB)) as service:
-        service.start_capture(None, CaptureRequest(fields=100))
-        session = sealed(service)
-        assert session.bytes_per_field is not None
+        service.capture_control.start(None, CaptureRequest(fields=100))
+        recording = sealed(service)
+        assert recording.bytes_per_field is not None
         expected = bytes_per_field(1, 576, 720)
-        assert expected / 3 < session.bytes_per_field < expected * 3
+        assert expected / 3 < recording.bytes_per_field < expected * 3

@@ -10,7 +10,7 @@ from grabberd.acquisition import Outcome
 from grabberd.config import CaptureConfig, RingConfig
 from grabberd.errors import Cause
 from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.readiness import lacks_of
+from grabberd.service.readiness import lacks_of
 from grabberd.storage import CaptureReader
 
 FROM_THE_FIRST = 200
@@ -88,9 +88,9 @@ def test_a_capture_follows_its_policy_when_the_device_stalls(tmp_path: Path, on_
             ended = {"continue": "length reached", "end": "interrupted: no field for 0.8 s"}
             assert reader.meta.ended_because == ended[on_interruption]
             assert (reader.ledger.total == 120) == (on_interruption == "continue")
-        document = service.state()["devices"]["simulated"]
-        assert document["recoveries"]["restart"] == 1
-        assert document["last_failure"] == "no field for 0.8 s"
+        document = service.state().devices["simulated"]
+        assert document.recoveries["restart"] == 1
+        assert document.last_failure == "no field for 0.8 s"
 
 
 def test_the_configuration_says_what_captures_do_unless_they_are_asked_for_otherwise(tmp_path: Path) -> None:
@@ -131,4 +131,4 @@ def test_pictures_of_another_size_are_not_measured_with_the_calibration_and_that
         words = "is for pictures of 720 x 576, these are 720 x 480: no points are measured"
         assert words in (instrument.misfit or "")
         assert [lack for lack in lacks_of(instrument) if words in lack.message]
-        assert any(words in warning for warning in service.device_document(instrument)["warnings"])
+        assert any(words in warning for warning in service.device_document(instrument).warnings)

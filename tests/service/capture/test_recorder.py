@@ -1,11 +1,12 @@
 """The recorder: which fields belong to a capture, and what its ledger says."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
-from slots import PERIOD_NS, ManualClock, damaged, slot, without_signal
+from slots import PERIOD_NS, STREAM, ManualClock, Source, damaged, slot, without_signal
 
-from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot
+from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot, StreamInfo
 from grabberd.service.capture.backlog import Backlog
 from grabberd.service.capture.recorder import GRACE_NS, Recorder
 
@@ -15,13 +16,13 @@ def recorder(
     capacity: int = 500,
     clock: ManualClock | None = None,
     *,
-    lossless: bool = False,
+    reader: RingReader | None = None,
+    stream: StreamInfo = STREAM,
     interruption: Callable[[], str | None] = lambda: None,
 ) -> tuple[Recorder, Backlog[Slot]]:
     backlog: Backlog[Slot] = Backlog(capacity)
-    clock = clock or ManualClock()
-    made = Recorder(fields, backlog, clock, PERIOD_NS, lossless=lossless, interruption=interruption)
-    return made, backlog
+    clock, reader = clock or ManualClock(), reader or Ring().reader()
+    return Recorder(reader, backlog, clock, stream, Source(interruption), fields), backlog
 
 
 def recorded(backlog: Backlog[Slot]) -> list[int]:
@@ -96,11 +97,11 @@ def test_fields_that_a_slow_disk_leaves_no_room_for_are_overrun_and_it_goes_on()
 
 def test_it_drains_a_ring_until_its_length() -> None:
     ring = Ring()
-    one, backlog = recorder(4)
     reader = ring.reader()
+    one, backlog = recorder(4, reader=reader)
     for n in range(6):
         ring.put(slot(n))
-    one.run(reader)
+    one.run()
     assert recorded(backlog) == [0, 1, 2, 3]
     assert backlog.closed
     assert one.ledger.complete
@@ -108,15 +109,15 @@ def test_it_drains_a_ring_until_its_length() -> None:
 
 def test_with_the_policy_stop_an_overrun_ends_it_and_the_ledger_says_so() -> None:
     ring = Ring(4)
-    one, backlog = recorder()
     reader = ring.reader("stop")
+    one, backlog = recorder(reader=reader)
     ring.put(slot(0))
     taken = reader.take(0)
     assert taken
     one.take(taken)
     for n in range(1, 8):
         ring.put(slot(n))
-    one.run(reader)
+    one.run()
     assert recorded(backlog) == [0]
     assert one.ledger.entries == [LedgerEntry(1, 3, Outcome.OVERRUN, "ring overrun")]
     assert "overwritten in the ring" in (one.ended_because or "")
@@ -124,11 +125,11 @@ def test_with_the_policy_stop_an_overrun_ends_it_and_the_ledger_says_so() -> Non
 
 def test_with_the_policy_count_it_goes_on_after_an_overrun() -> None:
     ring = Ring(4)
-    one, backlog = recorder(4)
     reader = ring.reader("count")
+    one, backlog = recorder(4, reader=reader)
     for n in range(8):
         ring.put(slot(n))
-    one.run(reader)
+    one.run()
     assert recorded(backlog) == [0, 1, 2, 3]
     assert one.first_n == 4
 
@@ -137,23 +138,23 @@ def test_the_slots_before_the_trigger_belong_to_it() -> None:
     ring = Ring()
     for n in range(10):
         ring.put(slot(n))
-    one, backlog = recorder(5)
     reader = ring.reader(back=3)
+    one, backlog = recorder(5, reader=reader)
     for n in range(10, 14):
         ring.put(slot(n))
-    one.run(reader)
+    one.run()
     assert one.first_n == 7
     assert recorded(backlog) == [0, 1, 2, 3, 4]
 
 
 def test_a_stop_keeps_what_is_in_the_ring_already() -> None:
     ring = Ring()
-    one, backlog = recorder()
     reader = ring.reader()
+    one, backlog = recorder(reader=reader)
     for n in range(3):
         ring.put(slot(n))
     one.stop("stopped by the operator")
-    one.run(reader)
+    one.run()
     assert recorded(backlog) == [0, 1, 2]
     assert one.ended_because == "stopped by the operator"
 
@@ -167,18 +168,18 @@ def test_the_first_reason_to_end_stays() -> None:
 
 def test_a_capture_of_given_length_ends_although_nothing_comes_any_more() -> None:
     clock = ManualClock()
-    one, _ = recorder(10, clock=clock)
     ring = Ring()
     reader = ring.reader()
+    one, _ = recorder(10, clock=clock, reader=reader)
     ring.put(slot(0))
     clock.ns += 10 * PERIOD_NS + GRACE_NS + 1
-    one.run(reader)
+    one.run()
     assert one.ledger.entries == [LedgerEntry(1, 9, Outcome.LOST, "nothing came")]
 
 
 def test_a_source_that_waits_for_its_reader_is_given_its_time() -> None:
     clock = ManualClock()
-    one, _ = recorder(10, clock=clock, lossless=True)
+    one, _ = recorder(10, clock=clock, stream=replace(STREAM, waits_for_reader=True))
     clock.advance(1000)
     one.take(slot(0))
     assert one.recording
@@ -187,8 +188,14 @@ def test_a_source_that_waits_for_its_reader_is_given_its_time() -> None:
 @pytest.mark.parametrize("lossless", [True, False])
 def test_a_capture_of_given_length_ends_in_its_time_although_the_device_never_returns(lossless: bool) -> None:
     clock, ring = ManualClock(), Ring()
-    one, backlog = recorder(100, clock=clock, lossless=lossless, interruption=lambda: "unplugged")
     reader = ring.reader()
+    one, backlog = recorder(
+        100,
+        clock=clock,
+        stream=replace(STREAM, waits_for_reader=lossless),
+        interruption=lambda: "unplugged",
+        reader=reader,
+    )
     for n in range(10):
         ring.put(slot(n))
     begun_ns = clock.ns
@@ -200,7 +207,7 @@ def test_a_capture_of_given_length_ends_in_its_time_although_the_device_never_re
         return taken
 
     reader.take = take  # type: ignore[method-assign]
-    one.run(reader)
+    one.run()
     assert one.ended_because == "length reached"
     assert one.ledger.entries == [LedgerEntry(10, 90, Outcome.LOST, "unplugged")]
     assert recorded(backlog) == list(range(10))
@@ -209,24 +216,24 @@ def test_a_capture_of_given_length_ends_in_its_time_although_the_device_never_re
 
 def test_what_a_device_that_is_away_at_the_stop_should_have_delivered_is_lost() -> None:
     clock, ring = ManualClock(), Ring()
-    one, _ = recorder(clock=clock, interruption=lambda: "unplugged")
     reader = ring.reader()
+    one, _ = recorder(clock=clock, interruption=lambda: "unplugged", reader=reader)
     one.take(slot(0))
     clock.advance(50 * 0.02)
     one.stop("stopped by the operator")
-    one.run(reader)
+    one.run()
     assert one.ledger.entries == [LedgerEntry(1, 50, Outcome.LOST, "unplugged")]
     assert not one.ledger.complete
 
 
 def test_a_stop_while_fields_come_loses_nothing() -> None:
     clock, ring = ManualClock(), Ring()
-    one, _ = recorder(clock=clock)
     reader = ring.reader()
+    one, _ = recorder(clock=clock, reader=reader)
     one.take(slot(0))
     clock.advance(0.03)
     one.stop("stopped by the operator")
-    one.run(reader)
+    one.run()
     assert one.ledger.complete
 
 
@@ -248,49 +255,51 @@ def heard(clock: ManualClock, reader: RingReader, comes: dict[int, Slot]) -> Non
 def test_a_stall_that_nobody_has_noticed_when_it_is_stopped_is_noticed_then() -> None:
     clock, ring = ManualClock(), Ring()
     begun_ns = clock.ns
-    one, _ = recorder(
-        clock=clock, interruption=lambda: "no field for 0.8 s" if clock.ns - begun_ns > 8e8 else None
-    )
     reader = ring.reader()
+    one, _ = recorder(
+        clock=clock,
+        interruption=lambda: "no field for 0.8 s" if clock.ns - begun_ns > 8e8 else None,
+        reader=reader,
+    )
     heard(clock, reader, {})
     one.take(slot(0))
     clock.advance(0.5)
     one.stop("stopped by the operator")
-    one.run(reader)
+    one.run()
     assert one.ledger.entries == [LedgerEntry(1, 25, Outcome.LOST, "no field for 0.8 s")]
     assert clock.ns - begun_ns < 1.0e9
 
 
 def test_a_silence_at_the_stop_that_nobody_explains_is_a_loss_all_the_same() -> None:
     clock, ring = ManualClock(), Ring()
-    one, _ = recorder(clock=clock)
     reader = ring.reader()
+    one, _ = recorder(clock=clock, reader=reader)
     heard(clock, reader, {})
     one.take(slot(0))
     clock.advance(0.5)
     one.stop("stopped by the operator")
-    one.run(reader)
+    one.run()
     assert one.ledger.entries == [LedgerEntry(1, 25, Outcome.LOST, "nothing came")]
 
 
 def test_the_field_that_ends_a_silence_at_the_stop_says_what_was_lost() -> None:
     clock, ring = ManualClock(), Ring()
-    one, backlog = recorder(clock=clock)
     reader = ring.reader()
+    one, backlog = recorder(clock=clock, reader=reader)
     heard(clock, reader, {600: slot(30, lost_before=29)})
     one.take(slot(0))
     clock.advance(0.5)
     one.stop("stopped by the operator")
-    one.run(reader)
+    one.run()
     assert recorded(backlog) == [0, 30]
     assert one.ledger.entries == [LedgerEntry(1, 29, Outcome.LOST, "time gap")]
 
 
 def test_a_recording_may_pause_before_it_ends() -> None:
-    clock, ring = ManualClock(), Ring()
-    one = Recorder(None, Backlog(10), clock, PERIOD_NS, live=False)
+    clock = ManualClock()
+    one, _ = recorder(clock=clock, stream=replace(STREAM, live=False))
     one.take(slot(0))
     clock.advance(5)
     one.stop("the recording has ended")
-    one.run(ring.reader())
+    one.run()
     assert one.ledger.complete

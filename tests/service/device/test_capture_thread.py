@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted import INFO, PERIOD_S, S, Scripted, run
-from simulated_time import SMALL, Run, SimulatedClock
+from simulated_time import SMALL, NoCaptures, Run, SimulatedClock
 
 from grabberd.acquisition import GrabbedField, Outcome, Signal, StreamInfo
 from grabberd.errors import (
@@ -23,7 +23,7 @@ from grabberd.errors import (
     StreamFailed,
 )
 from grabberd.service.clock import SystemClock
-from grabberd.service.device.capture_thread import DEQUEUE_TIMEOUT_S, Captures, CaptureThread
+from grabberd.service.device.capture_thread import DEQUEUE_TIMEOUT_S, CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import StatusBoard
 
@@ -36,7 +36,7 @@ def test_it_is_ready_with_the_first_field() -> None:
 
 def test_fields_go_into_the_ring_in_order() -> None:
     one, _ = run(4, end_s=0.5)
-    newest = one.intake.armed.ring.newest
+    newest = one.pipeline.configured.ring.newest
     assert newest
     assert newest.n == 3
     assert one.board.now.outcomes[Outcome.RECEIVED] == 4
@@ -123,7 +123,7 @@ def test_without_a_camera_a_grabber_that_delivers_nothing_is_not_helped() -> Non
     one = Run(grabber, clock, 60.0)
     assert one.states == [S.OPENING, S.NO_SIGNAL]
     assert one.recoveries == {}
-    assert one.intake.interruption == "no signal"
+    assert one.pipeline.interruption == "no signal"
 
 
 def test_when_the_signal_is_back_but_no_field_it_is_helped() -> None:
@@ -152,7 +152,7 @@ def test_a_wait_ends_when_it_is_stopped() -> None:
     clock = SystemClock()
     board = StatusBoard("test", clock)
     grabber = Scripted(SimulatedClock(), *[DeviceRefused("busy", "")] * 1000)
-    captures = Captures(lambda: True, lambda: False, lambda _: None, lambda _: None)
+    captures = NoCaptures(lambda _: None, lambda _: None)
     thread = CaptureThread("test", grabber, FieldPipeline(SMALL), board, clock, captures)
     thread.start()
     with board.changed:
@@ -221,7 +221,7 @@ def test_other_pictures_than_before_begin_a_new_ring_and_are_told() -> None:
     (change,) = one.ended
     assert "NTSC 64 × 24" in change.message
     assert "not script PAL 64 × 32" in change.message
-    newest = one.intake.armed.ring.newest
+    newest = one.pipeline.configured.ring.newest
     assert newest
     assert newest.n < 10, "numbered anew"
     assert newest.numbered
@@ -231,7 +231,7 @@ def test_other_pictures_than_before_begin_a_new_ring_and_are_told() -> None:
 def test_the_same_pictures_go_on_in_the_same_ring() -> None:
     one, _ = run(5, DeviceLost("gone", ""), 10, end_s=0.25)
     assert one.ended == []
-    newest = one.intake.armed.ring.newest
+    newest = one.pipeline.configured.ring.newest
     assert newest
     assert newest.n >= 11
 

@@ -1,4 +1,4 @@
-"""Workers take turns, and none waits for ever."""
+"""Workers take lock, and none waits for ever."""
 
 import threading
 from collections.abc import Iterator
@@ -11,15 +11,15 @@ from grabberd.service.device.fair_lock import FairLock
 
 
 def test_every_field_comes_in_order() -> None:
-    assert list(FairLock().of(iter(range(5)))) == list(range(5))
+    assert list(FairLock().one_by_one(iter(range(5)))) == list(range(5))
 
 
 def test_two_never_have_their_turn_at_the_same_time() -> None:
-    turns, together = FairLock(), []
+    lock, together = FairLock(), []
     inside = threading.Lock()
 
     def work() -> None:
-        for _ in turns.of(iter(range(500))):
+        for _ in lock.one_by_one(iter(range(500))):
             alone = inside.acquire(blocking=False)
             together.append(not alone)
             if alone:
@@ -34,39 +34,39 @@ def test_two_never_have_their_turn_at_the_same_time() -> None:
 
 
 def test_who_waits_for_a_field_has_no_turn() -> None:
-    turns, came = FairLock(), threading.Event()
+    lock, came = FairLock(), threading.Event()
 
     def never() -> Iterator[int]:
         yield 0
         came.wait(PATIENCE_S)
 
-    waiting = turns.of(never())
+    waiting = lock.one_by_one(never())
     next(waiting)
     thread = threading.Thread(target=lambda: next(waiting, None))
     thread.start()
-    assert list(turns.of(iter(range(100)))) == list(range(100))
-    assert not turns.is_taken
+    assert list(lock.one_by_one(iter(range(100)))) == list(range(100))
+    assert not lock.is_held
     came.set()
     thread.join(PATIENCE_S)
 
 
 def test_one_that_takes_long_holds_up_no_other_for_long() -> None:
-    turns = FairLock()
-    with closing(turns.of(iter(range(2)))) as slow:
+    lock = FairLock()
+    with closing(lock.one_by_one(iter(range(2)))) as slow:
         next(slow)
-        assert list(turns.of(iter(range(3)))) == [0, 1, 2]
-        assert turns.is_taken
-    assert not turns.is_taken
+        assert list(lock.one_by_one(iter(range(3)))) == [0, 1, 2]
+        assert lock.is_held
+    assert not lock.is_held
 
 
 def test_one_that_fails_leaves_its_turn() -> None:
-    turns = FairLock()
+    lock = FairLock()
 
     def fail() -> None:
-        with closing(turns.of(iter(range(2)))) as fields:
+        with closing(lock.one_by_one(iter(range(2)))) as fields:
             next(fields)
             raise ValueError("bad field")
 
     with pytest.raises(ValueError, match="bad field"):
         fail()
-    assert not turns.is_taken
+    assert not lock.is_held

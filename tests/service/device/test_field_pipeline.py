@@ -15,7 +15,7 @@ from grabberd_fake import FakeGrabber, JumpingClock
 INFO = StreamInfo("test", "card", "PAL", 64, 32, 50.0, FieldOrder.ALTERNATE, "GREY", 8, True, True, True, 0)
 
 
-def intake(*, bits: int = 1, threshold: int | None = 60) -> FieldPipeline:
+def pipeline(*, bits: int = 1, threshold: int | None = 60) -> FieldPipeline:
     kind = "automatic" if threshold is None else "fixed"
     one = FieldPipeline(
         DeviceConfig(
@@ -39,8 +39,8 @@ def now_ns(n: int) -> int:
 
 
 def test_one_bit_is_doubled_and_grey_is_left_intact() -> None:
-    assert intake().take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered.packed.y_step == 1  # type: ignore[union-attr]
-    grey = intake(bits=8).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert pipeline().take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered.packed.y_step == 1  # type: ignore[union-attr]
+    grey = pipeline(bits=8).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
     assert grey
     assert grey.packed.y_step == 2
     assert np.array_equal(grey.packed.data[0], grabbed(0).field.luma)
@@ -62,13 +62,13 @@ def test_missing_lines_are_interpolated_as_configured() -> None:
 
 
 def test_the_threshold_in_force_is_kept_with_every_field() -> None:
-    numbered = intake(threshold=77).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    numbered = pipeline(threshold=77).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
     assert numbered
     assert numbered.packed.threshold == 77
 
 
 def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
-    one = intake(threshold=None)
+    one = pipeline(threshold=None)
     one.opened(replace(INFO, live=False))
     numbered = one.take(grabbed(0, bright=100), Signal.PRESENT, now_ns(0)).numbered
     assert numbered
@@ -77,20 +77,20 @@ def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
 
 
 def test_a_picture_without_signal_is_not_chosen_by() -> None:
-    one = intake(threshold=None)
+    one = pipeline(threshold=None)
     one.opened(replace(INFO, live=False))
     one.take(grabbed(0, bright=100), Signal.ABSENT, now_ns(0))
     assert one.thresholds.in_force.level == UNDECIDED_THRESHOLD
 
 
 def test_without_signal_nothing_is_kept() -> None:
-    slot = intake().take(grabbed(0), Signal.ABSENT, now_ns(0))
+    slot = pipeline().take(grabbed(0), Signal.ABSENT, now_ns(0))
     assert slot.outcome is Outcome.NO_SIGNAL
     assert slot.numbered is None
 
 
 def test_an_old_picture_delivered_again_is_damaged() -> None:
-    one = intake()
+    one = pipeline()
     one.take(grabbed(0, seed=5), Signal.PRESENT, now_ns(0))
     one.take(grabbed(1, seed=6), Signal.PRESENT, now_ns(1))
     again = one.take(grabbed(2, seed=5), Signal.PRESENT, now_ns(2))
@@ -99,7 +99,7 @@ def test_an_old_picture_delivered_again_is_damaged() -> None:
 
 
 def test_an_interruptions_reason_is_that_of_the_fields_it_cost() -> None:
-    one = intake()
+    one = pipeline()
     one.take(grabbed(0), Signal.PRESENT, now_ns(0))
     one.interrupted("unplugged")
     one.opened(INFO)
@@ -110,13 +110,13 @@ def test_an_interruptions_reason_is_that_of_the_fields_it_cost() -> None:
 
 @pytest.mark.parametrize(("bits", "lines"), [(8, None), (1, "field")])
 def test_arming_for_other_bits_or_lines_exchanges_the_ring(bits: int, lines: str | None) -> None:
-    one = intake()
-    reader = one.armed.ring.reader()
-    before = one.armed.ring
-    armed = one.arm(bits, lines)
-    assert armed.ring is not before
+    one = pipeline()
+    reader = one.configured.ring.reader()
+    before = one.configured.ring
+    configured = one.configure_ring(bits, lines)
+    assert configured.ring is not before
     assert reader.ended
-    assert one.arm(bits, lines) is armed, "it is armed for them already"
+    assert one.configure_ring(bits, lines) is configured, "it is configured for them already"
 
 
 def liner(count: int, **spoiled: object) -> list[GrabbedField]:
@@ -131,7 +131,7 @@ def liner(count: int, **spoiled: object) -> list[GrabbedField]:
 
 
 def test_what_the_picture_tells_of_damage_is_the_reason() -> None:
-    one = intake()
+    one = pipeline()
     slots = [one.take(field, Signal.UNKNOWN, field.time_ns) for field in liner(10, kind="shift")]
     assert [slot.outcome for slot in slots] == [Outcome.RECEIVED] * 8 + [Outcome.DAMAGED, Outcome.RECEIVED]
     assert slots[8].reason
@@ -148,7 +148,7 @@ def test_what_the_picture_tells_of_damage_is_the_reason() -> None:
     ],
 )
 def test_no_signal_is_seen_in_the_picture_whatever_the_driver_says(picture: str, words: str) -> None:
-    one = intake()
+    one = pipeline()
     fields = liner(20, kind="no_signal", picture=picture, duration_s=0.2)
     slots = [one.take(field, Signal.PRESENT, field.time_ns) for field in fields[:18]]
     assert [slot.outcome for slot in slots[8:]] == [Outcome.NO_SIGNAL] * 10
@@ -160,7 +160,7 @@ def test_no_signal_is_seen_in_the_picture_whatever_the_driver_says(picture: str,
 
 
 def test_a_recording_is_not_looked_at() -> None:
-    one = intake()
+    one = pipeline()
     one.opened(replace(INFO, live=False))
     outcomes = [one.take(grabbed(n, seed=5), Signal.UNKNOWN, now_ns(n)).outcome for n in range(4)]
     assert outcomes == [Outcome.RECEIVED] * 4

@@ -9,7 +9,7 @@ from grabberd.field import Field
 from grabberd.service.device.configured_ring import ConfiguredRing
 from grabberd.service.device.newest_field import EVERY_S, NewestField, Shown
 
-ARMED = ConfiguredRing(Ring(4), 1, "field")
+RING = ConfiguredRing(Ring(4), 1, "field")
 PATIENCE_S = 20.0
 
 
@@ -31,13 +31,13 @@ def asked(newest: NewestField, askers: int = 1, value: int = 7) -> list[Shown | 
     for thread in threads:
         thread.start()
     while any(thread.is_alive() for thread in threads):
-        newest.offer(field(value), ARMED)
+        newest.offer(field(value), RING)
     return got
 
 
 def test_nothing_is_copied_while_nobody_asks() -> None:
     newest = NewestField()
-    newest.offer(field(1), ARMED)
+    newest.offer(field(1), RING)
     assert newest.recent(0.0) is None
 
 
@@ -47,7 +47,7 @@ def test_what_is_shown_is_a_copy() -> None:
     got: list[Shown | None] = []
     thread.start()
     while thread.is_alive():
-        newest.offer(Field.intact(luma, 0), ARMED)
+        newest.offer(Field.intact(luma, 0), RING)
     luma[:] = 0
     assert got[0] is not None
     assert (got[0].field.luma == 7).all()

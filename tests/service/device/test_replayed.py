@@ -10,10 +10,10 @@ from running import PATIENCE_S, running, sealed
 
 from grabberd.config import ThresholdConfig
 from grabberd.errors import CalibrationMismatch
-from grabberd.service.capture.recorder import CaptureRequest
-from grabberd.service.jobs.job_runner import JobState
-from grabberd.service.jobs.measure_job import order_measuring
-from grabberd.storage.export.export import export_png
+from grabberd.service.capture.capture_request import CaptureRequest
+from grabberd.service.jobs.measurement import MeasurementJob
+from grabberd.service.jobs.runner import JobState
+from grabberd.storage import export_png
 
 
 def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) -> None:
@@ -22,13 +22,15 @@ def test_a_calibration_of_pictures_of_another_size_is_refused(tmp_path: Path) ->
     for n in range(4):
         cv2.imwrite(str(pictures / f"{n}.png"), np.zeros((288, 360), np.uint8))
     with replaying(tmp_path, pictures) as service, pytest.raises(CalibrationMismatch, match="720"):
-        service.start_capture(None, CaptureRequest())
+        service.capture_control.start(None, CaptureRequest())
 
 
 def test_measuring_the_file_again_gives_the_same_points_bit_for_bit(tmp_path: Path) -> None:
     with running(tmp_path) as service:
         path = capture(service, fields=30)
-        job = order_measuring(service, path.stem)
+        job = service.jobs.submit(
+            MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).made_with)
+        )
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
         assert done.result["run"] == 2

@@ -8,7 +8,7 @@ import pytest
 from running import running, sealed
 
 from grabberd.reconstruction.accuracy.drift_check import RigFit, RigVerdict
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.device.rig_health import RigHealth, fit_document
 from grabberd.storage import CaptureReader
 
@@ -67,15 +67,15 @@ def test_without_a_second_of_fields_nothing_is_kept() -> None:
 
 
 def test_what_is_not_known_is_shown_as_nothing() -> None:
-    assert fit_document(fit(RigVerdict.UNKNOWN, np.nan))["shift_px"] is None
+    assert fit_document(fit(RigVerdict.UNKNOWN, np.nan)).shift_px is None
 
 
 def test_a_capture_and_its_device_tell_whether_the_rig_fits(tmp_path: Path) -> None:
     with running(tmp_path) as service:
-        service.start_capture(None, CaptureRequest(fields=100))
-        session = sealed(service)
-        with CaptureReader(session.path) as reader:
+        service.capture_control.start(None, CaptureRequest(fields=100))
+        recording = sealed(service)
+        with CaptureReader(recording.path) as reader:
             assert reader.meta.extra["rig"]["verdict"] == "fits"
         document = service.device_document(service.instrument(None))
-    assert document["rig"]["verdict"] == "fits"
-    assert document["rig"]["residual_px"]["left"]["y"] < 0.5
+    assert document.rig.verdict == "fits"
+    assert document.rig.residual_px["left"]["y"] < 0.5

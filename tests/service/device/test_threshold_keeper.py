@@ -39,18 +39,18 @@ def picture(bright: int = 200) -> Field:
 DARK = picture(bright=20)
 
 
-def beside(one: ThresholdKeeper, work: Callable[[], None], field: Field, armed: ConfiguredRing) -> None:
+def beside(one: ThresholdKeeper, work: Callable[[], None], field: Field, configured: ConfiguredRing) -> None:
     """Does some work while fields go on coming to the keeper."""
     thread = threading.Thread(target=work)
     thread.start()
     while thread.is_alive():
-        one.show(field, armed)
+        one.show(field, configured)
     thread.join()
 
 
-def looked(one: ThresholdKeeper, field: Field, armed: ConfiguredRing) -> Threshold:
+def looked(one: ThresholdKeeper, field: Field, configured: ConfiguredRing) -> Threshold:
     """The threshold in force after the keeper has looked at a live picture once."""
-    beside(one, one.look_again, field, armed)
+    beside(one, one.choose_again, field, configured)
     return one.in_force
 
 
@@ -59,82 +59,82 @@ class Counted(ThresholdKeeper):
 
     threads: list[int]
 
-    def _choose(self, field: Field, armed: ConfiguredRing) -> Threshold:
+    def _choose(self, field: Field, configured: ConfiguredRing) -> Threshold:
         self.threads.append(threading.get_ident())
-        return super()._choose(field, armed)
+        return super()._choose(field, configured)
 
 
 def test_a_live_field_is_never_chosen_by_in_the_thread_that_shows_it() -> None:
     one = Counted(DeviceConfig(driver="test"))
-    one.threads, armed = [], ring()
-    looked(one, picture(), armed)
+    one.threads, configured = [], ring()
+    looked(one, picture(), configured)
     assert one.threads
     assert threading.get_ident() not in one.threads
 
 
 def test_the_keeper_has_a_copy_of_its_own() -> None:
-    one, field, armed = keeper(), picture(), ring()
-    looked(one, field, armed)
+    one, field, configured = keeper(), picture(), ring()
+    looked(one, field, configured)
     expected = one.in_force
     seen: list[Field] = []
 
     class Late(ThresholdKeeper):
-        def _choose(self, field: Field, armed: ConfiguredRing) -> Threshold:
+        def _choose(self, field: Field, configured: ConfiguredRing) -> Threshold:
             buffer[:] = 0  # the driver has the buffer back before the choice is made
             seen.append(field)
-            return super()._choose(field, armed)
+            return super()._choose(field, configured)
 
     late = Late(DeviceConfig(driver="test"))
     buffer: NDArray[np.uint8] = field.luma.copy()
-    beside(late, late.look_again, Field.intact(buffer, 0), armed)
+    beside(late, late.choose_again, Field.intact(buffer, 0), configured)
     assert np.array_equal(seen[0].luma, field.luma)
     assert late.in_force == expected
 
 
 def test_the_automatic_threshold_follows_the_light_unless_it_is_held() -> None:
-    one, armed = keeper(), ring()
-    dim = looked(one, picture(100), armed)
+    one, configured = keeper(), ring()
+    dim = looked(one, picture(100), configured)
     one.hold()
-    assert looked(one, picture(220), armed) == dim
+    assert looked(one, picture(220), configured) == dim
     one.release()
-    assert looked(one, picture(220), armed).level > dim.level
+    assert looked(one, picture(220), configured).level > dim.level
 
 
 def test_a_dark_picture_leaves_the_threshold_as_it_is() -> None:
-    one, armed = keeper(), ring()
-    assert looked(one, DARK, armed).level == UNDECIDED_THRESHOLD
-    chosen = looked(one, picture(), armed)
-    assert looked(one, DARK, armed) == chosen != Threshold(UNDECIDED_THRESHOLD)
+    one, configured = keeper(), ring()
+    assert looked(one, DARK, configured).level == UNDECIDED_THRESHOLD
+    chosen = looked(one, picture(), configured)
+    assert looked(one, DARK, configured) == chosen != Threshold(UNDECIDED_THRESHOLD)
 
 
 def test_a_capture_that_begins_in_the_dark_gets_its_threshold_once_there_is_a_picture() -> None:
-    one, armed = keeper(), ring()
-    looked(one, DARK, armed)
+    one, configured = keeper(), ring()
+    looked(one, DARK, configured)
     one.hold()
-    chosen = looked(one, picture(100), armed)
+    chosen = looked(one, picture(100), configured)
     assert chosen.level < UNDECIDED_THRESHOLD
-    assert looked(one, picture(220), armed) == chosen, "it is held from then on"
+    assert looked(one, picture(220), configured) == chosen, "it is held from then on"
 
 
 def test_a_choice_that_is_made_while_a_capture_begins_is_dropped() -> None:
     class Interrupted(ThresholdKeeper):
-        def _choose(self, field: Field, armed: ConfiguredRing) -> Threshold:
-            chosen = super()._choose(field, armed)
+        def _choose(self, field: Field, configured: ConfiguredRing) -> Threshold:
+            chosen = super()._choose(field, configured)
             if field.luma.max() > 150:
                 self.hold()
             return chosen
 
-    one, armed = Interrupted(DeviceConfig(driver="test")), ring()
-    dim = looked(one, picture(100), armed)
-    assert looked(one, picture(220), armed) == dim
+    one, configured = Interrupted(DeviceConfig(driver="test")), ring()
+    dim = looked(one, picture(100), configured)
+    assert looked(one, picture(220), configured) == dim
 
 
 @pytest.mark.parametrize("first", [picture(), DARK])
 def test_a_capture_waits_for_the_first_look_even_if_there_is_nothing_to_choose_by(first: Field) -> None:
-    one, armed = keeper(), ring()
+    one, configured = keeper(), ring()
     one.start("test")
     try:
-        beside(one, lambda: one.settle(armed), first, armed)
+        beside(one, lambda: one.settle(configured), first, configured)
         assert (one.in_force.level == UNDECIDED_THRESHOLD) == (first is DARK)
     finally:
         one.stop(PATIENCE_S)
@@ -161,43 +161,43 @@ def test_nobody_waits_for_a_fixed_threshold_or_a_recording() -> None:
 
 
 def test_a_recordings_first_field_is_chosen_by_before_it_is_packed() -> None:
-    one, armed = keeper(live=False), ring()
+    one, configured = keeper(live=False), ring()
     one.hold()
-    one.show(DARK, armed)
+    one.show(DARK, configured)
     assert one.in_force.level == UNDECIDED_THRESHOLD
-    one.show(picture(100), armed)
+    one.show(picture(100), configured)
     chosen = one.in_force
     assert chosen.level < UNDECIDED_THRESHOLD
-    one.show(picture(220), armed)
+    one.show(picture(220), configured)
     assert one.in_force == chosen
 
 
 def test_every_capture_of_a_recording_is_chosen_for_by_its_own_first_field() -> None:
-    one, armed = keeper(live=False), ring()
+    one, configured = keeper(live=False), ring()
     one.hold()
-    one.show(picture(100), armed)
+    one.show(picture(100), configured)
     dim = one.in_force
     one.release()
     one.hold()
-    one.show(picture(220), armed)
+    one.show(picture(220), configured)
     assert one.in_force.level > dim.level
 
 
 def test_a_recording_is_looked_at_between_captures_but_not_during_one() -> None:
-    one, armed = keeper(live=False), ring()
-    dim = looked(one, picture(100), armed)
-    bright = looked(one, picture(220), armed)
+    one, configured = keeper(live=False), ring()
+    dim = looked(one, picture(100), configured)
+    bright = looked(one, picture(220), configured)
     assert bright.level > dim.level
     one.hold()
-    one.show(picture(100), armed)
-    assert looked(one, picture(220), armed) == dim
+    one.show(picture(100), configured)
+    assert looked(one, picture(220), configured) == dim
 
 
 def test_a_map_fits_the_lines_of_the_ring_and_tells_its_median() -> None:
     one, field = keeper(map=True), picture()
-    for armed in (ring(), ring(1, "field")):
-        by_pixel = looked(one, field, armed).by_pixel
-        packed = double_lines(field) if armed.lines == "doubled" else field
+    for configured in (ring(), ring(1, "field")):
+        by_pixel = looked(one, field, configured).by_pixel
+        packed = double_lines(field) if configured.lines == "doubled" else field
         assert by_pixel is not None
         assert by_pixel.shape == packed.luma.shape
         threshold = one.in_force.of(packed, 1)
@@ -214,17 +214,17 @@ def test_grey_and_other_lines_have_the_maps_median() -> None:
 
 
 def test_another_rule_is_in_force_from_the_next_look_on() -> None:
-    one, armed = keeper(fixed=40), ring()
-    assert looked(one, picture(), armed).level == 40
+    one, configured = keeper(fixed=40), ring()
+    assert looked(one, picture(), configured).level == 40
     automatic = DeviceConfig(driver="test")
     one.use(automatic)
-    assert looked(one, picture(), armed) != Threshold(40)
+    assert looked(one, picture(), configured) != Threshold(40)
     one.use(automatic.model_copy(update={"threshold": ThresholdConfig(kind="fixed", value=50)}))
     assert one.in_force == Threshold(50)
 
 
 def test_a_recording_is_chosen_for_by_another_rule_at_its_next_field() -> None:
-    one, armed = keeper(live=False, fixed=40), ring()
+    one, configured = keeper(live=False, fixed=40), ring()
     one.use(DeviceConfig(driver="test"))
-    one.show(picture(), armed)
+    one.show(picture(), configured)
     assert one.in_force.level != 40

@@ -2,15 +2,17 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
 from running import running
 
-from grabberd.acquisition import Ledger
-from grabberd.service.archive.capture_documents import ledger_document
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.examples import CAPTURE
+from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, OnlineMessage
+from grabberd.documents.state import StateDocument
 from grabberd.service.mqtt.messages import (
+    ONLINE,
     SCHEMA,
     STATE,
     TOPICS,
@@ -22,24 +24,9 @@ from grabberd.service.mqtt.messages import (
 DOCUMENT = Path(__file__).parents[3] / "docs" / "howto" / "mqtt.md"
 
 
-def state_of(folder: Path) -> dict[str, Any]:
+def state_of(folder: Path) -> StateDocument:
     with running(folder) as service:
-        state = service.state()
-    return device_state(state["devices"]["simulated"], state["storage"])
-
-
-def summary() -> dict[str, Any]:
-    shown = dict.fromkeys(
-        ("id", "device", "state", "verdict", "ended_because", "created_utc", "bits", "lines")
-    )
-    known = {
-        "fields": 3,
-        "group": None,
-        "ledger": ledger_document(Ledger(), 50.0),
-        "labels": {},
-        "size_bytes": 1,
-    }
-    return capture_summary({**shown, **known}, file="a.grab", site={}, rate_hz=50.0, calibration_id=None)
+        return service.state()
 
 
 @given(st.text(min_size=1))
@@ -48,23 +35,36 @@ def test_a_barns_name_never_makes_another_topic_of_it(barn: str) -> None:
     assert re.fullmatch(r"herd/north/[A-Za-z0-9._~%-]+/devices/cup/state", topic)
 
 
-def test_every_document_says_its_schema() -> None:
-    assert Topics("a", "b").message(STATE, {"state": "ready"}, device="c").document["schema"] == SCHEMA
+def test_every_message_says_its_schema_before_its_documents_keys() -> None:
+    message = Topics("a", "b").message(ONLINE, OnlineMessage(online=True, version="1"))
+    assert list(message.content.items()) == [("schema", SCHEMA), ("online", True), ("version", "1")]
+
+
+def test_a_summary_of_an_earlier_version_goes_out_as_it_was_stored() -> None:
+    assert Topics("a", "b").message(STATE, {"odd": 1}, device="c").content == {"schema": SCHEMA, "odd": 1}
 
 
 def test_numbers_that_always_waver_are_quiet(tmp_path: Path) -> None:
-    with running(tmp_path) as service:
-        state = service.state()
-    device = state["devices"]["simulated"]
-    told = [
-        device_state({**device, "rate_hz": rate_hz}, {**state["storage"], "minutes_left": minutes})
-        for rate_hz, minutes in ((49.9, 1234.5), (50.2, 1229.1))
-    ]
-    assert told[0] == told[1]
-    assert (told[0]["rate_hz"], told[0]["disk_minutes_left"]) == (50, 1200)
+    state = state_of(tmp_path)
+    device, storage = state.devices["simulated"], state.storage
+    one, two = (
+        device_state(
+            device.model_copy(update={"rate_hz": rate_hz}), storage.model_copy(update={"minutes_left": left})
+        )
+        for rate_hz, left in ((49.9, 1234.5), (50.2, 1229.1))
+    )
+    assert one == two
+    assert (one.rate_hz, one.disk_minutes_left) == (50, 1200)
 
 
-def test_the_document_names_every_topic_and_every_key(tmp_path: Path) -> None:
+def test_a_summary_sums_a_capture_up() -> None:
+    capture = CaptureDocument.model_validate(CAPTURE)
+    summary = capture_summary(capture, file="a.grab", site={}, rate_hz=50.0, calibration_id="rig-7")
+    assert (summary.capture_id, summary.duration_s, summary.group_id) == (capture.id, 1.28, None)
+    assert summary.ledger.counts == capture.ledger.counts
+
+
+def test_the_document_names_every_topic_and_every_key() -> None:
     text = DOCUMENT.read_text()
     for topic in TOPICS:
         retained = "yes" if topic.retained else "no"
@@ -73,8 +73,8 @@ def test_the_document_names_every_topic_and_every_key(tmp_path: Path) -> None:
             in text
         )
     state_keys, summary_keys = (set(re.findall(r"^\| `(\w+)` \|", part, re.M)) for part in parts(text))
-    assert state_keys == set(state_of(tmp_path))
-    assert summary_keys == set(summary())
+    assert state_keys == set(DeviceStateMessage.model_fields)
+    assert summary_keys == set(CaptureSummary.model_fields)
 
 
 def parts(text: str) -> tuple[str, str]:

@@ -18,7 +18,8 @@ from brokers import broker, needs_mosquitto, receiver
 from running import PATIENCE_S, configuration, sealed, wait_until_it_accepts
 
 from grabberd.config import MqttConfig, MqttTlsConfig, default_config_file, shipped_configs
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.documents.state import MqttDocument
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 
@@ -50,16 +51,18 @@ def publishing(folder: Path, port: int, **mqtt: Any) -> Iterator[Service]:
 
 
 def capture(service: Service, **labels: str) -> str:
-    capture_id = service.start_capture(None, CaptureRequest(fields=5, labels=labels))
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=5, labels=labels))
     sealed(service)
     return capture_id
 
 
-def mqtt_of(service: Service) -> dict[str, Any]:
-    return dict(service.state()["mqtt"])
+def mqtt_of(service: Service) -> MqttDocument:
+    mqtt = service.state().mqtt
+    assert mqtt is not None
+    return mqtt
 
 
-def eventually(service: Service, wanted: Callable[[dict[str, Any]], bool]) -> None:
+def eventually(service: Service, wanted: Callable[[MqttDocument], bool]) -> None:
     """The daemon shows it of itself."""
     end_s = time.monotonic() + PATIENCE_S
     while not wanted(mqtt_of(service)):
@@ -78,12 +81,12 @@ def test_states_are_retained_and_captures_are_summed_up(tmp_path: Path) -> None:
             assert summary is not None
             assert (summary["verdict"], summary["fields"], summary["duration_s"]) == ("complete", 5, 0.1)
             assert (summary["labels"], summary["site"]) == ({"cow": "1807"}, {"barn": BARN})
-            assert summary["calibration_id"] == service.state()["devices"]["simulated"]["calibration"]["id"]
+            calibration = service.state().devices["simulated"].calibration
+            assert calibration is not None
+            assert summary["calibration_id"] == calibration.id
             assert summary["size_bytes"] == (service.archive.directory / summary["file"]).stat().st_size
             first.until(lambda: first.latest("/simulated/state") is not None)
-            eventually(
-                service, lambda now: now["waiting_captures"] == 0 and now["acknowledged_captures"] == 1
-            )
+            eventually(service, lambda now: now.waiting_captures == 0 and now.acknowledged_captures == 1)
         first.until(lambda: (first.latest("/online") or {}).get("online") is False)
         with receiver(known.port, "later") as later:
             later.until(lambda: len(later.heard) == 2)
@@ -100,16 +103,16 @@ def test_a_broker_that_is_killed_and_comes_back_misses_nothing(tmp_path: Path) -
         with publishing(tmp_path / "state", known.port) as service:
             made = [capture(service)]
             heard.until(lambda: set(heard.captures()) == set(made))
-            eventually(service, lambda now: now["waiting_captures"] == 0)
+            eventually(service, lambda now: now.waiting_captures == 0)
             known.kill()
             made += [capture(service), capture(service)]
-            eventually(service, lambda now: not now["connected"] and now["waiting_captures"] == 2)
+            eventually(service, lambda now: not now.connected and now.waiting_captures == 2)
             known.start()
             heard.until(lambda: set(heard.captures()) == set(made))
-            eventually(service, lambda now: now["waiting_captures"] == 0)
+            eventually(service, lambda now: now.waiting_captures == 0)
             known.kill()
             made.append(capture(service))
-            eventually(service, lambda now: now["waiting_captures"] == 1)
+            eventually(service, lambda now: now.waiting_captures == 1)
         known.start()
         with publishing(tmp_path / "state", known.port):
             heard.until(lambda: set(heard.captures()) == set(made))
@@ -125,11 +128,11 @@ def test_a_summary_whose_acknowledgement_was_lost_comes_twice_under_one_id(
             killed.setattr("grabberd.storage.state.outbox.Outbox.acknowledge", lambda *_: known.kill())
             capture_id = capture(service)
             heard.until(lambda: heard.captures() == [capture_id])
-            eventually(service, lambda now: not now["connected"])
+            eventually(service, lambda now: not now.connected)
         known.start()
         with publishing(tmp_path / "state", known.port) as service:
             heard.until(lambda: heard.captures() == [capture_id, capture_id])
-            eventually(service, lambda now: now["waiting_captures"] == 0)
+            eventually(service, lambda now: now.waiting_captures == 0)
 
 
 @needs_mosquitto
@@ -154,8 +157,8 @@ def test_a_broker_that_refuses_a_topic_is_not_taken_to_have_it(tmp_path: Path) -
         publishing(tmp_path / "state", known.port) as service,
     ):
         capture(service)
-        eventually(service, lambda now: "refuses" in (now["problem"] or ""))
-        assert (mqtt_of(service)["waiting_captures"], mqtt_of(service)["acknowledged_captures"]) == (1, 0)
+        eventually(service, lambda now: "refuses" in (now.problem or ""))
+        assert (mqtt_of(service).waiting_captures, mqtt_of(service).acknowledged_captures) == (1, 0)
 
 
 def made_certificates(folder: Path) -> None:
@@ -174,7 +177,7 @@ def made_certificates(folder: Path) -> None:
     mosquitto_passwd -c -b passwords barn 'right; word'
     chmod 600 passwords
     """
-    subprocess.run(["bash", "-ec", script], cwd=folder, check=True, capture_output=True, timeout=60)
+    subprocess.run(["bash", "-ec", script], cwd=folder, check=True, capture_output=True, timeout=120)
 
 
 @needs_mosquitto
@@ -201,8 +204,8 @@ def test_over_tls_with_certificate_and_password_the_right_one_is_let_in(tmp_path
             capture_id = capture(service)
             heard.until(lambda: heard.captures() == [capture_id])
         with publishing(tmp_path / "other", known.port, password_file=wrong, **how) as service:
-            eventually(service, lambda now: "authori" in (now["problem"] or "").lower())
-            assert not mqtt_of(service)["connected"]
+            eventually(service, lambda now: "authori" in (now.problem or "").lower())
+            assert not mqtt_of(service).connected
 
 
 def test_a_broker_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
@@ -210,8 +213,8 @@ def test_a_broker_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
         port = silent.getsockname()[1]
         with publishing(tmp_path / "state", port) as service:
             capture(service)
-            eventually(service, lambda now: now["waiting_captures"] == 1)
-            assert not mqtt_of(service)["connected"]
+            eventually(service, lambda now: now.waiting_captures == 1)
+            assert not mqtt_of(service).connected
             connection, _ = silent.accept()
             began_s = time.monotonic()
         assert time.monotonic() - began_s < PATIENCE_S / 4
@@ -225,16 +228,16 @@ def test_a_broker_that_hangs_holds_nobody_up(tmp_path: Path) -> None:
 def test_a_broker_that_stops_answering_holds_nobody_up_and_gets_it_later(tmp_path: Path) -> None:
     with broker(tmp_path) as known, receiver(known.port) as heard:
         with publishing(tmp_path / "state", known.port) as service:
-            eventually(service, lambda now: now["connected"])
+            eventually(service, lambda now: now.connected)
             known.signal(signal.SIGSTOP)
             capture_id = capture(service)
-            eventually(service, lambda now: now["waiting_captures"] == 1)
+            eventually(service, lambda now: now.waiting_captures == 1)
             began_s = time.monotonic()
         assert time.monotonic() - began_s < PATIENCE_S / 4
         known.signal(signal.SIGCONT)
         with publishing(tmp_path / "state", known.port) as service:
             heard.until(lambda: set(heard.captures()) == {capture_id})
-            eventually(service, lambda now: now["waiting_captures"] == 0)
+            eventually(service, lambda now: now.waiting_captures == 0)
 
 
 @needs_mosquitto

@@ -18,8 +18,8 @@ class Barn:
         self.captures = folder / "captures"
         self.captures.mkdir(exist_ok=True)
         self.archive = Archive(self.captures, list)
-        self.outgoing = SummaryQueue(self.archive, Outbox(folder / "state.sqlite"), limit)
-        self.outgoing.open()
+        self.summaries = SummaryQueue(self.archive, Outbox(folder / "state.sqlite"), limit)
+        self.summaries.open()
 
     def add(self, *names: str) -> None:
         for name in names:
@@ -28,41 +28,41 @@ class Barn:
     def taken(self) -> list[str]:
         """All that wait, one after the other."""
         found = []
-        while (first := self.outgoing.first()) is not None:
+        while (first := self.summaries.first()) is not None:
             found.append(first[0])
-            self.outgoing.acknowledge(first[0])
+            self.summaries.acknowledge(first[0])
         return found
 
 
 def test_a_capture_is_summed_up_once(tmp_path: Path) -> None:
     barn = Barn(tmp_path)
     barn.add("b", "a")
-    barn.outgoing.look()
-    barn.outgoing.look()
-    assert barn.outgoing.waiting == 2
+    barn.summaries.collect()
+    barn.summaries.collect()
+    assert barn.summaries.waiting == 2
     assert barn.taken() == ["a", "b"]
-    barn.outgoing.look()
-    assert (barn.taken(), barn.outgoing.waiting, barn.outgoing.acknowledged) == ([], 0, 2)
+    barn.summaries.collect()
+    assert (barn.taken(), barn.summaries.waiting, barn.summaries.acknowledged) == ([], 0, 2)
 
 
 def test_captures_that_ended_while_nobody_looked_are_found(tmp_path: Path) -> None:
     barn = Barn(tmp_path)
     barn.add("a")
-    barn.outgoing.look()
+    barn.summaries.collect()
     barn.add("b")
     again = Barn(tmp_path)
-    assert again.outgoing.waiting == 1
-    again.outgoing.look()
+    assert again.summaries.waiting == 1
+    again.summaries.collect()
     assert again.taken() == ["a", "b"]
 
 
 def test_a_summary_outlives_its_capture(tmp_path: Path) -> None:
     barn = Barn(tmp_path)
     barn.add("a")
-    barn.outgoing.look()
+    barn.summaries.collect()
     barn.archive.remove("a")
-    barn.outgoing.look()
-    first = barn.outgoing.first()
+    barn.summaries.collect()
+    first = barn.summaries.first()
     assert first is not None
     assert (first[1]["capture_id"], first[1]["site"]) == ("a", {"barn": "Ås"})
 
@@ -72,12 +72,12 @@ def test_a_full_outbox_takes_the_others_when_there_is_room(
 ) -> None:
     barn = Barn(tmp_path, limit=2)
     barn.add("a", "b", "c", "d")
-    barn.outgoing.look()
-    assert (barn.outgoing.waiting, barn.outgoing.left) == (2, {"c", "d"})
+    barn.summaries.collect()
+    assert (barn.summaries.waiting, barn.summaries.remaining) == (2, {"c", "d"})
     assert "no more are kept" in caplog.text
     assert barn.taken() == ["a", "b"]
-    barn.outgoing.look()
-    assert (barn.taken(), barn.outgoing.left, barn.outgoing.missed) == (["c", "d"], frozenset(), 0)
+    barn.summaries.collect()
+    assert (barn.taken(), barn.summaries.remaining, barn.summaries.missed) == (["c", "d"], frozenset(), 0)
 
 
 def test_of_a_large_archive_some_are_entered_at_a_time(
@@ -86,10 +86,10 @@ def test_of_a_large_archive_some_are_entered_at_a_time(
     monkeypatch.setattr("grabberd.service.mqtt.summary_queue.AT_ONCE", 2)
     barn = Barn(tmp_path)
     barn.add("a", "b", "c")
-    barn.outgoing.look()
-    assert (barn.outgoing.waiting, barn.outgoing.left, barn.outgoing.has_room) == (2, {"c"}, True)
-    barn.outgoing.look()
-    assert (barn.outgoing.waiting, barn.outgoing.left, caplog.text) == (3, frozenset(), "")
+    barn.summaries.collect()
+    assert (barn.summaries.waiting, barn.summaries.remaining, barn.summaries.has_room) == (2, {"c"}, True)
+    barn.summaries.collect()
+    assert (barn.summaries.waiting, barn.summaries.remaining, caplog.text) == (3, frozenset(), "")
 
 
 def test_a_capture_that_is_deleted_before_there_is_room_is_named_and_counted(
@@ -97,11 +97,11 @@ def test_a_capture_that_is_deleted_before_there_is_room_is_named_and_counted(
 ) -> None:
     barn = Barn(tmp_path, limit=1)
     barn.add("a", "b", "c")
-    barn.outgoing.look()
+    barn.summaries.collect()
     barn.archive.remove("b")
     with caplog.at_level(logging.ERROR):
-        barn.outgoing.look()
-    assert barn.outgoing.missed == 1
+        barn.summaries.collect()
+    assert barn.summaries.missed == 1
     assert "capture b was deleted" in caplog.text
 
 
@@ -109,8 +109,8 @@ def test_a_damaged_capture_is_told_as_such(tmp_path: Path) -> None:
     barn = Barn(tmp_path)
     barn.add("a")
     (barn.captures / "a.grab").write_bytes(b"no capture any more")
-    barn.outgoing.look()
-    first = barn.outgoing.first()
+    barn.summaries.collect()
+    first = barn.summaries.first()
     assert first is not None
     assert (first[1]["state"], first[1]["verdict"], first[1]["calibration_id"]) == (
         "damaged",
@@ -123,6 +123,6 @@ def test_a_file_that_was_removed_by_hand_is_missed_once(tmp_path: Path) -> None:
     barn = Barn(tmp_path)
     barn.add("a", "b")
     (barn.captures / "a.grab").unlink()
-    barn.outgoing.look()
-    barn.outgoing.look()
-    assert (barn.taken(), barn.outgoing.missed) == (["b"], 1)
+    barn.summaries.collect()
+    barn.summaries.collect()
+    assert (barn.taken(), barn.summaries.missed) == (["b"], 1)

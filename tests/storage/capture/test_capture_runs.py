@@ -130,7 +130,7 @@ def test_two_programs_do_not_add_a_run_at_once(tmp_path):
     path = write(tmp_path, slots(4), measured=range(4))
     with path.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        with pytest.raises(StorageError, match="another program adds a run"):
+        with pytest.raises(StorageError, match="another program is adding a run"):
             append_run(path, "measure", "", "", {}, [(0, points(0))])
     assert append_run(path, "measure", "", "", {}, [(0, points(0))]) == 2
 

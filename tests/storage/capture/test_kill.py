@@ -28,7 +28,7 @@ def kill_after(child, lines):
     for _ in range(lines):
         said = child.stdout.readline() or said
     child.send_signal(signal.SIGKILL)
-    rest, _ = child.communicate(timeout=30)
+    rest, _ = child.communicate(timeout=120)
     return int((said + rest).split()[-1])
 
 
@@ -64,7 +64,7 @@ def check(part, last):
 
 def test_a_capture_that_is_left_to_its_end_is_complete(tmp_path):
     child = start(tmp_path / "c.grab.part", 400)
-    assert child.communicate(timeout=60)[0].split()[-1] == "399"
+    assert child.communicate(timeout=120)[0].split()[-1] == "399"
     assert child.returncode == 0
     with CaptureReader(tmp_path / "c.grab") as reader:
         assert reader.meta.complete
@@ -81,7 +81,7 @@ def test_a_capture_killed_while_it_is_sealed_is_there_under_one_name_or_the_othe
         child.wait(random.Random(seed).uniform(0.0, 0.02))
     except subprocess.TimeoutExpired:
         child.kill()
-    child.communicate(timeout=30)
+    child.communicate(timeout=120)
     path = recover(part) if part.exists() else tmp_path / "c.grab"
     with CaptureReader(path) as reader:
         assert 400 - reader.field_count <= LAST_SECOND

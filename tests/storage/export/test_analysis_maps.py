@@ -29,8 +29,9 @@ def test_a_fields_map_has_its_rows_of_the_table_to_six_digits(folder, made):
     rows = made["targets"].column("n") == 30
     for column in made["targets"].columns:
         if column.name not in ("n", "time_s"):
-            values = [value if value == value else None for value in column.values[rows].tolist()]  # noqa: PLR0124
-            if column.values.dtype.kind == "f":
+            known = made["targets"].column(column.name)[rows].tolist()
+            values = [value if value == value else None for value in known]  # noqa: PLR0124
+            if column.dtype == "f8":
                 values = [None if value is None else pytest.approx(value, rel=1e-5) for value in values]
             assert found["columns"][column.name] == values
 

@@ -171,12 +171,12 @@ def a_way_out(members: dict[str, bytes]) -> None:
     ("change", "said"),
     [
         (with_manifest(schema="grabberd/backup/99"), "version 99"),
-        (with_manifest(schema="somebody/else/1"), "no backup"),
-        (with_manifest(sha256={}), "no backup"),
-        (with_manifest(sha256=None), "no backup"),
+        (with_manifest(schema="somebody/else/1"), "not a backup"),
+        (with_manifest(sha256={}), "not a backup"),
+        (with_manifest(sha256=None), "not a backup"),
         (lambda members: members.update({"state.sqlite": b"another"}), "wrong members: state.sqlite"),
-        (lambda members: members.pop("calibrations/rig-7/calibration.json"), "no backup"),
-        (lambda members: members.pop(MANIFEST), "no backup"),
+        (lambda members: members.pop("calibrations/rig-7/calibration.json"), "not a backup"),
+        (lambda members: members.pop(MANIFEST), "not a backup"),
         (state_of_version_99, "version 99"),
         (garbage_as_state, "damaged"),
         (a_way_out, "wrong members"),
@@ -210,5 +210,5 @@ def test_a_single_wrong_bit_anywhere_is_found(barn: Path, backup: Path) -> None:
 
 def test_half_a_file_is_refused(barn: Path, backup: Path) -> None:
     backup.write_bytes(backup.read_bytes()[:-100])
-    with pytest.raises(InputError, match="no backup"):
+    with pytest.raises(InputError, match="not a backup"):
         restore(barn, backup, NOW)

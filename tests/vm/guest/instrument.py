@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import load_config
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.recording import Recording
 from grabberd.service.device.device_state import DeviceState
 from grabberd.service.service import Service
@@ -47,10 +47,10 @@ def start(**options: Any) -> dict[str, Any]:
 
 def _warm_up(service: Service) -> None:
     """Has the machine read what it will need: its disk is slow by its own clock."""
-    service.start_capture(None, CaptureRequest(fields=5))
-    session = service.instrument(None).session
-    assert session is not None
-    assert session.sealed.wait(PATIENCE_S)
+    service.capture_control.start(None, CaptureRequest(fields=5))
+    recording = service.instrument(None).recording
+    assert recording is not None
+    assert recording.sealed.wait(PATIENCE_S)
     vivid.unplug()
     wait_for(lambda: not service.instrument(None).accepts, PATIENCE_S)
     vivid.plug_in()
@@ -95,11 +95,11 @@ def capture_through(
         fields that are received again; the ledger in words and what the device's states were.
     """
     service = _running[-1]
-    service.start_capture(None, CaptureRequest())
-    session = service.instrument(None).session
-    assert session is not None
-    watched = _Watched(service, session)
-    watched.until(lambda: session.recorder.ledger.received >= 50, PATIENCE_S)
+    service.capture_control.start(None, CaptureRequest())
+    recording = service.instrument(None).recording
+    assert recording is not None
+    watched = _Watched(service, recording)
+    watched.until(lambda: recording.recorder.ledger.received >= 50, PATIENCE_S)
     before = dict(status()["recoveries"])
     begun = watched.mark()
     happen()
@@ -110,9 +110,9 @@ def capture_through(
         heal()
     recovered_s = watched.until_received(begun)
     watched.until(lambda: False, 2.0)
-    session.stop("the test is over")
-    assert session.sealed.wait(PATIENCE_S)
-    ledger = session.recorder.ledger
+    recording.stop("the test is over")
+    assert recording.sealed.wait(PATIENCE_S)
+    ledger = recording.recorder.ledger
     after = status()["recoveries"]
     return {
         "noticed_s": noticed_s,
@@ -122,18 +122,18 @@ def capture_through(
         "entries": [[e.count, str(e.outcome), e.reason] for e in ledger.entries],
         "received": ledger.received,
         "total": ledger.total,
-        "ended": session.recorder.ended_because,
+        "ended": recording.recorder.ended_because,
         "steps": {rung: count for rung, count in after.items() if count > before.get(rung, 0)},
-        "failure": session.failure and session.failure.message,
+        "failure": recording.failure and recording.failure.message,
     }
 
 
 class _Watched:
     """What a capture's device and ledger say while time goes by."""
 
-    def __init__(self, service: Service, session: Recording) -> None:
+    def __init__(self, service: Service, recording: Recording) -> None:
         self._board = service.instrument(None).board
-        self._session = session
+        self._recording = recording
         self.states: list[str] = []
         self._entries = 0
 
@@ -161,7 +161,7 @@ class _Watched:
 
     def until_received(self, since: float) -> float | None:
         """Seconds until fields are received again."""
-        ledger = self._session.recorder.ledger
+        ledger = self._recording.recorder.ledger
         received = ledger.received
 
         def again() -> bool:
@@ -171,7 +171,7 @@ class _Watched:
 
     @property
     def _losses(self) -> int:
-        return sum(entry.count for entry in self._session.recorder.ledger.entries)
+        return sum(entry.count for entry in self._recording.recorder.ledger.entries)
 
     def _look(self) -> None:
         now = self._board.now

@@ -1,4 +1,4 @@
-"""What the pictures of a live device tell of it: no signal, old rows, shifted rows. Not for recordings."""
+"""Content check of a live device's fields: no signal, stale rows, shifted rows. Not meant for recordings."""
 
 from typing import NamedTuple
 
@@ -13,18 +13,22 @@ from grabberd.field import Field
 
 _WORD = 8
 _REFERENCE_NS = 70_000_000
-"""A field that is older than this has nothing to say about where rows should lie."""
+"""Greatest age of the field that rows are compared with: after three field periods the scene has moved on."""
 _REFERENCE_USES = 4
+"""Comparisons per reference: if it contradicts several fields in a row, the scene has changed, not the
+rows."""
 _FOR_A_WHILE = 5
+"""Fields without a picture (a tenth of a second) before the stream counts as having no signal."""
 
 
 class Content(NamedTuple):
-    """What a look at a field found.
+    """Findings about one field.
 
     Attributes:
-        no_picture: None, or which picture the grabber makes up, e.g. "no signal: a flat picture".
-        damage: None, or e.g. "repeated", "stale from line 290", "shifted by -40 px from line 290"; columns
-            count to the right, lines are frame lines.
+        no_picture: Picture that the grabber substitutes, e.g. "no signal: a flat picture"; None for a real
+            one.
+        damage: E.g. "repeated", "stale from line 290" or "shifted by -40 px from line 290" (columns count to
+            the right, lines are frame lines); None if nothing is wrong.
     """
 
     no_picture: str | None = None
@@ -32,7 +36,7 @@ class Content(NamedTuple):
 
 
 class _Copy(NamedTuple):
-    """A field that is kept."""
+    """Private copy of a field, since the driver takes its buffer back."""
 
     words: Words
     rows: NDArray[np.uint8]
@@ -41,10 +45,10 @@ class _Copy(NamedTuple):
 
 
 class ContentCheck:
-    """Looks at every field of a stream as it comes, and keeps copies of the last good one of either parity.
+    """Checks every field of a stream as it arrives, keeping a copy of the last good one of each parity.
 
     Attributes:
-        no_picture: what the grabber has made up for a tenth of a second and still does, or None.
+        no_picture: Picture that the grabber has substituted for a tenth of a second and still does, or None.
     """
 
     def __init__(self) -> None:
@@ -53,7 +57,7 @@ class ContentCheck:
         self._start((0, 0))
 
     def look(self, grabbed: GrabbedField) -> Content:
-        """What the picture tells; a quarter of a millisecond for 288 rows of 720."""
+        """Check one field; takes a quarter of a millisecond for 288 rows of 720."""
         field = grabbed.field
         if field.luma.shape != self._shape:
             self._start((field.rows, field.columns))
@@ -102,7 +106,7 @@ class ContentCheck:
         return ", ".join(found) or None
 
     def _reference_for(self, copy: _Copy) -> _Copy | None:
-        """The last good field, while it is young and has not spoken against several in a row."""
+        """The last good field, unless it is too old or has contradicted several fields in a row."""
         self._uses += 1
         reference = self._reference
         if reference is None or self._uses > _REFERENCE_USES:
@@ -110,7 +114,7 @@ class ContentCheck:
         return reference if 0 <= copy.time_ns - reference.time_ns <= _REFERENCE_NS else None
 
     def _keep(self, copy: _Copy, parity: int) -> Words:
-        """Keeps a good field; gives the buffer of the one that it replaces."""
+        """Keep a good field; return the buffer of the one it replaces."""
         replaced = self._good.get(parity)
         self._good[parity] = self._reference = copy
         self._uses = 0

@@ -1,7 +1,8 @@
-"""Whether a field shows what a grabber makes up while no camera is at its input: blue, black, bars or snow.
+"""Recognition of the picture a grabber substitutes while no camera is connected: blue, black, bars or snow.
 
-What a chip draws has no noise, so its rows are alike to the bit, or each of one grey value. Snow has nothing
-but noise. A dark camera has noise of its own and some contrast less than snow: that is a picture.
+A picture drawn by a chip has no noise: its rows are identical bit for bit, or each row has a single grey
+value. Snow is nothing but noise. A dark camera has noise of its own, with less contrast than snow, and counts
+as a picture.
 """
 
 import cv2
@@ -13,18 +14,20 @@ BARS = "no signal: bars"
 SNOW = "no signal: snow"
 
 _EDGE_ROWS = 4
-"""Rows at the top and at the bottom that a chip may blank."""
+"""Rows at the top and bottom that a chip may blank."""
 _SNOW_SIGMA = 25.0
+"""Grey values; a dark camera stays well below."""
 _SNOW_CORRELATION = 0.1
 _SNOW_EVERY_ROW = _FEW = 16
+"""Sampling of rows: a sixteenth of the picture decides, so that a normal field costs next to nothing."""
 
 
 def no_picture(rows: NDArray[np.uint8], hashes: NDArray[np.uint64]) -> str | None:
-    """`FLAT`, `BARS`, `SNOW`, or None for a picture.
+    """Return `FLAT`, `BARS` or `SNOW`, or None for a real picture.
 
     Args:
         rows: (rows, columns) grey values of one field.
-        hashes: (rows,) equal where rows are equal.
+        hashes: (rows,) numbers that are equal where rows are equal.
     """
     return _drawn(rows, hashes) or _snow(rows)
 
@@ -39,16 +42,16 @@ def _drawn(rows: NDArray[np.uint8], hashes: NDArray[np.uint64]) -> str | None:
 
 
 def _is_even(rows: NDArray[np.uint8]) -> bool:
-    """Whether each row is of one grey value."""
+    """True if every row has a single grey value."""
     return bool((rows == rows[:, :1]).all())
 
 
 def _snow(rows: NDArray[np.uint8]) -> str | None:
-    """Strong contrast that no row shares with the next."""
+    """Detect strong contrast that is uncorrelated from row to row."""
     lower = rows[_SNOW_EVERY_ROW::_SNOW_EVERY_ROW]
     if not lower.size or cv2.meanStdDev(lower)[1].item() < _SNOW_SIGMA:
         return None
     upper = rows[_SNOW_EVERY_ROW - 1 : -1 : _SNOW_EVERY_ROW]
-    with np.errstate(invalid="ignore"):  # a flat sample is not correlated with anything, and no snow
+    with np.errstate(invalid="ignore"):  # a flat sample has no correlation (NaN) and is not snow
         correlation = np.corrcoef(upper.ravel(), lower.ravel())[0, 1]
     return SNOW if correlation < _SNOW_CORRELATION else None

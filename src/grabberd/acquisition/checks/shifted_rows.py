@@ -1,8 +1,9 @@
-"""Rows that lie too far left or right from some row of a field on, as after a lost USB packet.
+"""Rows shifted sideways from some row of a field onwards, as after a lost USB packet.
 
-Blocks of rows are correlated along the line with those of the field before, for every shift at once. Motion
-moves a target by a few pixels from field to field and the two halves of the picture apart; lost data moves
-everything below one row by the same number of columns, round the end of the line, and nothing above it.
+Blocks of rows are correlated along the line with those of the previous field, for every shift at once. Motion
+moves a target by a few pixels per field, and the two halves of the picture in opposite directions; lost data
+moves everything below one row by the same number of columns, wrapping round the end of the line, and nothing
+above it.
 """
 
 import math
@@ -20,27 +21,29 @@ _BLOCK_ROWS = 12
 _BIN_COLUMNS = 4
 _LEAST_BINS = 2
 _LEAST_LIKENESS = 0.6
-"""Correlation with the field before at the shift that is found."""
+"""Correlation with the previous field that a shift must reach."""
 _MOTION = range(-3, 4)
-"""Columns that a whole picture may move from field to field."""
+"""Columns that the whole picture may really move from field to field."""
 _LEAST_COARSE_GAIN = 0.05
 _LEAST_GAIN = 2.0
-"""How many times more of the contrast is left over without the shift than with it."""
+"""Least ratio of the residual contrast without the shift to that with it."""
 _LEAST_SHARE = 0.02
-"""Of the field's contrast, below the first shifted row and above it."""
+"""Least share of the field's contrast both above and below the first shifted row."""
 _LEAST_SIGMA = 2.0
-"""Grey values, of a block's means of 4 columns by 12 rows: there is something to see."""
+"""Least contrast in grey values of a block's means over 4 columns by 12 rows."""
 
 
 class Shift(NamedTuple):
-    """Every row from `row` on lies `columns` too far right (negative: left), round the end of the line."""
+    """Every row from `row` on is `columns` too far right (negative: left), wrapping round the end of the
+    line.
+    """
 
     row: int
     columns: int
 
 
 def profiles(rows: Rows) -> Profiles:
-    """(blocks, bins) means of 12 rows by 4 columns, less each block's mean."""
+    """Compute (blocks, bins) means of 12 rows by 4 columns, less each block's mean."""
     size = (max(1, rows.shape[1] // _BIN_COLUMNS), _blocks(rows))
     means = cv2.resize(rows, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     means -= means.mean(axis=1, keepdims=True)
@@ -48,13 +51,14 @@ def profiles(rows: Rows) -> Profiles:
 
 
 def find_shift(rows: Rows, before: Rows, now: Profiles, then: Profiles) -> Shift | None:
-    """The shift of a field against one that came a few hundredths of a second before, or None.
+    """Find the shift of a field relative to one a few hundredths of a second older, or None.
 
-    A shift is found where there is contrast, above it and below it. Under 8 columns it is taken for motion.
+    A shift can be found only if there is contrast both above and below it. Shifts under 8 columns are taken
+    for motion.
 
     Args:
         rows: (rows, columns) grey values.
-        before: those of the earlier field.
+        before: Grey values of the earlier field.
         now: `profiles` of `rows`.
         then: `profiles` of `before`.
     """
@@ -75,7 +79,7 @@ class _Coarse(NamedTuple):
 
 
 def _coarse_shift(now: Profiles, then: Profiles) -> _Coarse | None:
-    """The first block and the shift that fit best, if anything speaks for them."""
+    """The first block and the shift that fit best, if the evidence suffices."""
     power = np.sqrt((now * now).sum(axis=1) * (then * then).sum(axis=1))
     if power.max() < _LEAST_SIGMA**2 * now.shape[1]:
         return None
@@ -92,7 +96,7 @@ def _coarse_shift(now: Profiles, then: Profiles) -> _Coarse | None:
 
 
 def _candidates(power: Profiles, unshifted: Profiles) -> NDArray[np.intp]:
-    """Blocks with contrast above, that is where it was, and contrast below, that is not all where it was."""
+    """Blocks with contrast above that has not moved, and contrast below that has."""
     below, unshifted_below = _from_below(power), _from_below(unshifted)
     above, unshifted_above = below[0] - below, unshifted_below[0] - unshifted_below
     candidates = (
@@ -104,14 +108,14 @@ def _candidates(power: Profiles, unshifted: Profiles) -> NDArray[np.intp]:
 
 
 def _correlated(now: Profiles, then: Profiles) -> Profiles:
-    """(blocks, bins): each block's product with the earlier one's, shifted to the right by so many bins."""
+    """(blocks, bins): product of each block with the earlier one shifted right by that many bins."""
     spectrum = scipy.fft.rfft(now) * np.conj(scipy.fft.rfft(then))
     correlated: Profiles = scipy.fft.irfft(spectrum, now.shape[1])
     return correlated
 
 
 def _fine_columns(rows: Rows, before: Rows, coarse: _Coarse) -> int | None:
-    """The shift to the pixel, if it makes the field before fit well and much better than motion does."""
+    """The shift to the pixel, if it makes the previous field fit well, and much better than motion does."""
     now, then = (_smooth(one)[coarse.block :] for one in (rows, before))
     power = math.sqrt(float(np.vdot(now, now)) * float(np.vdot(then, then)))
     near = range(coarse.columns - _BIN_COLUMNS, coarse.columns + _BIN_COLUMNS + 1)
@@ -123,7 +127,7 @@ def _fine_columns(rows: Rows, before: Rows, coarse: _Coarse) -> int | None:
 
 
 def _smooth(rows: Rows) -> Profiles:
-    """(blocks, columns) running means of 12 rows by 4 columns, round the end of the line."""
+    """(blocks, columns) running means of 12 rows by 4 columns, wrapping round the end of the line."""
     means = cv2.resize(rows, (rows.shape[1], _blocks(rows)), interpolation=cv2.INTER_AREA).astype(np.float32)
     means -= means.mean(axis=1, keepdims=True)
     smooth: Profiles = sum((np.roll(means, k, axis=1) for k in range(1, _BIN_COLUMNS)), start=means)
@@ -141,7 +145,7 @@ def _from_below(values: Profiles) -> Profiles:
 
 
 def _first_row(rows: Rows, before: Rows, coarse: _Coarse, columns: int) -> int:
-    """The row from which on the shift fits better; to the row where there is contrast."""
+    """First row from which the shift fits better; exact to the row where there is contrast."""
     middle = coarse.block * _BLOCK_ROWS
     first = max(0, middle - _BLOCK_ROWS)
     near = slice(first, middle + 2 * _BLOCK_ROWS)

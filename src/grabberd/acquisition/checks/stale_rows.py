@@ -1,8 +1,8 @@
-"""Rows of a field that a live device has delivered before.
+"""Stale rows: rows of a live field that the device has delivered before.
 
-The noise of an analog signal never comes twice: a row that equals an earlier one to the bit is old, if it has
-enough noise for that to mean anything. How much it has is learned from the stream itself, by how many groups
-of eight pixels differ from each field to the next: black that is clipped has none.
+The noise of an analog signal never repeats: a row identical to an earlier one bit for bit is stale, provided
+it has enough noise for a match to mean anything. How much it has is learned from the stream itself, by
+counting the groups of eight pixels that differ from one field to the next: clipped black has none.
 """
 
 import numpy as np
@@ -11,19 +11,21 @@ from numpy.typing import NDArray
 REPEATED = "repeated"
 
 _REMEMBERED = 64
-"""Fields: a driver's buffer holds what was in it up to 32 frames ago."""
+"""Fields: with 32 buffers, a driver may hand out what it received up to 32 frames ago."""
 _LEARNED = 8
+"""Field pairs over which the least difference counts, so that one lively pair proves nothing."""
 _EVIDENCE = 40.0
-"""Groups of pixels that should have differed: by chance they are all equal less than once in e⁴⁰ fields."""
+"""Pixel groups that should have differed: by chance all are equal less than once in e⁴⁰ fields."""
 
 Words = NDArray[np.uint64]
 
 
 class StaleRows:
-    """Remembers a stream's rows.
+    """Memory of a stream's rows, searched for repetitions.
 
     Args:
-        rows: of a field; `words`: groups of eight pixels in a row.
+        rows: Number of rows of a field.
+        words: Number of groups of eight pixels in a row.
     """
 
     def __init__(self, rows: int, words: int) -> None:
@@ -34,15 +36,15 @@ class StaleRows:
         self._fields = self._lessons = 0
 
     def hashes(self, words: Words) -> Words:
-        """(rows,) numbers that are equal where rows are equal; words (rows, words)."""
+        """Hash each of the rows (rows, words) to one number, (rows,); equal rows give equal numbers."""
         hashes: Words = np.einsum("ij,j", words, self._weights)
         return hashes
 
     def find(self, words: Words, hashes: Words) -> tuple[int, int] | None:
-        """The first and the last row of what is old, or None; remembers the field.
+        """Find the first and last stale row, or None, and remember the field.
 
-        What is found without contrast around it is not counted in. A whole field that is old is found from
-        the first field on, a part of one only when it is known how much fields differ.
+        Rows without contrast at the ends of a stale run are not counted. A wholly stale field is found from
+        the first field on, a partly stale one only once it is known how much fields differ.
         """
         old = (self._seen == hashes).any(axis=0)
         self._seen[self._fields % _REMEMBERED] = hashes
@@ -50,7 +52,7 @@ class StaleRows:
         return _found(old, _contrast(words), self._differing.min(axis=0)) if old.any() else None
 
     def learn(self, words: Words, before: Words) -> None:
-        """By how much a good field differs from the good one of its parity before."""
+        """Learn by how much a good field differs from the previous good one of its parity."""
         self._differing[self._lessons % _LEARNED] = (words != before).sum(axis=1)
         self._lessons += 1
 
@@ -71,13 +73,13 @@ def _found(
 
 
 def _runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First indices of the runs of True, and the indices after them."""
+    """Start and end indices (exclusive) of the runs of True."""
     steps = np.diff(np.concatenate(([False], mask, [False])).astype(np.int8))
     return np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
 
 
 def _contrast(words: Words) -> NDArray[np.int64]:
-    """(rows,) how many groups of eight pixels are not of one grey value."""
+    """(rows,) number of groups of eight pixels with more than one grey value."""
     turned = (words >> np.uint64(8)) | (words << np.uint64(56))
     contrast: NDArray[np.int64] = (words != turned).sum(axis=1)
     return contrast

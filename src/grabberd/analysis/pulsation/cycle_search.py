@@ -63,8 +63,8 @@ def _peaks(found: Sequence[Candidate]) -> list[Candidate]:
 
 
 def _scale(values: Sequence[Array]) -> tuple[float, float]:
-    together = np.concatenate(values)
-    return float((together.min() + together.max()) / 2), max(float(together.std()), 1e-12)
+    joined = np.concatenate(values)
+    return float((joined.min() + joined.max()) / 2), max(float(joined.std()), 1e-12)
 
 
 def _placed(

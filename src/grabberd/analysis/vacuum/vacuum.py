@@ -71,7 +71,7 @@ class PulsatorWave:
     def __post_init__(self) -> None:
         problems = [text for wrong, text in self._problems() if wrong]
         if problems:
-            raise InputError(f"the pulsator's settings cannot be used: {'; '.join(problems)}", "mend them")
+            raise InputError(f"the pulsator's settings cannot be used: {'; '.join(problems)}", "correct them")
 
     def _problems(self) -> list[tuple[bool, str]]:
         return [

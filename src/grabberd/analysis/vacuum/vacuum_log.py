@@ -124,7 +124,7 @@ def _number(row: list[str], place: int, name: str, line: int, separator: str) ->
     if not math.isfinite(value):
         raise InputError(
             f"line {line} of the vacuum log: {name} is {text!r}, not a number",
-            "mend or remove the line; nothing is filled in for it",
+            "correct or remove the line; missing readings are never filled in",
         )
     return value
 

@@ -1,1 +1,1 @@
-"""The API's description: OpenAPI completed, and the page drawn from it."""
+"""The OpenAPI description, completed with roles and problems, and the page drawn from it."""

@@ -1,4 +1,4 @@
-"""The API's description as one page that needs nothing but itself: no script, no file, no other host."""
+"""The OpenAPI description as one self-contained page: no script, no other file, no other host."""
 
 import base64
 import hashlib
@@ -7,8 +7,6 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
-
-from grabberd.api.docs.schema_words import words_of
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; color: #1c2024; }
@@ -32,13 +30,24 @@ POLICY = f"default-src 'none'; style-src 'sha256-{_HASH}'; base-uri 'none'; form
 """The page's content security policy."""
 STREAMS = (
     "<code>WebSocket /api/v1/preview?device=NAME</code> (viewer) sends a small binary message for the newest "
-    "field, twelve a second at most: header, centroids, deflated bits."
+    "field, at most twelve a second: header, centroids, deflated bits."
 )
-Description = Mapping[str, Any]
+LIMITS = {
+    "minimum": "≥ {}",
+    "exclusiveMinimum": "> {}",
+    "maximum": "≤ {}",
+    "exclusiveMaximum": "< {}",
+    "maxLength": "at most {} characters",
+    "maxItems": "at most {}",
+    "maxProperties": "at most {}",
+    "pattern": "like {}",
+}
+Json = Mapping[str, Any]
+"""A part of an OpenAPI description."""
 
 
-def page(description: Description) -> str:
-    """The page of an OpenAPI description."""
+def page(description: Json) -> str:
+    """The OpenAPI description as an HTML page."""
     info, schemas = description["info"], description["components"]["schemas"]
     title = f"{html.escape(info['title'])} {html.escape(info['version'])}"
     body = [
@@ -60,8 +69,8 @@ def page(description: Description) -> str:
     )
 
 
-def _contents(paths: Mapping[str, Mapping[str, Any]]) -> str:
-    """Every operation's summary, group by group."""
+def _contents(paths: Mapping[str, Json]) -> str:
+    """The summaries of all operations, group by group."""
     groups: dict[str, list[str]] = {}
     for operation in (one for methods in paths.values() for one in methods.values()):
         link = f'<a href="#{operation["operationId"]}">{html.escape(operation["summary"])}</a>'
@@ -70,12 +79,12 @@ def _contents(paths: Mapping[str, Mapping[str, Any]]) -> str:
     return f"<nav>{_table(('group', 'what it does'), rows)}</nav>"
 
 
-def _problems(responses: Mapping[str, Mapping[str, Any]]) -> str:
+def _problems(responses: Mapping[str, Json]) -> str:
     rows = ((name.removeprefix("Problem"), _text(one["description"])) for name, one in responses.items())
     return _table(("status", "meaning"), rows)
 
 
-def _operations(paths: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def _operations(paths: Mapping[str, Json]) -> Iterator[str]:
     tagged: dict[str, list[str]] = {}
     for path, methods in paths.items():
         for method, operation in methods.items():
@@ -86,7 +95,7 @@ def _operations(paths: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         yield from operations
 
 
-def _operation(method: str, path: str, operation: Mapping[str, Any]) -> str:
+def _operation(method: str, path: str, operation: Json) -> str:
     role = operation.get("x-least-role")
     who = html.escape(role) if role else "no token needed"
     parts = [
@@ -102,7 +111,7 @@ def _operation(method: str, path: str, operation: Mapping[str, Any]) -> str:
     return "\n".join(filter(None, parts))
 
 
-def _parameters(parameters: Iterable[Mapping[str, Any]]) -> str:
+def _parameters(parameters: Iterable[Json]) -> str:
     rows = [
         (f"<code>{html.escape(one['name'])}</code>", one["in"], _if_given(one["schema"]), _described(one))
         for one in parameters
@@ -110,47 +119,49 @@ def _parameters(parameters: Iterable[Mapping[str, Any]]) -> str:
     return _table(("parameter", "in", "type", "meaning"), rows) if rows else ""
 
 
-def _if_given(schema: Mapping[str, Any]) -> str:
-    """A parameter's type; that it may be left out stands in its meaning."""
+def _if_given(schema: Json) -> str:
+    """A parameter's type, without the null that stands for leaving it out."""
     choices = [choice for choice in schema.get("anyOf", ()) if choice.get("type") != "null"]
-    return words_of(choices[0] if len(choices) == 1 else schema)
+    return type_in_words(choices[0] if len(choices) == 1 else schema)
 
 
-def _body(body: Mapping[str, Any] | None) -> str:
+def _body(body: Json | None) -> str:
     if body is None:
         return ""
-    kinds = (f"{html.escape(kind)}: {words_of(one['schema'])}" for kind, one in body["content"].items())
+    kinds = (f"{html.escape(kind)}: {type_in_words(one['schema'])}" for kind, one in body["content"].items())
     return f"<p>Body: {', '.join(kinds)}</p>"
 
 
-def _responses(responses: Mapping[str, Mapping[str, Any]]) -> str:
+def _responses(responses: Mapping[str, Json]) -> str:
     rows = [(status, _content(one), _described(one)) for status, one in responses.items() if status < "400"]
     refusals = ", ".join(status for status in responses if status >= "400")
-    return _table(("status", "answer", "meaning"), rows) + f'<p class="role">Problems: {refusals}</p>'
+    return _table(("status", "response", "meaning"), rows) + f'<p class="role">Problems: {refusals}</p>'
 
 
-def _content(response: Mapping[str, Any]) -> str:
+def _content(response: Json) -> str:
     kinds = response.get("content", {})
     return "<br>".join(f"{html.escape(kind)} {_of(one)}" for kind, one in kinds.items()) or "nothing"
 
 
-def _of(content: Mapping[str, Any]) -> str:
+def _of(content: Json) -> str:
     schema = content.get("schema")
-    return words_of(schema) if schema and schema != {"type": "string"} else ""
+    return type_in_words(schema) if schema and schema != {"type": "string"} else ""
 
 
-def _schema(name: str, schema: Mapping[str, Any]) -> str:
+def _schema(name: str, schema: Json) -> str:
     required = schema.get("required", [])
     rows = [
         (
             f"<code>{html.escape(key)}</code>",
-            words_of(one),
+            type_in_words(one),
             "required" if key in required else "",
             _described(one),
         )
         for key, one in schema.get("properties", {}).items()
     ]
-    table = _table(("key", "type", "needed", "meaning"), rows) if rows else f"<p>{words_of(schema)}</p>"
+    table = (
+        _table(("key", "type", "required", "meaning"), rows) if rows else f"<p>{type_in_words(schema)}</p>"
+    )
     head = f'<section id="{html.escape(name)}"><h3>{html.escape(name)}</h3>'
     examples = "".join(_example(one) for one in schema.get("examples", ()))
     return f"{head}<p>{_text(schema.get('description', ''))}</p>{table}{examples}</section>"
@@ -161,13 +172,13 @@ def _example(example: object) -> str:
     return f"<details><summary>Example</summary><pre>{text}</pre></details>"
 
 
-def _described(one: Mapping[str, Any]) -> str:
+def _described(one: Json) -> str:
     words = one.get("description", "")
     return "" if words == "Successful Response" else _text(words)
 
 
 def _text(words: str) -> str:
-    """Escaped, with what stands between backticks as code."""
+    """Escapes a text and turns backticks into code."""
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", html.escape(words))
 
 
@@ -175,3 +186,33 @@ def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
     head = "".join(f'<th scope="col">{words}</th>' for words in heads)
     body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
     return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def type_in_words(schema: Json) -> str:
+    """A JSON schema's type in words, as HTML; a named type is a link."""
+    if "$ref" in schema:
+        name = html.escape(schema["$ref"].rpartition("/")[2])
+        return f'<a href="#{name}">{name}</a>'
+    if choices := schema.get("anyOf") or schema.get("oneOf"):
+        return " or ".join(type_in_words(choice) for choice in choices)
+    if values := schema.get("enum") or ([schema["const"]] if "const" in schema else None):
+        return " or ".join(f"<code>{_json(value)}</code>" for value in values)
+    return _plain_type(schema) + _limits(schema)
+
+
+def _plain_type(schema: Json) -> str:
+    if schema.get("type") == "array":
+        return f"list of {type_in_words(schema.get('items', {}))}"
+    inner = schema.get("additionalProperties")
+    if schema.get("type") == "object" and isinstance(inner, Mapping):
+        return f"object of {type_in_words(inner)}"
+    return html.escape(str(schema.get("format") or schema.get("type") or "anything"))
+
+
+def _limits(schema: Json) -> str:
+    parts = [words.format(schema[key]) for key, words in LIMITS.items() if key in schema]
+    return html.escape("".join(f", {part}" for part in parts))
+
+
+def _json(value: object) -> str:
+    return html.escape(json.dumps(value, ensure_ascii=False))

@@ -1,4 +1,4 @@
-"""What the API's description says beyond its routes: who may, how refusals look, what is binary."""
+"""Completes the OpenAPI description: required roles, refusals, binary content."""
 
 from collections.abc import Iterator, MutableMapping
 from typing import Any
@@ -7,41 +7,41 @@ from fastapi import FastAPI
 
 from grabberd.api.guard.authentication import COOKIE
 from grabberd.api.guard.roles import LEAST_ROLE
-from grabberd.api.problems import Problem
+from grabberd.documents.problems import Problem
 
 SCHEMES = {
     "token": {"type": "http", "scheme": "bearer", "description": "As `grabberd token add` printed it."},
     "session": {"type": "apiKey", "in": "cookie", "name": COOKIE, "description": "POST /api/v1/session."},
 }
 REFUSALS = {
-    "401": "Nobody whom the daemon knows.",
-    "403": "The role is not enough, or a foreign page asks.",
-    "408": "The request's body took too long.",
-    "413": "The request's body is too large.",
-    "421": "The daemon is not called by this name.",
+    "401": "The token or session is unknown.",
+    "403": "The role is not sufficient, or a page of another site sent the request.",
+    "408": "The request body took too long.",
+    "413": "The request body is too large.",
+    "421": "The daemon does not have this host name.",
     "429": "Too many attempts or streams.",
-    "500": "A fault of the program, or a damaged file.",
+    "500": "An internal error, or a damaged file.",
 }
-"""Of every route."""
-PROBLEMS_IN_WORDS = {
+"""Refusals that every route can answer with."""
+PROBLEM_DESCRIPTIONS = {
     **REFUSALS,
-    "404": "There is none of that name.",
-    "409": "It cannot be done now.",
-    "422": "A value cannot be used.",
-    "501": "It needs an optional part of grabberd that is not installed.",
-    "503": "The device does not deliver.",
+    "404": "There is nothing of that name.",
+    "409": "The request conflicts with the present state.",
+    "422": "A value is invalid.",
+    "501": "An optional part of grabberd that this requires is not installed.",
+    "503": "The device is not delivering.",
     "507": "The disk is full, read-only or broken.",
 }
 PROBLEM_JSON = "application/problem+json"
 BINARY = {"type": "string", "format": "binary"}
 _PROBLEM = "#/components/schemas/Problem"
 _OF_FASTAPI = ("HTTPValidationError", "ValidationError")
-"""Its own form of an error, which no route answers with."""
+"""FastAPI's own error documents, which no route answers with."""
 Tree = MutableMapping[str, Any]
 
 
 def describe(app: FastAPI) -> None:
-    """Completes the application's description when it is first asked for."""
+    """Completes the application's description at the first request for it."""
     plain = app.openapi
 
     def openapi() -> dict[str, Any]:
@@ -59,16 +59,16 @@ def _complete(description: Tree) -> None:
     schemas["Problem"] = Problem.model_json_schema()
     for name in _OF_FASTAPI:
         schemas.pop(name, None)
-    components["responses"] = {_name(status): _of_problem(status) for status in sorted(PROBLEMS_IN_WORDS)}
+    components["responses"] = {_name(status): _of_problem(status) for status in sorted(PROBLEM_DESCRIPTIONS)}
     components["securitySchemes"] = SCHEMES
     description["security"] = [{name: []} for name in SCHEMES]
     for path, operations in description["paths"].items():
         for method, operation in operations.items():
-            _say_who_may(f"{method.upper()} {path}", operation)
-            _say_refusals(operation)
+            _add_role(f"{method.upper()} {path}", operation)
+            _add_refusals(operation)
 
 
-def _say_who_may(key: str, operation: Tree) -> None:
+def _add_role(key: str, operation: Tree) -> None:
     least = LEAST_ROLE.get(key)
     if least is None and key in LEAST_ROLE:
         operation["security"] = []
@@ -76,7 +76,7 @@ def _say_who_may(key: str, operation: Tree) -> None:
         operation["x-least-role"] = least
 
 
-def _say_refusals(operation: Tree) -> None:
+def _add_refusals(operation: Tree) -> None:
     responses = operation["responses"]
     responses.update({status: {} for status in REFUSALS})
     operation["responses"] = {status: _answer(status, responses[status]) for status in sorted(responses)}
@@ -84,12 +84,12 @@ def _say_refusals(operation: Tree) -> None:
 
 def _answer(status: str, response: Tree) -> Tree:
     if status < "400":
-        _say_binary(response)
+        _mark_binary(response)
         return response
     if "text/plain" in response.get("content", {}):
         return response
     own = [schema for schema in _schemas(response) if schema.get("$ref") not in (None, _PROBLEM)]
-    if status in PROBLEMS_IN_WORDS and (not own or own[0]["$ref"].endswith(_OF_FASTAPI)):
+    if status in PROBLEM_DESCRIPTIONS and (not own or own[0]["$ref"].endswith(_OF_FASTAPI)):
         return {"$ref": f"#/components/responses/{_name(status)}"}
     return {"description": response["description"], "content": {PROBLEM_JSON: {"schema": own[0]}}}
 
@@ -98,7 +98,7 @@ def _schemas(response: Tree) -> Iterator[Tree]:
     return (content["schema"] for content in response.get("content", {}).values() if "schema" in content)
 
 
-def _say_binary(response: Tree) -> None:
+def _mark_binary(response: Tree) -> None:
     for kind, content in response.get("content", {}).items():
         if not content and kind != "application/json":
             content["schema"] = {"type": "string"} if kind.startswith("text/") else BINARY
@@ -110,4 +110,4 @@ def _name(status: str) -> str:
 
 def _of_problem(status: str) -> Tree:
     content = {PROBLEM_JSON: {"schema": {"$ref": _PROBLEM}}}
-    return {"description": PROBLEMS_IN_WORDS[status], "content": content}
+    return {"description": PROBLEM_DESCRIPTIONS[status], "content": content}

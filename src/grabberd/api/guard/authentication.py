@@ -1,4 +1,4 @@
-"""Who asks: a bearer token, a browser's session, or whoever is at the machine while there are no tokens."""
+"""Authentication by bearer token, by browser session, or, while there are no tokens, by a private socket."""
 
 from contextlib import suppress
 from typing import Annotated, NamedTuple
@@ -10,9 +10,9 @@ from starlette.types import Scope
 
 from grabberd.api.guard.failed_attempts import Attempts, client_of
 from grabberd.api.guard.refusals import Refusal
+from grabberd.documents.roles import Role
 from grabberd.errors import AccessExpired, StorageError
 from grabberd.service.access import AT_THE_MACHINE, Access, Identity
-from grabberd.service.roles import Role
 
 COOKIE = "grabberd_session"
 _CHALLENGE = 'Bearer realm="grabberd"'
@@ -21,14 +21,14 @@ _FORGET_COOKIE = f"{COOKIE}=; Max-Age=0; Path=/; HttpOnly; SameSite=Strict"
 
 
 class Credentials(NamedTuple):
-    """What a request shows of who sends it."""
+    """Credentials in a request."""
 
     bearer: str | None
     session: str | None
 
     @classmethod
     def of(cls, scope: Scope) -> "Credentials":
-        """Those of a request; another scheme than Bearer is none."""
+        """The credentials of a request; schemes other than Bearer are ignored."""
         connection = HTTPConnection(scope)
         scheme, _, secret = connection.headers.get("authorization", "").partition(" ")
         bearer = secret.strip() if scheme.lower() == "bearer" else None
@@ -36,12 +36,12 @@ class Credentials(NamedTuple):
 
     @property
     def secret(self) -> str | None:
-        """The one that counts."""
+        """The secret to check: the bearer token, else the session."""
         return self.session if self.bearer is None else self.bearer
 
 
 class Authenticator:
-    """Tells who asks; the look-up reads the disk, so it runs beside the event loop."""
+    """Identifies clients; the look-up reads the disk, so it runs in a thread."""
 
     def __init__(self, access: Access, private: bool, attempts: Attempts) -> None:
         self._access = access
@@ -49,10 +49,10 @@ class Authenticator:
         self._attempts = attempts
 
     async def identify(self, scope: Scope) -> Identity:
-        """Who sends a request.
+        """Identifies the sender of a request.
 
         Raises:
-            Refusal: 401, nobody whom the daemon knows; 429, too many attempts; 507, tokens cannot be read.
+            Refusal: 401, the sender is unknown; 429, too many attempts; 507, the tokens cannot be read.
         """
         shown, client = Credentials.of(scope), client_of(scope)
         if shown.secret is not None:
@@ -70,7 +70,7 @@ class Authenticator:
         return identity
 
     async def still_is(self, scope: Scope, least: Role) -> bool:
-        """Whether what a request shows is still good: asked again while its answer goes on."""
+        """True if a request's credentials are still valid; rechecked during a long response."""
         with suppress(AccessExpired):
             identity = await run_in_threadpool(self._look_up, Credentials.of(scope))
             return identity is not None and identity.role.covers(least)
@@ -88,17 +88,17 @@ class Authenticator:
 
 
 def check_role(identity: Identity, least: Role) -> None:
-    """Whether somebody may.
+    """Checks that an identity has a role.
 
     Raises:
-        Refusal: 403, the role is not enough.
+        Refusal: 403, its role is not sufficient.
     """
     if identity.role.covers(least):
         return
     raise Refusal(
         403,
         "role-not-enough",
-        f"this takes the role {least}, and you have {identity.role}",
+        f"this requires the role {least}, and you have {identity.role}",
         "ask the daemon's administrator for a token with that role: grabberd token add",
         {"WWW-Authenticate": 'Bearer realm="grabberd", error="insufficient_scope"'},
     )
@@ -109,8 +109,10 @@ def _unknown(shown: Credentials) -> Refusal:
     if shown.bearer is not None:
         headers = _INVALID_TOKEN
     elif shown.session is not None:
-        headers["Set-Cookie"] = _FORGET_COOKIE  # a browser must not go on trying one that has ended
-    detail = "this takes a token" if shown.secret is None else "nobody has this token or session"
+        headers["Set-Cookie"] = (
+            _FORGET_COOKIE  # so that the browser does not keep sending a session that has ended
+        )
+    detail = "this requires a token" if shown.secret is None else "this token or session is invalid"
     hint = "send 'Authorization: Bearer TOKEN'; 'grabberd token add' on the daemon's machine makes one"
     return Refusal(401, "unauthorized", detail, hint, headers)
 
@@ -121,4 +123,4 @@ def _identity(connection: HTTPConnection) -> Identity:
 
 
 IdentityOf = Annotated[Identity, Depends(_identity)]
-"""Who asks, for routes that want to know."""
+"""The client's identity, for routes that need it."""

@@ -1,6 +1,6 @@
-"""Connections: how many there are, how long a head may take, and how long a client may read nothing.
+"""Limits of connections: their number, the time for a request head, and the time a client may stop reading.
 
-The server itself bounds none of these by time, so its protocol is extended here by two timers.
+The server itself has no such time limits, so its protocol is extended here by two timers.
 """
 
 import asyncio
@@ -16,16 +16,19 @@ from grabberd.config import HttpLimits
 
 
 async def too_busy(scope: Scope, receive: Receive, send: Send) -> None:
-    """The application of a connection that is one too many."""
+    """The application of connections beyond the limit."""
     answer = problem(
-        503, "too-many-connections", "the daemon has as many connections as it may", "try again in a moment"
+        503,
+        "too-many-connections",
+        "the daemon has reached its limit of connections",
+        "try again in a moment",
     )
     answer.headers.update({"Retry-After": "5", "Connection": "close"})
     await answer(scope, receive, send)
 
 
 class LimitedConnection(H11Protocol):
-    """A connection within limits: one too many is told so, twice too many is hung up on."""
+    """A limited connection: those beyond the limit get 503, those beyond twice the limit are dropped."""
 
     limits: ClassVar[HttpLimits]
 
@@ -35,7 +38,7 @@ class LimitedConnection(H11Protocol):
         self._write_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """A client has connected."""
+        """Handles a new connection."""
         super().connection_made(transport)
         self._start_head_timer()
         if len(self.connections) > self.limits.connections:
@@ -44,12 +47,12 @@ class LimitedConnection(H11Protocol):
             transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The client has gone."""
+        """Handles the end of the connection."""
         self._stop_timers()
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        """Some of a request has come; what has been answered already is not waited for any longer."""
+        """Handles incoming data; after the response, the rest of a request has as much time as a head."""
         super().data_received(data)
         answered = getattr(self.cycle, "response_complete", False)
         if answered or self.conn.their_state is h11.IDLE:
@@ -58,23 +61,23 @@ class LimitedConnection(H11Protocol):
             self._stop_head_timer()
 
     def on_response_complete(self) -> None:
-        """A request has been answered, whether all of it had come or not."""
+        """Handles the end of a response, which may precede the end of its request."""
         super().on_response_complete()
         if self.conn.their_state is h11.SEND_BODY:
             self._start_head_timer()
 
     def pause_writing(self) -> None:
-        """The client reads more slowly than is written to it."""
+        """Starts the timer for a client that has stopped reading."""
         super().pause_writing()
         self._write_timer = self._after(self.limits.write_timeout_s, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """It has read on."""
+        """Stops the timer, as the client has read on."""
         self._stop_write_timer()
         super().resume_writing()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """The connection becomes a WebSocket's, with timers of its own."""
+        """Hands the connection to the WebSocket protocol, which has its own timers."""
         self._stop_timers()
         super().handle_websocket_upgrade(event)
 
@@ -104,5 +107,5 @@ class LimitedConnection(H11Protocol):
 
 
 def connection_class(limits: HttpLimits) -> type[LimitedConnection]:
-    """The class of a server's connections."""
+    """The connection class of a server with these limits."""
     return type("Connection", (LimitedConnection,), {"limits": limits})

@@ -1,4 +1,4 @@
-"""Failed attempts to authenticate: slowed for every client address, and logged once in a while."""
+"""Failed attempts to authenticate: throttled for each client address, and logged from time to time."""
 
 import ipaddress
 import logging
@@ -19,7 +19,7 @@ K = TypeVar("K")
 V = TypeVar("V")
 
 FREE_ATTEMPTS = 10
-"""A page asks for several things at once, and a person mistypes; after that the wait doubles."""
+"""Without delay, because a page sends several requests at once and people mistype; then the wait doubles."""
 LONGEST_WAIT_S = 60.0
 FORGOTTEN_AFTER_S = 600.0
 ADDRESSES = 1024
@@ -29,7 +29,7 @@ UNIX = "this machine"
 
 
 def client_of(scope: Scope) -> str:
-    """Whom a limit counts as one client: an IPv4 address, or the 64 bits that an IPv6 host chooses from."""
+    """The client that a limit counts: an IPv4 address, or the /64 in which an IPv6 host picks addresses."""
     client = scope.get("client")
     if not client or not client[0]:
         return UNIX
@@ -50,9 +50,9 @@ class _Record(NamedTuple):
 
 
 class Attempts:
-    """Counts failures by client; of a few thousand entries at most, however many clients try.
+    """Counts failures by client, with a bounded number of entries.
 
-    A secret that was right before never waits: who guesses behind the same address locks nobody out.
+    Previously valid tokens bypass throttling, so guessing from a shared address locks nobody out.
     """
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
@@ -63,10 +63,10 @@ class Attempts:
         self._log_at_s = -math.inf
 
     def check(self, client: str, secret: str) -> None:
-        """Whether this client may try now.
+        """Checks that a client may try now.
 
         Raises:
-            Refusal: 429, it has to wait; the secret is not looked at.
+            Refusal: 429, the client has to wait; the secret is not checked.
         """
         record = self._records.get(client)
         wait_s = record.until_s - self._now_s() if record else 0.0
@@ -75,18 +75,18 @@ class Attempts:
             raise Refusal(
                 429,
                 "too-many-attempts",
-                f"too many tokens that nobody has came from {client}",
+                f"too many invalid tokens came from {client}",
                 f"try again in {seconds} s",
                 {"Retry-After": str(seconds)},
             )
 
     def succeeded(self, client: str, secret: str) -> None:
-        """The secret was right."""
+        """Notes that a secret was valid."""
         self._records.pop(client, None)
         _touch(self._proven, hash_of(secret), None, PROVEN)
 
     def failed(self, client: str) -> None:
-        """It was nobody's."""
+        """Notes that a secret was invalid."""
         now_s = self._now_s()
         before = self._records.get(client, _Record(0, now_s))
         failures = 1 if now_s - before.until_s > FORGOTTEN_AFTER_S else before.failures + 1
@@ -97,9 +97,7 @@ class Attempts:
         self._unlogged += 1
         if now_s < self._log_at_s:
             return
-        log.warning(
-            "refused tokens or sessions that nobody has: %d, the last from %s", self._unlogged, client
-        )
+        log.warning("refused invalid tokens or sessions: %d, the last from %s", self._unlogged, client)
         self._unlogged, self._log_at_s = 0, now_s + LOG_EVERY_S
 
 
@@ -109,7 +107,7 @@ def _wait_s(failures: int) -> float:
 
 
 def _touch(entries: OrderedDict[K, V], key: K, value: V, most: int) -> None:
-    """Enters as the newest, and drops the oldest when there are too many."""
+    """Enters a key as the newest, and drops the oldest if there are too many."""
     entries[key] = value
     entries.move_to_end(key)
     if len(entries) > most:

@@ -1,4 +1,4 @@
-"""How the daemon is reached from outside: what the checks of every request go by."""
+"""The daemon's public face: its host names, TLS, and limits, which the checks of every request use."""
 
 import socket
 from dataclasses import dataclass, field
@@ -10,13 +10,13 @@ LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
 @dataclass(frozen=True, slots=True)
 class Front:
-    """The daemon as its clients see it; by default, as it is on a loopback address.
+    """The daemon as its clients see it; by default, on a loopback address.
 
     Attributes:
-        hosts: names and addresses by which it may be called, in lower case, without ports.
-        tls: it shows a certificate.
-        private: its sockets are reached from this machine alone, so that tokens are optional.
-        limits: what one client can ask of it.
+        hosts: Host names and addresses that requests may use, in lower case, without ports.
+        tls: True if it serves TLS.
+        private: True if its sockets can be reached only from this machine, so that tokens are optional.
+        limits: Limits for one client.
     """
 
     hosts: frozenset[str] = LOOPBACK_NAMES
@@ -26,7 +26,7 @@ class Front:
 
     @classmethod
     def from_config(cls, http: HttpConfig, private: bool) -> "Front":
-        """As it is configured; beyond this machine it answers to the machine's own name, too."""
+        """The front of a configuration; if not private, the machine's own name is added to the hosts."""
         own = frozenset() if private else _own_names()
         return cls(LOOPBACK_NAMES | own | frozenset(http.hosts), http.tls is not None, private, http.limits)
 

@@ -1,4 +1,4 @@
-"""What every request passes before a route sees it: plain ASGI, so that streams stay streams."""
+"""The middleware that admits or refuses every request; plain ASGI, so that streams are not buffered."""
 
 import time
 from collections.abc import Awaitable, Callable
@@ -12,11 +12,11 @@ from grabberd.api.guard.hosts import check_host, check_page, check_page_is_named
 from grabberd.api.guard.limits import LimitedBody, check_length
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.guard.roles import least_role
+from grabberd.documents.roles import Role
 from grabberd.service.access import Identity
-from grabberd.service.roles import Role
 
 RECHECK_S = 10.0
-"""A removed token ends what still streams to it within this time."""
+"""Longest time that a stream outlives the token it was opened with."""
 POLICY_VIOLATION = 1008
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -24,11 +24,11 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Referrer-Policy": "same-origin",
 }
-"""No page of another site shows or includes what the daemon answers."""
+"""Headers that keep pages of other sites from showing or embedding the daemon's responses."""
 
 
 class Gate:
-    """Checks name, page, token, role and length, in this order; what is refused reaches no route."""
+    """Checks host name, origin, token, role and length, in this order; a refused request reaches no route."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class Gate:
         self._now_s = now_s
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """One request, or one WebSocket."""
+        """Serves one request or one WebSocket."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
@@ -65,7 +65,7 @@ class Gate:
         await self._app(scope, receive, answer)
 
     async def _admit(self, scope: Scope) -> Role | None:
-        """Lets a request in and notes who sends it; returns the role that it takes."""
+        """Admits a request and stores who sent it; returns the role that it requires."""
         check_host(scope, self._front)
         check_page(scope, self._front)
         least = least_role(scope)
@@ -83,11 +83,11 @@ class Gate:
 
 
 class _AccessEnded(Exception):
-    """A token was removed while something still streamed to it."""
+    """A token was removed while a response was still being streamed to its holder."""
 
 
 class _Answer:
-    """A `send` that knows whether it has begun, adds the headers, and in a long answer asks again who may."""
+    """A `send` that adds the headers, and rechecks the access during a long response."""
 
     def __init__(self, send: Send) -> None:
         self._send = send
@@ -95,11 +95,11 @@ class _Answer:
         self._watch: _Watch | None = None
 
     def watch(self, watch: "_Watch") -> None:
-        """Has the answer end when the access does."""
+        """Ends the response when the access ends."""
         self._watch = watch
 
     async def __call__(self, message: Message) -> None:
-        """The next message."""
+        """Sends the next message."""
         self._begun = True
         if message["type"] in ("http.response.start", "websocket.http.response.start"):
             headers = MutableHeaders(scope=message)
@@ -110,7 +110,7 @@ class _Answer:
         await self._send(message)
 
     async def refuse(self, refusal: Refusal, scope: Scope, receive: Receive) -> None:
-        """Answers with the refusal, unless an answer has begun; then the server cuts it off."""
+        """Responds with the refusal; a response that has begun is cut off by the server instead."""
         if self._begun:
             return
         if scope["type"] == "websocket" and "websocket.http.response" not in scope.get("extensions", {}):
@@ -119,13 +119,13 @@ class _Answer:
         await refusal.response()(scope, receive, self)
 
     async def end(self, scope: Scope) -> None:
-        """Ends what has begun: a WebSocket says so, the server cuts off the rest."""
+        """Closes a WebSocket; other responses are cut off by the server."""
         if scope["type"] == "websocket":
             await self._send({"type": "websocket.close", "code": POLICY_VIOLATION})
 
 
 class _Watch:
-    """Asks once in a while whether somebody still may."""
+    """Rechecks an access from time to time."""
 
     def __init__(self, still: Callable[[], Awaitable[bool]], now_s: Callable[[], float]) -> None:
         self._still = still
@@ -133,10 +133,10 @@ class _Watch:
         self._next_s = now_s() + RECHECK_S
 
     async def check(self) -> None:
-        """Asks, where it is time to.
+        """Rechecks the access if it is due.
 
         Raises:
-            _AccessEnded: they may no more.
+            _AccessEnded: the access has ended.
         """
         if self._now_s() < self._next_s:
             return

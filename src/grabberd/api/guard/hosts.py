@@ -1,8 +1,8 @@
-"""By which name a request calls the daemon, and on whose page it was made.
+"""Checks of a request's host name and of the origin of the page that sent it.
 
-A foreign page can make a browser in the barn ask anything of the daemon, and can give the daemon's address
-to a name of its own (DNS rebinding). So both are checked for every request, with tokens or without. A port
-is not: a tunnel changes it, and no page can choose what stands in front of it.
+A foreign page can make a browser in the barn send any request to the daemon, and can point a name of its own
+at the daemon's address (DNS rebinding). Therefore both are checked for every request, with or without tokens.
+The port is not checked: a tunnel changes it, and a page cannot choose the host in front of it.
 """
 
 import ipaddress
@@ -20,25 +20,25 @@ FOREIGN_SITES = frozenset({"cross-site", "same-site"})
 
 
 def check_host(scope: Scope, front: Front) -> None:
-    """Whether the request calls the daemon by a name of its own, or by the address that it came in on.
+    """Checks that a request uses one of the daemon's names, or the address on which it came in.
 
     Raises:
-        Refusal: 421, it does not.
+        Refusal: 421, it uses another name.
     """
-    said = Headers(scope=scope).getlist("host")
-    match = _HOST.fullmatch(said[0]) if len(said) == 1 else None
+    given = Headers(scope=scope).getlist("host")
+    match = _HOST.fullmatch(given[0]) if len(given) == 1 else None
     name = match["name"].strip("[]").rstrip(".").lower() if match else ""
     if name not in front.hosts and not _is_own_address(name, scope):
         raise Refusal(
             421,
             "foreign-host",
-            f"this daemon is not called {', '.join(said)[:100]!r}",
+            f"this daemon does not have the name {', '.join(given)[:100]!r}",
             "use its address, or add the name to http.hosts in its configuration",
         )
 
 
 def _is_own_address(name: str, scope: Scope) -> bool:
-    """An address cannot be rebound; it is ours if the connection came in on it."""
+    """True if the name is the address the connection came in on; an address cannot be rebound."""
     server = scope.get("server")
     if not name or not server:
         return False
@@ -54,10 +54,10 @@ def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
 
 
 def check_page(scope: Scope, front: Front) -> None:
-    """Whether the request was made on a page of the daemon's own, or on none.
+    """Checks that a request comes from one of the daemon's own pages, or from no page.
 
     Raises:
-        Refusal: 403, a foreign page made it.
+        Refusal: 403, it comes from a foreign page.
     """
     headers = Headers(scope=scope)
     origin = headers.get("origin")
@@ -68,18 +68,18 @@ def check_page(scope: Scope, front: Front) -> None:
 
 
 def check_page_is_named(scope: Scope) -> None:
-    """Whether a request that a browser's session carries, and that changes something, says its page.
+    """Checks that a request with a session cookie that changes something names its origin.
 
     Raises:
-        Refusal: 403, it does not, so a foreign page may have made it.
+        Refusal: 403, it does not, so a foreign page may have sent it.
     """
     changes = scope["type"] == "websocket" or scope["method"] in UNSAFE
     if changes and "origin" not in Headers(scope=scope):
-        raise _foreign("a page that does not say which it is")
+        raise _foreign("a page that does not name its origin")
 
 
 def _is_own_page(origin: str, headers: Headers, front: Front) -> bool:
-    # Plain HTTP may stand behind a proxy that shows the certificate; TLS has no plain pages.
+    # A proxy may terminate TLS in front of plain HTTP; a daemon with TLS serves no plain pages.
     schemes = ("https",) if front.tls else ("https", "http")
     return origin.lower() in {f"{scheme}://{headers['host'].lower()}" for scheme in schemes}
 
@@ -93,5 +93,5 @@ def _foreign(who: str) -> Refusal:
         403,
         "foreign-page",
         f"{who} may not use this daemon",
-        "open the daemon's own page; scripts send no Origin",
+        "open the daemon's own page; scripts must not send Origin",
     )

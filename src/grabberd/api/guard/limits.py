@@ -1,4 +1,4 @@
-"""What one client can ask of the daemon: how much, how slowly, and how many streams at once."""
+"""Limits for one client: size and duration of a request body, and the number of live streams."""
 
 import asyncio
 from collections import Counter
@@ -16,22 +16,22 @@ from grabberd.api.guard.refusals import Refusal
 from grabberd.config import HttpLimits
 
 CLOSE = {"Connection": "close"}
-"""What is still to come of the request is not wanted."""
+"""Closes the connection, because the rest of the request is not read."""
 
 
 def check_length(scope: Scope, limits: HttpLimits) -> None:
-    """Whether a body is short enough, as far as its request says.
+    """Checks the length of the body that a request declares.
 
     Raises:
-        Refusal: 413, it is not.
+        Refusal: 413, the body is too long.
     """
-    said = Headers(scope=scope).get("content-length", "0")
-    if said.isdigit() and int(said) > limits.body_bytes:
+    declared = Headers(scope=scope).get("content-length", "0")
+    if declared.isdigit() and int(declared) > limits.body_bytes:
         raise _too_large(limits)
 
 
 class LimitedBody:
-    """A `receive` whose request's body has to be short, and has to come in time."""
+    """A `receive` that limits the size and the duration of the request body."""
 
     def __init__(self, receive: Receive, limits: HttpLimits) -> None:
         self._receive = receive
@@ -41,7 +41,7 @@ class LimitedBody:
         self._complete = False
 
     async def __call__(self) -> Message:
-        """The next message.
+        """Receives the next message.
 
         Raises:
             Refusal: 413, the body is too long; 408, it takes too long.
@@ -65,14 +65,14 @@ class LimitedBody:
             raise Refusal(
                 408,
                 "request-timeout",
-                f"the request's body took longer than {self._limits.body_timeout_s:g} s",
+                f"the request body took longer than {self._limits.body_timeout_s:g} s",
                 "send it faster, or raise http.limits.body_timeout_s",
                 CLOSE,
             ) from None
 
 
 class Streams:
-    """Counts the live streams to every client; as many entries as there are streams."""
+    """Counts the live streams to each client; it has entries only for clients with streams."""
 
     def __init__(self, limits: HttpLimits) -> None:
         self._most = limits.streams_per_client
@@ -80,10 +80,10 @@ class Streams:
 
     @contextmanager
     def one(self, client: str) -> Iterator[None]:
-        """A stream to a client, for as long as the block lasts.
+        """Counts a stream to a client for the duration of the block.
 
         Raises:
-            Refusal: 429, it has enough of them.
+            Refusal: 429, the client has too many streams.
         """
         if self._open[client] >= self._most:
             raise Refusal(
@@ -98,11 +98,11 @@ class Streams:
             yield
         finally:
             self._open[client] -= 1
-            self._open += Counter()  # drops what has become zero
+            self._open += Counter()  # drops zero counts
 
     @property
     def count(self) -> int:
-        """All live streams."""
+        """Number of live streams to all clients."""
         return self._open.total()
 
 
@@ -113,14 +113,14 @@ async def _hold(connection: HTTPConnection) -> AsyncIterator[None]:
 
 
 OneStream = Annotated[None, Depends(_hold)]
-"""A parameter of every route that streams: counts it until its answer, or its WebSocket, has ended."""
+"""Parameter of every streaming route: counts a stream until its response or its WebSocket has ended."""
 
 
 def _too_large(limits: HttpLimits) -> Refusal:
     return Refusal(
         413,
         "content-too-large",
-        f"the request's body has more than {limits.body_bytes} bytes",
+        f"the request body has more than {limits.body_bytes} bytes",
         "send less, or raise http.limits.body_bytes",
         CLOSE,
     )

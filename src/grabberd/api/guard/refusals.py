@@ -1,4 +1,4 @@
-"""Requests that are refused before, or while, a route sees them."""
+"""Refusals: requests that are turned away before, or while, a route handles them."""
 
 from collections.abc import Mapping
 
@@ -9,9 +9,9 @@ from grabberd.api.problems import ProblemResponse, problem
 
 
 class Refusal(HTTPException):
-    """A request is not served; `name` in kebab case, `hint` says what to do.
+    """A request is refused.
 
-    An HTTPException, as that alone passes through FastAPI's reading of a body.
+    It is an HTTPException because FastAPI lets no other exception through while it reads a body.
     """
 
     def __init__(
@@ -22,7 +22,7 @@ class Refusal(HTTPException):
         self.hint = hint
 
     def response(self) -> ProblemResponse:
-        """What is answered."""
+        """The refusal as a problem document."""
         answer = problem(self.status_code, self.name, str(self.detail), self.hint)
         answer.headers.update(self.headers or {})
         return answer

@@ -1,4 +1,4 @@
-"""The least role for every route: one table, read from above; None is open to everybody."""
+"""The least role for every route, in one table; the first match applies, and None is open to everybody."""
 
 import re
 from collections.abc import Mapping
@@ -9,8 +9,8 @@ from starlette.routing import compile_path
 from starlette.types import Scope
 
 from grabberd.api.guard.refusals import Refusal
+from grabberd.documents.roles import Role
 from grabberd.service.access import Identity
-from grabberd.service.roles import Role
 
 LEAST_ROLE: Mapping[str, Role | None] = {
     "GET /": None,
@@ -99,16 +99,16 @@ def _find(scope: Scope) -> _Row | None:
 
 
 def least_role(scope: Scope) -> Role | None:
-    """What a request takes; what there is not, a viewer may know."""
+    """The role that a request requires; a viewer may learn that an address does not exist."""
     row = _find(scope)
     return Role.VIEWER if row is None else row.least
 
 
 def check_declared(connection: HTTPConnection) -> None:
-    """Every route's dependency: one that the table has forgotten is for an admin alone.
+    """Reserves routes that are missing in the table for admins; a dependency of every route.
 
     Raises:
-        Refusal: 403.
+        Refusal: 403, the route is missing in the table, and the client is no admin.
     """
     identity: Identity | None = getattr(connection.state, "identity", None)
     if _find(connection.scope) is None and (identity is None or not identity.role.covers(Role.ADMIN)):
@@ -116,5 +116,5 @@ def check_declared(connection: HTTPConnection) -> None:
             403,
             "undeclared-route",
             f"no role is declared for {connection.url.path}",
-            "this is a fault of the program, please report it",
+            "this is an internal error, please report it",
         )

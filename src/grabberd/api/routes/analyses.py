@@ -1,4 +1,4 @@
-"""Analyses of a capture: ask for one, list them, curves, maps, report, tables."""
+"""Analyses of a capture: run, list, and read their curves, maps, report and tables."""
 
 from typing import Annotated
 
@@ -7,17 +7,22 @@ from fastapi.responses import FileResponse
 
 from grabberd.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
-from grabberd.api.problems import Problem
-from grabberd.api.routes.analysis_models import AnalysisList, AnalysisOrder, MapDocument
-from grabberd.api.routes.calibrations import ANY_DOCUMENT, PAGE_HEADERS
-from grabberd.api.routes.captures import CaptureId
-from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
-from grabberd.api.routes.models import JobDocument
-from grabberd.errors import ExtraMissing, NotFound
-from grabberd.service.jobs.analysis_job import order_analysis
-from grabberd.service.service import Service
+from grabberd.api.routes.dependencies import (
+    ANY_DOCUMENT,
+    PROBLEMS,
+    REPORT_HEADERS,
+    CaptureId,
+    ServiceOf,
+    accepted,
+)
+from grabberd.documents.analyses import AnalysisList, MapDocument
+from grabberd.documents.jobs import JobDocument
+from grabberd.documents.problems import Problem
+from grabberd.documents.requests import AnalysisRequest
+from grabberd.service.archive.analysis_documents import analysis_list, report_page
+from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.storage.export.analysis_maps import read_map
-from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD
+from grabberd.storage.state.analysis_store import DOCUMENT, RECORD
 
 router = APIRouter(prefix="/captures", tags=["analyses"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -28,7 +33,6 @@ TableName = Annotated[str, Path(pattern=r"^[a-z_]{1,40}$", description="Name of 
 @router.post(
     "/{capture_id}/analysis",
     status_code=status.HTTP_202_ACCEPTED,
-    response_model=JobDocument,
     dependencies=[TAKES_KEY],
     summary="Analyse a capture",
 )
@@ -37,37 +41,44 @@ def analyse_capture(
     service: ServiceOf,
     request: Request,
     response: Response,
-    order: AnalysisOrder | None = None,
-) -> object:
-    """Surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's points: a
-    job, whose result has the number of the analysis. Cancelled, it leaves nothing.
+    wanted: AnalysisRequest | None = None,
+) -> JobDocument:
+    """Determine surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's
+    points: a job, whose result has the number of the analysis. A cancelled job leaves nothing behind.
     """
-    asked = order or AnalysisOrder()
-    job = order_analysis(
-        service, capture_id, asked.inputs, bursts=asked.bursts, run=asked.run, vacuum_log=asked.vacuum_log
+    new = wanted or AnalysisRequest()
+    job = service.jobs.submit(
+        AnalysisJob(
+            subject=capture_id,
+            path=service.archive.sealed_path(capture_id),
+            inputs=new.inputs,
+            store=service.analyses.directory,
+            bursts=[service.archive.sealed_path(burst) for burst in new.bursts],
+            run_number=new.run,
+            vacuum_log=new.vacuum_log,
+        )
     )
-    response.headers["Location"] = str(request.url_for("get_job", job_id=job.id))
-    return job_document(job)
+    return accepted(job, request, response)
 
 
-@router.get("/{capture_id}/analyses", response_model=AnalysisList, summary="List a capture's analyses")
-def list_analyses(capture_id: CaptureId, service: ServiceOf) -> object:
-    """What was analysed with which inputs, and what was found in short; the newest first."""
+@router.get("/{capture_id}/analyses", summary="List a capture's analyses")
+def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
+    """The analyses with their inputs and a summary of their results, newest first."""
     service.archive.document(capture_id)
-    return {"analyses": service.analyses.records(capture_id)}
+    return analysis_list(service.analyses, capture_id)
 
 
 @router.get(
     "/{capture_id}/analyses/{number}",
     response_class=Response,
-    summary="An analysis in numbers",
+    summary="Get an analysis as JSON",
     responses={200: {"content": {"application/json": {"schema": ANY_DOCUMENT}}}, **NOT_MODIFIED},
 )
 def get_analysis(
     capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf, if_none_match: IfNoneMatch = None
 ) -> Response:
     """The report's document: inputs, problems, target grid, and the tables summary, fields, sections, phases,
-    phase_sections, cycles and gaps column by column, which are the curves over time and phase.
+    phase_sections, cycles and gaps column by column, which contain the curves over time and phase.
     """
     content = service.analyses.file(capture_id, number, DOCUMENT).read_bytes()
     return tagged(content, "application/json", if_none_match, IMMUTABLE)
@@ -76,7 +87,7 @@ def get_analysis(
 @router.get(
     "/{capture_id}/analyses/{number}/maps",
     response_class=Response,
-    summary="A map of an analysis",
+    summary="Get a map of an analysis",
     responses={200: {"model": MapDocument}, **NOT_MODIFIED},
 )
 def get_analysis_map(
@@ -85,16 +96,16 @@ def get_analysis_map(
     service: ServiceOf,
     field: Annotated[
         int | None,
-        Query(ge=0, le=2**53, description="A field, by its number; the phase does not count then."),
+        Query(ge=0, le=2**53, description="Number of a field; the phase is then ignored."),
     ] = None,
     phase: Annotated[
         float,
-        Query(ge=0, le=1, description="Phase of the mean cycle where no field is asked for."),
+        Query(ge=0, le=1, description="Phase of the mean cycle, if no field is given."),
     ] = 0.0,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
-    """Place, curvature, strain, tension and pressure at every target with σ, of one field or of one phase of
-    the mean cycle.
+    """Position, curvature, strain, tension and pressure with σ at every target, in one field or at one phase
+    of the mean cycle.
     """
     folder = service.analyses.file(capture_id, number, RECORD).parent
     content = read_map(folder, *(("field", field) if field is not None else ("phase", phase)))
@@ -104,41 +115,27 @@ def get_analysis_map(
 @router.get(
     "/{capture_id}/analyses/{number}/report",
     response_class=Response,
-    summary="An analysis as a page",
+    summary="Get an analysis as a page",
     responses={200: {"content": {"text/html": {}}}, 501: {"model": Problem}},
 )
 def get_analysis_report(capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf) -> Response:
-    """The report: model and pressure, curves, maps, tables, inputs and their source; it needs nothing beside
-    it.
-    """
-    _check_drawn(service, capture_id, number)
-    page = service.analyses.file(capture_id, number, PAGE).read_bytes()
-    return Response(page, media_type="text/html; charset=utf-8", headers=PAGE_HEADERS)
+    """The report as a self-contained page: model and pressure, curves, maps, tables, inputs, sources."""
+    page = report_page(service.analyses, capture_id, number)
+    return Response(page, media_type="text/html; charset=utf-8", headers=REPORT_HEADERS)
 
 
 @router.get(
     "/{capture_id}/analyses/{number}/{table}.csv",
     response_class=FileResponse,
-    summary="A table of an analysis",
+    summary="Get a table of an analysis",
     responses={200: {"content": {"text/csv": {}}}},
 )
 def get_analysis_table(
     capture_id: CaptureId, number: AnalysisNumber, table: TableName, service: ServiceOf
 ) -> Response:
-    """One table with all its rows, such as targets, triangles or edges; the reference of an analysis' tables
-    has every column.
+    """One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
+    describes every column.
     """
     path = service.analyses.file(capture_id, number, f"{table}.csv")
     name = f"{capture_id}-analysis-{number}-{table}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})
-
-
-def _check_drawn(service: Service, capture_id: str, number: int) -> None:
-    record = next((one for one in service.analyses.records(capture_id) if one["analysis"] == number), {})
-    if record.get("missing_extra"):
-        raise ExtraMissing("the report of an analysis", record["missing_extra"])
-    if record.get("page_problem"):
-        raise NotFound(
-            f"the report of analysis {number} could not be drawn: {record['page_problem']}",
-            "its numbers are there: leave /report off the address",
-        )

@@ -1,4 +1,4 @@
-"""Numbers for Prometheus: read off counters that the daemon keeps anyway, when they are asked for."""
+"""Metrics for Prometheus, read on request from counters that the daemon keeps anyway."""
 
 from collections.abc import Callable, Iterable, Iterator
 
@@ -16,23 +16,22 @@ from prometheus_client.registry import Collector
 
 from grabberd import __version__
 from grabberd.acquisition import Outcome, Signal
-from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.instrument import Instrument
+from grabberd.documents.states import DeviceState, Rung
 from grabberd.service.device.latency import BOUNDS_S
-from grabberd.service.device.recovery import Rung
+from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 
 router = APIRouter(tags=["system"])
 
 Samples = Iterable[tuple[tuple[str, ...], float]]
-"""Values of labels, and a number."""
+"""Label values and the number they belong to."""
 
 
 @router.get(
     "/metrics",
     response_class=Response,
     responses={200: {"content": {"text/plain": {}}}},
-    summary="Numbers for Prometheus",
+    summary="Get metrics for Prometheus",
 )
 def get_metrics(request: Request) -> Response:
     """Counters and gauges in Prometheus' text format."""
@@ -41,11 +40,11 @@ def get_metrics(request: Request) -> Response:
 
 
 def registry_of(service: Service, streams: Callable[[], int]) -> CollectorRegistry:
-    """What is known of a service and of this process.
+    """The metrics of a service and of this process.
 
     Args:
-        service: whose devices they are.
-        streams: how many live streams there are to clients.
+        service: The service to read.
+        streams: Returns the number of live streams to clients.
     """
     registry = CollectorRegistry()
     registry.register(ServiceMetrics(service, streams))
@@ -54,18 +53,18 @@ def registry_of(service: Service, streams: Callable[[], int]) -> CollectorRegist
 
 
 class ServiceMetrics(Collector):
-    """Reads the service's counters; makes nothing and counts nothing itself."""
+    """Reads the service's counters; it keeps none of its own."""
 
     def __init__(self, service: Service, streams: Callable[[], int]) -> None:
         self._service = service
         self._streams = streams
 
     def describe(self) -> Iterable[Metric]:
-        """Nothing before the first answer: the service may not have been started yet."""
+        """Returns nothing, because the service may not have been started at registration."""
         return []
 
     def collect(self) -> Iterator[Metric]:
-        """Every number at this moment."""
+        """Yields every metric at this moment."""
         instruments = list(self._service.instruments.values())
         yield InfoMetricFamily("grabberd", "The program.", {"version": __version__})
         yield from _fields(instruments)
@@ -84,7 +83,7 @@ def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
-    rings = [(one.name, one.intake.armed.ring) for one in instruments]
+    rings = [(one.name, one.pipeline.configured.ring) for one in instruments]
     slots = (((name,), ring.slots) for name, ring in rings)
     waiting = (((name,), ring.waiting) for name, ring in rings)
     deepest = (((name,), ring.deepest) for name, ring in rings)
@@ -131,8 +130,10 @@ def _cumulative(counts: tuple[int, ...]) -> Iterator[tuple[str, float]]:
 
 def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metric]:
     running = (((one.name,), float(one.running is not None)) for one in instruments)
-    ended = (((one.name, v), one.ended[v]) for one in instruments for v in ("complete", "incomplete"))
-    free = service.storage_document()["free_bytes"]
+    ended = (
+        ((one.name, v), one.captures.ended[v]) for one in instruments for v in ("complete", "incomplete")
+    )
+    free = service.storage_document().free_bytes
     yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
     yield _counter("grabberd_captures", "Captures that have ended.", ("device", "verdict"), ended)
     yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
@@ -142,15 +143,15 @@ def _mqtt(service: Service) -> Iterator[Metric]:
     if service.publisher is None:
         return
     now = service.publisher.document()
-    yield _gauge("grabberd_mqtt_connected", "1 while the broker is.", (), [((), float(now["connected"]))])
-    waiting, acknowledged = now["waiting_captures"], now["acknowledged_captures"]
+    yield _gauge("grabberd_mqtt_connected", "1 while the broker is.", (), [((), float(now.connected))])
+    waiting, acknowledged = now.waiting_captures, now.acknowledged_captures
     yield _gauge("grabberd_mqtt_waiting_captures", "Not acknowledged yet.", (), [((), waiting)])
     yield _counter("grabberd_mqtt_acknowledged_captures", "Since the start.", (), [((), acknowledged)])
     yield _counter(
         "grabberd_mqtt_missed_captures",
         "Deleted before they could be told.",
         (),
-        [((), now["missed_captures"])],
+        [((), now.missed_captures)],
     )
 
 

@@ -1,7 +1,6 @@
-"""The operator's page: open to everybody; what it shows of the daemon only to who may see it."""
+"""The operator's page: public, but it shows the daemon's state only to clients with access."""
 
-from dataclasses import asdict
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 from fastapi.responses import HTMLResponse
@@ -10,7 +9,8 @@ from starlette.concurrency import run_in_threadpool
 from grabberd import __version__
 from grabberd.api.guard.authentication import Authenticator
 from grabberd.api.guard.refusals import Refusal
-from grabberd.api.routes.state_models import StateDocument
+from grabberd.api.routes.sessions import session_document
+from grabberd.documents.named_types import JsonObject
 from grabberd.errors import NotFound
 from grabberd.service.access import Identity
 from grabberd.service.clock import iso_utc
@@ -18,14 +18,14 @@ from grabberd.service.service import Service
 from grabberd.web import POLICY, Files, StaticFile, language_of, render
 
 FOREVER = "public, max-age=31536000, immutable"
-"""The address has the version in it."""
+"""Allowed because the address contains the version."""
 
 router = APIRouter(tags=["system"], include_in_schema=False)
 
 
 @router.get("/")
 async def get_page(request: Request, accept_language: Annotated[str, Header()] = "") -> HTMLResponse:
-    """The page, with the state of this moment inside."""
+    """The page, with the present state embedded in it."""
     identity, headers = await _who_asks(request)
     first = await run_in_threadpool(_first, request.app.state.service, identity)
     files: Files = request.app.state.files
@@ -44,18 +44,18 @@ async def get_static(
     accept_encoding: Annotated[str, Header()] = "",
     if_none_match: Annotated[str, Header()] = "",
 ) -> Response:
-    """One of the page's files; an address of before an upgrade gets the one of now, and must not keep it.
+    """One of the page's files; an address of an earlier version gets the present file, without caching.
 
-    They are in memory, and a page asks for fifty at once: no thread is troubled for each.
+    The files are in memory and a page requests fifty at once, so they are served without a thread for each.
 
     Raises:
-        NotFound: there is none of that name.
+        NotFound: the page has no file of that name.
     """
     files: Files = request.app.state.files
     edition = files.edition if files.is_read else await run_in_threadpool(files.newest)
     found = edition.files.get(path)
     if found is None:
-        raise NotFound(f"the page has no file {path!r}", "load the page anew")
+        raise NotFound(f"the page has no file {path!r}", "reload the page")
     kept = FOREVER if version == edition.version else "no-cache"
     headers = {"ETag": found.etag, "Cache-Control": kept, "Vary": "Accept-Encoding"}
     if found.etag in if_none_match:
@@ -72,7 +72,7 @@ def _whole(found: StaticFile, headers: dict[str, str], compressed: bool) -> Resp
 
 
 async def _who_asks(request: Request) -> tuple[Identity | None, dict[str, str]]:
-    """Who asks, if the daemon knows; and what the browser is to forget."""
+    """The client, if the daemon knows it, and headers that delete an invalid cookie."""
     authenticator: Authenticator = request.app.state.authenticator
     try:
         return await authenticator.identify(request.scope), {}
@@ -81,10 +81,10 @@ async def _who_asks(request: Request) -> tuple[Identity | None, dict[str, str]]:
         return None, kept
 
 
-def _first(service: Service, identity: Identity | None) -> dict[str, Any]:
-    """What the page shows before it has asked for anything."""
+def _first(service: Service, identity: Identity | None) -> JsonObject:
+    """The data that the page shows before its first request."""
     seen = {"version": __version__, "now_utc": iso_utc(service.clock.utc_now())}
     if identity is None:
         return {**seen, "session": None, "state": None}
-    state = StateDocument.model_validate(service.state()).model_dump(mode="json")
-    return {**seen, "session": asdict(identity), "state": state}
+    session = session_document(identity).model_dump(mode="json")
+    return {**seen, "session": session, "state": service.state().model_dump(mode="json")}

@@ -7,31 +7,32 @@ from fastapi import Query
 
 T = TypeVar("T")
 
-Limit = Annotated[int, Query(ge=1, le=500, description="So many at most.")]
+Limit = Annotated[int, Query(ge=1, le=500, description="Maximum number of results.")]
 Cursor = Annotated[
     str | None,
-    Query(pattern=r"^[!-}]{0,40}~[0-9A-Za-z_.-]{1,200}$", description="`next` of the page before."),
+    Query(pattern=r"^[!-}]{0,40}~[0-9A-Za-z_.-]{1,200}$", description="`next` of the previous page."),
 ]
-"""When something was made, and its id: what comes or goes meanwhile shifts no page."""
+"""Creation time and id of the previous page's last entry, so that entries that come or go do not shift the
+pages, as they would if pages were counted."""
 
 
 def cursor_of(created_utc: str, own_id: str) -> str:
-    """Of the last one of a page."""
+    """Cursor of the page that follows an entry."""
     return f"{created_utc}~{own_id}"
 
 
-def place_of(cursor: str) -> tuple[str, str]:
-    """When that was made, and its id."""
+def position_of(cursor: str) -> tuple[str, str]:
+    """Creation time and id in a cursor."""
     created_utc, _, own_id = cursor.partition("~")
     return created_utc, own_id
 
 
 def page_of(
-    rows: Sequence[T], place: Callable[[T], tuple[str, str]], limit: int, cursor: str | None
+    rows: Sequence[T], position: Callable[[T], tuple[str, str]], limit: int, cursor: str | None
 ) -> tuple[list[T], str | None]:
-    """A page of rows, those with the greatest place first, and the next page's cursor."""
-    after = None if cursor is None else place_of(cursor)
-    ordered = sorted(rows, key=place, reverse=True)
-    left = [row for row in ordered if after is None or place(row) < after]
+    """A page of rows, the greatest position first, and the next page's cursor."""
+    after = None if cursor is None else position_of(cursor)
+    descending = sorted(rows, key=position, reverse=True)
+    left = [row for row in descending if after is None or position(row) < after]
     more = len(left) > limit
-    return left[:limit], cursor_of(*place(left[limit - 1])) if more else None
+    return left[:limit], cursor_of(*position(left[limit - 1])) if more else None

@@ -1,21 +1,54 @@
-"""State and health."""
+"""The daemon itself: state, health, diagnostics, and the API's own page."""
 
-from fastapi import APIRouter
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import HTMLResponse
 
 from grabberd import __version__
+from grabberd.api.docs.docs_page import POLICY, page
 from grabberd.api.routes.dependencies import ServiceOf
-from grabberd.api.routes.state_models import HealthDocument, StateDocument
+from grabberd.documents.state import HealthDocument, StateDocument
+from grabberd.service.diagnostics import bundle, daemon_parts
 
 router = APIRouter(tags=["system"])
 
+ZIP = "application/zip"
 
-@router.get("/api/v1/state", response_model=StateDocument, summary="Everything that a glance needs")
-def get_state(service: ServiceOf) -> object:
-    """Everything that a glance needs: devices, ring, newest points, storage."""
+
+@router.get("/api/v1/state", summary="Get the state at a glance")
+def get_state(service: ServiceOf) -> StateDocument:
+    """State at a glance: devices, rings, newest points, storage."""
     return service.state()
 
 
-@router.get("/healthz", response_model=HealthDocument, summary="Whether it serves")
-def get_health() -> object:
+@router.get("/healthz", summary="Check that the daemon serves")
+def get_health() -> HealthDocument:
     """The daemon serves, whatever its devices do."""
-    return {"version": __version__}
+    return HealthDocument(version=__version__)
+
+
+@router.get(
+    "/api/v1/diagnostics",
+    response_class=Response,
+    responses={200: {"content": {ZIP: {}}}},
+    summary="Get diagnostics for support",
+)
+def get_diagnostics(
+    service: ServiceOf,
+    words: Annotated[bool, Query(description="Include labels, notes and the site's name.")] = False,
+) -> Response:
+    """One ZIP file to send to whoever helps: versions, grabbers, configuration without secrets, devices,
+    captures with their ledgers, jobs, the last lines of the log. No pictures, tokens or certificates.
+    """
+    headers = {
+        "Content-Disposition": 'attachment; filename="grabberd-diagnostics.zip"',
+        "Cache-Control": "no-store",
+    }
+    return Response(bundle(daemon_parts(service, words=words), words=words), media_type=ZIP, headers=headers)
+
+
+@router.get("/docs", response_class=HTMLResponse, summary="Read the API description as a page")
+def get_docs(request: Request) -> HTMLResponse:
+    """This description as a page to read; it loads nothing from any other host."""
+    return HTMLResponse(page(request.app.openapi()), headers={"Content-Security-Policy": POLICY})

@@ -1,4 +1,4 @@
-"""What is made again and again while somebody listens, once for all of them."""
+"""A repeated message that is made once for all listeners, and only while there are any."""
 
 import asyncio
 import logging
@@ -14,16 +14,17 @@ T = TypeVar("T")
 
 
 class Broadcast(Generic[T]):
-    """Nothing is queued for anybody: a listener that is late gets the newest, and has missed the rest.
+    """Repeats a message without a queue: a late listener gets the newest one and misses the rest.
 
-    Used within one event loop; what it makes is made beside it.
+    Used within one event loop; the messages are made in a thread.
 
     Args:
-        make: makes one, or None if there is nothing new; in a thread of the server's pool.
-        every_s: no sooner again than this.
+        make: Makes a message, or returns None if there is nothing new; called in a thread of the server's
+            pool.
+        every_s: Shortest time between two calls of `make`.
 
     Attributes:
-        closed: nothing more comes.
+        closed: True once no further message will come.
     """
 
     def __init__(self, make: Callable[[], T | None], every_s: float) -> None:
@@ -39,10 +40,10 @@ class Broadcast(Generic[T]):
 
     @contextmanager
     def listening(self) -> Iterator["Listener[T]"]:
-        """A listener for as long as the block lasts."""
+        """A listener for the duration of the block."""
         self._listeners += 1
         if self._task is None:
-            self._newest = None  # of another time
+            self._newest = None  # it may be old
             self._task = asyncio.create_task(self._run())
         try:
             yield Listener(self, self._count - (self._newest is not None))
@@ -53,7 +54,7 @@ class Broadcast(Generic[T]):
                 self._task = None
 
     def close(self) -> None:
-        """Has every listener end; called in the event loop."""
+        """Ends every listener; to be called in the event loop."""
         self.closed = True
         self._wake()
 
@@ -69,7 +70,7 @@ class Broadcast(Generic[T]):
             made = await run_in_threadpool(self._make)
         except Exception:
             if not self._failed:
-                log.exception("what is live cannot be shown at this moment")
+                log.exception("live data cannot be made at this moment")
             self._failed = True
             return
         self._failed = False
@@ -83,14 +84,14 @@ class Broadcast(Generic[T]):
 
 
 class Listener(Generic[T]):
-    """One listener's place in a broadcast."""
+    """One listener's position in a broadcast."""
 
     def __init__(self, broadcast: Broadcast[T], seen: int) -> None:
         self._broadcast = broadcast
         self._seen = seen
 
     async def next(self, patience_s: float) -> T | None:
-        """The newest, if it has not seen it, else the next; None if none comes in time, or ever."""
+        """The newest message if it is unseen, else the next one; None if none comes in time, or ever."""
         with suppress(TimeoutError):
             async with asyncio.timeout(patience_s):
                 while self._broadcast._count == self._seen and not self._broadcast.closed:

@@ -1,18 +1,15 @@
-"""Server-sent events: the whole state first, then what changes in it."""
+"""Server-sent events: the whole state first, then its changes."""
 
 import json
 import secrets
 from collections.abc import AsyncIterator, Mapping
 from contextlib import aclosing
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import APIRouter, Header, Request
 from fastapi.responses import StreamingResponse
 from starlette.types import Send
 
-from grabberd.api.guard.limits import OneStream
-from grabberd.api.routes.state_models import StateDocument
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.service.live.state_changes import History, Version, changes
 from grabberd.service.service import Service
@@ -22,14 +19,12 @@ KEEP_ALIVE_S = 15.0
 KEEP_ALIVE = ": nothing has changed\n\n"
 RETRY = "retry: 2000\n\n"
 
-router = APIRouter(tags=["live"])
-
 
 class EventFeed:
     """The events of a service, made once for all clients.
 
     Attributes:
-        broadcast: of the state's versions.
+        broadcast: Broadcast of the versions of the state.
     """
 
     def __init__(
@@ -37,13 +32,13 @@ class EventFeed:
     ) -> None:
         self._service = service
         self._keep_alive_s = keep_alive_s
-        self._start = secrets.token_hex(4)  # numbers of before a restart mean nothing
+        self._start = secrets.token_hex(4)  # version numbers from before a restart are invalid
         self._history = History()
         self.broadcast: Broadcast[Version] = Broadcast(self._look, every_s)
-        self._text = lru_cache(8)(self._make_text)  # most clients have seen the same
+        self._text = lru_cache(8)(self._make_text)  # most clients have seen the same version
 
     async def events(self, last_id: str | None) -> AsyncIterator[str]:
-        """The events for a client that has seen those up to an id; endless but for the daemon's end."""
+        """The events after the last one that a client has seen; ends when the daemon does."""
         seen = self._number(last_id)
         yield RETRY
         with self.broadcast.listening() as listener:
@@ -56,8 +51,7 @@ class EventFeed:
                     yield KEEP_ALIVE
 
     def _look(self) -> Version | None:
-        document = StateDocument.model_validate(self._service.state()).model_dump(mode="json")
-        return self._history.enter(document)
+        return self._history.enter(self._service.state().model_dump(mode="json"))
 
     def _number(self, last_id: str | None) -> int | None:
         start, _, number = (last_id or "").partition("-")
@@ -76,30 +70,11 @@ class EventFeed:
 
 
 class EventStream(StreamingResponse):
-    """An endless answer, whose source is let go of at once when its client has gone."""
+    """An endless response that closes its source as soon as its client has gone."""
 
     media_type = "text/event-stream"
 
     async def stream_response(self, send: Send) -> None:
-        """Sends it."""
+        """Sends the events."""
         async with aclosing(self.body_iterator):  # type: ignore[type-var]
             await super().stream_response(send)
-
-
-@router.get(
-    "/events",
-    response_class=EventStream,
-    summary="The state, then its changes",
-    responses={200: {"description": "`state` first, then `change`.", "content": {"text/event-stream": {}}}},
-)
-async def get_events(
-    request: Request,
-    _: OneStream,
-    last_event_id: Annotated[
-        str | None, Header(max_length=80, description="`id` of the last event that you have seen.")
-    ] = None,
-) -> EventStream:
-    """Server-sent events: the state, then what changes in it, five times a second at most."""
-    feed: EventFeed = request.app.state.live.events
-    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-    return EventStream(feed.events(last_event_id), headers=headers)

@@ -1,4 +1,4 @@
-"""Everything that streams to clients, of one service."""
+"""The feeds of one service that stream to clients."""
 
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.api.streams.events import EventFeed
@@ -9,12 +9,12 @@ from grabberd.service.service import Service
 PREVIEW_EVERY_S = 1 / 12
 
 
-class Live:
+class Feeds:
     """The feeds of a service.
 
     Attributes:
-        events: of its state.
-        pictures: of the newest fields, by device.
+        events: Feed of the state and its changes.
+        pictures: Newest field of each device as a picture.
     """
 
     def __init__(self, service: Service) -> None:
@@ -24,19 +24,18 @@ class Live:
             name: Broadcast(Preview(one, service.clock).make, PREVIEW_EVERY_S)
             for name, one in service.instruments.items()
         }
-
         self.pictures = {name: PreviewPicture(one) for name, one in service.instruments.items()}
 
     def preview(self, device: str | None) -> Broadcast[bytes]:
-        """The preview of a device, whose name may be left out where there is one.
+        """The preview of a device, whose name can be left out if there is only one.
 
         Raises:
-            NotFound: there is none of that name, or the name is needed.
+            NotFound: there is no device of that name, or the name is needed.
         """
         return self._previews[self._service.instrument(device).name]
 
     def close(self) -> None:
-        """Ends every stream: the server waits for answers to end before it stops."""
+        """Ends every stream, because the server waits for responses to end before it stops."""
         self.events.broadcast.close()
         for preview in self._previews.values():
             preview.close()

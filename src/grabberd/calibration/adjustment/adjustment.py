@@ -1,8 +1,8 @@
-"""The bundle adjustment: least squares for the views' parameters and the targets' places (paper 3.6).
+"""Bundle adjustment: least squares for the views' parameters and the targets' positions (paper 3.6).
 
-Levenberg–Marquardt on analytic derivatives. The places are eliminated target by target, so the cost grows
-with the number of targets and with the cube of the few parameters only; the full covariance comes from the
-same elimination.
+Levenberg–Marquardt with analytic derivatives. Positions are eliminated target by target, so the cost grows
+linearly with the number of targets and with the cube of only the few parameters; the full covariance comes
+from the same elimination.
 """
 
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings, Minimum, minimise
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings, Minimum, minimise
 from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.normals import Linear, Problem, Reduced, reduced
+from grabberd.calibration.adjustment.normal_equations import Linear, Problem, Reduced, reduced
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.errors import RankDeficient
 from grabberd.geometry import View
@@ -20,27 +20,29 @@ from grabberd.geometry import View
 Array = NDArray[np.float64]
 
 _MOST_INFLATION = 1e13
-"""Of a variance, by the other unknowns: above it, the normal matrix is singular to double precision."""
+"""Greatest inflation of a variance by the other unknowns; beyond it the normal matrix is singular to double
+precision."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Adjustment:
-    """What least squares make of a network.
+    """Least-squares solution of a network.
 
     Attributes:
-        network: what was given; `unknowns`: what was sought.
-        views: the views as adjusted.
-        xyz_mm: (T, 3) the targets' places as adjusted.
+        network: The input.
+        unknowns: The parameters that were estimated.
+        views: The adjusted views.
+        xyz_mm: (T, 3) the adjusted positions of the targets.
         covariance: (U, U) of the unknowns, scaled with the estimated variance of unit weight.
-        place_covariance_mm2: (T, 3, 3) of the places, likewise; infinite for a target that nobody saw and of
-            which nothing is known.
-        place_coupling: (T, 3, U) covariance of places and unknowns, likewise.
+        place_covariance_mm2: (T, 3, 3) of the positions, likewise; infinite for a target that no view saw and
+            of which nothing is known.
+        place_coupling: (T, 3, U) covariance of positions and unknowns, likewise.
         residual_px: (M, 2) observed minus computed.
-        redundancy: (M, 2) share of an observation's error that its residual shows.
-        sigma0: standard deviation of unit weight: 1 where the given σ are true.
-        freedom: degrees of freedom.
-        sum_of_squares: of all whitened residuals, places' included.
-        steps: of the iteration.
+        redundancy: (M, 2) share of an observation's error that shows in its residual.
+        sigma0: Standard deviation of unit weight: 1 if the given σ are true.
+        freedom: Degrees of freedom.
+        sum_of_squares: Sum of all squared whitened residuals, those of positions included.
+        steps: Number of iterations.
     """
 
     network: Network
@@ -59,7 +61,7 @@ class Adjustment:
 
     @property
     def values(self) -> Array:
-        """(U,) the unknowns as adjusted."""
+        """(U,) adjusted values of the unknowns."""
         return self.unknowns.values(self.views)
 
     @property
@@ -69,40 +71,30 @@ class Adjustment:
 
     @property
     def correlation(self) -> Array:
-        """(U, U) of the unknowns."""
+        """(U, U) correlations of the unknowns."""
         return self.covariance / np.outer(self.sigma, self.sigma)
 
     @property
     def sigma0_px(self) -> float:
-        """Standard deviation of an image coordinate of mean weight."""
+        """Standard deviation of an image coordinate of average weight."""
         return self.sigma0 / float(np.sqrt(np.mean(self.network.sigma_px**-2.0)))
 
     @property
     def standardised(self) -> Array:
-        """(M, 2) residuals over their own estimated σ; NaN where nothing controls an observation."""
+        """(M, 2) residuals over their own estimated σ; NaN for an uncontrolled observation."""
         controlled = np.where(self.redundancy > 1e-9, self.redundancy, np.nan)
         return self.residual_px / (self.sigma0 * self.network.sigma_px * np.sqrt(controlled))
 
     @property
-    def place_redundancy(self) -> Array:
-        """(T, 3) redundancy of the given places: with that of the image points it sums to the freedom."""
-        sigma = self.network.target_sigma_mm
-        weighted = (sigma > 0) & np.isfinite(sigma)
-        variance = np.einsum("tkk->tk", self.place_covariance_mm2) / self.sigma0**2
-        left = np.zeros_like(sigma)
-        left[weighted] = 1.0 - variance[weighted] / sigma[weighted] ** 2
-        return left
-
-    @property
     def parameter_covariance(self) -> Array:
-        """(18 V, 18 V) of all views' `PARAMETERS`, zero where held."""
+        """(18 V, 18 V) covariance of all views' `PARAMETERS`, zero where held."""
         selection = self.unknowns.selection
         full: Array = selection @ self.covariance @ selection.T
         return full
 
     @property
     def full_covariance(self) -> Array:
-        """(U + 3 T, U + 3 T) of the unknowns, then of X, Y, Z of target after target."""
+        """(U + 3 T, U + 3 T) covariance of the unknowns, then of X, Y, Z of each target in turn."""
         targets, unknowns = len(self.xyz_mm), len(self.unknowns)
         coupling = self.place_coupling.reshape(3 * targets, unknowns)
         scale = 1.0 / self.sigma
@@ -116,17 +108,17 @@ class Adjustment:
 
 
 def adjust(network: Network, unknowns: Unknowns, settings: AdjustmentSettings | None = None) -> Adjustment:
-    """The least squares solution of a network.
+    """Adjust a network by least squares.
 
     Args:
-        network: image points, targets, and the views to start from.
-        unknowns: which parameters are sought.
-        settings: when it has converged.
+        network: Image points, targets, and the views to start from.
+        unknowns: Parameters to estimate.
+        settings: Criteria of convergence.
 
     Raises:
-        MeasurementError: fewer observations than unknowns, targets seen too rarely, a start behind a camera,
-            or no convergence; the message says which.
-        RankDeficient: the image points do not determine the unknowns apart.
+        MeasurementError: There are fewer observations than unknowns, targets seen too rarely, a start behind
+            a camera, or no convergence; the message says which.
+        RankDeficient: The image points do not determine the unknowns separately.
     """
     problem = Problem(network, unknowns)
     problem.check()
@@ -177,7 +169,7 @@ def _singular(names: tuple[str, ...] | list[str]) -> RankDeficient:
 
 
 def _places(problem: Problem, without: Reduced, cofactor: Array) -> tuple[Array, Array]:
-    """Cofactors of places and unknowns (T, 3, U), and of the places (T, 3, 3)."""
+    """Cofactors of positions and unknowns (T, 3, U), and of the positions (T, 3, 3)."""
     network, moving = problem.network, problem.moving
     coupling = np.zeros((*network.target_mm.shape, len(problem.unknowns)))
     place = np.zeros((*network.target_mm.shape, 3))
@@ -191,7 +183,7 @@ def _places(problem: Problem, without: Reduced, cofactor: Array) -> tuple[Array,
 
 
 def _redundancy(problem: Problem, linear: Linear, without: Reduced, cofactor: Array) -> Array:
-    """(M, 2) 1 − A·Q·Aᵀ of each whitened observation: the row less what its place absorbs, and that."""
+    """(M, 2) 1 − A·Q·Aᵀ of each whitened observation, with and without the part its position absorbs."""
     network, moving = problem.network, problem.moving
     rows = problem.whitened_rows(linear)
     used = np.zeros(rows.shape[:3])

@@ -1,4 +1,4 @@
-"""What an adjustment is given: pictures of targets, and what is known of their places."""
+"""Network: the input of an adjustment, image points of targets and prior knowledge of their positions."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from grabberd.errors import MeasurementError
 from grabberd.geometry import View
 
 Array = NDArray[np.float64]
-_HINT = "this is a fault of what was handed over: every target at most once a view, every σ above 0"
+_HINT = "this is a bug in the caller: each target may occur once per view, and every σ must be above 0"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -18,17 +18,17 @@ class Network:
     """M image points of T targets in V views.
 
     Attributes:
-        views: the views with the values to start from; parameters that are not adjusted keep them.
+        views: The views with start values; parameters that are not adjusted keep them.
         view: (M,) intp, index of the view that an image point lies in.
-        target: (M,) intp, index of its target; a target is at most once in a view.
+        target: (M,) intp, index of its target, at most once per view.
         xy_px: (M, 2) float64, frame pixels.
         sigma_px: (M, 2) float64, standard deviations, above 0.
-        target_mm: (T, 3) float64, where the targets are said to be, in the object's frame.
-        target_sigma_mm: (T, 3) float64, how well that is known: 0 held, infinite not at all (then
-            `target_mm` is where to start from).
+        target_mm: (T, 3) float64, given positions of the targets, in the object's frame.
+        target_sigma_mm: (T, 3) float64, their standard deviation: 0 if held, infinite if unknown (`target_mm`
+            is then the start value).
 
     Raises:
-        MeasurementError: shapes, indices or standard deviations contradict each other.
+        MeasurementError: Shapes, indices or standard deviations are inconsistent.
     """
 
     views: tuple[View, ...]
@@ -42,9 +42,11 @@ class Network:
     def __post_init__(self) -> None:
         count, targets = len(self.view), len(self.target_mm)
         if not (len(self.target) == count and self.xy_px.shape == self.sigma_px.shape == (count, 2)):
-            raise MeasurementError(f"{count} image points have other numbers of targets, places or σ", _HINT)
+            raise MeasurementError(
+                f"{count} image points come with other numbers of targets, positions or σ", _HINT
+            )
         if not (self.target_mm.shape == self.target_sigma_mm.shape == (targets, 3)):
-            raise MeasurementError(f"{targets} targets have another number of σ", _HINT)
+            raise MeasurementError(f"{targets} targets come with another number of σ", _HINT)
         if count and not (self.view.min() >= 0 and self.view.max() < len(self.views)):
             raise MeasurementError(f"an image point lies in none of the {len(self.views)} views", _HINT)
         if count and not (self.target.min() >= 0 and self.target.max() < targets):
@@ -53,24 +55,24 @@ class Network:
             raise MeasurementError("a target has two image points in one view", _HINT)
         known = np.isfinite(self.xy_px).all() and np.isfinite(self.target_mm).all()
         if not (known and (self.sigma_px > 0).all() and (self.target_sigma_mm >= 0).all()):
-            raise MeasurementError("a place or a standard deviation is no possible number", _HINT)
+            raise MeasurementError("a position or a standard deviation is out of range or not finite", _HINT)
 
     def __len__(self) -> int:
         return len(self.view)
 
     @property
     def sightings(self) -> NDArray[np.intp]:
-        """(T,) in how many views a target was seen."""
+        """(T,) number of views in which a target was seen."""
         return np.bincount(self.target, minlength=len(self.target_mm))
 
     @property
     def undetermined(self) -> NDArray[np.bool_]:
-        """(T,) which targets were seen, but not often enough for what is not known of their place."""
+        """(T,) True for targets seen, but in too few views for the unknown part of their position."""
         lacking: NDArray[np.bool_] = 2 * self.sightings < np.isinf(self.target_sigma_mm).sum(axis=1)
         return lacking & (self.sightings > 0)
 
     def select(self, chosen: NDArray[np.bool_]) -> "Network":
-        """The same targets and views with the image points (M,) chosen."""
+        """Select image points (M,), keeping all targets and views."""
         return replace(
             self,
             view=self.view[chosen],
@@ -80,5 +82,5 @@ class Network:
         )
 
     def starting_from(self, views: Sequence[View]) -> "Network":
-        """The same with other values to start from."""
+        """Copy with other start values."""
         return replace(self, views=tuple(views))

@@ -1,4 +1,4 @@
-"""What the errors of image points and of a calibration make of a point's X, Y, Z, for any number of views."""
+"""Propagation of errors of image points and of a calibration to X, Y, Z, for any number of views."""
 
 from dataclasses import dataclass, replace
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from grabberd.calibration.adjustment.adjustment import adjust
 from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.normals import Problem, State, reduced
+from grabberd.calibration.adjustment.normal_equations import Problem, State, reduced
 from grabberd.calibration.adjustment.unknowns import Unknowns
 
 Array = NDArray[np.float64]
@@ -15,12 +15,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Propagated:
-    """Covariances of the places of T targets that were intersected from their image points.
+    """Covariances of T positions intersected from image points.
 
     Attributes:
         pointing_mm2: (T, 3, 3) from the image points.
         calibration_mm2: (T, 3, 3) from the views' parameters, J·C·Jᵀ.
-        influence: (T, 3, 18 V) J, derivatives of the places by all views' `PARAMETERS`.
+        influence: (T, 3, 18 V) J, derivatives of the positions by all views' `PARAMETERS`.
     """
 
     pointing_mm2: Array
@@ -29,28 +29,28 @@ class Propagated:
 
 
 def intersect_network(network: Network) -> Array:
-    """(T, 3) places of all targets from their image points alone, the views as they are.
+    """Intersect all targets from their image points alone, with the views held: (T, 3) positions.
 
     Args:
-        network: `target_mm` is where to start from; its σ does not count.
+        network: `target_mm` gives start values; its σ is ignored.
 
     Raises:
-        MeasurementError: as `adjust`: targets that fewer than two views see, for one.
+        MeasurementError: As `adjust`, e.g. for targets that fewer than two views see.
     """
     return adjust(_unknown(network), Unknowns.of(network.views, free=())).xyz_mm
 
 
 def propagate(network: Network, parameter_covariance: Array) -> Propagated:
-    """Covariances of places intersected from image points, at `target_mm`.
+    """Compute the covariances of positions intersected from image points, at `target_mm`.
 
-    The least squares X(l, p) keep Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p.
+    The solution X(l, p) satisfies Aᵀ(l − f(X, p)) = 0 (whitened), so dX/dp = −(AᵀA)⁻¹Aᵀ·∂f/∂p.
 
     Args:
-        network: every target in at least two views; its σ_px count, its places' σ do not.
+        network: Every target in at least two views; `sigma_px` is used, the positions' σ is not.
         parameter_covariance: (18 V, 18 V) of the views.
 
     Raises:
-        MeasurementError: targets that fewer than two views see.
+        MeasurementError: A target is seen by fewer than two views.
     """
     problem = Problem(_unknown(network), Unknowns.of(network.views))
     problem.check_places()

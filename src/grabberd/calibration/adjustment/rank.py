@@ -1,4 +1,4 @@
-"""Whether a network determines its unknowns at all, and if not, which of them it confounds."""
+"""Rank check: whether a network determines its unknowns, and if not, which of them it confounds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.normals import Problem, reduced
+from grabberd.calibration.adjustment.normal_equations import Problem, reduced
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.errors import MeasurementError, RankDeficient
 from grabberd.geometry import PARAMETERS
@@ -15,21 +15,23 @@ from grabberd.geometry import PARAMETERS
 Array = NDArray[np.float64]
 
 THRESHOLD = 1e-4
-"""A singular value under this share of the largest is none; good calibration frames have 2e-4 and more."""
+"""Singular values below this share of the largest count as zero; good calibration frames have 2e-4 or
+more."""
 LEAST_DEPTH = 0.02
-"""Of the targets, as a share of their largest extent."""
+"""Least depth of the targets, as a share of their largest extent."""
 _INTERIOR, _POSE = PARAMETERS[:3], PARAMETERS[3:9]
 _NAMED = 0.1
+"""Share in a null vector from which a parameter is named."""
 
 
 @dataclass(frozen=True, slots=True)
 class NullVector:
-    """A change of several parameters at once that the image points do not show.
+    """Combined change of several parameters that the image points do not show.
 
     Attributes:
-        parameters: names of those that share in it, the greatest share first.
-        shares: what they contribute to the unit vector, each parameter in units of its own effect.
-        singular: the singular value, as a share of the largest.
+        parameters: Names of the parameters involved, the greatest share first.
+        shares: Their components in the unit vector, each parameter in units of its own effect.
+        singular: The singular value, as a share of the largest.
     """
 
     parameters: tuple[str, ...]
@@ -42,31 +44,17 @@ class NullVector:
         )
 
 
-def null_vectors(
-    jacobian: Array, names: Sequence[str], threshold: float = THRESHOLD
-) -> tuple[NullVector, ...]:
-    """The null vectors of any Jacobian, its columns brought to the same length first.
-
-    Args:
-        jacobian: (M, U) derivatives of M observations of equal weight.
-        names: of the U parameters.
-        threshold: singular values under this share of the largest count as zero.
-    """
-    matrix = jacobian.T @ jacobian
-    return _null_vectors(matrix, np.diag(matrix), names, threshold)
-
-
 def check_rank(network: Network, unknowns: Unknowns) -> None:
-    """Whether a network determines its unknowns: to be asked before it is adjusted.
+    """Check that a network determines its unknowns, before it is adjusted.
 
-    The Jacobian is judged with equal weights and known places held, for the geometry is in question, and
-    without distortion: with it, a planar frame's smallest singular value is no longer zero, though as little
-    can be learnt from it. So the targets' depth is tested by itself too, for all views whose focal length or
-    principal point is sought.
+    The Jacobian is judged with equal weights and known positions held, because the geometry is in question,
+    and without distortion: with it, a planar frame's smallest singular value is no longer zero, though no
+    more can be learned from it. So the targets' depth is also tested directly, for all views whose focal
+    length or principal point is free.
 
     Raises:
-        RankDeficient: it does not; the message names the parameters of every null vector.
-        MeasurementError: too few observations, or a start behind a camera.
+        RankDeficient: It does not; the message names the parameters of every null vector.
+        MeasurementError: There are too few observations, or the start lies behind a camera.
     """
     flat = replace(
         network,
@@ -83,26 +71,31 @@ def check_rank(network: Network, unknowns: Unknowns) -> None:
             "check the rig's nominal geometry and the calibration frame's file",
         )
     normals = problem.normals(linear)
-    found = _null_vectors(reduced(normals).matrix, np.diag(normals.matrix), unknowns.names, THRESHOLD)
+    found = null_vectors(reduced(normals).matrix, np.diag(normals.matrix), unknowns.names)
     if found:
         raise _deficient(found)
     _check_depth(network, unknowns)
 
 
-def _null_vectors(
-    matrix: Array, diagonal: Array, names: Sequence[str], threshold: float
-) -> tuple[NullVector, ...]:
+def null_vectors(matrix: Array, diagonal: Array, names: Sequence[str]) -> tuple[NullVector, ...]:
+    """Find what a normal matrix leaves undetermined, each parameter scaled to its own effect first.
+
+    Args:
+        matrix: (U, U) normal matrix, other unknowns eliminated.
+        diagonal: (U,) squared lengths of the parameters' columns in the Jacobian.
+        names: of the U parameters.
+    """
     scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     squares, vectors = np.linalg.eigh(matrix * scale * scale[:, np.newaxis])
     if not len(squares):
         return ()
-    null = squares <= threshold**2 * max(squares[-1], 0.0)
+    null = squares <= THRESHOLD**2 * max(squares[-1], 0.0)
     singular = float(np.sqrt(max(squares[0], 0.0) / squares[-1])) if squares[-1] > 0 else 0.0
     return tuple(_named(vector, names, singular) for vector in _plain(vectors[:, null]).T)
 
 
 def _plain(basis: Array) -> Array:
-    """(U, K) another basis of the same space, whose vectors have each as few parameters as may be."""
+    """(U, K) another basis of the same space, whose vectors involve as few parameters as possible."""
     basis = basis.copy()
     for column in range(basis.shape[1]):
         row, other = divmod(int(np.abs(basis[:, column:]).argmax()), basis.shape[1] - column)
@@ -141,21 +134,21 @@ def _check_depth(network: Network, unknowns: Unknowns) -> None:
 
 
 def check_depth(places_mm: Array, names: Sequence[str], what: str) -> None:
-    """Whether places (N, 3) have the depth that an interior orientation needs.
+    """Check that positions (N, 3) have the depth that an interior orientation needs.
 
     Args:
-        places_mm: of the targets.
-        names: of the parameters that they are to determine.
-        what: the places are, for people.
+        places_mm: Positions of the targets.
+        names: Names of the parameters that they are to determine.
+        what: Description of the positions for the message.
 
     Raises:
-        RankDeficient: they lie in a plane.
+        RankDeficient: They lie in a plane.
     """
     extents = np.linalg.svd(places_mm - places_mm.mean(axis=0), compute_uv=False)
     if extents[-1] < LEAST_DEPTH * extents[0]:
         raise RankDeficient(
             f"{what} lie in a plane (depth {extents[-1] / extents[0]:.1%} of their extent), which does not "
             f"determine {', '.join(names)} together",
-            "use a calibration frame with depth, ±8 mm is enough, or hold f_mm, x0_px and y0_px",
+            "use a calibration frame with depth (±8 mm is enough), or hold f_mm, x0_px and y0_px",
             names,
         )

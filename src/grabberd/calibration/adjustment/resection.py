@@ -1,4 +1,4 @@
-"""One view's parameters from known targets in it, with prior knowledge of all of them (paper 3.6)."""
+"""Resection: one view's parameters from known targets, with a prior on all of them (paper 3.6)."""
 
 from dataclasses import dataclass
 
@@ -15,16 +15,16 @@ PRIOR_SIGMA = np.array(
         *(0.01, 0.01, 2e-3, 5e-5, 1e-6, 8e-4, 8e-4, 8e-4, 8e-4),
     ]
 )
-"""How far a view may be from its nominal one, in the order of `PARAMETERS`: its place is hardly known."""
+"""Prior σ of a view about its nominal one, in the order of `PARAMETERS`; its position is hardly known."""
 _SETTLED = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resection:
-    """What one view's targets make of it.
+    """Result of a resection.
 
     Attributes:
-        view: the view.
+        view: The view.
         residual_px: (N, 2) observed minus computed; NaN where a target lies behind the camera.
     """
 
@@ -47,18 +47,19 @@ def resect(
     prior: View | None = None,
     most_steps: int = 12,
 ) -> Resection:
-    """The view that sees N targets where they were seen, robustly: an outlier draws little.
+    """Find the view that sees N targets where they were seen, robustly against outliers.
 
-    Every parameter is held toward the prior's by its `PRIOR_SIGMA`, so any number of targets and any frame, a
-    planar one too, give a result. It tells targets apart; for measuring there is the adjustment.
+    Every parameter is pulled toward the prior by its `PRIOR_SIGMA`, so any number of targets and any frame,
+    even a planar one, give a result. It is accurate enough to tell targets apart; measuring needs the
+    adjustment.
 
     Args:
-        start: the view to start from.
+        start: The view to start from.
         xyz_mm: (N, 3) targets.
         xy_px: (N, 2) frame pixels.
-        sigma_px: of an image coordinate; residuals far beyond it are weighted down.
-        prior: the prior's middle; None: the start.
-        most_steps: of the iteration; it ends before where it has settled.
+        sigma_px: Standard deviation of an image coordinate; residuals far beyond it are weighted down.
+        prior: Centre of the prior; None for the start.
+        most_steps: Greatest number of iterations; fewer if it converges.
     """
     middle, view = (prior or start).vector(), start
     for _ in range(most_steps):
@@ -70,7 +71,7 @@ def resect(
 
 
 def _step(view: View, middle: Array, xyz_mm: Array, xy_px: Array, sigma_px: float) -> Array:
-    """(18,) of Gauss and Newton, in units of `PRIOR_SIGMA`."""
+    """(18,) Gauss–Newton step, in units of `PRIOR_SIGMA`."""
     misfit = xy_px - project(view, xyz_mm)
     weight = _weight(misfit, sigma_px)[:, np.newaxis]
     seen = weight[:, 0] > 0
@@ -82,7 +83,7 @@ def _step(view: View, middle: Array, xyz_mm: Array, xy_px: Array, sigma_px: floa
 
 
 def _weight(misfit: Array, sigma_px: float) -> Array:
-    """(N,) square roots of Cauchy's weights, in 1/px; zero behind the camera."""
+    """(N,) square roots of Cauchy weights, in 1/px; zero behind the camera."""
     square = (misfit * misfit).sum(axis=1) / sigma_px**2
     weight: Array = 1.0 / (sigma_px * np.sqrt(1.0 + square / 9.0))
     return np.where(np.isnan(weight), 0.0, weight)

@@ -1,4 +1,4 @@
-"""Which of the views' parameters an adjustment seeks: free, held, shared between views or tied."""
+"""Unknowns of an adjustment: which of the views' parameters are free, held, shared between views or tied."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from grabberd.geometry import PARAMETERS, View
 Array = NDArray[np.float64]
 
 LENS = ("f_mm", "x0_px", "y0_px", "b3", "b4", "b5", "b6", "b7")
-"""What views that look through one lens have in common; b1, b2, b8, b9 are the mirrors'."""
+"""Parameters common to views through one lens; b1, b2, b8, b9 belong to the mirrors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -20,8 +20,8 @@ class Unknowns:
     """U unknowns behind the 18 parameters of each of V views.
 
     Attributes:
-        names: U names: "left.f_mm"; "lens.f_mm" where all views share it; "left.b8=b9" where tied.
-        number: (V, 18) intp, which unknown a parameter is; −1 where it is held.
+        names: U names: "left.f_mm"; "lens.f_mm" if all views share it; "left.b8=b9" if tied.
+        number: (V, 18) intp, unknown behind each parameter; −1 if it is held.
     """
 
     names: tuple[str, ...]
@@ -36,16 +36,16 @@ class Unknowns:
         shared: Collection[str] = (),
         tied: bool = False,
     ) -> "Unknowns":
-        """The unknowns of views.
+        """Choose the unknowns of views.
 
         Args:
-            views: whose.
-            free: names of parameters to be adjusted: "b3" for all views, "left.b3" for one.
-            shared: parameters that are one and the same in all views, such as `LENS`.
-            tied: b9 = b8 in every view, the paper's own model.
+            views: The views.
+            free: Names of parameters to adjust: "b3" for all views, "left.b3" for one.
+            shared: Parameters identical in all views, such as `LENS`.
+            tied: True for b9 = b8 in every view, the paper's own model.
 
         Raises:
-            InputError: a name that no view or parameter has, or one shared that is not free in all views.
+            InputError: A name is unknown, or a shared parameter is not free in all views.
         """
         _check_names(views, free, shared)
         names: dict[str, int] = {}
@@ -62,13 +62,13 @@ class Unknowns:
 
     @property
     def selection(self) -> Array:
-        """(18 V, U) float64 of zeros and ones: parameters' changes from the unknowns'."""
+        """(18 V, U) float64 zeros and ones: changes of the parameters from those of the unknowns."""
         flat = self.number.ravel()
         chosen: Array = (flat[:, np.newaxis] == np.arange(len(self))).astype(np.float64)
         return chosen
 
     def values(self, views: Sequence[View]) -> Array:
-        """(U,) the unknowns' values; the mean of parameters that share one."""
+        """(U,) values of the unknowns; the mean of parameters that share one."""
         flat, number = np.array([view.vector() for view in views]).ravel(), self.number.ravel()
         chosen = number >= 0
         total = np.bincount(number[chosen], flat[chosen], len(self))
@@ -76,20 +76,20 @@ class Unknowns:
         return mean
 
     def with_values(self, views: Sequence[View], values: Array) -> tuple[View, ...]:
-        """The views with other values (U,) of the unknowns; held parameters stay."""
+        """Copy the views with other values (U,) of the unknowns; held parameters stay."""
         known = np.array([view.vector() for view in views])
         vectors = np.where(self.number >= 0, np.append(values, 0.0)[self.number], known)
         return tuple(view.with_vector(vector) for view, vector in zip(views, vectors, strict=True))
 
     def without(self, dropped: Collection[str]) -> "Unknowns":
-        """The same without some unknowns: their parameters are held."""
+        """Drop some unknowns: their parameters are held."""
         kept = [index for index, name in enumerate(self.names) if name not in dropped]
         renumbered = np.full(len(self) + 1, -1, np.intp)
         renumbered[kept] = np.arange(len(kept))
         return Unknowns(tuple(self.names[index] for index in kept), renumbered[self.number])
 
     def moved(self, views: Sequence[View], step: Array) -> tuple[View, ...]:
-        """The views after a step (U,) of the unknowns."""
+        """Apply a step (U,) of the unknowns to the views."""
         changes = np.append(step, 0.0)[self.number]
         return tuple(
             view.with_vector(view.vector() + change) for view, change in zip(views, changes, strict=True)
@@ -112,5 +112,5 @@ def _check_names(views: Sequence[View], free: Collection[str], shared: Collectio
     if single := sorted(set(shared) - set(free)):
         raise InputError(
             f"{', '.join(single)} cannot be shared without being adjusted in all views",
-            "adjust the parameter in all views, or take it off the shared ones",
+            "adjust the parameter in all views, or do not share it",
         )

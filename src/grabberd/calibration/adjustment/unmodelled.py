@@ -1,8 +1,8 @@
-"""What image points show beyond their own σ: a standard deviation that all of them have in common.
+"""Unmodelled error: a standard deviation common to all image points, beyond their own σ.
 
-Means over many fields are known to some thousandths of a pixel, mirrors are uneven by some hundredths.
-Weighted by their own σ alone, the points that scatter least would decide everything, and all would look like
-blunders.
+Means over many fields are known to some thousandths of a pixel, while mirrors are uneven by some hundredths.
+Weighted by their own σ alone, the points that scatter least would decide everything, and all others would
+look like blunders (docs/decisions/0005).
 """
 
 from dataclasses import replace
@@ -10,33 +10,33 @@ from dataclasses import replace
 import numpy as np
 
 from grabberd.calibration.adjustment.adjustment import adjust
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.unknowns import Unknowns
 
 _ENOUGH = 1e-3
 _MOST_STEPS = 40
 _ROUGHLY_PX = 0.1
-"""To begin with: weights that differ by a factor of a hundred are hard to converge with from afar."""
+"""Start value: with weights that differ by a factor of a hundred, convergence from afar is poor."""
 _NEGLIGIBLE = 0.05
-"""Of the points' own σ."""
+"""Share of the points' own σ below which the common error counts as zero."""
 
 
 def with_unmodelled(
     network: Network, unknowns: Unknowns, settings: AdjustmentSettings | None = None
 ) -> tuple[Network, float]:
-    """The network with its σ enlarged in quadrature so that σ0 becomes 1.
+    """Enlarge the σ of a network in quadrature so that σ0 becomes 1.
 
     Args:
-        network: image points with their own σ.
-        unknowns: which parameters are sought.
-        settings: of the adjustments.
+        network: Image points with their own σ.
+        unknowns: Parameters to estimate.
+        settings: Settings of the adjustments.
 
     Returns:
-        The network, and what was added in px: 0 where the points' own σ explain their residuals.
+        The network, and the σ added in px: 0 if the points' own σ explain their residuals.
 
     Raises:
-        MeasurementError: as `adjust`.
+        MeasurementError: As `adjust`.
     """
     low, high, added = 0.0, np.inf, _ROUGHLY_PX
     negligible = _NEGLIGIBLE * float(np.sqrt(np.mean(network.sigma_px**2)))
@@ -53,12 +53,12 @@ def with_unmodelled(
 
 
 def enlarged(network: Network, added_px: float) -> Network:
-    """The network with every image point's σ enlarged in quadrature."""
+    """Enlarge every image point's σ in quadrature."""
     return replace(network, sigma_px=np.hypot(network.sigma_px, added_px))
 
 
 def _next(low: float, high: float, added: float, sigma0: float) -> float:
-    """Nearly proportional where the common part is the larger; held inside what is known of it."""
+    """Next guess: proportional to σ0, which suits a dominant common part, kept inside the known bracket."""
     guess = added * sigma0
     if low < guess < high:
         return guess

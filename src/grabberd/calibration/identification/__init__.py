@@ -1,13 +1,18 @@
-"""Which blob is which target of the calibration frame, without a click: grown, contested, or refused.
+"""Identification of the calibration frame's targets among the blobs, without any click.
 
-Every target is tried at a few blobs, turned and mirrored; hypotheses grow over the calibration frame, and the
-best is challenged by its neighbours a pitch away. Both views then have to agree with each other and with the
-rig as it was built.
+Every target is tried at a few blobs, rotated and mirrored (`poses`); hypotheses grow over the calibration
+frame (`hypothesis_growth`), and the best is challenged by its neighbours a pitch away (`hypothesis_ranking`).
+Both views must then agree with each other and with the nominal rig (`view_pair_check`). What stays ambiguous
+is refused, and can be decided by marking some targets (`manual_identification`).
 """
 
-from grabberd.calibration.identification.by_hand import Mark, identify_by_hand
-from grabberd.calibration.identification.identify import Identification, ViewIdentification, identify_frame
-from grabberd.calibration.identification.settings import IdentificationSettings
+from grabberd.calibration.identification.frame_identification import (
+    Identification,
+    ViewIdentification,
+    identify_frame,
+)
+from grabberd.calibration.identification.identification_settings import IdentificationSettings
+from grabberd.calibration.identification.manual_identification import Mark, identify_by_hand
 
 __all__ = [
     "Identification",

@@ -1,4 +1,4 @@
-"""One hypothesis of which blob of a view is which target, with the view that it makes, and its worth."""
+"""Hypothesis: an assignment of a view's blobs to targets, with the resulting view and its likelihood."""
 
 import math
 from collections.abc import Mapping
@@ -8,29 +8,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.calibration.adjustment.resection import resect
-from grabberd.calibration.identification.growth import Half
+from grabberd.calibration.identification.hypothesis_growth import Half
 from grabberd.geometry import View, project, rotation_matrix
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 FALSE_BLOB, MISSING_TARGET = 13.0, 5.0
-"""−2 ln of the odds: of a blob that is no target, against one found where it must be; of an unseen target."""
+"""−2 ln of the odds of a blob that is no target, against one where it must be; and of an unseen target."""
 _BEHIND = 1e6
-"""Of a camera behind the targets: one that is mirrored sees a planar frame from there just as well."""
+"""Cost of a camera behind the targets, from where a mirrored one sees a planar frame just as well."""
 _GATES = (0.3, 0.2, 0.12, 0.12)
-"""Of the blobs' spacing, while the view is being found."""
+"""Gates while the view is refined, as shares of the blobs' spacing."""
 _STEPS = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """B blobs of a view explained.
+    """Explanation of the B blobs of a view.
 
     Attributes:
-        view: the view that sees the targets like this, roughly.
-        target: (B,) index of the blob's target in the calibration frame; −1: none.
-        residual_px: (B, 2) observed minus computed; NaN where there is no target.
+        view: The view that fits the assignment, roughly.
+        target: (B,) index of the blob's target in the calibration frame; −1 for none.
+        residual_px: (B, 2) observed minus computed; NaN without a target.
         cost: −2 ln of the likelihood, up to a constant of the picture.
     """
 
@@ -46,29 +46,30 @@ class Hypothesis:
 
     @property
     def rms_px(self) -> float:
-        """RMS of their residuals, per coordinate; NaN if there are none."""
+        """RMS of their residuals per coordinate; NaN if there are none."""
         known = self.residual_px[self.target >= 0]
         return math.sqrt(float((known * known).mean())) if len(known) else math.nan
 
     def says_the_same(self, other: "Hypothesis") -> bool:
-        """Whether both give most of the blobs that both explain the same targets."""
+        """True if both assign the same targets to most of the blobs that both explain."""
         both = (self.target >= 0) & (other.target >= 0)
         return 2 * int((self.target == other.target)[both].sum()) > int(both.sum())
 
     def turned_deg(self, nominal: View) -> float:
-        """By how much the calibration frame is turned in its plane against the nominal rig, −180 to 180."""
+        """Rotation of the calibration frame in its plane relative to the nominal rig, −180 to 180."""
         turn = _rotation(nominal).T @ _rotation(self.view)
         return math.degrees(math.atan2(turn[0, 1] - turn[1, 0], turn[0, 0] + turn[1, 1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Explainer:
-    """Makes whole hypotheses from rough views.
+    """Completes rough views to hypotheses.
 
     Attributes:
-        half: the blobs; `xyz_mm`: (T, 3) the calibration frame.
-        sigma_px: of an image coordinate.
-        given: targets by blob that are certain.
+        half: The blobs.
+        xyz_mm: (T, 3) targets of the calibration frame.
+        sigma_px: Standard deviation of an image coordinate.
+        given: Certain targets by blob.
     """
 
     half: Half
@@ -78,15 +79,15 @@ class Explainer:
 
     @property
     def gate_px(self) -> float:
-        """Beyond it a blob is sooner a false one than the target predicted there."""
+        """Distance beyond which a blob is more likely false than the target predicted there."""
         return self.sigma_px * math.sqrt(FALSE_BLOB)
 
     def predicted(self, view: View) -> Array:
-        """(T, 2) frame pixels of all targets."""
+        """(T, 2) predicted frame pixels of all targets."""
         return project(view, self.xyz_mm)
 
     def explain(self, start: View) -> Hypothesis:
-        """The hypothesis that a rough view leads to: targets predicted and blobs assigned by turns."""
+        """Refine a rough view to a hypothesis by alternately predicting targets and assigning blobs."""
         view = start
         for share in _GATES:
             target = self._assigned(view, share * self.half.spacing_px)
@@ -100,13 +101,13 @@ class Explainer:
         return Hypothesis(view, target, residual, self._cost(view, residual))
 
     def _undoubted(self, view: View) -> Indices:
-        """(B,) the target in a blob's gate, where neither has another one in its own."""
+        """(B,) the target in a blob's gate, if each is the only candidate of the other."""
         near = self._between(view) <= self.gate_px
         alone = near & (near.sum(axis=1, keepdims=True) == 1) & (near.sum(axis=0) == 1)
         return np.where(alone.any(axis=1), alone.argmax(axis=1), -1)
 
     def _assigned(self, view: View, gate_px: float) -> Indices:
-        """(B,) the target to which a blob and which to it is the nearest."""
+        """(B,) the target that is a blob's nearest, if the blob is also the target's."""
         between = self._between(view)
         nearest = between.argmin(axis=1)
         blobs = np.arange(len(between))
@@ -114,7 +115,7 @@ class Explainer:
         return np.where(mutual & (between[blobs, nearest] <= gate_px), nearest, -1)
 
     def _between(self, view: View) -> Array:
-        """(B, T) distances of blobs from predictions in px; what is given lies in its place."""
+        """(B, T) distances of blobs from predictions in px; given targets have distance 0."""
         between: Array = np.linalg.norm(self.half.xy_px[:, np.newaxis] - self.predicted(view), axis=2)
         between[np.isnan(between)] = np.inf
         for blob, target in self.given.items():

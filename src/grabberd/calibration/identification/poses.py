@@ -1,6 +1,6 @@
-"""Many rough cameras at once, each a hypothesis of how a view sees the calibration frame.
+"""Poses: many rough cameras at once, each a hypothesis of how a view sees the calibration frame.
 
-Without distortion, and with the lens held as the nominal rig states it: enough to tell targets apart.
+They have no distortion and keep the nominal lens: enough to tell targets apart.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from grabberd.geometry import View, rotation_angles, rotation_matrix
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-_TURN_RAD = 0.15
+_TURN_RAD = 0.15  # prior σ of one damped step, likewise below
 _SIDEWAYS_MM = 3.0
 _IN_DEPTH_MM = 30.0
 _STEP = np.array([_TURN_RAD] * 3 + [_SIDEWAYS_MM] * 2 + [_IN_DEPTH_MM])
@@ -21,7 +21,7 @@ _STEP = np.array([_TURN_RAD] * 3 + [_SIDEWAYS_MM] * 2 + [_IN_DEPTH_MM])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Poses:
-    """H cameras; camera coordinates are axes · X + away_mm, and what lies in front has a negative third.
+    """H cameras; camera coordinates are axes · X + away_mm, negative in z in front of the camera.
 
     Attributes:
         axes: (H, 3, 3) orthogonal; the determinant is the handedness.
@@ -36,11 +36,12 @@ class Poses:
 
     @classmethod
     def anchored(cls, view: View, turns: int, anchors_px: Array, xyz_mm: Array) -> "Poses":
-        """Every pose in which a target of T is seen at an anchor of A, the object turned in its plane.
+        """Make every pose in which one of T targets is seen at one of A anchors, rotated in the object's
+        plane.
 
         Args:
-            view: the nominal view.
-            turns: number of equal steps of a whole turn.
+            view: The nominal view.
+            turns: Number of equal steps of a full turn.
             anchors_px: (A, 2) frame pixels.
             xyz_mm: (T, 3) targets.
 
@@ -59,22 +60,22 @@ class Poses:
         return cls(every.reshape(-1, 3, 3), away.reshape(-1, 3))
 
     def select(self, chosen: Indices) -> "Poses":
-        """Some of them."""
+        """Select some of them."""
         return Poses(self.axes[chosen], self.away_mm[chosen])
 
     def seen_mm(self, places_mm: Array) -> Array:
-        """(H, K, 3) camera coordinates of places (H, K, 3) or (K, 3)."""
+        """(H, K, 3) camera coordinates of positions (H, K, 3) or (K, 3)."""
         turned: Array = places_mm @ self.axes.swapaxes(1, 2)
         return turned + self.away_mm[:, np.newaxis]
 
     def moved(self, step: Array, about_mm: Array) -> "Poses":
-        """After a turn of step (H, 6)[:3] about points (H, 3), camera coordinates, and a shift [3:]."""
+        """Rotate by step (H, 6)[:3] about points (H, 3) in camera coordinates, and shift by [3:]."""
         turn = _turns(step[:, :3])
         away = np.einsum("hij,hj->hi", turn, self.away_mm - about_mm) + about_mm + step[:, 3:]
         return Poses(turn @ self.axes, away)
 
     def view(self, nominal: View, index: int) -> View:
-        """One of them as a view, with the lens of the nominal one."""
+        """Convert one of them to a view, with the nominal lens."""
         axes, away = self.axes[index], self.away_mm[index]
         handedness = 1 if np.linalg.det(axes) > 0 else -1
         omega, phi, kappa = rotation_angles(np.diag([handedness, 1.0, 1.0]) @ axes)
@@ -84,10 +85,10 @@ class Poses:
 
 
 def mirrored(view: View, at_px: Array) -> View:
-    """A view of the other handedness from the same place, its picture mirrored about a column.
+    """Make a view of the other handedness from the same position, its picture mirrored about a column.
 
     Args:
-        view: which, without distortion.
+        view: View without distortion.
         at_px: (2,) frame pixels of a point whose ray stays where it is.
     """
     normal = np.cross(_rays(view, at_px[np.newaxis])[0], (0.0, 1.0, 0.0))
@@ -98,7 +99,7 @@ def mirrored(view: View, at_px: Array) -> View:
 
 
 def pixels(view: View, seen_mm: Array) -> Array:
-    """(H, K, 2) frame pixels of camera coordinates (H, K, 3); NaN behind the camera."""
+    """Project camera coordinates (H, K, 3) to frame pixels (H, K, 2); NaN behind the camera."""
     closeness = -1.0 / np.where(seen_mm[..., 2] < 0.0, seen_mm[..., 2], np.nan)
     image: Array = seen_mm[..., :2] * closeness[..., np.newaxis] * _scale(view)
     image += (view.x0_px, view.y0_px)
@@ -106,11 +107,11 @@ def pixels(view: View, seen_mm: Array) -> Array:
 
 
 def improved(view: View, poses: Poses, places_mm: Array, misfit_px: Array, weight: Array) -> Poses:
-    """The poses after one damped step of least squares.
+    """Improve poses by one damped least-squares step.
 
     Args:
-        view: the nominal view, whose lens they have.
-        poses: H of them.
+        view: The nominal view, whose lens they have.
+        poses: H poses.
         places_mm: (H, K, 3) targets.
         misfit_px: (H, K, 2) observed minus computed.
         weight: (H, K) in px⁻², 0 where nothing was observed.
@@ -128,7 +129,9 @@ def improved(view: View, poses: Poses, places_mm: Array, misfit_px: Array, weigh
 
 
 def _slopes(view: View, seen: Array, about: Array) -> Array:
-    """(H, K, 2, 6) of the pixels by a turn about a point and by a shift, camera coordinates."""
+    """(H, K, 2, 6) derivatives of the pixels by a rotation about a point and by a shift, camera
+    coordinates.
+    """
     closeness = -1.0 / seen[..., 2]
     ideal = seen[..., :2] * closeness[..., np.newaxis]
     arm = seen - about[:, np.newaxis]
@@ -158,7 +161,7 @@ def _rays(view: View, xy_px: Array) -> Array:
 
 
 def _turns(vectors: Array) -> Array:
-    """(H, 3, 3) rotations by the vectors (H, 3), after Rodrigues."""
+    """(H, 3, 3) rotations by vectors (H, 3), after Rodrigues."""
     angle = np.linalg.norm(vectors, axis=1)[:, np.newaxis, np.newaxis]
     x, y, z = vectors.T
     zero = np.zeros_like(x)

@@ -1,11 +1,11 @@
-"""Least squares collocation: what residuals owe to trend, targets' places, a smooth signal, and noise.
+"""Least-squares collocation: residuals split into trend, errors of targets, a smooth signal, and noise.
 
     observed − computed = A·dp + J·dX + signal + noise
 
-A·dp is the trend, all that the unknowns of the global model can take; J·dX the errors of the targets' given
-places, which the views share; the signal is correlated from place to place in a view, the noise is not. The
-trend is estimated together with the signal (universal kriging), because fitted before it, it has taken its
-part.
+A·dp is the trend, everything that the unknowns of the global model can absorb; J·dX are errors of the
+targets' given positions, which the views share; the signal is correlated over a view, the noise is not. The
+trend is estimated together with the signal (universal kriging), because fitted first it would absorb part of
+the signal.
 """
 
 from typing import NamedTuple
@@ -20,19 +20,19 @@ from grabberd.geometry import Rig, View, linearise, parameter_slopes
 Array = NDArray[np.float64]
 
 _UNKNOWN_MM = 10.0
-"""Stands for the infinite σ of a place of which nothing is known: an image point says far more."""
+"""Stands for the infinite σ of an unknown position: an image point determines it far better."""
 _ALONE_PX = 1e-6
-"""A correlation length below all distances: every image point has a signal of its own."""
+"""Correlation length below all distances, so that every image point has its own signal."""
 
 
 class Components(NamedTuple):
-    """How large signal, noise and errors of places are.
+    """Sizes of signal, noise and position errors.
 
     Attributes:
-        signal_px: standard deviation s of the signal in each coordinate.
+        signal_px: Standard deviation s of the signal in each coordinate.
         length_px: l of its covariance s² exp(−d²/2l²) at a distance d in frame pixels.
-        noise: σ of the image points, as a multiple of the given ones.
-        place: σ of the targets' places, likewise.
+        noise: σ of the image points, as a multiple of the given one.
+        place: σ of the targets' positions, likewise.
     """
 
     signal_px: float
@@ -41,13 +41,15 @@ class Components(NamedTuple):
     place: float
 
     def covariance(self, distance_px: Array) -> Array:
-        """Of the signal at two places; zero at an infinite distance, which stands for another view."""
+        """Covariance of the signal at two positions; zero at infinite distance, which stands for another
+        view.
+        """
         signal: Array = self.signal_px**2 * np.exp(-0.5 * (distance_px / self.length_px) ** 2)
         return signal
 
     @property
     def uncorrelated(self) -> "Components":
-        """The same signal, but without any correlation from place to place."""
+        """The same signal without any spatial correlation."""
         return self._replace(length_px=_ALONE_PX)
 
 
@@ -55,12 +57,14 @@ class Collocation:
     """M image points as 2M observations, all x first, then all y.
 
     Attributes:
-        network: image points and targets.
-        unknowns: U unknowns whose changes are the trend; `views`: the values that they start from.
-        misclosure: (2M,) observed − computed from the targets' given places.
+        network: Image points and targets.
+        unknowns: U unknowns whose changes form the trend.
+        views: Their start values.
+        misclosure: (2M,) observed − computed from the targets' given positions.
         trend: (2M, U) slopes by the unknowns over their `scale` (U,), so that columns have length 1.
-        by_places: (2M, 2M) covariance from the places' given σ.
-        distance_px: (M, M) between image points, infinite between views; `noise`: (2M,) variances.
+        by_places: (2M, 2M) covariance from the positions' given σ.
+        distance_px: (M, M) distances of image points, infinite between views.
+        noise: (2M,) given variances.
     """
 
     def __init__(self, network: Network, unknowns: Unknowns, views: tuple[View, ...], xyz_mm: Array) -> None:
@@ -78,13 +82,13 @@ class Collocation:
         self.noise = (network.sigma_px.T**2).ravel()
 
     def distances(self, view: NDArray[np.intp] | int, xy_px: Array) -> Array:
-        """(N, M) from places (N, 2) in a view, or one view each, to the image points."""
+        """(N, M) distances from positions (N, 2) in a view, or one view each, to the image points."""
         other = np.not_equal.outer(np.broadcast_to(view, len(xy_px)), self.network.view)
         apart = np.linalg.norm(xy_px[:, np.newaxis] - self.network.xy_px, axis=2)
         return np.where(other, np.inf, apart)
 
     def covariance(self, components: Components) -> Array:
-        """(2M, 2M) of the observations, without the trend."""
+        """(2M, 2M) covariance of the observations, without the trend."""
         count = len(self.network)
         total: Array = components.place**2 * self.by_places
         total[np.diag_indices(2 * count)] += components.noise**2 * self.noise
@@ -94,7 +98,7 @@ class Collocation:
         return total
 
     def likelihood(self, components: Components) -> float:
-        """The logarithmic restricted likelihood: of what no change of the unknowns can explain."""
+        """Restricted log likelihood: that of everything no change of the unknowns can explain."""
         covariance = self.covariance(components)
         try:
             root = np.linalg.cholesky(covariance)
@@ -125,12 +129,14 @@ class Collocation:
 
 
 class Solution:
-    """A collocation solved for some components.
+    """Collocation solved for given components.
 
     Attributes:
-        collocation: which; `components`: those.
-        inverse: (2M, 2M) inverse covariance; `projected`: the same, blind to the trend.
-        influence: (2M,) by which covariances with the image points become predictions.
+        collocation: The collocation.
+        components: The components.
+        inverse: (2M, 2M) inverse covariance.
+        projected: (2M, 2M) the same with the trend projected out.
+        influence: (2M,) weights that turn covariances with the image points into predictions.
         cofactor: (U, U) covariance of the scaled unknowns.
     """
 
@@ -143,17 +149,17 @@ class Solution:
         self.influence: Array = self.projected @ collocation.misclosure
 
     def signal(self, view: NDArray[np.intp] | int, xy_px: Array) -> Array:
-        """(N, 2) float64 signal at places (N, 2) of a view, or of one view each, frame pixels."""
+        """(N, 2) float64 signal at positions (N, 2) of a view, or of one view each, frame pixels."""
         covariance = self.components.covariance(self.collocation.distances(view, xy_px))
         signal: Array = covariance @ self.influence.reshape(2, -1).T
         return signal
 
     def variance(self, view: int, xy_px: Array, trend: Array) -> Array:
-        """(2, N) px²: how well trend and signal together are known at places (N, 2) of a view.
+        """(2, N) variance in px² of trend and signal together at positions (N, 2) of a view.
 
         Args:
-            view: index of the view.
-            xy_px: the places, frame pixels.
+            view: Index of the view.
+            xy_px: The positions, frame pixels.
             trend: (2, N, U) slopes of x and y by the unknowns there.
         """
         scaled = trend / self.collocation.scale
@@ -171,9 +177,9 @@ class Solution:
         return variance
 
     def held_out(self) -> Array:
-        """(M, 2) errors of prediction, in px, with each target left out in turn, in all views together.
+        """(M, 2) prediction errors in px, with each target left out in turn, in all views together.
 
-        What is left out counts neither in the trend nor in the signal; the components are those of all.
+        A target left out enters neither trend nor signal; the components are those of all targets.
         """
         network, count = self.collocation.network, len(self.collocation.network)
         error = np.empty(2 * count)

@@ -1,4 +1,4 @@
-"""Image points that contradict all others: Pope's test of the standardised residuals, one at a time."""
+"""Blunder detection: Pope's test of the standardised residuals, one image point at a time."""
 
 from dataclasses import dataclass, replace
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.errors import MeasurementError
@@ -15,27 +15,30 @@ from grabberd.errors import MeasurementError
 Array = NDArray[np.float64]
 
 _MEDIAN = 0.6745
-"""Median of a normal error's size, in units of its σ."""
+"""Median size of a normal error, in units of σ."""
 _MASKED = 1.25
-"""A residual that many times too great for a σ0 from the median is a blunder hidden by others."""
+"""Factor on the critical value for residuals judged by the σ0 of their median, which hidden blunders
+exceed."""
 _EXACT = 1e-3
 _SETTLED = 1e-4
-"""Blunders show long before an adjustment has converged, which is slow with many of them."""
+"""Coarse convergence while blunders remain: they show early, and slow convergence down."""
 
 MOST_SHARE = 0.1
-"""Of the image points may be blunders; where more are, something else is wrong."""
+"""Greatest share of image points that may be blunders; if there are more, something else is wrong."""
 
 
 @dataclass(frozen=True, slots=True)
 class Blunder:
-    """An image point that was left out.
+    """Image point that was left out.
 
     Attributes:
-        view: name of its view; `target`: index of its target.
-        xy_px: where it is, frame pixels; `residual_px`: observed minus computed, with it in the adjustment.
-        redundancy: of its two coordinates.
-        tau: the greater of its standardised residuals; `critical`: what it may be at most, unless blunders
-            hide one another.
+        view: Name of its view.
+        target: Index of its target.
+        xy_px: Its position, frame pixels.
+        residual_px: Observed minus computed, with it in the adjustment.
+        redundancy: Redundancy of its two coordinates.
+        tau: The greater of its standardised residuals.
+        critical: The greatest value allowed, unless blunders mask one another.
     """
 
     view: str
@@ -48,7 +51,7 @@ class Blunder:
 
 
 def critical_tau(count: int, freedom: int, alpha: float) -> float:
-    """What the greatest of `count` standardised residuals exceeds with the probability `alpha` (Pope's τ).
+    """Critical value of the greatest of `count` standardised residuals at significance `alpha` (Pope's τ).
 
     σ0 is estimated from the same residuals, so none can exceed √freedom.
     """
@@ -65,21 +68,21 @@ def without_blunders(
     alpha: float = 0.01,
     most_share: float = MOST_SHARE,
 ) -> tuple[Adjustment, tuple[Blunder, ...]]:
-    """Adjusts, leaves the image point with the greatest τ out, and so on until none is too great.
+    """Adjust and leave out the image point with the greatest τ, repeatedly until none is too great.
 
-    Many blunders hide one another, as all of them make σ0 greater; so a residual is tested against the σ0
-    that the median of all residuals gives too, less strictly. A target of unknown place that too few views
-    are left of goes with its other image points.
+    Many blunders mask one another, since all enlarge σ0; so a residual is also tested, less strictly, against
+    the σ0 given by the median of all residuals. A target of unknown position left with too few views loses
+    its other image points, too.
 
     Args:
-        network: image points; a blunder is left out with both its coordinates.
-        unknowns: which parameters are sought.
-        settings: of the adjustments.
-        alpha: of finding a blunder anywhere among image points that have none.
-        most_share: of the image points that may be left out.
+        network: Image points; a blunder is left out with both coordinates.
+        unknowns: Parameters to estimate.
+        settings: Settings of the adjustments.
+        alpha: Probability of finding a blunder among image points that have none.
+        most_share: Greatest share of image points that may be left out.
 
     Raises:
-        MeasurementError: more than that share would have to be; or as `adjust`.
+        MeasurementError: More than that share would have to be left out; or as `adjust`.
     """
     most = most_share * len(network)
     found: list[Blunder] = []
@@ -121,7 +124,7 @@ def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[
 
 
 def _inflation(adjusted: Adjustment, size: Array) -> float:
-    """σ0 from the median of the residuals over σ0 as estimated; 1 for pictures without any error."""
+    """Ratio of the σ0 from the median of the residuals to the estimated σ0; 1 for error-free pictures."""
     if adjusted.sigma0 < _EXACT:
         return 1.0
     return max(float(np.nanmedian(size)) / _MEDIAN, _EXACT)
@@ -139,6 +142,7 @@ def _pair(values: Array) -> tuple[float, float]:
 def _too_many(found: list[Blunder], most: float) -> MeasurementError:
     some = ", ".join(f"target {one.target} in view {one.view}" for one in found[:5])
     return MeasurementError(
-        f"more than {most:.0f} image points contradict the others, to begin with {some}",
-        "so many are no blunders: check the calibration frame's file, which target is which, and the views",
+        f"more than {most:.0f} image points contradict the others, starting with {some}",
+        "so many cannot be blunders: check the calibration frame's file, which target is which, and the "
+        "views",
     )

@@ -1,4 +1,4 @@
-"""Whether residuals are distributed as errors should be: skewness, kurtosis, and a test of both."""
+"""Normality of residuals: skewness, kurtosis, and a test of both."""
 
 from dataclasses import dataclass
 
@@ -15,14 +15,15 @@ _FEWEST = 8
 
 @dataclass(frozen=True, slots=True)
 class Normality:
-    """The shape of the distribution of standardised residuals.
+    """Shape of the distribution of standardised residuals.
 
     Attributes:
-        of: name of the view, or "all".
-        count: of residuals; those that nothing controls are not among them.
-        skewness: 0 of a normal distribution; `kurtosis`: the excess, 0 of a normal distribution.
-        statistic: Jarque and Bera's with the moments' variances for a finite sample (Urzúa 1996).
-        p: of one so large where the distribution is normal; NaN for fewer than eight residuals.
+        of: Name of the view, or "all".
+        count: Number of residuals, without uncontrolled ones.
+        skewness: 0 for a normal distribution.
+        kurtosis: Excess kurtosis, 0 for a normal distribution.
+        statistic: Jarque–Bera statistic with finite-sample variances of the moments (Urzúa 1996).
+        p: Probability of a statistic at least so large under normality; NaN for fewer than eight residuals.
     """
 
     of: str
@@ -34,7 +35,7 @@ class Normality:
 
 
 def normality(adjusted: Adjustment) -> tuple[Normality, ...]:
-    """Of every view's residuals, x and y together, then of all."""
+    """Test every view's residuals, x and y together, then all of them."""
     standardised, view = adjusted.standardised, adjusted.network.view
     views = [
         normality_of(standardised[view == index].ravel(), one.name)
@@ -44,7 +45,7 @@ def normality(adjusted: Adjustment) -> tuple[Normality, ...]:
 
 
 def normality_of(values: Array, of: str) -> Normality:
-    """Of any values (N,); NaN among them does not count."""
+    """Test any values (N,), ignoring NaN."""
     values = values[np.isfinite(values)]
     n = len(values)
     if n < _FEWEST or not np.ptp(values):

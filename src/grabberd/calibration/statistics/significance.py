@@ -1,4 +1,4 @@
-"""Which distortion terms the pictures really show: F tests, and elimination of those that they do not."""
+"""Significance of distortion terms: F tests, and elimination of terms that the pictures do not show."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
-from grabberd.calibration.adjustment.iteration import AdjustmentSettings
+from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.geometry import Rig, View, parameter_slopes
@@ -17,22 +17,25 @@ from grabberd.geometry import Rig, View, parameter_slopes
 Array = NDArray[np.float64]
 
 PAIRS = (("b6", "b7"), ("b8", "b9"))
-"""Terms of one cause, which are tested together too."""
+"""Terms of a common cause, which are also tested jointly."""
 RADIAL = ("b5", "b4", "b3")
-"""Terms of one series, of which only the highest that is left may go."""
+"""Terms of one series, of which only the highest remaining one may be dropped."""
 
 
 @dataclass(frozen=True, slots=True)
 class FTest:
-    """Whether parameters are zero, F = (ΔΩ/q)/(Ω/r) with Ω of the model that has them.
+    """Test that parameters are zero, F = (ΔΩ/q)/(Ω/r) with Ω of the model that includes them.
 
     Attributes:
-        round: number of the adjustment that it belongs to, from 1.
+        round: Number of the adjustment that it belongs to, from 1.
         kind: "single", "joint" or "nested".
-        parameters: names of the unknowns that are tested.
-        statistic: F; `q`: number of parameters; `freedom`: r; `p`: of an F so large if they are zero.
-        effect_px: by how much they move the image of a target, at most.
-        dropped: whether they went because of it.
+        parameters: Names of the unknowns tested.
+        statistic: F.
+        q: Number of parameters.
+        freedom: r, degrees of freedom.
+        p: Probability of an F at least so large if they are zero.
+        effect_px: Greatest shift of a target's image by them.
+        dropped: True if they were dropped because of this test.
     """
 
     round: int
@@ -48,12 +51,12 @@ class FTest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elimination:
-    """What is left when every term is significant.
+    """Result of eliminating all insignificant terms.
 
     Attributes:
-        adjustment: with the terms that stayed.
-        tests: of all rounds, in their order; the last round's are all significant.
-        dropped: names in the order in which they went.
+        adjustment: Adjustment with the terms that were kept.
+        tests: Tests of all rounds in order; those of the last round are all significant.
+        dropped: Names in the order in which they were dropped.
     """
 
     adjustment: Adjustment
@@ -64,13 +67,13 @@ class Elimination:
 def eliminate(
     network: Network, unknowns: Unknowns, alpha: float = 0.05, settings: AdjustmentSettings | None = None
 ) -> Elimination:
-    """Adjusts, drops the least significant distortion term or pair, and so on until all are significant.
+    """Adjust and drop the least significant distortion term or pair, repeatedly until all are significant.
 
-    A dropped term is zero. Of a pair, b6 and b7 or b8 and b9, both go together where they are jointly
-    insignificant; one alone may go where the pair has to stay. Radial terms go from the highest.
+    A dropped term is zero. A pair, b6 and b7 or b8 and b9, is dropped together if jointly insignificant; a
+    single one may be dropped if the pair must stay. Radial terms are dropped from the highest.
 
     Raises:
-        MeasurementError: as `adjust`.
+        MeasurementError: As `adjust`.
     """
     tests: list[FTest] = []
     dropped: list[str] = []
@@ -88,9 +91,9 @@ def eliminate(
 
 
 def f_tests(adjusted: Adjustment, number: int = 1) -> tuple[FTest, ...]:
-    """The tests of all distortion terms that were adjusted; `number` is that of the round.
+    """Test all adjusted distortion terms in round `number`.
 
-    ΔΩ comes from the covariance, xᵀQ⁻¹x, which a refit without the terms confirms.
+    ΔΩ comes from the covariance, xᵀQ⁻¹x; refitting without the terms gives the same.
     """
     slopes = _slopes(adjusted)
     return tuple(_f_test(adjusted, slopes, number, *group) for group in _groups(adjusted.unknowns.names))
@@ -109,7 +112,7 @@ def _f_test(adjusted: Adjustment, slopes: Array, number: int, kind: str, names: 
 
 
 def _groups(names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """What is tested: every term by itself, pairs, and of the radial series the top alone."""
+    """Groups to test: every term by itself, the pairs, and only the highest of the radial series."""
     owners = dict.fromkeys(name.rpartition(".")[0] for name in names)
     for owner in owners:
         labels = {name.rpartition(".")[2] for name in names if name.rpartition(".")[0] == owner}
@@ -125,7 +128,7 @@ def _groups(names: Sequence[str]) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 
 def _weakest(tests: Sequence[FTest], alpha: float) -> FTest | None:
-    """The least significant test above α; a single term of a pair that goes as a whole does not count."""
+    """Least significant test above α, ignoring single terms of a pair that is dropped as a whole."""
     weak = [test for test in tests if test.p > alpha]
     pairs = {name for test in weak if test.kind == "joint" for name in test.parameters}
     able = [test for test in weak if test.kind != "single" or test.parameters[0] not in pairs]
@@ -139,7 +142,7 @@ def _zeroed(adjusted: Adjustment, names: Sequence[str]) -> tuple[View, ...]:
 
 
 def _slopes(adjusted: Adjustment) -> Array:
-    """(M, 2, 18) px, what every parameter moves an image point by, as it stands: slope times value."""
+    """(M, 2, 18) px by which every parameter moves an image point at present: slope times value."""
     network = adjusted.network
     slopes = parameter_slopes(Rig.of_views(adjusted.views), adjusted.xyz_mm)
     values = np.array([view.vector() for view in adjusted.views])

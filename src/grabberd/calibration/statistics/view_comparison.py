@@ -1,4 +1,4 @@
-"""The parameters of one view against those of another: one lens, or two?"""
+"""Comparison of two views' parameters: do they share one lens?"""
 
 from dataclasses import dataclass
 
@@ -10,18 +10,21 @@ from grabberd.calibration.adjustment.adjustment import Adjustment
 from grabberd.geometry import PARAMETERS
 
 COMPARED = (*PARAMETERS[:3], *PARAMETERS[9:])
-"""The interior: where a view stands and looks is its own."""
+"""Parameters of the interior; position and orientation always differ."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A parameter in two views.
+    """Difference of a parameter between two views.
 
     Attributes:
-        parameter: its name.
-        first: its value in the first view; `second`: in the second; `difference`: first minus second.
-        sigma: standard deviation of the difference, covariance of both counted.
-        z: the difference over its σ; `p`: of one so large where there is none, two-sided.
+        parameter: Its name.
+        first: Its value in the first view.
+        second: Its value in the second view.
+        difference: First minus second.
+        sigma: Standard deviation of the difference, including the covariance of both.
+        z: The difference over its σ.
+        p: Two-sided probability of a difference at least so large by chance.
     """
 
     parameter: str
@@ -34,7 +37,7 @@ class Difference:
 
 
 def compare(adjusted: Adjustment, first: int = 0, second: int = 1) -> tuple[Difference, ...]:
-    """The parameters of two views, given by index, that were adjusted in at least one and are not shared."""
+    """Compare parameters of two views, by index, that were adjusted in at least one and are not shared."""
     one, other = (adjusted.unknowns.number[index] for index in (first, second))
     wanted = [
         index for index, name in enumerate(PARAMETERS) if name in COMPARED and one[index] != other[index]

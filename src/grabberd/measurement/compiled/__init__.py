@@ -1,1 +1,6 @@
-"""Location by the compiled kernel; the numpy twins stand in the rooms beside it."""
+"""Location by the compiled kernel: what it is given, and what comes back.
+
+`binary_location` and `grey_location` say which settings the kernel covers and call it, `location_structs`
+mirrors the structures of its headers. The numpy twins, which the kernel must equal, are in the neighbouring
+folders.
+"""

@@ -1,1 +1,5 @@
-"""From packed bits to labelled components (paper 3.5): runs, labels, masks, shapes."""
+"""Labelling (paper 3.5): from packed bits to connected components.
+
+`mask` compares packed planes with the threshold, `runs` finds runs of set pixels without unpacking them,
+`labels` joins touching runs to components, `shapes` sums each component up to a size, an extent and a centre.
+"""

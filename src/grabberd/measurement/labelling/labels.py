@@ -1,4 +1,4 @@
-"""Which runs belong together: connected components (paper 3.5)."""
+"""Connected components of runs (paper 3.5)."""
 
 from typing import NamedTuple
 
@@ -8,16 +8,17 @@ from numpy.typing import NDArray
 from grabberd.measurement.labelling.runs import Runs
 
 SHORT = 1 << 16
-"""Values below this are sorted by their digits."""
+"""Values below this fit 16 bits, which numpy sorts by radix."""
 
 
 class _Above(NamedTuple):
-    """Of every run, what touches it in the row above.
+    """Neighbours of every run in the row above.
 
     Attributes:
-        first: (R,) int64, the first run that reaches as far right as its left neighbour column.
-        touches: (R,) bool, whether that one touches it.
-        several: (S,) int64, the few that further runs touch too; `touching`: (S,) int64, how many in all.
+        first: (R,) int64, the first run reaching at least the column left of it.
+        touches: (R,) bool, True if that run touches it.
+        several: (S,) int64, the few runs touched by further ones.
+        touching: (S,) int64, the number of runs touching each of those.
     """
 
     first: NDArray[np.int64]
@@ -27,13 +28,13 @@ class _Above(NamedTuple):
 
 
 def label_runs(runs: Runs) -> tuple[NDArray[np.int64], int]:
-    """The component of every run, and how many there are; diagonal neighbours are connected.
+    """Label the component of every run; diagonal neighbours are connected.
 
-    Components are numbered from 0 in the order of their first row and column. Right for every shape: where a
-    run has several neighbours in the row above (a U, a ring, a comb), the trees that meet there are united.
+    Components are numbered from 0 in the order of their first row and column. Correct for every shape: where
+    a run has several neighbours in the row above (a U, a ring, a comb), the trees meeting there are merged.
 
     Returns:
-        (R,) int64 labels, and their number.
+        (R,) int64 labels, and the number of components.
     """
     above = _neighbours_above(runs)
     own = np.arange(len(runs.row))
@@ -45,14 +46,14 @@ def label_runs(runs: Runs) -> tuple[NDArray[np.int64], int]:
 
 
 def by_component(runs: Runs) -> tuple[Runs, NDArray[np.int64], int]:
-    """The runs ordered by component, row and column, with the component of each, and how many there are."""
+    """Sort runs by component, row and column; return them with their labels and the number of components."""
     label, count = label_runs(runs)
     order = short(label, count).argsort(kind="stable")
     return runs.taken(order), label[order], count
 
 
 def short(values: NDArray[np.int64], end: int) -> NDArray[np.integer]:
-    """The same values, all from 0 to below `end`, in a type that is sorted in a sixth of the time."""
+    """Convert values from 0 to below `end` to a type that numpy sorts six times faster, if they fit."""
     return values.astype(np.uint16) if end <= SHORT else values
 
 
@@ -69,7 +70,7 @@ def _neighbours_above(runs: Runs) -> _Above:
 
 
 def _roots(parent: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Every run's root, where each points to an earlier run or to itself; chains halve with every step."""
+    """Find every run's root, where each points to an earlier run or itself; chains halve with every step."""
     while True:
         further = parent[parent]
         if (further == parent).all():
@@ -78,7 +79,7 @@ def _roots(parent: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _further_edges(above: _Above) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The edges to the second and later neighbours above."""
+    """Edges to the second and later neighbours above."""
     extra = above.touching - 1
     lower = np.repeat(above.several, extra)
     ordinal = np.arange(len(lower)) - np.repeat(np.cumsum(extra) - extra, extra)
@@ -88,7 +89,7 @@ def _further_edges(above: _Above) -> tuple[NDArray[np.int64], NDArray[np.int64]]
 def _unite(
     parent: NDArray[np.int64], lower: NDArray[np.int64], upper: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Roots after joining the ends of every edge: the later is hooked to the earlier until none differ."""
+    """Join the ends of every edge by hooking the later root to the earlier, until none differ."""
     while True:
         a, b = parent[lower], parent[upper]
         apart = a != b

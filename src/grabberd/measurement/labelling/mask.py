@@ -1,4 +1,4 @@
-"""Which pixels of a packed field belong to targets, as packed bits; and the grey values there."""
+"""Target mask of a packed field as packed bits, and the grey values inside it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,13 @@ from grabberd.measurement.labelling.runs import Runs
 
 
 def target_bits(packed: PackedField) -> NDArray[np.uint8]:
-    """The pixels above the field's threshold: (rows, ceil(columns / 8)) uint8, eight a byte, leftmost
-    highest.
+    """Mark the pixels above the field's threshold.
 
-    With 2 to 6 bits a pixel counts as the middle of its level, as `unpack` gives it, and the lowest level is
-    always background. The planes are compared as they are, none is unpacked.
+    With 2 to 6 bits a pixel counts as the middle of its level, as in `unpack`, and the lowest level is always
+    background. The planes are compared as they are, none is unpacked.
+
+    Returns:
+        (rows, ceil(columns / 8)) uint8, eight pixels per byte with the leftmost in the highest bit.
     """
     if packed.bits == 1:
         return _plane(packed.data)
@@ -32,7 +34,7 @@ def _highest_background_level(packed: PackedField) -> int:
 
 
 def _planes_above(planes: NDArray[np.uint8], level: int) -> NDArray[np.uint8]:
-    """Where the number written in the planes exceeds a level: a comparison from the highest bit down."""
+    """Mark where the number stored in the planes exceeds a level, comparing from the highest bit down."""
     above: NDArray[np.uint8] = np.zeros_like(planes[0])
     equal = np.full_like(above, 255)
     for weight, plane in zip(range(len(planes) - 1, -1, -1), planes, strict=True):
@@ -47,10 +49,10 @@ def _planes_above(planes: NDArray[np.uint8], level: int) -> NDArray[np.uint8]:
 def run_greys(
     packed: PackedField, runs: Runs
 ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """The grey values of all pixels in the runs, one run after the other.
+    """Gather the grey values of all pixels in the runs, one run after the other.
 
     Returns:
-        (P,) int64 grey values as `unpack` gives them; (P,) int64 columns; (R,) int64 where each run begins.
+        (P,) int64 grey values as in `unpack`; (P,) int64 columns; (R,) int64 start index of each run.
     """
     length = runs.last - runs.first + 1
     begin = np.cumsum(length) - length
@@ -61,7 +63,7 @@ def run_greys(
 
 
 def greys_at(packed: PackedField, place: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Grey values at pixel positions counted through the rows, each as long as its bytes."""
+    """Gather grey values at flat pixel positions, with rows as long as their bytes."""
     if packed.bits == 8:
         return packed.data.reshape(-1)[place].astype(np.int64)
     bytes_there = packed.data.reshape(packed.bits, -1)[:, place >> 3]

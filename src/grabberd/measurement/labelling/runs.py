@@ -10,11 +10,12 @@ WORD_BYTES, BIG_ENDIAN = 8, np.dtype(">u8")
 
 
 class Runs(NamedTuple):
-    """R runs of neighbouring set pixels in one row each, ordered by row, then column.
+    """R runs of adjacent set pixels, each in one row, ordered by row, then column.
 
     Attributes:
-        row: (R,) int64.
-        first: (R,) int64, column of the first pixel; `last`: of the last one.
+        row: (R,) int64, row of the run.
+        first: (R,) int64, column of its first pixel.
+        last: (R,) int64, column of its last pixel.
     """
 
     row: NDArray[np.int64]
@@ -22,18 +23,18 @@ class Runs(NamedTuple):
     last: NDArray[np.int64]
 
     def taken(self, order: NDArray[np.intp]) -> "Runs":
-        """These of them, in this order."""
+        """Select runs in the given order."""
         return Runs(self.row[order], self.first[order], self.last[order])
 
 
 def find_runs(bits: NDArray[np.uint8]) -> Runs:
-    """The runs of a packed bit picture.
+    """Find the runs of a packed bit picture.
 
-    A run begins and ends where neighbouring pixels differ, by turns; only bytes in which some do are looked
-    at: in a field of targets, one in twenty.
+    Runs begin and end, alternately, where adjacent pixels differ; only bytes containing such a place are
+    unpacked: in a field of targets, one in twenty.
 
     Args:
-        bits: (rows, bytes) uint8, C-contiguous, eight pixels a byte with the leftmost in its highest bit;
+        bits: (rows, bytes) uint8, C-contiguous, eight pixels per byte with the leftmost in the highest bit;
             bits beyond the last column are zero.
     """
     words = _words(bits)
@@ -49,7 +50,7 @@ def find_runs(bits: NDArray[np.uint8]) -> Runs:
 
 
 def _words(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
-    """(rows, words): 64 pixels each, the leftmost in the highest bit; at least one pixel a row is empty."""
+    """(rows, words) of 64 pixels, the leftmost in the highest bit; each row ends with an empty pixel."""
     rows, stride = bits.shape
     padded = np.zeros((rows, (stride // WORD_BYTES + 1) * WORD_BYTES), np.uint8)
     padded[:, :stride] = bits
@@ -57,7 +58,7 @@ def _words(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
 
 
 def _edges(words: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """(words,) the pixels that differ from the one before, of all rows one after the other."""
+    """(words,) marks of pixels that differ from the previous one, through all rows in sequence."""
     flat = words.ravel()
     edges = flat ^ (flat >> ONE)
     edges[1:] ^= flat[:-1] << LAST_BIT

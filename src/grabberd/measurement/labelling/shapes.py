@@ -1,4 +1,4 @@
-"""What the runs of each blob add up to: its size, its extent, its centre (paper eqs. 1 and 2)."""
+"""Shapes of components: size, extent and centre summed up from their runs (paper eqs. 1 and 2)."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,12 @@ from grabberd.measurement.labelling.runs import Runs
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shapes:
-    """N blobs in the field's own rows and columns.
+    """N components in the field's own rows and columns.
 
     Attributes:
-        pixels: (N,) int64, how many are set.
-        first_row: (N,) int64; `last_row`, `first_column`, `last_column` likewise.
+        pixels: (N,) int64, number of set pixels.
+        first_row, last_row: (N,) int64, vertical extent.
+        first_column, last_column: (N,) int64, horizontal extent.
     """
 
     pixels: NDArray[np.int64]
@@ -29,14 +30,14 @@ class Shapes:
         return len(self.pixels)
 
     def touch_border(self, rows: int, columns: int) -> NDArray[np.bool_]:
-        """(N,) bool: which touch the edge of a field of this size."""
+        """(N,) bool: True for components that touch the edge of a field of this size."""
         across: NDArray[np.bool_] = (self.first_row == 0) | (self.last_row == rows - 1)
         along: NDArray[np.bool_] = (self.first_column == 0) | (self.last_column == columns - 1)
         return across | along
 
 
 def shapes_of(runs: Runs, label: NDArray[np.int64], count: int) -> Shapes:
-    """Size and extent of every component, of runs that are ordered by component, row and column."""
+    """Compute size and extent of every component from runs ordered by component, row and column."""
     end = np.cumsum(np.bincount(label, minlength=count))
     begin = np.append(0, end[:-1])[:count]
     return Shapes(
@@ -49,7 +50,7 @@ def shapes_of(runs: Runs, label: NDArray[np.int64], count: int) -> Shapes:
 
 
 def binary_centres(runs: Runs, label: NDArray[np.int64], count: int) -> NDArray[np.float64]:
-    """(N, 2) float64 column and row of each component's centre, every pixel weighing the same."""
+    """(N, 2) float64 column and row of each component's centre, all pixels weighted equally."""
     length = runs.last - runs.first + 1
     total = np.bincount(label, length, count)
     centres = np.empty((count, 2))
@@ -61,7 +62,7 @@ def binary_centres(runs: Runs, label: NDArray[np.int64], count: int) -> NDArray[
 def grey_centres(
     packed: PackedField, runs: Runs, label: NDArray[np.int64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres weighted with the grey value above the threshold, and the sum of these weights.
+    """Compute centres weighted with the grey value above the threshold, and the sum of these weights.
 
     Returns:
         (N, 2) float64 column and row; (N,) float64 weights in grey values times pixels.

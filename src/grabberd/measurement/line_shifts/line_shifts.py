@@ -1,9 +1,9 @@
-"""The shift that each field line has in common to all blobs of both views: line jitter, solved for.
+"""Line shifts: the shift of each field line, common to all blobs of both views, solved for jointly.
 
 The middle of blob i on field line k is c_ik = x_i + a_i Δy + s_k + noise, with one shift s_k ~ N(0, σj²) a
 line and a small lean a_i of a tilted disc. x_i and a_i are eliminated, which leaves normal equations in the
-shifts whose band is as wide as a blob is high. σj is where the data are likeliest. What all lines of a group
-of blobs have in common moves all of them alike and cannot be known: its variance stays.
+shifts whose bandwidth is the height of a blob. σj maximises the likelihood of the data. A shift common to all
+lines of a group of blobs moves them alike and cannot be observed: its variance remains.
 """
 
 import math
@@ -11,38 +11,39 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lapack
 
-from grabberd.measurement.line_shifts.banded import band_of, factor, half_solve, solve
 from grabberd.measurement.locators.locator import Chords
-from grabberd.measurement.medians import median
+from grabberd.measurement.locators.windows import LINES_APART
 
 LEAN = 0.1
-"""Standard deviation of a_i, columns a frame line, at least: where too small, leans leak into the shifts."""
-LINES_APART = 2.0
-"""Frame lines from one field line to the next."""
+"""Least standard deviation of a_i, columns per frame line. Estimated from the data alone it came out too
+small, and leans leaked into the shifts: .019 px of error in x that no averaging removed
+(docs/decisions/0006)."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))
-"""Shares of the expected line jitter that the data are asked about, and then of the best of these."""
+"""Multiples of the expected line jitter whose likelihood is computed first; `REFINED`: of the best of
+these."""
 REFINED = np.exp2(np.arange(-2.0, 3.0) / 4.0)
 UNSURE = 2.0
-"""Standard deviation of the logarithm of the expected line jitter."""
+"""Prior standard deviation of the logarithm of the expected line jitter."""
 MEDIAN_OF_SQUARES = 0.455
-"""Of normally distributed numbers of variance 1; wild blobs do not move it."""
+"""Median of the squares of standard normal numbers, which outliers do not move."""
 OUTLYING = 4.0
-"""Chords more standard deviations away count as if they were less sure, so that they do no harm."""
+"""Residual in standard deviations beyond which a chord is weighted down."""
 TINY = float(np.finfo(np.float64).tiny)
 ASKED_BESIDE = 8
-"""How far the common error reaches is asked of one blob in so many."""
+"""Blobs between those for which the reach of the common error is evaluated."""
 
 Array = NDArray[np.float64]
 
 
 class LineShifts(NamedTuple):
-    """What the x of N blobs owes to the shifts of their lines.
+    """Effect of the line shifts on the x of N blobs.
 
     Attributes:
-        x_px: (N,) float64, the error of each x, to be subtracted.
-        common_px: (N,) float64, standard deviation of what remains, common to all blobs on the same lines.
-        common_reach_px: blobs so many frame lines apart have e^−½ of that in common.
+        x_px: (N,) float64, error of each x, to be subtracted.
+        common_px: (N,) float64, standard deviation of the rest, common to all blobs on the same lines.
+        common_reach_px: Distance in frame lines over which its correlation falls to e^−½.
         line_jitter_px: σj as estimated.
     """
 
@@ -55,14 +56,14 @@ class LineShifts(NamedTuple):
 def line_shifts(
     chords: Chords, centre: Array, lines: int, expected_px: float, *, known: bool = False
 ) -> LineShifts:
-    """The shifts of a field's lines.
+    """Solve for the shifts of a field's lines.
 
     Args:
-        chords: of N blobs of both views, one at least.
-        centre: (N,) float64, the field line of each blob's centre, fractions included.
-        lines: how many lines the field has.
-        expected_px: the line jitter to expect; it counts for little beside the data.
-        known: it is known, and not estimated.
+        chords: Chords of N blobs of both views, at least one.
+        centre: (N,) float64, field line of each blob's centre, fractions included.
+        lines: Number of lines in the field.
+        expected_px: Line jitter expected; a weak prior beside the data.
+        known: True if the line jitter is known and not to be estimated.
     """
     chords = chords._replace(centre=_from_the_surest(chords))
     system = _System.of(chords, centre, lines, LEAN)
@@ -77,40 +78,41 @@ def line_shifts(
 
 
 def _from_the_surest(chords: Chords) -> Array:
-    """(N, h) middles of the chords from that of each blob's surest one: small numbers round less."""
+    """(N, h) middles of the chords relative to each blob's best one: small numbers round less."""
     surest = chords.weight.argmax(axis=1)[:, np.newaxis]
     return chords.centre - np.take_along_axis(chords.centre, surest, axis=1)
 
 
 def unsolved(share: Array, jitter_px: float) -> LineShifts:
-    """What line jitter does to x while the shifts are not solved for; `share` as of `Chords`."""
+    """Expected effect of line jitter on x if the shifts are not solved for; `share` as in `Chords`."""
     common = jitter_px**2 * (share * share).sum(axis=1)
     beside = jitter_px**2 * (share[:, 1:] * share[:, :-1]).sum(axis=1)
     return LineShifts(np.zeros(len(common)), np.sqrt(common), _reach_px(common, beside), jitter_px)
 
 
 def _reach_px(common: Array, beside: Array) -> float:
-    """Of the error's variance, and its covariance with what a blob one line further down would have."""
-    correlation = median(beside / np.maximum(common, TINY))
+    """Reach of the error, from its variance and its covariance with that of a blob one line further down."""
+    correlation = float(np.median(beside / np.maximum(common, TINY)))
     return LINES_APART / math.sqrt(-2.0 * math.log(min(max(correlation, 0.05), 0.99)))
 
 
 def _trust(residual: Array) -> Array:
-    """Factors for the weights of chords with these residuals in units of their σ."""
+    """Factors for the weights of chords, by their residuals in units of σ."""
     trust: Array = (OUTLYING / np.maximum(np.abs(residual), OUTLYING)) ** 2
     return trust
 
 
 class _System(NamedTuple):
-    """The normal equations in the shifts of those L lines that touch a blob.
+    """Normal equations in the shifts of the L lines that touch a blob.
 
     Attributes:
-        chords: N blobs' chords.
-        at: (N, h) int64, the equation of each chord.
+        chords: Chords of N blobs.
+        at: (N, h) int64, equation of each chord.
         beside: (N, h) float64, Δy of each chord, frame lines.
-        lean: standard deviation of the blobs' leans.
-        solver: (N, 2, h), gives x and lean from the chords' middles.
-        band: (h, L) normal matrix without σj, its diagonals from the main one down; `right`: (L,).
+        lean: Standard deviation of the blobs' leans.
+        solver: (N, 2, h), yields x and lean from the chords' middles.
+        band: (h, L) normal matrix without σj, its diagonals from the main one down.
+        right: (L,) right side.
     """
 
     chords: Chords
@@ -140,37 +142,39 @@ class _System(NamedTuple):
         return cls(chords, at, beside, lean, solver, band, right)
 
     def likeliest_px(self, expected_px: float) -> float:
-        """The likeliest jitter: of a few, then of a few about that."""
+        """Find the most likely jitter among a few values, then among a few around the best."""
         tried_px = expected_px * TRIED
         roughly_px = tried_px[np.argmax(self.log_likelihoods(tried_px, expected_px))]
         tried_px = roughly_px * REFINED
         return _peak(tried_px, self.log_likelihoods(tried_px, expected_px))
 
     def log_likelihoods(self, tried_px: Array, expected_px: float) -> list[float]:
-        """Of the data, with x, lean and shifts integrated out, at each jitter; and of these beforehand."""
+        """Log likelihood of each jitter, with x, lean and shifts integrated out, plus its log prior."""
         return [
             self._log_likelihood(one) - 0.5 * (np.log(one / expected_px) / UNSURE) ** 2
             for one in tried_px.tolist()
         ]
 
     def shifts(self, jitter_px: float) -> Array:
-        """(L,) the likeliest shifts."""
-        return solve(factor(self.band, jitter_px**-2), self.right)
+        """(L,) most likely shifts."""
+        return band_solve(band_factor(self.band, jitter_px**-2), self.right)
 
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
-        """(N,) of what the shifts' errors do to x; and, of some, its covariance with x one line down."""
+        """(N,) variance of x from errors of the shifts; for some, its covariance with x one line down."""
         some = slice(None, None, ASKED_BESIDE)
         both = np.concatenate([self.at, np.minimum(self.at[some] + 1, len(self.right) - 1)])
         share = np.concatenate([self.chords.share, self.chords.share[some]])
         place = np.arange(len(both))[:, np.newaxis] * len(self.right) + both
         shares = np.bincount(place.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
-        lower = factor(self.band, jitter_px**-2)
-        halves = half_solve(lower, shares.reshape(len(both), -1).T).T
+        lower = band_factor(self.band, jitter_px**-2)
+        halves = band_half_solve(lower, shares.reshape(len(both), -1).T).T
         own, below = halves[: len(self.at)], halves[len(self.at) :]
         return (own * own).sum(axis=1), (own[some] * below).sum(axis=1)
 
     def residuals(self, jitter_px: float) -> tuple[Array, float]:
-        """(N, h) of the chords, in units of their σ, 0 where there is none; and the σ of the blobs' leans."""
+        """(N, h) residuals of the chords in units of σ, 0 where there is none; and the σ of the blobs'
+        leans.
+        """
         straight = self.chords.centre - self.shifts(jitter_px)[self.at]
         x, lean = (self.solver @ straight[:, :, np.newaxis]).transpose(1, 0, 2)
         residual = (straight - x - lean * self.beside) * np.sqrt(self.chords.weight)
@@ -178,13 +182,13 @@ class _System(NamedTuple):
         return residual, float(np.sqrt(np.median(lean**2) / MEDIAN_OF_SQUARES + unsure.mean()))
 
     def _log_likelihood(self, jitter_px: float) -> float:
-        lower = factor(self.band, jitter_px**-2)
-        fit = float(self.right @ solve(lower, self.right))
+        lower = band_factor(self.band, jitter_px**-2)
+        fit = float(self.right @ band_solve(lower, self.right))
         return 0.5 * fit - float(np.log(lower[0]).sum() + len(self.right) * np.log(jitter_px))
 
 
 def _solver(weight: Array, beside: Array, lean: float) -> Array:
-    """(N, 2, h) least squares for a straight line whose slope is near 0; nothing where nothing weighs."""
+    """(N, 2, h) least-squares solvers for a straight line of slope near 0; zero where all weights are."""
     tilted = weight * beside
     a, b, c = weight.sum(axis=1), tilted.sum(axis=1), (tilted * beside).sum(axis=1) + lean**-2
     scale = 1.0 / np.maximum(a * c - b * b, TINY)
@@ -195,7 +199,7 @@ def _solver(weight: Array, beside: Array, lean: float) -> Array:
 
 
 def _peak(tried: Array, value: list[float]) -> float:
-    """Where a parabola in log(tried), equally spaced, through the greatest value and its neighbours peaks."""
+    """Peak of a parabola in log(tried), equally spaced, through the greatest value and its neighbours."""
     best = min(max(int(np.argmax(value)), 1), len(value) - 2)
     before, here, after = value[best - 1 : best + 2]
     bend = before - 2.0 * here + after
@@ -203,3 +207,38 @@ def _peak(tried: Array, value: list[float]) -> float:
         return float(tried[int(np.argmax(value))])
     steps = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
     return float(tried[best] * (tried[1] / tried[0]) ** steps)
+
+
+def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, shape: tuple[int, int]) -> Array:
+    """Sum elements into a symmetric band matrix (h, count), its diagonals from the main one down.
+
+    Args:
+        row: Row of each element.
+        column: Column of each element, at most h − 1 less than its row.
+        value: The elements, of the same shape.
+        shape: h and the number of equations.
+    """
+    height, count = shape
+    place = (row - column) * count + column
+    band: Array = np.bincount(place.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
+    return band
+
+
+def band_factor(band: Array, more: float) -> Array:
+    """(h, count) lower Cholesky factor of a band with `more` added to its main diagonal."""
+    own = band.copy(order="F")
+    own[0] += more
+    lower: Array = lapack.dpbtrf(own, lower=1, overwrite_ab=1)[0]
+    return lower
+
+
+def band_solve(lower: Array, right: Array) -> Array:
+    """Solve for right sides (count,) or (count, M), given the Cholesky factor."""
+    solution: Array = lapack.dpbtrs(lower, right, lower=1)[0]
+    return solution
+
+
+def band_half_solve(lower: Array, right: Array) -> Array:
+    """Apply L⁻¹ to right sides (count, M): products of the results are quadratic forms of the inverse."""
+    solution: Array = lapack.dtbtrs(lower, right, uplo="L")[0]
+    return solution

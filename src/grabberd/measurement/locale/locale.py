@@ -1,8 +1,8 @@
-"""Locale decoding at 1 bit: the mean of all places that explain a blob's bits (Havelock's locales).
+"""Locale decoding at 1 bit: the mean of all positions that explain a blob's bits (Havelock's locales).
 
-The places that give one and the same pattern of bits are its locale. Each place of a fine grid is weighed by
-how likely it makes the pattern, given size, spread, noise and line jitter; the weighted mean is the estimate
-with the least error, and the weighted variance is its own.
+The positions that produce the same pattern of bits are its locale. Each position of a fine grid is weighted
+by the likelihood of the pattern, given size, spread, noise and line jitter; the weighted mean is the estimate
+of least error, and the weighted variance is its variance.
 """
 
 import math
@@ -15,36 +15,37 @@ from grabberd.measurement.locale.locale_patterns import Patterns, patterns_of
 from grabberd.measurement.locale.locale_posterior import Entries, Posterior, evidence_of, likelihoods
 from grabberd.measurement.locale.locale_table import Grid, table
 from grabberd.measurement.locators.locator import Located, Seen, meant_for
-from grabberd.measurement.medians import median
+from grabberd.measurement.locators.windows import LINES_APART
 from grabberd.measurement.sigma import binary_sigma_px
 
 Array = NDArray[np.float64]
 
 NOISES = (0.03, 0.05, 0.1)
-"""Standard deviation of a pixel, in contrasts; the field's own bits say which."""
+"""Candidates for a pixel's standard deviation, in contrasts; the field's own bits decide between them."""
 NOISE_BLOBS = 24
-"""So many blobs are asked for it."""
-LINES_APART = 2
+"""Number of blobs that decide the noise."""
 JITTER_OF_CENTRE = 0.54
 """Variance of a centroid's x per variance of a line's shift, times the lines that its radius spans."""
 JITTER_OF_ENDS = {1: 0.25, 2: 0.5}
-"""How much of that the posterior has: it takes a row's ends, and interpolated rows, to shift apart."""
+"""Share of that in the posterior by `y_step`: it models a row's ends, and interpolated rows, as
+independent."""
 SHARED_NOISE = {1: 1.15, 2: 1.0}
-"""On the variance of x: interpolated rows have no noise of their own, but are counted as if they had."""
+"""Factor on the variance of x: interpolated rows have no noise of their own but are counted as if they
+had."""
 MOST_JITTER = 0.7
-"""Of the variance of x: what is left is the blob's own."""
+"""Greatest share of the variance of x attributed to line jitter; the rest is the blob's own."""
 UNEXPLAINED = 20.0
-"""A blob so much less likely (natural logarithm) than the median one is no target: three pixels are wrong."""
+"""Log likelihood below the median blob's at which a blob is no target: three pixels are wrong (see SURE)."""
 
 
 def locate_by_locale(seen: Seen) -> Located:
-    """Posterior means; a blob that no target explains keeps its centroid and the centroid's σ.
+    """Locate by posterior means; a blob that no target explains keeps its centroid and the centroid's σ.
 
-    Size, lean, the threshold's height and the noise come from the field's own blobs, spread and line jitter
-    from the settings.
+    Size, lean, threshold height and noise come from the field's own blobs, spread and line jitter from the
+    settings.
 
     Raises:
-        InputError: a field of more than 1 bit.
+        InputError: The field has more than 1 bit.
     """
     meant_for(seen, "locale", (1,))
     centres = seen.centroids.copy()
@@ -55,7 +56,7 @@ def locate_by_locale(seen: Seen) -> Located:
     spread_px, jitter_px = seen.settings.spread_px, seen.settings.line_jitter_px
     look = Appearance(1.0, 1.0, patterns.fraction, NOISES[0], spread_px, jitter_px, seen.packed.y_step)
     found = _posterior(patterns, look)
-    explained = found.evidence > median(found.evidence) - UNEXPLAINED
+    explained = found.evidence > np.median(found.evidence) - UNEXPLAINED
     blob = patterns.blob[explained]
     stretched = patterns.stretched[explained]
     from_middle_px = found.from_middle_px[explained] / stretched
@@ -68,14 +69,14 @@ def locate_by_locale(seen: Seen) -> Located:
 
 
 def _jitter_px2(seen: Seen, blob: NDArray[np.int64]) -> Array:
-    """(M,) what line jitter has added to the variances of x, which later rooms add as a whole."""
+    """(M,) variance of x from line jitter, which is reported separately as the common error."""
     lines = math.sqrt(4 / math.pi) / 2 * np.sqrt(seen.area_px[blob]) / LINES_APART
     common: Array = JITTER_OF_CENTRE * seen.settings.line_jitter_px**2 / lines
     return JITTER_OF_ENDS[seen.packed.y_step] * common
 
 
 def _posterior(patterns: Patterns, look: Appearance) -> Posterior:
-    """With the noise that explains the field's blobs best."""
+    """Posterior with the noise that explains the field's blobs best."""
     grids = [Grid.of(*kind, look.y_step) for kind in patterns.kinds]
     entries = Entries.of(patterns.cuts, grids, patterns.blobs)
     blobs = min(patterns.blobs[0], NOISE_BLOBS)
@@ -86,9 +87,9 @@ def _posterior(patterns: Patterns, look: Appearance) -> Posterior:
 
 
 def _likeliest_noise(look: Appearance, blobs: int, entries: Entries) -> float:
-    """The one of `NOISES` that explains blobs of the most frequent kind best."""
+    """The value of `NOISES` that explains blobs of the most frequent kind best."""
     tables = (table(look._replace(noise=noise)) for noise in NOISES)
     evidence = np.array([evidence_of(likelihoods([one], [blobs], entries)) for one in tables])
-    # What is no target counts for little.
-    least = np.array([[median(one)] for one in evidence]) - UNEXPLAINED
+    # Blobs that are no targets must not decide.
+    least = np.array([[np.median(one)] for one in evidence]) - UNEXPLAINED
     return NOISES[int(np.maximum(evidence, least).sum(axis=1).argmax())]

@@ -1,7 +1,7 @@
-"""What a target looks like at a given place, and how likely each of its pixels is to be set.
+"""Model of a target's appearance: how likely each pixel is to be set, by its position relative to the target.
 
-A disc is a stack of chords, spread by a Gaussian and by the pixels that collect it. All lengths are in frame
-pixels, light is in units of the contrast.
+A disc is a stack of chords, blurred by a Gaussian and by the pixels that collect the light. All lengths are
+in frame pixels, light is in units of the contrast.
 """
 
 import math
@@ -15,22 +15,23 @@ Array = NDArray[np.float64]
 
 CHORDS = 20
 LINE_HEIGHT_PX = 1.6
-"""Between the one frame line that a row collects and the two of a sensor that integrates fields."""
+"""Compromise between a row that collects one frame line and a sensor that integrates two."""
 SURE = 6.9
-"""Greatest log odds of a pixel: one in a thousand is wrong for reasons that no model knows."""
+"""Greatest log odds of a pixel: one in a thousand is wrong for reasons outside the model."""
 _NEWTON_STEPS = 6
 
 
 class Appearance(NamedTuple):
-    """What decides the bits of targets beside their places.
+    """Properties other than position that decide the bits of a target.
 
     Attributes:
-        half_width_px: half the width of what lies above the threshold; `half_height_px`: half its height.
-        fraction: the threshold's share of the contrast.
-        noise: standard deviation of a pixel of a line that the camera delivered, in contrasts.
-        spread_px: standard deviation of the spread function.
-        jitter_px: standard deviation of a line's shift.
-        y_step: frame lines from row to row; with 1 every other row is interpolated.
+        half_width_px: Half the width of the region above the threshold.
+        half_height_px: Half its height.
+        fraction: The threshold's share of the contrast.
+        noise: Standard deviation of a pixel on a delivered line, in contrasts.
+        spread_px: Standard deviation of the spread function.
+        jitter_px: Standard deviation of a line's shift.
+        y_step: Frame lines from row to row; with 1 every other row is interpolated.
     """
 
     half_width_px: float
@@ -42,30 +43,30 @@ class Appearance(NamedTuple):
     y_step: int
 
     def of_size(self, half_width_px: float, half_height_px: float) -> "Appearance":
-        """The same of targets of another size."""
+        """The same for targets of another size."""
         return Appearance(half_width_px, half_height_px, *self[2:])
 
     @property
     def blur_px(self) -> tuple[float, float]:
-        """Standard deviation of spread and pixel together, in x and y."""
+        """Standard deviation of spread and pixel combined, in x and y."""
         pixel = 12**-0.5
         return math.hypot(self.spread_px, pixel), math.hypot(self.spread_px, LINE_HEIGHT_PX * pixel)
 
 
 def normal_share(z: Array) -> Array:
-    """The normal distribution function, to 2e-4."""
+    """Normal distribution function, accurate to 2e-4."""
     share: Array = 1 / (1 + np.exp(-normal_log_odds(np.clip(z, -8.0, 8.0))))
     return share
 
 
 def normal_log_odds(z: Array) -> Array:
-    """Log odds of a standard normal variable being below z, as the usual cubic."""
+    """Log odds of a standard normal variable being below z, by the usual cubic approximation."""
     odds: Array = z * (1.5976 + 0.070566 * z * z)
     return odds
 
 
 def light(half_axes_px: tuple[float, float], blur_px: tuple[float, float], x: Array, y: Array) -> Array:
-    """(len(y), len(x)) light of an ellipse about the origin at the points of a grid."""
+    """(len(y), len(x)) light of an ellipse around the origin at the points of a grid."""
     half_width, half_height = half_axes_px
     angle = (np.arange(CHORDS) + 0.5) * (np.pi / CHORDS) - np.pi / 2
     height, reach = half_height * np.sin(angle), half_width * np.cos(angle)
@@ -81,7 +82,7 @@ def light(half_axes_px: tuple[float, float], blur_px: tuple[float, float], x: Ar
 def half_axes_px(
     seen_px: tuple[float, float], fraction: float, blur_px: tuple[float, float]
 ) -> tuple[float, float]:
-    """The ellipse whose light falls to `fraction` at these half axes."""
+    """Half axes of the ellipse whose light falls to `fraction` at the half axes seen."""
     wanted = np.array(seen_px)
     axes, origin = wanted.copy(), np.zeros(1)
     slope = 0.35 / np.array(blur_px)
@@ -94,11 +95,11 @@ def half_axes_px(
 
 
 class Odds(NamedTuple):
-    """Log odds of a pixel being set, by its place relative to the target.
+    """Log odds of a pixel being set, by its position relative to the target.
 
     Attributes:
-        delivered: (V, U) of rows that the camera delivered.
-        interpolated: (V, U) of rows that are the mean of their neighbours, one frame line away each.
+        delivered: (V, U) for rows that the camera delivered.
+        interpolated: (V, U) for rows that are the mean of their neighbours, one frame line away each.
     """
 
     delivered: Array
@@ -106,9 +107,9 @@ class Odds(NamedTuple):
 
 
 def log_odds(seen: Appearance, x: Array, y: Array) -> Odds:
-    """Log odds over an even grid of pixel places (relative to the target's centre), U in x and V in y.
+    """Compute log odds over an even grid of pixel positions relative to the target's centre, U in x, V in y.
 
-    A whole number of the grid's steps makes a frame line.
+    A frame line is a whole number of grid steps.
     """
     axes = half_axes_px((seen.half_width_px, seen.half_height_px), seen.fraction, seen.blur_px)
     line = round(1 / (y[1] - y[0]))
@@ -123,7 +124,9 @@ def log_odds(seen: Appearance, x: Array, y: Array) -> Odds:
 
 
 def _odds_of(picture: Array, step_px: float, seen: Appearance, share: float) -> Array:
-    """Noise and the row's shift blur the threshold; of a mean of two rows half of their variance is left."""
+    """Log odds with the threshold blurred by noise and the row's shift; a mean of two rows halves the
+    variance.
+    """
     shifted = np.gradient(picture, step_px, axis=1) * seen.jitter_px
     deviation = np.sqrt(share * (seen.noise**2 + shifted * shifted))
     z = np.clip((picture - seen.fraction) / deviation, -4.0, 4.0)

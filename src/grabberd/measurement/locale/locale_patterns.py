@@ -1,4 +1,4 @@
-"""The bits of blobs, ready to be compared with what targets of their size would show."""
+"""Bit patterns of blobs, prepared for comparison with targets of their size."""
 
 from typing import NamedTuple
 
@@ -24,14 +24,14 @@ Whole = NDArray[np.int64]
 
 HALF = STEPS_X / 2
 ROUNDED_PX = (0.5, 0.25)
-"""Half axes are rounded to these, so that few tables are needed; blobs are stretched to that."""
+"""Steps to which half axes are rounded, so that few tables are needed; blobs are stretched to match."""
 
 
 class Kind(NamedTuple):
-    """What blobs have to share in order to share a table.
+    """Properties shared by blobs that use the same table.
 
     Attributes:
-        half_width_px: half axes of what lies above the threshold; `half_height_px`: likewise.
+        half_width_px, half_height_px: Half axes of the region above the threshold.
     """
 
     half_width_px: float
@@ -39,13 +39,15 @@ class Kind(NamedTuple):
 
 
 class Cuts(NamedTuple):
-    """The R rows of M blobs, blob by blob, in steps of the fine grid from the place in the blob's middle.
+    """The R rows of M blobs, blob by blob, in steps of the fine grid from the blob's middle position.
 
     Attributes:
-        first: (M,) int64, where each blob's rows begin; they follow each other without a gap.
-        interpolated: (R,) int64, 1 where the row is an interpolated one.
-        row: (R,) int64; `start`: (R,) of the first pixel, `end`: (R,) of the one after the last.
-        phase: (M,) int64, to any pixel.
+        first: (M,) int64, start index of each blob's rows, which are contiguous.
+        interpolated: (R,) int64, 1 for an interpolated row.
+        row: (R,) int64, the row.
+        start: (R,) int64, its first pixel.
+        end: (R,) int64, the pixel after its last.
+        phase: (M,) int64, distance to any pixel.
     """
 
     first: Whole
@@ -57,15 +59,16 @@ class Cuts(NamedTuple):
 
 
 class Patterns(NamedTuple):
-    """All blobs of a field that may be targets, those of a kind together.
+    """All blobs of a field that may be targets, grouped by kind.
 
     Attributes:
         blob: (M,) int64, their components.
-        middle: (M, 2) float64, columns and rows: the place of the fine grid next to each centroid.
-        stretched: (M, 2) float64, by how much in x and y.
-        kinds: theirs, the most frequent one first; `blobs`: how many are of each.
-        cuts: their rows.
-        fraction: the threshold's share of the contrast.
+        middle: (M, 2) float64, columns and rows: the fine-grid position nearest to each centroid.
+        stretched: (M, 2) float64, stretch in x and y.
+        kinds: Their kinds, the most frequent first.
+        blobs: Number of blobs of each kind.
+        cuts: Their rows.
+        fraction: The threshold's share of the contrast.
     """
 
     blob: Whole
@@ -78,11 +81,11 @@ class Patterns(NamedTuple):
 
 
 def patterns_of(seen: Seen, centres: Array) -> Patterns:
-    """The patterns of all blobs of a field that lie in it as a whole and are of a target's size.
+    """Prepare the patterns of all blobs that lie wholly inside the field and have a target's size.
 
     Args:
-        seen: a field of 1 bit.
-        centres: (N, 2) float64, the centroids of its N components, columns and rows.
+        seen: A field of 1 bit.
+        centres: (N, 2) float64, centroids of its N components, columns and rows.
     """
     packed = seen.packed
     whole = seen.low & ~seen.shapes.touch_border(packed.rows, packed.columns)
@@ -102,7 +105,7 @@ def patterns_of(seen: Seen, centres: Array) -> Patterns:
 
 
 def _by_kind(blob: Whole, sizes: Sizes) -> tuple[Whole, list[Kind], list[int]]:
-    """The blobs with those of a kind together, the kinds, and how many blobs each has."""
+    """Group blobs by kind: the blobs, the kinds, and the number of blobs of each."""
     width, height = (
         np.rint(axis[blob] / rounded_px).astype(np.int64)
         for axis, rounded_px in zip(sizes[:2], ROUNDED_PX, strict=True)
@@ -121,13 +124,13 @@ def _by_kind(blob: Whole, sizes: Sizes) -> tuple[Whole, list[Kind], list[int]]:
 
 
 def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array) -> Cuts:
-    """Of the blobs wanted, from the middle of each, (M, 2) steps of x and y; stretched and set upright."""
+    """Cut the wanted blobs into rows relative to their `middle` (M, 2) steps; stretched and made upright."""
     number = np.full(len(seen.shapes), len(blob))
     number[blob] = np.arange(len(blob))
     of_run = number[seen.label]
     run = short(of_run, len(blob) + 1).argsort(kind="stable")[: np.count_nonzero(of_run < len(blob))]
     of, row, first, last = of_run[run], seen.runs.row[run], seen.runs.first[run], seen.runs.last[run]
-    # What is empty between two runs of a row is taken for set: no target has such rows.
+    # A gap between two runs of a row is taken as set: no target has such rows.
     same = (of[1:] == of[:-1]) & (row[1:] == row[:-1])
     if same.any():
         new = np.flatnonzero(np.append(True, ~same))
@@ -136,7 +139,7 @@ def _cuts(seen: Seen, blob: Whole, middle: Whole, stretched: Array, lean: Array)
     x, y, wider, higher, leaning = np.array([*middle.T, *stretched.T, lean])[:, of]
     down = (row - first_row(seen.packed)) * (seen.packed.y_step * STEPS_Y) - y
     origin = x + HALF + leaning * down * (STEPS_X / STEPS_Y)
-    # A pixel's own place is a whole number; what is stretched is its edge, half a pixel before.
+    # A pixel's position is a whole number; what is stretched is its edge, half a pixel before.
     start, end = (
         np.rint((edge * STEPS_X - origin) * wider + HALF).astype(np.int64) for edge in (first, last + 1)
     )

@@ -1,4 +1,4 @@
-"""What the bits of blobs say of their places."""
+"""Posterior of blobs' positions given their bits."""
 
 from collections.abc import Sequence
 from itertools import accumulate
@@ -16,11 +16,12 @@ Whole = NDArray[np.int64]
 
 
 class Posterior(NamedTuple):
-    """What the bits of M blobs say.
+    """Posterior of M blobs' positions.
 
     Attributes:
-        from_middle_px: (M, 2) mean place, frame pixels; `variance_px2`: (M, 2) its variance.
-        evidence: (M,) logarithm of how likely the pattern is at all, up to a constant.
+        from_middle_px: (M, 2) mean position, frame pixels.
+        variance_px2: (M, 2) its variance.
+        evidence: (M,) log marginal likelihood of the pattern, up to a constant.
     """
 
     from_middle_px: Array
@@ -29,7 +30,7 @@ class Posterior(NamedTuple):
 
     @classmethod
     def of(cls, likelihood: Single, y_step: int) -> "Posterior":
-        """From the log likelihoods (M, G) of all places, each as likely before."""
+        """Compute from the log likelihoods (M, G) of all positions under a flat prior."""
         greatest, weight = _weights(likelihood)
         sums = (weight @ moments(y_step)).astype(np.float64)
         total = sums[:, 0]
@@ -40,7 +41,7 @@ class Posterior(NamedTuple):
 
 
 def evidence_of(likelihood: Single) -> Array:
-    """(M,) as in `Posterior`."""
+    """(M,) evidence as in `Posterior`."""
     greatest, weight = _weights(likelihood)
     evidence: Array = greatest + np.log(weight.sum(axis=1, dtype=np.float64))
     return evidence
@@ -53,12 +54,12 @@ def _weights(likelihood: Single) -> tuple[Single, Single]:
 
 
 class Entries(NamedTuple):
-    """Where in the tables of their kinds M blobs are to be looked up.
+    """Table entries of M blobs in the tables of their kinds.
 
     Attributes:
-        entry: (M, E) int64, of what is above and below each, and of its rows' starts and ends; what follows
-            of a blob with fewer rows is an entry without a say.
-        rows: of all blobs of a kind that has the most of them.
+        entry: (M, E) int64 entries for the space above and below each blob and for its rows' starts and ends;
+            padded with the empty entry for blobs with fewer rows.
+        rows: Greatest number of rows of any blob, by kind.
     """
 
     entry: Whole
@@ -66,7 +67,7 @@ class Entries(NamedTuple):
 
     @classmethod
     def of(cls, cuts: Cuts, grids: Sequence[Grid], blobs: Sequence[int]) -> "Entries":
-        """Of blobs of kinds with these grids: so many are of each, and stand together."""
+        """Look up blobs of kinds with these grids; `blobs` of each kind are contiguous."""
         bounds = np.append(cuts.first, len(cuts.row))
         rows = np.diff(bounds)
         of_blobs = np.repeat(np.array(grids), blobs, axis=0)
@@ -86,17 +87,17 @@ class Entries(NamedTuple):
         return cls(entry, np.maximum.reduceat(rows, begin).tolist())
 
     def first(self, blobs: int) -> "Entries":
-        """Those of the first blobs alone, all of one kind."""
+        """Entries of the first blobs only, all of one kind."""
         return Entries(self.entry[:blobs], self.rows[:1])
 
 
 def likelihoods(tables: Sequence[Table], blobs: Sequence[int], entries: Entries) -> Single:
-    """(M, G) log likelihood of M blobs at the places about the middle of each.
+    """(M, G) log likelihood of M blobs at the positions around the middle of each.
 
     Args:
-        tables: one for each kind.
-        blobs: how many blobs are of each kind; they stand together.
-        entries: theirs in the tables.
+        tables: One for each kind.
+        blobs: Number of blobs of each kind, which are contiguous.
+        entries: Their entries in the tables.
     """
     _, *size = tables[0].windows.shape
     places = size[0] * size[1]

@@ -1,7 +1,7 @@
-"""The error to expect at 1 bit, for a size of target and a threshold: what the threshold is chosen by.
+"""Prediction of the error at 1 bit by target size and threshold, from which the threshold is chosen.
 
-A blob's height and width in rows and columns decide how well its place is known; a target half-integer rows
-high is bad. So the best threshold depends on the size that is seen.
+A blob's height and width in rows and columns decide how well its position is known; a height of a
+half-integer number of rows is bad. So the best threshold depends on the size seen.
 """
 
 import math
@@ -20,24 +20,24 @@ from grabberd.measurement.locale.locale_table import STEPS_X, STEPS_Y, new_table
 Array = NDArray[np.float64]
 
 FRACTIONS = (0.12, 0.16, 0.2, 0.24, 0.28, 0.33, 0.4, 0.5)
-"""Thresholds to choose from, in contrasts."""
+"""Candidate thresholds, in contrasts."""
 SIZES = (0.97, 1.03)
-"""Targets of one picture differ in size; the error is the mean over these."""
+"""Relative sizes over which the error is averaged, because targets of one picture differ."""
 PARALLAX = 3.0
-"""An error in x counts so many times one in y: x has the parallax, and most of the error is in depth."""
+"""Weight of an error in x relative to y: x carries the parallax, and most of the error is in depth."""
 EVERY_X, EVERY_Y = 2, 1
-"""The error is predicted for one place of the table's in so many, each way."""
+"""Steps between the table positions for which the error is predicted, each way."""
 
 
 class Scene(NamedTuple):
-    """What decides the error at 1 bit beside the threshold.
+    """Properties other than the threshold that decide the error at 1 bit.
 
     Attributes:
-        target_px: the discs' diameter, frame pixels.
-        spread_px: standard deviation of the spread function.
-        noise: standard deviation of a pixel, in contrasts.
-        jitter_px: standard deviation of a line's shift.
-        y_step: frame lines from row to row.
+        target_px: Diameter of the discs, frame pixels.
+        spread_px: Standard deviation of the spread function.
+        noise: Standard deviation of a pixel, in contrasts.
+        jitter_px: Standard deviation of a line's shift.
+        y_step: Frame lines from row to row.
     """
 
     target_px: float
@@ -48,11 +48,11 @@ class Scene(NamedTuple):
 
 
 def best_fraction(scene: Scene, least: float = 0.0) -> float:
-    """The threshold with the least predicted error in space, in contrasts.
+    """Choose the threshold of least predicted error in space, in contrasts.
 
     Args:
-        scene: size and noise are rounded, so that few predictions are made.
-        least: thresholds lower than this are too near to the noise.
+        scene: Its size and noise are rounded, so that few predictions are needed.
+        least: Lower thresholds are too close to the noise.
     """
     noise = min(NOISES, key=lambda one: abs(math.log(one / max(scene.noise, 1e-6))))
     errors = _errors(scene._replace(noise=noise, target_px=round(5 * scene.target_px) / 5))
@@ -62,16 +62,15 @@ def best_fraction(scene: Scene, least: float = 0.0) -> float:
 
 @lru_cache(maxsize=32)
 def _errors(scene: Scene) -> tuple[float, ...]:
-    """Predicted error of x and y together at each of `FRACTIONS`."""
+    """Predicted error of x and y combined at each of `FRACTIONS`."""
     predicted = (predicted_sigma_px(scene, fraction) for fraction in FRACTIONS)
     return tuple(math.hypot(PARALLAX * x, y) for x, y in predicted)
 
 
 def predicted_sigma_px(scene: Scene, fraction: float) -> tuple[float, float]:
-    """Predicted standard deviation of x and y by locale decoding, line jitter included in x.
+    """Predict the standard deviation of x and y by locale decoding, line jitter included in x.
 
-    What is seen without noise is decoded for places all over a pixel and a row; the mean variance is the
-    error.
+    Noise-free images are decoded for positions all over a pixel and a row; the mean variance is the error.
     """
     variance = np.mean([_variance(scene, fraction, scene.target_px * size) for size in SIZES], axis=0)
     return math.sqrt(variance[0]), math.sqrt(variance[1])
@@ -87,7 +86,7 @@ def _variance(scene: Scene, fraction: float, diameter_px: float) -> Array:
 
 
 def _appearance(scene: Scene, fraction: float, diameter_px: float) -> Appearance:
-    """What of a disc lies above the threshold: nothing of one that is too small for it."""
+    """Appearance of a disc above the threshold; of size 0 if too small for it."""
     unknown = Appearance(1.0, 1.0, fraction, scene.noise, scene.spread_px, scene.jitter_px, scene.y_step)
     out, origin = np.linspace(0.0, diameter_px, 200), np.zeros(1)
     half = (diameter_px / 2, diameter_px / 2)
@@ -98,7 +97,7 @@ def _appearance(scene: Scene, fraction: float, diameter_px: float) -> Appearance
 
 
 def _cuts(seen: Appearance) -> Cuts:
-    """The runs seen without noise from places all over two lines and a pixel; one pixel at least."""
+    """Noise-free runs for positions all over two lines and a pixel; at least one pixel each."""
     y, x = np.mgrid[0 : 2 * STEPS_Y : EVERY_Y, 0:STEPS_X:EVERY_X].reshape(2, -1, 1, 1)
     row = _pixels(seen.half_height_px, seen.y_step * STEPS_Y)[:, np.newaxis]
     column = _pixels(seen.half_width_px, STEPS_X)
@@ -121,6 +120,6 @@ def _cuts(seen: Appearance) -> Cuts:
 
 
 def _pixels(half_px: float, step: int) -> NDArray[np.int64]:
-    """Those that may be set, wherever the target's place in a pixel."""
+    """Pixels that may be set, wherever in a pixel the target lies."""
     beside = math.ceil((half_px + 1) * max(STEPS_X, STEPS_Y) / step) + 1
     return np.arange(-beside, beside + 1) * step

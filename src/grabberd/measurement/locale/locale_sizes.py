@@ -1,7 +1,7 @@
-"""How large targets appear over the picture, and how high the threshold is among them.
+"""Apparent size of targets over the picture, and the threshold's share of their contrast.
 
-One blob's size tells little: it jumps by whole pixels. A smooth surface through all of them tells the size to
-a fraction of a pixel, and it follows tilt and distance over the picture.
+One blob's size says little, since it jumps by whole pixels. A smooth surface through all of them gives the
+size to a fraction of a pixel and follows tilt and distance over the picture.
 """
 
 from functools import lru_cache
@@ -17,22 +17,23 @@ from grabberd.measurement.locale.locale_model import Appearance, log_odds
 Array = NDArray[np.float64]
 
 STIFFNESS = 6.0
-"""So many blobs' worth of a half's mean hold its surface even where few blobs say otherwise."""
+"""Weight in blobs by which a half's mean keeps its surface flat where only few blobs say otherwise."""
 HELD = np.diag([0.0, 1, 1, 1, 1, 1])
 ROUNDED_PX = 0.15
-"""Half axes are rounded to this for how full rows are, so that few are asked about."""
+"""Step to which half axes are rounded when computing `fullness`, so that few values are needed."""
 POINTING_PX2 = (0.009, 0.013)
-"""What the error of its own centre takes off a blob's moments, per `y_step` in x and its square in y."""
+"""Bias of a blob's moments by the error of its own centre, per `y_step` in x and its square in y."""
 LEAST_PX2 = 0.25
 """Least second moment of a target."""
 NOMINAL_FRACTION = 0.3
-"""Of the contrast, where the threshold's height is not known otherwise."""
+"""Threshold's share of the contrast if it is not known otherwise."""
 FRACTIONS = (0.12, 0.2, 0.3, 0.42)
 PRIOR_BLOBS = 8.0
+"""Weight of the nominal fraction, in blobs."""
 
 
 class Sizes(NamedTuple):
-    """Half axes (frame pixels) and lean of N blobs' surroundings: (N,) float64 each."""
+    """Smoothed half axes (frame pixels) and lean at N blobs: (N,) float64 each."""
 
     half_width_px: Array
     half_height_px: Array
@@ -49,7 +50,9 @@ class Moments(NamedTuple):
 
 
 def moments_of(packed: PackedField, runs: Runs, label: NDArray[np.int64], centres: Array) -> Moments:
-    """Second moments of every component about its `centres` (columns, rows), of delivered rows alone."""
+    """Compute second moments of every component about its `centres` (columns, rows), from delivered rows
+    only.
+    """
     count, y_step = len(centres), packed.y_step
     length = np.where(is_delivered(packed, runs.row), runs.last - runs.first + 1.0, 0.0)
     x = (runs.first + runs.last) / 2 - centres[label, 0]
@@ -60,19 +63,19 @@ def moments_of(packed: PackedField, runs: Runs, label: NDArray[np.int64], centre
 
 
 def is_delivered(packed: PackedField, row: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Which rows the camera delivered; the others of a doubled field are interpolated."""
+    """True for rows that the camera delivered; the others of a doubled field are interpolated."""
     delivered: NDArray[np.bool_] = (row & 1) == packed.parity if packed.y_step == 1 else row >= 0
     return delivered
 
 
 def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packed: PackedField) -> Sizes:
-    """The sizes round every blob, which change as a quadratic over each half of the picture.
+    """Smooth the sizes of blobs by a quadratic over each half of the picture.
 
     Args:
-        moments: of N blobs.
-        counted: (N,) which of them look like targets and so count.
+        moments: Moments of N blobs.
+        counted: (N,) True for blobs that look like targets and so count.
         centres: (N, 2) columns and rows.
-        packed: the field they are in.
+        packed: The field.
     """
     xx, yy, xy = _smoothed(np.array(moments) * counted, centres, packed.columns)
     yy = np.maximum(yy + POINTING_PX2[1] * packed.y_step**2, LEAST_PX2)
@@ -81,7 +84,7 @@ def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packe
 
 
 def _smoothed(moments: Array, centres: Array, columns: int) -> Array:
-    """(3, N) second moments a pixel, from the surfaces over each half through `moments` (4, N)."""
+    """(3, N) second moments per pixel, from surfaces through `moments` (4, N) over each half."""
     right = centres[:, 0] >= (columns - 1) / 2
     weight = moments[0] * np.array([~right, right])
     counted = weight > 0
@@ -100,7 +103,7 @@ def _smoothed(moments: Array, centres: Array, columns: int) -> Array:
 
 
 def _terms(centres: Array, share: Array, half: NDArray[np.int64]) -> Array:
-    """(6, N) of a quadratic over the extent of each blob's half, in which blobs have these shares (2, N)."""
+    """(6, N) terms of a quadratic over each blob's half, whose extent follows from the `share` (2, N)."""
     middle = share @ centres
     extent = np.sqrt(np.maximum(share @ (centres * centres) - middle * middle, 1.0))
     x, y = ((centres - middle[half]) / extent[half]).T
@@ -110,17 +113,17 @@ def _terms(centres: Array, share: Array, half: NDArray[np.int64]) -> Array:
 def threshold_fraction(
     pixels: NDArray[np.int64], delivered: Moments, sizes: Sizes, counted: NDArray[np.bool_], spread_px: float
 ) -> float:
-    """The threshold's share of the contrast in a doubled field, one of `FRACTIONS`.
+    """Estimate the threshold's share of the contrast in a doubled field, one of `FRACTIONS`.
 
-    Interpolated rows are blurred: at a low threshold more of their pixels are set than of the rows between
+    Interpolated rows are blurred: at a low threshold more of their pixels are set than in the rows between
     them, at a high one fewer.
 
     Args:
-        pixels: (N,) of each component.
-        delivered: its moments, of delivered rows.
-        sizes: round it.
-        counted: whether it counts.
-        spread_px: standard deviation of the spread function.
+        pixels: (N,) pixels of each component.
+        delivered: Moments of its delivered rows.
+        sizes: Smoothed size at it.
+        counted: (N,) True if it counts.
+        spread_px: Standard deviation of the spread function.
     """
     if not counted.any():
         return NOMINAL_FRACTION
@@ -137,7 +140,7 @@ def threshold_fraction(
 
 @lru_cache(maxsize=64)
 def fullness(half_axes_px: tuple[float, float], spread_px: float) -> tuple[float, ...]:
-    """How many pixels of interpolated rows are set for each one of delivered rows, at each of `FRACTIONS`."""
+    """Ratio of set pixels in interpolated rows to those in delivered rows, at each of `FRACTIONS`."""
     half_width, half_height = half_axes_px
     looks = [Appearance(half_width, half_height, one, 1.0, spread_px, 0.0, 1) for one in FRACTIONS]
     x, y = np.arange(0.05, half_width + 2, 0.1), np.arange(0.05, half_height + 3, 0.1)

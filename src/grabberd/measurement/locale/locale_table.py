@@ -1,9 +1,10 @@
-"""Log likelihoods of every place of a target, to be summed over the runs that are seen of it.
+"""Tables of log likelihoods over a target's positions, to be summed over the runs of a blob.
 
-The bits of a blob are independent of each other but for its place, so the log likelihood of a place is a sum
-over pixels: one constant for an empty picture, and for each run the log odds of its pixels. These are
-cumulated along the rows, so that a run needs only its two ends. Places are those of a fine grid through the
-whole picture, so a table depends on nothing but where an end is relative to the target.
+Given the position, the bits of a blob are independent, so the log likelihood of a position is a sum over
+pixels: one constant for an empty picture, and for each run the log odds of its pixels. These are cumulated
+    along the rows,
+so that a run needs only its two ends. Positions form a fine grid through the whole picture, so a table
+depends only on where an end is relative to the target.
 """
 
 import math
@@ -22,24 +23,25 @@ Single = NDArray[np.float32]
 Whole = NDArray[np.int64]
 
 STEPS_X = 10
-"""Places looked at in a pixel of x; `STEPS_Y`: in a frame line of y."""
+"""Grid positions per pixel in x; `STEPS_Y`: per frame line in y."""
 STEPS_Y = 8
 REACH_X = 4
-"""Places are looked at so many steps either side of the centroid; by `y_step`, `REACH_Y` likewise."""
+"""Grid steps searched either side of the centroid in x; `REACH_Y` in y, by `y_step`."""
 REACH_Y = {1: 4, 2: 6}
 BEYOND_PX = 4
-"""A table reaches so far beyond the half axes: pixels further away are not looked at."""
+"""Pixels by which a table extends beyond the half axes; pixels further away are ignored."""
 CAPS = STEPS_X + 2 * REACH_X
-"""Steps of x in the parts of what is above and below, which repeat pixel by pixel."""
+"""Steps of x in the parts for the space above and below, which repeat pixel by pixel."""
 TABLES = 192
-"""So many are kept, of some 300 kB each: sizes, noise and threshold of the liner's fields need a hundred."""
+"""Tables kept, some 300 kB each: the sizes, noises and thresholds of the liner's fields need about a
+hundred."""
 
 
 @lru_cache(maxsize=2)
 def moments(y_step: int) -> Single:
-    """(G, 5) 1, x, y, x², y² of the places that are looked at, relative to the middle one, frame pixels.
+    """(G, 5) 1, x, y, x², y² of the positions searched, relative to the middle one, frame pixels.
 
-    They are in the order of the windows of a `Table`: from the right and from below.
+    Ordered as the windows of a `Table`: from the right and from below.
     """
     x, y = np.mgrid[-REACH_X : REACH_X + 1, -REACH_Y[y_step] : REACH_Y[y_step] + 1].reshape(2, -1)
     places = np.stack([-x / STEPS_X, -y / STEPS_Y]).astype(np.float32)
@@ -47,14 +49,14 @@ def moments(y_step: int) -> Single:
 
 
 class Table(NamedTuple):
-    """Log likelihoods of w · h places about a middle one, as windows into fine grids.
+    """Log likelihoods of w · h positions around a middle one, as windows into fine grids.
 
-    One number, which the grid gives, says which window. The half of a row that lies to the left of a target
-    is decided by the run's start, the other by its end.
+    The grid maps a run's end to the number of its window. The half of a row to the left of a target is
+    decided by the run's start, the other by its end.
 
     Attributes:
-        windows: (entries, w, h) float32, all of the same memory.
-        grid: where in it what is.
+        windows: (entries, w, h) float32, overlapping views of one array.
+        grid: Layout of the entries.
     """
 
     windows: Single
@@ -62,28 +64,31 @@ class Table(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """How far tables reach from the middle, columns and frame lines."""
+    """Extent of tables from the middle, in columns and frame lines."""
 
     columns: int
     lines: int
 
     @classmethod
     def around(cls, half_width_px: float, half_height_px: float) -> "Extent":
-        """Enough for targets of these half axes."""
+        """Extent sufficient for targets of these half axes."""
         return cls(math.ceil(half_width_px) + BEYOND_PX, math.ceil(half_height_px) + BEYOND_PX)
 
 
 class Grid(NamedTuple):
-    """How the entries of tables are counted, of one or of many alike: by parts, columns, rows.
+    """Layout of table entries, for one table or for many at once: by parts, columns, rows.
 
-    The parts are a row's start and end, each for delivered and then for interpolated rows, and likewise what
-    is above and below.
+    The parts are a row's start and end, each for delivered and then for interpolated rows, and likewise the
+    space above and below.
 
     Attributes:
-        columns: steps of x in the parts of starts and ends; `rows`: steps of y in all parts.
-        right: which step of x is at the place 0; `down`: of y.
-        ahead_x: how many windows begin in a part, one step of x after the other; `ahead_y`: of y.
-        empty: the last entry, which is nothing but zeros.
+        columns: Steps of x in the parts of starts and ends.
+        rows: Steps of y in all parts.
+        right: Step of x at position 0.
+        down: Step of y at position 0.
+        ahead_x: Number of windows that begin in a part along x.
+        ahead_y: Likewise along y.
+        empty: The last entry, all zeros.
     """
 
     columns: Whole | int
@@ -97,7 +102,7 @@ class Grid(NamedTuple):
     @classmethod
     @lru_cache(maxsize=TABLES)
     def of(cls, half_width_px: float, half_height_px: float, y_step: int) -> "Grid":
-        """The grid of all tables of targets of these half axes."""
+        """Layout of all tables for targets of these half axes."""
         extent = Extent.around(half_width_px, half_height_px)
         columns, rows = 2 * extent.columns * STEPS_X, 2 * extent.lines * STEPS_Y
         return cls(
@@ -111,29 +116,33 @@ class Grid(NamedTuple):
         )
 
     def entry_of_cut(self, part: int, interpolated: Whole, x: Whole, row: Whole) -> Whole:
-        """Of a row's start (part 0) or end (1), steps of x from the middle; `row` as of `row_of`."""
+        """Entry of a row's start (part 0) or end (1), at steps of x from the middle; `row` as from
+        `row_of`.
+        """
         column = np.minimum(np.maximum(x - self.right, 0), self.ahead_x - 1)
         entry: Whole = ((2 * part + interpolated) * self.columns + column) * self.rows + row
         return entry
 
     def entry_of_cap(self, part: int, interpolated: Whole, phase: Whole, row: Whole) -> Whole:
-        """Of what is above (part 0) an upmost row or below (1) a lowest one, by the steps to any pixel."""
+        """Entry of the space above the top row (part 0) or below the bottom row (1), by the steps to any
+        pixel.
+        """
         column = 4 * self.columns + (2 * part + interpolated) * CAPS + (phase - self.right) % STEPS_X
         return np.asarray(column * self.rows + row, np.int64)
 
     def row_of(self, y: Whole) -> Whole:
-        """Of rows so many steps below the middle."""
+        """Index of rows that many steps below the middle."""
         return np.asarray(np.minimum(np.maximum(y - self.down, 0), self.ahead_y - 1), np.int64)
 
 
 @lru_cache(maxsize=TABLES)
 def table(seen: Appearance) -> Table:
-    """The table of an appearance, kept for the next field."""
+    """Make or recall the table of an appearance."""
     return new_table(seen)
 
 
 def new_table(seen: Appearance) -> Table:
-    """The table of an appearance that will hardly be asked for again."""
+    """Make the table of an appearance without keeping it."""
     extent = Extent.around(seen.half_width_px, seen.half_height_px)
     columns, lines = extent
     u = np.arange(-columns * STEPS_X, columns * STEPS_X)
@@ -153,7 +162,7 @@ def new_table(seen: Appearance) -> Table:
 
 
 def _windows(parts: Sequence[Array], rows: int, size: tuple[int, int]) -> Single:
-    """All windows of parts that are ordered by columns: they are higher than wide, and long pieces fast."""
+    """All windows of the parts, stored by columns: windows are higher than wide, and long copies are fast."""
     span = (size[0] - 1) * rows + size[1]
     values = np.concatenate(
         [*(one.swapaxes(1, 2).ravel() for one in parts), np.zeros(span)], dtype=np.float32
@@ -163,7 +172,7 @@ def _windows(parts: Sequence[Array], rows: int, size: tuple[int, int]) -> Single
 
 
 def _ends(odds: Array, unset: Array) -> Array:
-    """(2, V, U) of all pixels of a row that lie whole pixels from a run's end; those to the left are set."""
+    """(2, V, U) log likelihood of all pixels of a row, given a run's end; those to its left are set."""
     of_pixels, of_unset = _by_pixel(odds), _by_pixel(unset)
     left = np.cumsum(of_pixels, axis=2) - of_pixels
     found: Array = (left + of_unset.sum(axis=2, keepdims=True)).reshape(odds.shape)
@@ -171,7 +180,7 @@ def _ends(odds: Array, unset: Array) -> Array:
 
 
 def _starts(odds: Array, unset: Array) -> Array:
-    """Likewise of its start; those to the right, and that at the start, are set."""
+    """Likewise given its start; that pixel and those to its right are set."""
     all_set = np.tile(_by_pixel(odds).sum(axis=2), odds.shape[2] // STEPS_X)
     found: Array = _ends(-odds, unset) + all_set
     return found
@@ -182,7 +191,9 @@ def _by_pixel(values: Array) -> Array:
 
 
 def _caps(unset: Array, y_step: int) -> tuple[Array, Array]:
-    """(2, V, `STEPS_X`) of all rows above one, and of all below; interpolated ones are every other."""
+    """(2, V, `STEPS_X`) log likelihood of all rows above one, and of all below; every other is
+    interpolated.
+    """
     of_rows = _by_pixel(unset).sum(axis=2).reshape(2, -1, STEPS_Y, STEPS_X)
     of_rows[1] *= y_step == 1
     odd = np.arange(of_rows.shape[1]) % 2 == 1

@@ -1,4 +1,4 @@
-"""Normalised cross-correlation with the picture of the field's typical disc, sub-pixel by parabola."""
+"""Correlation locator: normalised cross-correlation with the field's typical disc, sub-pixel by parabola."""
 
 from typing import NamedTuple
 
@@ -14,14 +14,13 @@ from grabberd.measurement.locators.disc_image import (
     Y,
     disc_images,
 )
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.template import BLURRED_PX, PIXEL, ROW
 from grabberd.measurement.locators.windows import LINES_APART, Windows, windows_of
 
 STEP_PX = 0.25
 ACROSS = 6
-"""Steps to either side of a window's middle in x; in y twice as many, since lines are two apart."""
+"""Steps either side of a window's middle in x; twice as many in y, since lines are two apart."""
 PARABOLA = 2
 """Steps from a parabola's vertex to its arms."""
 LEAST = np.float32(1e-6)
@@ -30,13 +29,14 @@ Single = NDArray[np.float32]
 
 
 class _Templates(NamedTuple):
-    """The disc at (T_y, T_x) places.
+    """Images of the disc at (T_y, T_x) positions.
 
     Attributes:
-        x_px: (T_x,) places, columns from the window's first; `y_px`: (T_y,) likewise, frame lines.
-        normed: (T_y · T_x, pixels), without mean, of norm 1.
-        slope2: (2,) sums of the squares of the derivatives by x and y in the middle, for contrast 1.
-        norm: of the disc in the middle, for contrast 1.
+        x_px: (T_x,) positions, columns from the window's first.
+        y_px: (T_y,) positions, frame lines from the window's first.
+        normed: (T_y · T_x, pixels) images without mean, of norm 1.
+        slope2: (2,) sums of squared derivatives by x and y at the middle position, for contrast 1.
+        norm: Norm of the disc at the middle position, for contrast 1.
     """
 
     x_px: Single
@@ -47,12 +47,12 @@ class _Templates(NamedTuple):
 
 
 def locate_by_correlation(seen: Seen) -> Located:
-    """The place where the picture of a disc resembles each blob most; one size of disc for all.
+    """Locate each blob where the image of a disc resembles it most; one disc size for all.
 
-    Noise: s = sn / (C √Σm′²), with m′ the derivative of the disc's picture.
+    Noise: s = sn / (C √Σm′²), with m′ the derivative of the disc's image.
 
     Raises:
-        InputError: a field of 1 bit.
+        InputError: The field has 1 bit.
     """
     meant_for(seen, "correlation", GREY)
     windows, noise = windows_of(seen), noise_of(seen)
@@ -68,7 +68,7 @@ def locate_by_correlation(seen: Seen) -> Located:
 
 
 def _located(grey: Single, templates: _Templates) -> tuple[Single, Single]:
-    """Places (N, 2) in windows (N, h, w), and their σ for noise 1."""
+    """Positions (N, 2) in windows (N, h, w), and their σ for noise 1."""
     flat = grey.reshape(len(grey), -1)
     flat = flat - flat.mean(axis=1, keepdims=True)
     product = (flat @ templates.normed.T).reshape(-1, len(templates.y_px), len(templates.x_px))
@@ -98,7 +98,7 @@ def _templates(seen: Seen, windows: Windows, middle: NDArray[np.float64]) -> _Te
 
 
 def _typical_half_axes(seen: Seen, windows: Windows) -> tuple[float, float]:
-    """Half the width and height in frame pixels: as set, or of the field's median blob."""
+    """Half axes in frame pixels: as set, or those of the field's median blob."""
     if seen.settings.target_px is not None:
         return seen.settings.target_px / 2, seen.settings.target_px / 2
     shapes, blob = seen.shapes, windows.blob
@@ -119,7 +119,7 @@ def _greatest(product: Single) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _vertex(values: Single, at: NDArray[np.intp]) -> Single:
-    """(N,) where a parabola through three of the values (N, T) is greatest, in steps from `at`."""
+    """(N,) vertex of a parabola through three of the values (N, T), in steps from `at`."""
     blob = np.arange(len(values))
     before, here, after = (values[blob, at + step] for step in (-PARABOLA, 0, PARABOLA))
     bend = np.minimum(before - 2 * here + after, -LEAST)

@@ -1,8 +1,8 @@
-"""The picture of a disc in space, and its derivatives: an ellipse blurred by the spread function.
+"""Image of a disc in space, and its derivatives: an ellipse blurred by the spread function.
 
-Along the normal of its edge an ellipse falls off like the integral of the spread function, which reaches
-differently far along and across the lines. That is exact for a straight edge; what the curvature adds is
-symmetrical, and so takes no part in the place.
+Along the normal of its edge an ellipse falls off like the integral of the spread function, whose width
+differs along and across the lines. That is exact for a straight edge; the effect of curvature is symmetrical
+and so does not affect the position.
 """
 
 from functools import cache
@@ -11,25 +11,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 X, Y, CONTRAST, BACKGROUND, HALF_WIDTH, HALF_HEIGHT, LEAN, BLURRING = range(8)
-"""What describes a disc's picture: centre, grey values, half axes, columns a line that its chords move, and
-the variance of the spread function across the lines, which a camera's rows enlarge."""
+"""Parameters of a disc's image: centre, grey values, half axes, columns per line by which its chords lean,
+and the variance of the spread function across the lines, which a camera's rows enlarge."""
 PER_SIGMA = 512
+"""Table entries per σ of the edge."""
 REACH = 5.0
+"""σ either side of the edge that the table covers."""
 
 Array = NDArray[np.float32]
 
 
 def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tuple[Array, Array]:
-    """Grey values of N discs and their derivatives.
+    """Compute the grey values of N discs and their derivatives.
 
     Args:
         discs: (8, N), in the order of the constants above.
         x_px: (w,) columns, from the same origin as the centres.
-        y_px: (h,) frame lines likewise.
-        blurring_x: variance of the spread function along the lines, pixels included.
+        y_px: (h,) frame lines, likewise.
+        blurring_x: Variance of the spread function along the lines, pixels included.
 
     Returns:
-        (N, h, w) grey values, (N, 8, h, w) derivatives by the eight.
+        (N, h, w) grey values, and (N, 8, h, w) derivatives by the eight parameters.
     """
     x, y, contrast, background, half_width, half_height, lean, blurring_y = discs[:, :, np.newaxis]
     narrow, low = 1 / half_width, 1 / half_height
@@ -54,7 +56,7 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
 
 
 def _looked_up(distance: Array) -> tuple[Array, Array]:
-    """How much of an edge so many σ away is there, and how fast that changes."""
+    """Look up an edge's profile and its slope at distances in σ."""
     place = ((distance + np.float32(REACH)) * np.float32(PER_SIGMA) + np.float32(0.5)).astype(np.intp)
     inside, density = edge_table()
     return inside.take(place, mode="clip"), density.take(place, mode="clip")
@@ -62,7 +64,7 @@ def _looked_up(distance: Array) -> tuple[Array, Array]:
 
 @cache
 def edge_table() -> tuple[Array, Array]:
-    """How much of an edge is there, and how fast that changes, `PER_SIGMA` times a σ from −REACH on."""
+    """Profile of an edge and its slope, `PER_SIGMA` entries per σ from −REACH on."""
     z = np.arange(-REACH, REACH, 1 / PER_SIGMA)
     density = np.exp(-0.5 * z * z) / np.sqrt(2 * np.pi)
     inside = 1.0 - np.cumsum(density) / density.sum()

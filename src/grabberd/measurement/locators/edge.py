@@ -1,32 +1,32 @@
-"""An ellipse through the points of a blob's edge: where the grey value passes half its height."""
+"""Edge locator: an ellipse through the points where a blob's grey value passes half its height."""
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.windows import Windows, windows_of
 
 LOWEST, HIGHEST = 0.03, 0.97
-"""Shares of a blob's height between which its edge tells where it is."""
+"""Shares of a blob's height between which the slope of its edge carries information."""
 PEAK = 0.95
-"""A blob's height as a share of its brightest pixel's, which noise makes too bright."""
+"""Ratio of a blob's height to its brightest pixel, which noise makes too bright."""
 EXCESS = np.array([0.7, 1.4])
-"""Measured σ of x, y in predicted ones: neighbouring crossings are no independent points."""
+"""Ratio of measured to predicted σ of x, y: neighbouring crossings are not independent."""
 BELIEF = 1e-3
-"""Weight of the belief in a circle about the middle of the window, where an edge has too few points."""
+"""Weight of a prior circle around the middle of the window, for edges with too few points."""
 
 Array = NDArray[np.float64]
 
 
 class _Edge(NamedTuple):
-    """Where an edge passes between neighbouring pixels, (N, P) each; where none does, `weight` is 0.
+    """Crossings of an edge between adjacent pixels, (N, P) each; `weight` is 0 where there is none.
 
     Attributes:
-        x: columns from the window's middle; `y`: frame lines.
-        weight: the square of the slope there, in blob heights a pixel.
+        x: Columns from the window's middle.
+        y: Frame lines from the window's middle.
+        weight: Square of the slope there, in blob heights per pixel.
     """
 
     x: Array
@@ -35,13 +35,14 @@ class _Edge(NamedTuple):
 
 
 def locate_by_edge(seen: Seen) -> Located:
-    """Fits a conic to the points where lines and columns cross the edge, by weighted least squares.
+    """Locate by a conic fitted to the points where lines and columns cross the edge, by weighted least
+    squares.
 
-    Under a Gaussian spread the edge is the integral of that, nearly a logistic curve: its log odds are
-    straight across the edge, and so a crossing between two pixels is found by linear interpolation.
+    Under a Gaussian spread the edge is its integral, nearly a logistic curve: its log odds are straight
+    across the edge, so a crossing between two pixels can be interpolated linearly.
 
     Raises:
-        InputError: a field of 1 bit.
+        InputError: The field has 1 bit.
     """
     meant_for(seen, "edge", GREY)
     windows = windows_of(seen)
@@ -66,7 +67,7 @@ def _edges(windows: Windows, height: Array) -> _Edge:
 
 
 def _passed(before: Array, after: Array, place: Array) -> tuple[Array, Array]:
-    """Where log odds pass 0 between neighbours on the last axis, whose places are given; and the weight."""
+    """Zero crossings of log odds between neighbours on the last axis, with their weights."""
     step = place[1] - place[0]
     passing = (before > 0) != (after > 0)
     rise = np.where(passing, after - before, 1.0)
@@ -83,7 +84,7 @@ def _side_by_side(one: Array, other: Array) -> Array:
 def _ellipses(edge: _Edge) -> tuple[Array, Array]:
     """Centres (N, 2) of x² + y² + p (x² − y²) + q x y + d x + e y + f = 0, and their σ for noise 1.
 
-    A point off the edge by δ makes an error of 2 R δ in this equation.
+    A point off the edge by δ causes an error of 2 R δ in this equation.
     """
     x, y = edge.x, edge.y
     radius2 = x * x + y * y

@@ -1,7 +1,7 @@
-"""Location by interpolation between samples (paper 3.5): Vernier, and Tian and Huhns; for any number of bits.
+"""Interpolation locators (paper 3.5): Vernier, and Tian and Huhns; for any number of bits.
 
-Both use the grey values of the lines that the camera delivered. Neither has a model of the target, so neither
-reaches what a centroid of grey values does: they are here to be compared.
+Both use the grey values of the delivered lines. Neither has a model of the target, so neither is as accurate
+as a centroid of grey values: they are kept for comparison.
 """
 
 from typing import NamedTuple
@@ -9,27 +9,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locators.centroid import background_in
+from grabberd.measurement.background import LEAST_NOISE, background_in
 from grabberd.measurement.locators.locator import Located, Seen
 from grabberd.measurement.locators.windows import LINES_APART, Windows, windows_of
 from grabberd.measurement.sigma import binary_sigma_px
-from grabberd.measurement.threshold.background import LEAST_NOISE
 
 Array = NDArray[np.float64]
 
 VERNIER_CURVED = (0.02, 0.06)
-"""What a straight line between two samples of a curved edge costs in x, y: frame pixels, measured."""
+"""Error in x, y of a straight line between two samples of a curved edge: frame pixels, measured."""
 PARABOLA_CURVED = (0.02, 0.03)
-"""What a parabola through three samples of a peak that is none costs in x, y: frame pixels, measured."""
+"""Error in x, y of a parabola through three samples of a peak that is no parabola: frame pixels, measured."""
 PARABOLA_NOISE = 1.3
 """Noise of the correlation's peak, in units of the Cramér–Rao bound."""
 
 
 def locate_by_vernier(seen: Seen) -> Located:
-    """Half way between the two places where a blob's profile crosses half its height.
+    """Locate half-way between the two positions where a blob's profile crosses half its height.
 
-    The profile along x is the sum over a window's lines, that along y the sum over its columns. The crossings
-    are interpolated linearly.
+    The profile along x is the sum over a window's lines, that along y the sum over its columns. Crossings are
+    interpolated linearly.
     """
     windows = windows_of(seen)
     signal = _signal(windows)
@@ -41,10 +40,10 @@ def locate_by_vernier(seen: Seen) -> Located:
 
 
 def locate_by_tian_huhns(seen: Seen) -> Located:
-    """The peak of a blob's correlation with its own point reflection, interpolated by parabolas.
+    """Locate by the peak of a blob's correlation with its own point reflection, interpolated by parabolas.
 
     A disc is its own reflection about its centre, so the peak lies at twice the centre and no template is
-    needed. Parabolas through the highest sample and its two neighbours give its place between the samples.
+    needed. Parabolas through the highest sample and its two neighbours give its position between the samples.
     """
     windows = windows_of(seen)
     signal = _signal(windows)
@@ -59,7 +58,7 @@ def locate_by_tian_huhns(seen: Seen) -> Located:
 
 
 def _located(seen: Seen, windows: Windows, places: Array, sigma: Array) -> Located:
-    """At 1 bit there is no noise to speak of: quantisation decides."""
+    """Assign σ; at 1 bit noise is negligible beside quantisation."""
     if seen.packed.bits == 1:
         sigma = binary_sigma_px(seen.area_px[windows.blob], LINES_APART)
     centres, sigma_px = windows.located(seen, places[:, 0], places[:, 1], sigma)
@@ -74,7 +73,7 @@ def _signal(windows: Windows) -> Array:
 
 
 def _noise_levels(seen: Seen) -> float:
-    """Standard deviation of a pixel in grey values, rounding to its levels included."""
+    """Standard deviation of a pixel in grey values, quantisation included."""
     rounding = LEAST_NOISE * (256 >> seen.packed.bits)
     known = seen.settings.noise_levels
     if seen.packed.bits == 1:
@@ -83,14 +82,14 @@ def _noise_levels(seen: Seen) -> float:
 
 
 class _Crossings(NamedTuple):
-    """Of N profiles: the middle between their crossings, and its standard deviation, in samples."""
+    """Middle between the crossings of N profiles, and its standard deviation, in samples."""
 
     middle: Array
     sigma: Array
 
 
 def _crossings(profile: Array, noise: float) -> _Crossings:
-    """Profiles (N, n), whose samples have this noise, at half their heights."""
+    """Find the half-height crossings of profiles (N, n) whose samples have this noise."""
     count, last = profile.shape[0], profile.shape[1] - 1
     half = profile.max(axis=1, initial=0.0) / 2
     above = profile > half[:, np.newaxis]
@@ -104,14 +103,14 @@ def _crossings(profile: Array, noise: float) -> _Crossings:
 
 
 def _crossing(outer: Array, inner: Array, half: Array) -> tuple[Array, Array]:
-    """How far outside the inner sample the crossing lies, and its σ for a noise of 1."""
+    """Distance of the crossing outside the inner sample, and its σ for a noise of 1."""
     rise = np.maximum(inner - outer, 1e-9)
     share = ((inner - half) / rise).clip(0.0, 1.0)
     return share, np.hypot(share, 1 - share) / rise
 
 
 def _self_convolved(signal: Array) -> Array:
-    """(N, 2h − 1, 2w − 1) of windows (N, h, w): what two of their places add up to."""
+    """(N, 2h − 1, 2w − 1) self-convolution of windows (N, h, w), indexed by the sum of two positions."""
     size = (2 * signal.shape[1] - 1, 2 * signal.shape[2] - 1)
     transformed = np.fft.rfft2(signal, size)
     found: Array = np.fft.irfft2(transformed * transformed, size)
@@ -119,7 +118,7 @@ def _self_convolved(signal: Array) -> Array:
 
 
 def _peaks(correlation: Array) -> Array:
-    """(N, 2) x, y of the highest samples, refined by parabolas; those on an edge are left as they are."""
+    """(N, 2) x, y of the highest samples, refined by parabolas except at the edges."""
     count, rows, columns = correlation.shape
     highest = correlation.reshape(count, rows * columns).argmax(axis=1)
     y, x = np.divmod(highest, columns)
@@ -130,7 +129,7 @@ def _peaks(correlation: Array) -> Array:
 
 
 def _vertex(before: Array, here: Array, after: Array) -> Array:
-    """Where the parabola through three even samples is highest, from the middle one."""
+    """Vertex of the parabola through three evenly spaced samples, from the middle one."""
     bend = 2 * here - before - after
     vertex: Array = np.where(bend > 0, (after - before) / np.where(bend > 0, 2 * bend, 1.0), 0.0)
     return vertex.clip(-1.0, 1.0)

@@ -1,43 +1,45 @@
-"""What a locator is given, and what it gives back."""
+"""Input and output of locators."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
-from grabberd.field import PackedField
+from grabberd.field import BIT_DEPTHS, PackedField
+from grabberd.measurement.background import background_in
 from grabberd.measurement.labelling.runs import Runs
 from grabberd.measurement.labelling.shapes import Shapes, binary_centres
+from grabberd.measurement.settings import LocationSettings
 
-if TYPE_CHECKING:
-    from grabberd.measurement.location import LocationSettings
-
+GREY = tuple(bits for bits in BIT_DEPTHS if bits > 1)
+"""Bit depths of the locators that need grey values."""
 ALL_BUT_THE_TALLEST = 0.95
+"""Share of blobs whose chords all fit when they are trimmed: one tall blob would make every array tall."""
 TALLEST = 2.0
-"""Blobs taller than this many of the largest diameters are no targets."""
+"""Height of a blob, in largest diameters, beyond which it is no target."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """The connected components of one field, N of them, before anyone has located them.
+    """The N connected components of one field, before location.
 
     Attributes:
-        packed: the field.
+        packed: The field.
         runs: R runs of pixels above the threshold, ordered by component, row and column.
-        label: (R,) int64, the component of every run.
-        shapes: size and extent of every component, in the field's own columns and rows.
-        settings: how targets are located.
+        label: (R,) int64, component of every run.
+        shapes: Size and extent of every component, in the field's own columns and rows.
+        settings: Settings of target location.
     """
 
     packed: PackedField
     runs: Runs
     label: NDArray[np.int64]
     shapes: Shapes
-    settings: "LocationSettings"
+    settings: LocationSettings
 
     @cached_property
     def area_px(self) -> NDArray[np.float64]:
@@ -46,34 +48,33 @@ class Seen:
 
     @cached_property
     def centroids(self) -> NDArray[np.float64]:
-        """(N, 2) float64 column and row of each centre, every pixel above the threshold weighing the same."""
+        """(N, 2) float64 column and row of each centre, with pixels above the threshold weighted equally."""
         return binary_centres(self.runs, self.label, len(self.shapes))
 
     @cached_property
     def of_size(self) -> NDArray[np.bool_]:
-        """(N,) bool, which are neither too small nor too large for a target."""
+        """(N,) bool, True for components neither too small nor too large for a target."""
         diameter = np.sqrt(4 / np.pi * self.area_px)
         return (diameter >= self.settings.min_diameter_px) & (diameter <= self.settings.max_diameter_px)
 
     @cached_property
     def low(self) -> NDArray[np.bool_]:
-        """(N,) bool, which of these are not too tall either: such would cost much, and are no targets."""
+        """(N,) bool, True for those that are not too tall either: tall ones are costly and no targets."""
         height_px = (self.shapes.last_row - self.shapes.first_row + 1) * self.packed.y_step
         low: NDArray[np.bool_] = self.of_size & (height_px <= TALLEST * self.settings.max_diameter_px)
         return low
 
 
 class Chords(NamedTuple):
-    """Where the lines that the camera delivered cut N blobs, at most h lines each: by this the shifts of
-    whole lines can be found.
+    """Chords of N blobs on at most h delivered lines each, from which the shifts of whole lines can be found.
 
     Attributes:
         blob: (N,) int64, the component of each.
-        line: (N,) int64, the field line of its first chord, whatever the packed field's rows are.
-        centre: (N, h) float64, the middle of each chord, columns.
+        line: (N,) int64, field line of its first chord, whatever the packed field's rows are.
+        centre: (N, h) float64, middle of each chord, columns.
         weight: (N, h) float64, 1/σ² of that in px⁻²; 0 where there is no chord.
-        share: (N, h) float64, by how much the located x moves if this line alone is shifted by 1; it need not
-            have a chord.
+        share: (N, h) float64, derivative of the located x by the shift of that line, which need not have a
+            chord.
     """
 
     blob: NDArray[np.int64]
@@ -83,7 +84,9 @@ class Chords(NamedTuple):
     share: NDArray[np.float64]
 
     def trimmed(self, wanted: NDArray[np.bool_]) -> "Chords":
-        """As few lines of each as hold those wanted, (N, h) bool, of all but the tallest: these lose some."""
+        """Keep as few lines as hold the wanted ones, (N, h) bool; only the tallest blobs lose some of
+        theirs.
+        """
         if not wanted.any():
             return self
         first, height = wanted.argmax(axis=1), wanted.shape[1]
@@ -98,12 +101,12 @@ class Chords(NamedTuple):
 
 
 class Located(NamedTuple):
-    """The places of the N components of a field.
+    """Positions of the N components of a field.
 
     Attributes:
         centres: (N, 2) float64, in the field's own columns and rows.
         sigma_px: (N, 2) float64, x and y, frame pixels.
-        chords: what the shifts of lines can be estimated from, of locators that have them.
+        chords: Chords for estimating the shifts of lines, from locators that have them.
     """
 
     centres: NDArray[np.float64]
@@ -115,14 +118,20 @@ Locator = Callable[[Seen], Located]
 
 
 def meant_for(seen: Seen, method: str, bits: tuple[int, ...]) -> None:
-    """Refuse a field whose bits a method is not meant for.
+    """Refuse a field whose bit depth a method does not support.
 
     Raises:
-        InputError: with what it is meant for.
+        InputError: The bit depth is not supported; the message lists those that are.
     """
     if seen.packed.bits not in bits:
         meant = ", ".join(str(one) for one in bits)
         raise InputError(
-            f"method {method!r} locates targets in fields of {meant} bits, not of {seen.packed.bits}",
-            "use method 'automatic', which chooses by the field's bits",
+            f"method {method!r} needs fields of {meant} bits, not of {seen.packed.bits}",
+            "use method 'automatic', which suits every bit depth",
         )
+
+
+def noise_of(seen: Seen) -> float:
+    """Standard deviation of a pixel in grey values: as set, or as the background shows it."""
+    known = seen.settings.noise_levels
+    return background_in(seen.packed).noise if known is None else known

@@ -1,4 +1,7 @@
-"""Least squares with the picture of a disc: as good as the noise allows, and eight numbers a target."""
+"""Template locator: least squares with the image of a disc, eight parameters per target.
+
+Its error is as small as the noise allows (the Cramér–Rao bound).
+"""
 
 from typing import NamedTuple
 
@@ -16,21 +19,21 @@ from grabberd.measurement.locators.disc_image import (
     Y,
     disc_images,
 )
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Chords, Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Chords, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.weighted import moments, weights_of
 from grabberd.measurement.locators.windows import Windows, windows_of
 
 LONGEST_STEP = np.array([1.5, 1.5, np.inf, np.inf, 0.7, 0.7, 0.3, 0.3])
-"""Places and half axes may change by so much at once: a wild step would lose the blob."""
+"""Limits of one step in each parameter: a wild step would lose the blob."""
 PRIOR_SIGMA = (3.0, 3.0, 255.0, 255.0, 1.0, 1.0, 0.1, 0.3)
-"""How far off the start may be, and how large a lean is: a faint blob cannot tell everything."""
+"""Prior σ about the start, since a faint blob cannot determine all eight parameters."""
 SMALLEST_PX = 0.4
 BLURRED_PX = 0.9
-"""By so much a blob's pixels above a low threshold reach beyond the disc's edge."""
+"""Distance by which pixels above a low threshold extend beyond the disc's edge."""
 PIXEL, ROW = 1 / 12, 0.2
-"""What a pixel adds to the variance of the spread function; and a row, of one line or the sum of two."""
+"""Variance added to the spread function by a pixel, and by a row of one line or the sum of two."""
 VAGUEST_CHORD_PX = 0.5
+"""Greatest σ of a chord that is used for line shifts."""
 LEAST = 1e-6
 
 Array = NDArray[np.float64]
@@ -38,7 +41,7 @@ Single = NDArray[np.float32]
 
 
 class _Fit(NamedTuple):
-    """Discs (8, N); covariance (N, 8, 8) of them; residual (N, h, w) and slopes by x (N, h, w)."""
+    """Discs (8, N), their covariance (N, 8, 8), residual (N, h, w) and slopes by x (N, h, w)."""
 
     discs: Single
     covariance: Array
@@ -47,10 +50,10 @@ class _Fit(NamedTuple):
 
 
 def locate_by_template(seen: Seen) -> Located:
-    """Fits the picture of a disc to the grey values around each blob.
+    """Locate by fitting the image of a disc to the grey values around each blob.
 
     Raises:
-        InputError: a field of 1 bit.
+        InputError: The field has 1 bit.
     """
     meant_for(seen, "template", GREY)
     windows, noise = windows_of(seen), noise_of(seen)
@@ -61,7 +64,7 @@ def locate_by_template(seen: Seen) -> Located:
 
 
 def _start(seen: Seen, windows: Windows) -> Single:
-    """(8, N) discs, from the moments of the grey values' squares: a sharp disc's variance is R²/4."""
+    """(8, N) start values from the moments of the squared grey values: a sharp disc's variance is R²/4."""
     discs = np.zeros((8, len(windows.blob)), np.float32)
     weight = weights_of(windows)
     discs[X], across2 = moments(weight.sum(axis=1), windows.x_px)
@@ -74,7 +77,7 @@ def _start(seen: Seen, windows: Windows) -> Single:
 
 
 def _fitted(windows: Windows, start: Single, blurring_x: float, noise: float) -> _Fit:
-    """One step of Gauss and Newton, all discs at once: the moments are a start near enough."""
+    """Take one Gauss–Newton step for all discs at once: the moments are a sufficiently good start."""
     image, slopes = disc_images(start, windows.x_px, windows.y_px, blurring_x)
     residual = windows.grey - image
     count, pixels = len(slopes), residual[0].size if len(residual) else 1
@@ -91,7 +94,7 @@ def _fitted(windows: Windows, start: Single, blurring_x: float, noise: float) ->
 
 
 def _chords(windows: Windows, fit: _Fit, noise: float) -> Chords:
-    """Each line's own shift against the disc, by least squares; a line's share is its share of the weight."""
+    """Chords from each line's own least-squares shift against the disc; its share is that of the weight."""
     weight = (fit.slope * fit.slope).sum(axis=2).astype(np.float64)
     own = (fit.slope * fit.residual).sum(axis=2) / np.maximum(weight, LEAST)
     beside = windows.y_px - fit.discs[Y][:, np.newaxis]

@@ -1,18 +1,17 @@
-"""The centroid weighted with the square of the grey value above the background.
+"""Weighted locator: the centroid weighted with the square of the grey value above the background.
 
-The square lets what is dark, and so mostly noise, count for little; no threshold cuts anything off, so the
+The square gives dark pixels, which are mostly noise, little weight; no threshold cuts anything off, so the
 centre does not depend on how the rows fall on the blob.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locators.grey import GREY, noise_of
-from grabberd.measurement.locators.locator import Chords, Located, Seen, meant_for
+from grabberd.measurement.locators.locator import GREY, Chords, Located, Seen, meant_for, noise_of
 from grabberd.measurement.locators.windows import Windows, windows_of
 
 LEAST_SIGNAL = 40.0
-"""A chord's weight in units of the noise's square, below which noise alone may have made it."""
+"""Weight of a chord, in units of the squared noise, below which it may be noise alone."""
 LEAST = np.float32(1e-6)
 
 Array = NDArray[np.float64]
@@ -20,12 +19,12 @@ Single = NDArray[np.float32]
 
 
 def locate_by_weighted(seen: Seen) -> Located:
-    """Centroids, weighted with (g − b)² where that is positive; b is the median of the window.
+    """Locate by centroids weighted with (g − b)² where g exceeds b, the median of the window.
 
     Noise: s = 2 sn √(V / Σ(g−b)²), with V the variance of the weights about the centroid.
 
     Raises:
-        InputError: a field of 1 bit.
+        InputError: The field has 1 bit.
     """
     meant_for(seen, "weighted", GREY)
     windows, noise = windows_of(seen), noise_of(seen)
@@ -38,7 +37,7 @@ def locate_by_weighted(seen: Seen) -> Located:
 
 
 def weights_of(windows: Windows) -> Single:
-    """(N, h, w) squares of the grey value above the background, 0 where it is below."""
+    """(N, h, w) squared grey values above the background, 0 below it."""
     height = windows.grey - windows.background[:, np.newaxis, np.newaxis]
     np.maximum(height, 0.0, out=height)
     height *= height
@@ -46,7 +45,7 @@ def weights_of(windows: Windows) -> Single:
 
 
 def moments(weight: Single, place: Single) -> tuple[Array, Array]:
-    """Mean of the places (w,) by weights (…, w), and their variance about it."""
+    """Mean of the positions (w,) under weights (…, w), and their variance about it."""
     amount = weight.astype(np.float64)
     total = amount.sum(axis=-1) + LEAST
     mean = amount @ place / total
@@ -54,7 +53,7 @@ def moments(weight: Single, place: Single) -> tuple[Array, Array]:
 
 
 def _chords(windows: Windows, weight: Single, noise: float) -> Chords:
-    """Each line's own centroid; its share is what it has of the blob's weight."""
+    """Chords from each line's own centroid; its share is that of the blob's weight."""
     amount = weight.sum(axis=2).astype(np.float64)
     middle, variance = moments(weight, windows.x_px)
     precision = amount / (4 * noise**2 * variance)

@@ -1,6 +1,6 @@
-"""The grey values around each blob, all of the same size, from the lines that the camera delivered.
+"""Windows of grey values around each blob, all of the same size, from the delivered lines.
 
-A doubled field has the same windows as the intact one: interpolated rows know nothing of their own.
+A doubled field has the same windows as the intact one, because interpolated rows add no information.
 """
 
 import math
@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.field import PackedField
+from grabberd.measurement.background import background_in
 from grabberd.measurement.labelling.mask import greys_at
-from grabberd.measurement.locators.centroid import background_in
 from grabberd.measurement.locators.locator import Seen
 
 LINES_APART = 2
-"""Frame lines from one field line to the next, whatever a packed field's rows are."""
+"""Frame lines from one field line to the next, whatever the packed field's rows are."""
 BEYOND_PX = (1.2, 3.9)
-"""A window reaches so far beyond the pixels above the threshold of all but the largest blobs; and by so much
-more if the threshold is all of their height, since it then leaves more of them out."""
+"""Margin of a window beyond the pixels above the threshold (of all but the largest blobs), and its increase
+for a threshold at their full height, since a high threshold leaves more of them out."""
 LARGEST_SHARE = 0.5
 ALL_BUT_THE_LARGEST = 0.9
 
@@ -26,15 +26,15 @@ Array = NDArray[np.float32]
 
 
 class Windows(NamedTuple):
-    """Windows of N blobs, each of `h` field lines and `w` columns, all within the field.
+    """Windows of N blobs, each of `h` field lines by `w` columns inside the field.
 
     Attributes:
-        blob: (N,) int64, the component that each window belongs to.
+        blob: (N,) int64, component of each window.
         grey: (N, h, w) float32, grey values.
-        background: (N,) float32, the median of each window: more than half of it is no target.
-        line: (N,) int64, the field line of the first row, counted as the camera delivered them.
+        background: (N,) float32, median of each window: more than half of it is no target.
+        line: (N,) int64, field line of the first row, counted as the camera delivered them.
         column: (N,) int64, the first column.
-        middle: (N, 2) float32, where in the window the blob's centroid is: columns, frame lines.
+        middle: (N, 2) float32, position of the blob's centroid in the window: columns, frame lines.
     """
 
     blob: NDArray[np.int64]
@@ -61,10 +61,9 @@ class Windows(NamedTuple):
         y_px: NDArray[np.floating],
         sigma_px: NDArray[np.floating],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Centres and standard deviations of all components, from places (N,) and (N, 2) in the windows.
+        """Convert positions (N,) and σ (N, 2) in the windows to centres and σ of all components.
 
-        A component without a window, which is too small or too large for a target, keeps its centroid,
-        and how well is not known (NaN).
+        A component without a window, too small or too large for a target, keeps its centroid with σ NaN.
         """
         centres, sigma = seen.centroids.copy(), np.full((len(seen.shapes), 2), np.nan)
         line = self.line + y_px.astype(np.float64) / LINES_APART
@@ -75,10 +74,10 @@ class Windows(NamedTuple):
 
 
 def windows_of(seen: Seen) -> Windows:
-    """The windows around those components that have the size of a target; off their middle at an edge."""
+    """Cut windows around the components of a target's size; off-centre at an edge of the field."""
     blob = np.flatnonzero(seen.of_size)
     shapes, packed = seen.shapes, seen.packed
-    # Noise moves centroids less than it does the middle of an extent.
+    # Noise moves a centroid less than the middle of an extent.
     x, row = seen.centroids[blob].T
     beyond = _beyond_px(packed, x, row)
     columns = _size(shapes.last_column[blob] - shapes.first_column[blob] + 1, beyond, 1, packed.columns)
@@ -94,12 +93,12 @@ def windows_of(seen: Seen) -> Windows:
 
 
 def lines_of(packed: PackedField) -> int:
-    """How many lines the camera delivered."""
+    """Number of lines that the camera delivered."""
     return packed.rows * packed.y_step // LINES_APART
 
 
 def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.float64]) -> float:
-    """How far windows reach beyond the pixels above the threshold."""
+    """Margin of windows beyond the pixels above the threshold."""
     if not len(x):
         return BEYOND_PX[0]
     stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
@@ -111,7 +110,7 @@ def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.floa
 
 
 def _size(extent: NDArray[np.int64], beyond_px: float, step: int, most: int) -> int:
-    """A window's size in steps of so many pixels: odd, unless the field has not so many."""
+    """Size of a window in steps: odd, unless the field is smaller."""
     large = int(ALL_BUT_THE_LARGEST * len(extent))
     reach = float(np.partition(extent, large)[large]) / 2 + beyond_px if len(extent) else 1.0
     return min(2 * math.ceil(reach / step - 0.01) + 1, most)
@@ -132,15 +131,15 @@ def _gathered(
 
 
 def first_row(packed: PackedField) -> int:
-    """The row of the first line that the camera delivered."""
+    """Row of the first line that the camera delivered."""
     return packed.parity if packed.y_step == 1 else 0
 
 
 def line_of_row(packed: PackedField, row: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The line that the camera delivered at a row of the field, fractions included."""
+    """Convert a row of the field to a delivered line, fractions included."""
     return (row - first_row(packed)) * packed.y_step / LINES_APART
 
 
 def row_of_line(packed: PackedField, line: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Where in the field such a line is."""
+    """Convert a delivered line to a row of the field."""
     return line * LINES_APART / packed.y_step + first_row(packed)

@@ -1,4 +1,4 @@
-"""The grey value that separates targets from the background (paper 3.5 and eq. 3)."""
+"""Threshold: the grey value that separates targets from the background (paper 3.5 and eq. 3)."""
 
 from dataclasses import dataclass
 
@@ -6,40 +6,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
+from grabberd.measurement.background import Background, background_of
 from grabberd.measurement.locale.locale_prediction import Scene, best_fraction
-from grabberd.measurement.threshold.background import Background, background_of
 
 KINDS = ("fixed", "trinder", "automatic")
 
 GREY_FRACTION = 0.13
-"""Of the contrast, with 2 bits and more: five times better in y than one half."""
+"""Share of the contrast with 2 bits or more: 10 to 15 % is five times more accurate in y than one half."""
 NOISE_MARGIN = 4.0
-"""A threshold is at least so many standard deviations above the background."""
+"""Least height of a threshold above the background, in standard deviations."""
 SURELY_BRIGHT = 6.0
-"""Pixels more standard deviations above the background than this are not noise."""
+"""Height above the background, in standard deviations, beyond which a pixel is not noise."""
 PLATEAU_QUANTILE = 0.85
-"""Of the bright pixels: above it they are a target's inside, below it its blurred edge."""
+"""Quantile of the bright pixels that separates a target's inside from its blurred edge."""
 LEAST_BRIGHT_SHARE = 5e-5
-"""Of the picture: a lone target of 5 px has .0001 of it."""
+"""Least share of bright pixels in a picture: a single target of 5 px has .0001."""
 LEAST_CONTRAST_LEVELS = 12.0
 
 
 @dataclass(frozen=True, slots=True)
 class ThresholdRule:
-    """How a threshold is chosen.
+    """Rule for choosing a threshold.
 
     Attributes:
         kind: "fixed": `value`; "trinder": background + 74 SF^1.3 / A (paper eq. 3); "automatic": a fraction
-            of the contrast that is found in the picture.
-        value: grey value of a fixed threshold.
-        spread_px: standard deviation of the spread function; SF is twice that.
-        target_px: the target's diameter A, frame pixels.
-        fraction: of the contrast, for "automatic"; None: at 1 bit the one with the least predicted error for
-            this spread and diameter, with more bits `GREY_FRACTION`.
-        line_jitter_px: standard deviation of a line's shift, which the predicted error includes.
+            of the contrast found in the picture.
+        value: Grey value of a fixed threshold.
+        spread_px: Standard deviation of the spread function; SF is twice that.
+        target_px: The target's diameter A, frame pixels.
+        fraction: Fraction of the contrast for "automatic". None: at 1 bit the one with the least predicted
+            error for this spread and diameter, with more bits `GREY_FRACTION`.
+        line_jitter_px: Standard deviation of a line's shift, included in the predicted error.
 
     Raises:
-        ValueError: an unknown kind, a fixed rule without its value, or numbers out of range.
+        ValueError: The kind is unknown, a fixed rule has no value, or a number is out of range.
     """
 
     kind: str = "automatic"
@@ -51,32 +51,31 @@ class ThresholdRule:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
-            raise ValueError(f"kind {self.kind!r} is none of {', '.join(KINDS)}")
+            raise ValueError(f"unknown kind {self.kind!r}; choose from {', '.join(KINDS)}")
         if self.kind == "fixed" and (self.value is None or not 0 <= self.value <= 254):
             raise ValueError(f"a fixed threshold needs a value from 0 to 254, not {self.value}")
         if not (self.spread_px > 0 and self.target_px > 0):
-            raise ValueError(f"spread_px {self.spread_px} and target_px {self.target_px} have to be positive")
+            raise ValueError(f"spread_px {self.spread_px} and target_px {self.target_px} must be positive")
         if self.fraction is not None and not 0 < self.fraction < 1:
             raise ValueError(f"fraction {self.fraction} is not between 0 and 1")
 
 
 def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: int, y_step: int = 1) -> int:
-    """The threshold for a picture.
+    """Choose the threshold for a picture.
 
-    Equation (3) gives grey values of an 8-bit picture whose background is black, so the background's level is
-    added.
+    Equation (3) assumes an 8-bit picture with a black background, so the background's level is added.
 
     Args:
-        histogram: (256,) int, how often each grey value occurs in the 8-bit picture.
-        rule: how.
-        bits: with which the picture will be quantised.
-        y_step: frame lines from row to row when it will be: 1 doubled, 2 intact.
+        histogram: (256,) int, frequency of each grey value in the 8-bit picture.
+        rule: Rule to apply.
+        bits: Bits that the picture will be quantised to.
+        y_step: Frame lines from row to row at quantisation: 1 doubled, 2 intact.
 
     Returns:
         0 to 254.
 
     Raises:
-        MeasurementError: automatic, and there are no targets to see.
+        MeasurementError: The rule is automatic and no targets stand out.
     """
     if rule.kind == "fixed":
         assert rule.value is not None
@@ -90,12 +89,12 @@ def choose_threshold(histogram: NDArray[np.integer], rule: ThresholdRule, bits: 
 
 
 def trinder_levels(spread_px: float, target_px: float) -> float:
-    """T = 74 SF^1.3 / A in grey values above the background, SF = 2 `spread_px` (paper eq. 3)."""
+    """Compute T = 74 SF^1.3 / A in grey values above the background, SF = 2 `spread_px` (paper eq. 3)."""
     return float(74 * (2 * spread_px) ** 1.3 / target_px)
 
 
 def height_levels(contrast: float, noise: float, rule: ThresholdRule, bits: int, y_step: int) -> float:
-    """An automatic threshold above the background: all in grey values."""
+    """Height of an automatic threshold above the background; all in grey values."""
     least = NOISE_MARGIN * noise
     if rule.fraction is not None or bits > 1:
         return max((rule.fraction or GREY_FRACTION) * contrast, least)
@@ -104,10 +103,10 @@ def height_levels(contrast: float, noise: float, rule: ThresholdRule, bits: int,
 
 
 def contrast_levels(histogram: NDArray[np.integer], background: Background) -> float:
-    """How far the targets' inside is above the background, in grey values.
+    """Measure the contrast of the targets' inside above the background, in grey values.
 
     Raises:
-        MeasurementError: too little is bright, or it is hardly brighter than the background.
+        MeasurementError: Too few pixels are clearly brighter than the background.
     """
     edge = int(np.ceil(background.level + max(SURELY_BRIGHT * background.noise, LEAST_CONTRAST_LEVELS)))
     cumulated = np.cumsum(histogram[edge:])

@@ -1,4 +1,4 @@
-"""A threshold for every pixel, for uneven light; and the size of targets, by which thresholds are chosen."""
+"""Threshold map for uneven light; and the apparent size of targets, on which thresholds depend."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
 from grabberd.field import Field, quantise
+from grabberd.measurement.background import background_of
 from grabberd.measurement.labelling.labels import by_component
 from grabberd.measurement.labelling.runs import find_runs
 from grabberd.measurement.labelling.shapes import shapes_of
-from grabberd.measurement.threshold.background import background_of
 from grabberd.measurement.threshold.threshold import (
     ThresholdRule,
     contrast_levels,
@@ -23,23 +23,25 @@ from grabberd.measurement.threshold.threshold import (
 Array = NDArray[np.float64]
 
 PARTS_X, PARTS_Y = 8, 6
-"""The picture is looked at in so many parts, each with some targets."""
+"""Parts into which the picture is divided, large enough that each shows some targets."""
 DEGREE = 3
-"""Of the polynomial in x and y that light and background follow."""
+"""Degree of the polynomial in x and y that describes light and background."""
 STIFFNESS = 0.02
-"""How firmly the polynomial is held to be even where few parts say otherwise, per part."""
+"""Regularisation per part that keeps the polynomial flat where few parts say otherwise."""
 LEAST_DIAMETER_PX = 2.0
 ALIKE = 0.35
-"""Blobs whose diameter differs by less than this share from the median's are targets like it."""
+"""Relative difference from the median diameter within which a blob counts as a target."""
 
 
 class _Parts(NamedTuple):
-    """What is seen in the parts of a picture: (P,) each, of those that show targets.
+    """Background and contrast in the P parts of a picture that show targets, (P,) each.
 
     Attributes:
-        x: middle of the part, from −1 to 1 over the picture; `y`: likewise.
-        level: the background's grey value; `noise`: its standard deviation.
-        contrast: how far targets are above it.
+        x: Middle of the part, from −1 to 1 over the picture.
+        y: Likewise.
+        level: Grey value of the background.
+        noise: Its standard deviation.
+        contrast: Height of the targets above it.
     """
 
     x: Array
@@ -52,19 +54,19 @@ class _Parts(NamedTuple):
 def threshold_map(
     luma: NDArray[np.uint8], rule: ThresholdRule, bits: int, y_step: int = 1
 ) -> NDArray[np.uint8]:
-    """The threshold of every pixel, from a smooth surface of background and one of contrast.
+    """Compute a threshold for every pixel from smooth surfaces of background and contrast.
 
     Args:
         luma: (rows, columns) uint8, 8 bits.
-        rule: how a threshold is chosen where the light is even.
-        bits: with which the picture will be quantised.
-        y_step: frame lines from row to row when it will be: 1 doubled, 2 intact.
+        rule: Rule for choosing a threshold under even light.
+        bits: Bits that the picture will be quantised to.
+        y_step: Frame lines from row to row at quantisation: 1 doubled, 2 intact.
 
     Returns:
         (rows, columns) uint8.
 
     Raises:
-        MeasurementError: automatic, and no part of the picture shows targets.
+        MeasurementError: No part of the picture shows targets.
     """
     if rule.kind == "fixed":
         assert rule.value is not None
@@ -99,7 +101,7 @@ def _parts_of(luma: NDArray[np.uint8]) -> _Parts:
 
 
 def _surface(parts: _Parts, values: Array, shape: tuple[int, ...]) -> Array:
-    """A polynomial through the parts' values, over the whole picture; never under half of the least."""
+    """Polynomial through the parts' values over the whole picture; never below half of the least."""
     mean = values.mean()
     along_x, along_y = _powers(parts.x), _powers(parts.y)
     terms = [(i, j) for i in range(DEGREE + 1) for j in range(DEGREE + 1) if i + j <= DEGREE]
@@ -116,15 +118,15 @@ def _surface(parts: _Parts, values: Array, shape: tuple[int, ...]) -> Array:
 
 
 def _powers(t: Array) -> list[Array]:
-    """Legendre's polynomials up to `DEGREE`."""
+    """Legendre polynomials up to `DEGREE`."""
     return [np.polynomial.Legendre.basis(degree)(t) for degree in range(DEGREE + 1)]
 
 
 def with_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:
-    """The rule for targets of the size that a field shows: discs of the area above half the contrast.
+    """Adapt a rule to the target size seen in a field: discs of the area above half the contrast.
 
     Raises:
-        MeasurementError: no targets stand out.
+        MeasurementError: No targets stand out.
     """
     histogram = np.bincount(field.luma.ravel(), minlength=256)
     background = background_of(histogram)
@@ -135,7 +137,7 @@ def with_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:
     large = diameter[diameter >= LEAST_DIAMETER_PX]
     if not large.size:
         raise MeasurementError(
-            f"{len(diameter)} blobs are seen, none of them {LEAST_DIAMETER_PX:.0f} px wide",
+            f"none of the {len(diameter)} blobs seen is {LEAST_DIAMETER_PX:.0f} px wide",
             "look at the preview: light, focus; or set a fixed threshold",
         )
     median = np.median(large)

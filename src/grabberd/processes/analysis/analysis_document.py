@@ -1,4 +1,4 @@
-"""An analysis as one JSON document, which its report is drawn from and which the page shows."""
+"""An analysis as one JSON document, the source of its report and of the page."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -8,20 +8,21 @@ from numpy.typing import NDArray
 
 from grabberd.analysis import Phases
 from grabberd.processes.analysis.analyse import Analysis
-from grabberd.processes.analysis.tables import AnalysisTables, Table
+from grabberd.processes.analysis.tables import AnalysisTables
+from grabberd.processes.columns import Table, json_values
 
 SCHEMA = "grabberd/analysis-report/1"
 WHOLE = ("summary", "fields", "sections", "phases", "phase_sections", "cycles", "gaps")
-"""Tables that are in the document; the others have a row for each target, and are files of their own."""
+"""Tables in the document; those with a row for each target, triangle or edge are separate files."""
 GRID = ("target", "row", "column", "u_mm", "v_mm", "triangles")
-"""What is told of the target grid; a triangle's corners are places in `target`, counted from 0."""
+"""Attributes of the target grid in the document; a triangle's corners are indices into `target`."""
 
 _WALL_PHASES = {"a": "opening", "b": "open", "c": "closing", "d": "closed"}
 _STATES = 4
 
 
 class _Chosen(NamedTuple):
-    """A state whose maps are in the document: `key` column of the `table` with that value."""
+    """A state whose targets are in the document: the rows of `table` whose column `key` has that value."""
 
     name: str
     table: str
@@ -33,10 +34,10 @@ def analysis_document(analysis: Analysis, tables: AnalysisTables, about: Mapping
     """The document: inputs, problems, tables, and the targets of four states.
 
     Args:
-        analysis: as it was made.
-        tables: of it.
-        about: id (the capture's), created_utc, version, and what else is known of the origin: run, device,
-            captured_utc, bits, note, object, calibration, bursts, and sources, by the name of an input.
+        analysis: Analysis.
+        tables: Its tables.
+        about: Its origin: id (the capture's), created_utc, version, run, device, captured_utc, bits, note,
+            object, calibration, bursts, and sources by the name of an input.
     """
     return {
         "schema": SCHEMA,
@@ -52,7 +53,7 @@ def analysis_document(analysis: Analysis, tables: AnalysisTables, about: Mapping
 
 
 def table_document(table: Table, rows: NDArray[Any] | None = None) -> dict[str, Any]:
-    """A table, or some rows of it; numbers that are not known are null."""
+    """A table, or some rows of it; unknown numbers are null."""
     use = slice(None) if rows is None else rows
     return {
         "meaning": table.meaning,
@@ -61,20 +62,11 @@ def table_document(table: Table, rows: NDArray[Any] | None = None) -> dict[str, 
                 "name": column.name,
                 "unit": column.unit,
                 "meaning": column.meaning,
-                "values": listed(column.values[use]),
+                "values": json_values(table.column(column.name)[use]),
             }
             for column in table.columns
         ],
     }
-
-
-def listed(values: NDArray[Any]) -> list[Any]:
-    """A column's values as JSON and CSV have them: None where there is no number."""
-    if values.dtype.kind != "f":
-        return [*map(str, values)] if values.dtype.kind in "UO" else values.tolist()
-    shown = values.astype(object)
-    shown[~np.isfinite(values)] = None
-    return list(shown.tolist())
 
 
 def _inputs(analysis: Analysis, sources: Mapping[str, str]) -> dict[str, Any]:
@@ -90,13 +82,13 @@ def _inputs(analysis: Analysis, sources: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _without_log(given: Mapping[str, Any]) -> dict[str, Any]:
-    """A logger's file is said to be there; its curve is in the tables."""
+    """The inputs with a summary in place of a logger's file, whose curve is in the tables."""
     vacuum = given.get("vacuum")
     if not isinstance(vacuum, Mapping) or not isinstance(vacuum.get("log"), str):
         return dict(given)
     lines = vacuum["log"].splitlines()
-    said = f"{len(lines)} lines, the first of them: {lines[0] if lines else ''}"
-    return {**given, "vacuum": {**vacuum, "log": said}}
+    summary = f"{len(lines)} lines, the first of them: {lines[0] if lines else ''}"
+    return {**given, "vacuum": {**vacuum, "log": summary}}
 
 
 def _wall_phases(analysis: Analysis) -> Phases | None:
@@ -117,7 +109,7 @@ def _bounds(analysis: Analysis) -> list[dict[str, Any]] | None:
 
 
 def _chosen(analysis: Analysis) -> list[_Chosen]:
-    """The middle of each wall phase; without phases, fields spread evenly over the capture."""
+    """The middle of each wall phase; without phases, fields spaced evenly over the capture."""
     bounds = _bounds(analysis)
     if bounds and len(analysis.phase):
         return [_in_the_middle(analysis, bound) for bound in bounds]

@@ -27,7 +27,7 @@ from grabberd.geometry import Reading
 
 KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "free_rows")
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
-_HINT = "mend these inputs; docs/howto/analyse.md has all of them"
+_HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 _MOST_PHASES = 200
 DEFAULT_PHASES = 24
 _OTHERS = (

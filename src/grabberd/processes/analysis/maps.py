@@ -1,4 +1,4 @@
-"""The maps of an analysis one by one, as the page asks for them: the columns of the targets in one state."""
+"""The maps of an analysis, as the page requests them: the columns of the targets in one state."""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -7,15 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis import Grid
-from grabberd.processes.analysis.analysis_document import listed
-from grabberd.processes.analysis.tables import AnalysisTables, Table
+from grabberd.processes.analysis.tables import AnalysisTables
+from grabberd.processes.columns import Table, json_values
 
 _KINDS = (("field", "targets", "n"), ("phase", "phase_targets", "phase"))
 _DIGITS = 6
 
 
 class TargetMap(NamedTuple):
-    """One state: `kind` is `field` or `phase`, `value` the field's number or the phase."""
+    """The columns of one state.
+
+    Attributes:
+        kind: `field` or `phase`.
+        value: Number of the field, or phase.
+        columns: Values at the targets by column name.
+    """
 
     kind: str
     value: float
@@ -23,7 +29,7 @@ class TargetMap(NamedTuple):
 
 
 def target_maps(tables: AnalysisTables, grid: Grid) -> Iterator[TargetMap]:
-    """The maps of all fields, then of all phases; numbers to six digits."""
+    """The maps of all fields, then those of all phases; numbers have six digits."""
     for kind, name, key in _KINDS:
         table = tables[name]
         for first in range(0, len(table), len(grid)):
@@ -38,14 +44,14 @@ def map_units(tables: AnalysisTables) -> dict[str, str]:
 
 def _columns(table: Table, rows: slice, key: str) -> dict[str, list[Any]]:
     return {
-        column.name: listed(_rounded(column.values[rows]))
+        column.name: json_values(_rounded(table.column(column.name)[rows]))
         for column in table.columns
         if column.name not in (key, "time_s")
     }
 
 
 def _rounded(values: NDArray[Any]) -> NDArray[Any]:
-    """To six significant digits."""
+    """Rounds to six significant digits."""
     if values.dtype.kind != "f":
         return values
     size = np.where(np.isfinite(values) & (values != 0), np.abs(values), 1.0)

@@ -58,23 +58,23 @@ class Problems:
         """
         of_states = (
             f"{_some(sorted(names, key=self._states.__getitem__))}: {words}"
-            for words, names in _together(self._of_states).items()
+            for words, names in _merged_by_kind(self._of_states).items()
         )
         return (*dict.fromkeys(self._of_whole), *of_states)
 
 
-def _together(problems: Mapping[str, list[str]]) -> dict[str, list[str]]:
+def _merged_by_kind(problems: Mapping[str, list[str]]) -> dict[str, list[str]]:
     alike: dict[str, list[str]] = {}
     for words in problems:
         alike.setdefault(words.partition(_TARGETS)[0], []).append(words)
-    together = {}
+    merged = {}
     for head, members in alike.items():
         if len(members) > _ALIKE and all(_TARGETS in words for words in members):
             names = [name for words in members for name in problems[words]]
-            together[f"{head}{_TARGETS}{_counted(problems, members)}"] = names
+            merged[f"{head}{_TARGETS}{_counted(problems, members)}"] = names
         else:
-            together |= {words: problems[words] for words in members}
-    return together
+            merged |= {words: problems[words] for words in members}
+    return merged
 
 
 def _counted(problems: Mapping[str, list[str]], members: Sequence[str]) -> str:

@@ -1,4 +1,4 @@
-"""Strain of the triangles and edges between targets, field by field, as tables."""
+"""Tables of the strain of triangles and edges between targets, field by field."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,11 +27,13 @@ Array = NDArray[np.float64]
 
 
 def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
-    """The values of `triangles` and `edges`; no rows without a reference, or where it shares no targets.
+    """Values of the tables `triangles` and `edges`.
+
+    They have no rows without a reference state, nor for fields that share no targets with it.
 
     Args:
-        analysis: of the capture.
-        keys: (F,) what says which field a row is of.
+        analysis: Analysis of the capture.
+        keys: (F,) key columns of the fields.
     """
     triangles, edges = _strains(analysis)
     grid = analysis.grid
@@ -69,13 +71,13 @@ def _strains(analysis: Analysis) -> tuple[dict[int, TriangleStrain], dict[int, E
         try:
             triangles[at] = triangle_strain(grid, places, reference)
             edges[at] = edge_strain(grid, places, reference)
-        except AnalysisError:  # nothing of it is in the reference: no rows say so
+        except AnalysisError:  # it shares no targets with the reference state
             continue
     return triangles, edges
 
 
 def _depth_mm(analysis: Analysis) -> Array:
-    """From the targets' face to that of which the strain is."""
+    """(N,) depth of the face whose strain is meant, from the targets' face."""
     grid, zones = analysis.grid, analysis.inputs.zones
     return wall_at(zones, grid.u_mm).depth_mm if zones else np.zeros(len(grid))
 

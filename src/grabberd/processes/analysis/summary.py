@@ -1,4 +1,4 @@
-"""The one row that sums an analysis up, and the gaps of its capture."""
+"""Values of the summary of an analysis, and of the gaps of its capture."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ _PHASES = "abcd"
 
 
 def summary_values(analysis: Analysis) -> dict[str, Any]:
-    """Values by column name; NaN where unknown."""
+    """Values of the table `summary` by column name; NaN where unknown."""
     cycle, touch = analysis.cycle, analysis.touch
     offset = analysis.source.offset if analysis.source else None
     return {
@@ -65,7 +65,7 @@ def _phases(before: str, phases: Phases | None) -> dict[str, Estimate]:
 
 
 def gap_values(analysis: Analysis) -> dict[str, NDArray[np.int64]]:
-    """Fields without points, between those that have some."""
+    """Values of the table `gaps`: fields without points between others that have some."""
     n = analysis.numbers
     missing = np.diff(n) - 1
     at = np.flatnonzero(missing)

@@ -1,4 +1,4 @@
-"""An analysis as tables: columns of numbers with names, units and meanings, as they leave the program."""
+"""The tables of an analysis: one row for each field, phase, target, section, cycle, gap, triangle or edge."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -8,46 +8,23 @@ from numpy.typing import NDArray
 
 from grabberd.analysis import ChamberVacuum, Estimate, PressureMap, Section, since_touch
 from grabberd.processes.analysis.analyse import Analysis
-from grabberd.processes.analysis.columns import TABLES, Definition
+from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.analysis.strain_tables import strain_tables
 from grabberd.processes.analysis.summary import gap_values, summary_values
 from grabberd.processes.analysis.wall_state import WallState
+from grabberd.processes.columns import Table, make_table
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
-"""By the name of a column: an array, or an estimate where the column is measured."""
-
-
-class Column(NamedTuple):
-    """One column: numbers (NaN where there is none) or words, all tables' rows long."""
-
-    name: str
-    unit: str
-    meaning: str
-    values: NDArray[Any]
-
-
-class Table(NamedTuple):
-    """One table."""
-
-    name: str
-    meaning: str
-    columns: tuple[Column, ...]
-
-    def __len__(self) -> int:
-        return len(self.columns[0].values)
-
-    def column(self, name: str) -> NDArray[Any]:
-        """The values of one column."""
-        return next(column.values for column in self.columns if column.name == name)
+"""By column name: an array, or an estimate where the column is measured."""
 
 
 AnalysisTables = Mapping[str, Table]
-"""By name, in the order of `TABLES`; docs/reference/analysis.md says what each has."""
+"""By name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
 
 
 def tables(analysis: Analysis) -> AnalysisTables:
-    """All tables of an analysis; those of what there is not have no rows."""
+    """All tables of an analysis; a table of something that was not found has no rows."""
     fields = _Series(analysis.states, _field_keys(analysis), analysis.vacuum)
     phases = _Series(analysis.phases, {"phase": analysis.phase}, analysis.phase_vacuum)
     since = {"since_touch_kpa": _since(analysis, fields)}
@@ -63,27 +40,11 @@ def tables(analysis: Analysis) -> AnalysisTables:
         "gaps": gap_values(analysis),
         **strain_tables(analysis, fields.keys),
     }
-    return {name: _table(name, values[name]) for name in TABLES}
-
-
-def _table(name: str, values: Values) -> Table:
-    definition = TABLES[name]
-    columns = [
-        column for one in (*definition.key, *definition.values) for column in _columns(one, values[one.name])
-    ]
-    return Table(name, definition.meaning, tuple(columns))
-
-
-def _columns(definition: Definition, values: Any) -> list[Column]:
-    parts = values if definition.measured else (values,)
-    return [
-        Column(one.name, one.unit, one.meaning, np.atleast_1d(part).ravel())
-        for one, part in zip(definition.columns(), parts, strict=True)
-    ]
+    return {name: make_table(name, spec, values[name]) for name, spec in TABLES.items()}
 
 
 class _Series(NamedTuple):
-    """States of the fields or of the phases, with what says which they are, and the vacuum of each."""
+    """States of the fields or of the phases, with their key columns and the vacuum of each."""
 
     states: tuple[WallState, ...]
     keys: dict[str, NDArray[Any]]
@@ -94,7 +55,7 @@ class _Series(NamedTuple):
         return [state.pressure for state in self.states]
 
     def repeated(self, counts: int | Sequence[int]) -> dict[str, NDArray[Any]]:
-        """The keys, each as often as its state has rows."""
+        """The keys, repeated for the rows of each state."""
         return {name: np.repeat(values, counts) for name, values in self.keys.items()}
 
 
@@ -115,13 +76,13 @@ def _of_fields(analysis: Analysis, fields: _Series) -> dict[str, Any]:
 
 
 def _movement(analysis: Analysis, time_s: Array) -> Estimate:
-    """At these times; NaN where it is not known."""
+    """The movement at these times; NaN where it is unknown."""
     known = analysis.movement
     if known is None:
         return _none(len(time_s))
-    place = np.minimum(np.searchsorted(known.time_s, time_s), len(known.time_s) - 1)
-    there = known.time_s[place] == time_s
-    return Estimate(*(np.where(there, part[place], np.nan) for part in (known.value_mm, known.sigma_mm)))
+    index = np.minimum(np.searchsorted(known.time_s, time_s), len(known.time_s) - 1)
+    there = known.time_s[index] == time_s
+    return Estimate(*(np.where(there, part[index], np.nan) for part in (known.value_mm, known.sigma_mm)))
 
 
 def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str, Any]:
@@ -133,9 +94,9 @@ def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str,
         "volume_mm3": _each([state.volume_mm3 for state in states]),
         **_vacuum(series),
         "mean_contact_kpa": _each([_mean_contact(one) for one in maps]),
-        "greatest_contact_kpa": _each([_at(one, place) for one, place in zip(maps, greatest, strict=True)]),
+        "greatest_contact_kpa": _each([_at(one, index) for one, index in zip(maps, greatest, strict=True)]),
         "greatest_contact_target": np.array(
-            [np.nan if place is None else analysis.grid.target[place] for place in greatest]
+            [np.nan if index is None else analysis.grid.target[index] for index in greatest]
         ),
         "determined": np.array([int(one.usable.sum()) if one else 0 for one in maps], np.int64),
         "free_residual_kpa": _each([one and one.residual_kpa for one in free]),
@@ -145,7 +106,7 @@ def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str,
 
 
 def _vacuum(series: _Series) -> dict[str, Estimate]:
-    """σ of the clocks' offset is in it, by how fast the vacuum changes."""
+    """The vacuum; its σ includes that of the clocks' offset, multiplied by the slope of the vacuum."""
     if not series.vacuum:
         return {f"{name}_vacuum_kpa": _none(len(series.states)) for name in ("pulsation", "liner")}
     known = {name: np.array([getattr(one, name) for one in series.vacuum]) for name in ChamberVacuum._fields}
@@ -159,10 +120,12 @@ def _vacuum(series: _Series) -> dict[str, Estimate]:
 
 
 def _mean_contact(one: PressureMap | None) -> Estimate | None:
-    """Places share points: their own parts of σ are taken for wholly dependent, no less than the truth's."""
+    """Mean over the targets where the pressure is determined."""
     if one is None or not one.usable.any():
         return None
     use = one.usable
+    # Neighbouring targets share points, so the points' parts of their σ are neither independent nor known to
+    # depend on each other by how much: they are averaged as if wholly dependent, which is never too small.
     common = one.shares.common_kpa[:, use].mean(axis=1)
     sigma = np.sqrt(one.shares.points_kpa[use].mean() ** 2 + (common**2).sum())
     return Estimate(one.contact_kpa.value[use].mean(), sigma)
@@ -174,10 +137,10 @@ def _greatest(one: PressureMap | None) -> int | None:
     return int(np.argmax(np.where(one.usable, one.contact_kpa.value, -np.inf)))
 
 
-def _at(one: PressureMap | None, place: int | None) -> Estimate | None:
-    if one is None or place is None:
+def _at(one: PressureMap | None, index: int | None) -> Estimate | None:
+    if one is None or index is None:
         return None
-    return Estimate(one.contact_kpa.value[place], one.contact_kpa.sigma[place])
+    return Estimate(one.contact_kpa.value[index], one.contact_kpa.sigma[index])
 
 
 def _sections(series: _Series) -> dict[str, Any]:
@@ -220,18 +183,18 @@ def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
         "tension2_n_per_m": tension2,
         "contact_kpa": _stacked([one and _usable(one, one.contact_kpa) for one in maps], count)[0],
         "overpressure_kpa": _stacked([one and _usable(one, one.overpressure_kpa) for one in maps], count)[0],
-        "wall_kpa": _places([one and (one, one.wall_kpa) for one in maps], count),
-        "points_sigma_kpa": _places([one and (one, one.shares.points_kpa) for one in maps], count),
+        "wall_kpa": _determined([one and (one, one.wall_kpa) for one in maps], count),
+        "points_sigma_kpa": _determined([one and (one, one.shares.points_kpa) for one in maps], count),
         "reason": np.array([reason for one in maps for reason in (one.reason if one else ("",) * count)]),
     }
 
 
 def _usable(one: PressureMap, pressure: Estimate) -> Estimate:
-    """A place that has a reason to say nothing says nothing."""
+    """The pressure where it is determined; NaN at targets that have a reason against it."""
     return Estimate(*(np.where(one.usable, part, np.nan) for part in pressure))
 
 
-def _places(parts: Sequence[tuple[PressureMap, Array] | None], count: int) -> Array:
+def _determined(parts: Sequence[tuple[PressureMap, Array] | None], count: int) -> Array:
     empty = np.full(count, np.nan)
     return _rows([np.where(part[0].usable, part[1], np.nan) if part else empty for part in parts])
 
@@ -255,7 +218,7 @@ def _none(count: int) -> Estimate:
 
 
 def _each(estimates: Sequence[Estimate | None]) -> Estimate:
-    """(S,) of single values."""
+    """(S,) estimate made of single ones."""
     rows = [(np.nan, np.nan) if one is None else (float(one.value), float(one.sigma)) for one in estimates]
     return Estimate(*np.array(rows).reshape(-1, 2).T)
 

@@ -9,8 +9,8 @@ from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.wall_state import Question, WallState, wall_states
 from grabberd.reconstruction import Points
 
-_TOGETHER = 8
-"""Fields that are looked at together: more are no quicker."""
+_BATCH = 8
+"""Fields evaluated in one batch; larger batches are no faster."""
 
 Note = Callable[[str, Iterable[str]], None]
 
@@ -37,8 +37,8 @@ class WallSeries:
     ) -> list[tuple[int, WallState]]:
         """States of the points that determine a surface, with their indices in the series."""
         found: list[tuple[int, WallState]] = []
-        for start in range(0, len(points), _TOGETHER):
-            some = range(start, min(start + _TOGETHER, len(points)))
+        for start in range(0, len(points), _BATCH):
+            some = range(start, min(start + _BATCH, len(points)))
             fitted = [(k, self._surface(points[k], names[k])) for k in some]
             made = {k: surface for k, surface in fitted if surface}
             chambers = [vacuum[k] for k in made] if vacuum else ()

@@ -192,20 +192,20 @@ def _masked(estimate: Estimate, within: NDArray[np.bool_]) -> Estimate:
 def _of_the_wall(surfaces: Sequence[Surface], question: Question) -> list[_OfTheWall]:
     """Curvature, strain and tension at once: they share the forms, which are most of the work."""
     wall, others = _walls(question)
-    together = _against(surfaces, question, lambda now, then: _values(question, wall, now, then))
-    parts = [_parts(Estimate(*one)) for one in zip(*together, strict=True)]
+    stacked = _against(surfaces, question, lambda now, then: _values(question, wall, now, then))
+    parts = [_parts(Estimate(*one)) for one in zip(*stacked, strict=True)]
     if question.reference is None or wall is None:
         return parts
     now = np.stack([surface.jets(*question.places) for surface in surfaces])
     then = _reference_jets(question)[np.newaxis]
-    shares = [_values(question, other, now, then)[..., 4:] - together.value[..., 4:] for other in others]
-    material = sum((share**2 for share in shares), np.zeros_like(together.value[..., 4:]))
+    shares = [_values(question, other, now, then)[..., 4:] - stacked.value[..., 4:] for other in others]
+    material = sum((share**2 for share in shares), np.zeros_like(stacked.value[..., 4:]))
     return [_with_material(part, more) for part, more in zip(parts, material, strict=True)]
 
 
-def _parts(together: Estimate) -> _OfTheWall:
+def _parts(stacked: Estimate) -> _OfTheWall:
     """(N, 2 to 6) parted by twos; what is not there is None."""
-    pairs = [Estimate(*(part[:, k : k + 2] for part in together)) for k in (0, 2, 4)]
+    pairs = [Estimate(*(part[:, k : k + 2] for part in stacked)) for k in (0, 2, 4)]
     return _OfTheWall(pairs[0], *(pair if pair.value.size else None for pair in pairs[1:]))
 
 

@@ -16,7 +16,7 @@ from grabberd.processes.calibration.calibrate import located
 from grabberd.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
 from grabberd.reconstruction.accuracy.accuracy import Axes
 from grabberd.reconstruction.accuracy.parallax import parallax
-from grabberd.reconstruction.accuracy.rigid import RigidMotion, rigid_motion
+from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion, rigid_motion
 
 Array = NDArray[np.float64]
 

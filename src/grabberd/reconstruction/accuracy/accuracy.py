@@ -1,4 +1,4 @@
-"""Measured points against the truth: the paper's Table 1."""
+"""Accuracy of measured points against the truth: the paper's Table 1."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -7,19 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
-from grabberd.reconstruction.accuracy.comparison import Coordinates, Truth
-from grabberd.reconstruction.accuracy.rigid import RigidMotion, rigid_motion
+from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth
+from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion, rigid_motion
 
 Array = NDArray[np.float64]
 
 WRONG_BEYOND_MM = 2.0
-"""A point farther from its target than this has another target's id; the pitch is 6.5 mm."""
+"""Distance from its target beyond which a point has another target's id; the pitch is 6.5 mm."""
 LEAST_RIGHT = 0.2
-"""Of the points: with fewer, truth and points do not belong together."""
+"""Share of points near their target below which truth and points do not belong together."""
 
 
 class Axes(NamedTuple):
-    """A number for each axis and for all three together: xyz² = x² + y² + z²."""
+    """One number per axis, and one for all three combined: xyz² = x² + y² + z²."""
 
     x_mm: float
     y_mm: float
@@ -28,7 +28,7 @@ class Axes(NamedTuple):
 
     @classmethod
     def of(cls, variance_mm2: Array) -> "Axes":
-        """From the variances of X, Y and Z (3,)."""
+        """Take the square roots of the variances (3,) of X, Y and Z."""
         x, y, z = np.sqrt(variance_mm2).tolist()
         return cls(x, y, z, float(np.sqrt(variance_mm2.sum())))
 
@@ -40,18 +40,18 @@ PAPER_PRECISION = Axes(0.051, 0.035, 0.135, 0.148)
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
-    """What Table 1 of the paper says, and what was found at all.
+    """The numbers of the paper's Table 1, with counts of points found, missing and wrong.
 
     Attributes:
-        fields: fields compared.
-        matched: points that are within `WRONG_BEYOND_MM` of their target's true place.
-        missing: expected targets, counted in every field, that have no point.
-        wrong: points farther away: somebody else's id; they are in no other number.
-        unknown: points of targets that the truth does not have.
-        rmse: root mean square of the matched points' errors.
-        precision: standard deviation of repeated measurements of one target, pooled over all; None where the
+        fields: Number of fields compared.
+        matched: Number of points within `WRONG_BEYOND_MM` of their target's true position.
+        missing: Number of expected targets without a point, counted in every field.
+        wrong: Number of points farther away, which carry another target's id and count nowhere else.
+        unknown: Number of points of targets that the truth does not contain.
+        rmse: Root mean square of the matched points' errors.
+        precision: Standard deviation of repeated measurements of one target, pooled over all; None if the
             object moves or no target was measured twice.
-        fitted: the rigid motion of the points onto the truth before they were compared, or None.
+        fitted: Rigid motion applied to the points before the comparison, or None.
     """
 
     fields: int
@@ -65,15 +65,15 @@ class Accuracy:
 
 
 def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accuracy:
-    """Compares points with the truth, as they are or after one rigid motion of all fields; never scaled.
+    """Compare points with the truth, as they are or after one rigid motion of all fields; never scaled.
 
     Raises:
-        MeasurementError: not one point could be matched, or the points determine no rigid motion.
+        MeasurementError: No or too few points match, or the points do not determine a rigid motion.
     """
     if not len(measured.n):
         raise MeasurementError(
             f"there is no point in {len(measured.fields)} fields",
-            "check that calibration and object model belong to the rig and the object of this capture",
+            "check that calibration and object model belong to this capture's rig and object",
         )
     rows = truth.in_fields(measured.fields)
     row, known = rows.row_of(measured.n, measured.target)
@@ -107,21 +107,21 @@ def _right(error: Array) -> NDArray[np.bool_]:
 
 
 def _fitted(places: Array, true: Array) -> RigidMotion:
-    """The motion of all points onto their true places, then of those that it brings there."""
+    """Rigid motion of all points onto the truth, repeated with those that it brings there."""
     first = rigid_motion(places, true)
     right = _right(first.apply(places) - true)
     return rigid_motion(places[right], true[right]) if right.any() else first
 
 
 def pooled_variance(group: NDArray[np.generic], values: Array) -> tuple[Array, int]:
-    """Variance about each group's own mean, pooled, and its degrees of freedom: one less for every group.
+    """Pool the variance about each group's own mean; each group costs one degree of freedom.
 
     Args:
-        group: (K,) which group a row belongs to.
+        group: (K,) group of each row.
         values: (K, C).
 
     Returns:
-        (C,) variance, NaN where nothing was measured twice, and the degrees of freedom.
+        (C,) variance, NaN if nothing was measured twice, and the degrees of freedom.
     """
     _, index, count = np.unique(group, return_inverse=True, return_counts=True)
     freedom = int((count - 1).sum())

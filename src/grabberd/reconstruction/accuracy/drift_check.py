@@ -1,8 +1,8 @@
-"""Whether camera or mirrors have moved since the calibration: the parallax of all targets over some seconds.
+"""Drift check: detection of camera or mirror movement since calibration, from the targets' parallax.
 
-A rig that has moved gives the targets parallaxes that change smoothly over the picture, as a changed relative
-orientation of two pictures does. So a smooth pattern of five terms is fitted to the targets' medians, and is
-held against what pointing, mirrors and calibration lead one to expect of it.
+If the rig has moved, the parallax changes smoothly over the picture, as for a changed relative orientation of
+two pictures. So a smooth pattern of five terms is fitted to the targets' medians over half a second, and
+compared with the size expected from pointing, mirrors and calibration.
 """
 
 from dataclasses import dataclass
@@ -20,44 +20,46 @@ from grabberd.reconstruction.points import Points
 Array = NDArray[np.float64]
 
 WINDOW = 25
-"""Fields that are looked at together."""
+"""Number of fields evaluated together: half a second."""
 LEAST_FIELDS, LEAST_TARGETS = 5, 8
 UNMODELLED_PX = 0.1
-"""Of one target's parallax: local errors of the mirrors, and of pointing at a target at rest."""
+"""σ of one target's parallax from local mirror errors, and from pointing at a target at rest."""
 LARGEST_PX = 5.0
-"""A pattern's terms are of this size at most."""
+"""Prior σ of a pattern's terms."""
 DOUBTFUL_RATIO, DOUBTFUL_PX = 2.5, 0.15
 MOVED_RATIO, MOVED_PX = 4.0, 0.25
-"""Both are to be exceeded: what is significant but small harms nobody."""
+"""Both limits of a verdict must be exceeded: what is significant but small does no harm."""
 _TERMS = 5
 _HALF_WIDTH_PX, _HALF_HEIGHT_PX = 100.0, 200.0
 _TUKEY = 4.7
+"""Tukey's biweight constant: 95 % efficient for normal errors."""
 _ROUNDS = 4
 
 
 class RigVerdict(StrEnum):
-    """Whether the rig still is as it was calibrated."""
+    """Agreement of the rig with its calibration."""
 
     FITS = "fits"
     DOUBTFUL = "doubtful"
     MOVED = "moved"
     UNMATCHED = "unmatched"
-    """Targets are seen in both views, but next to none of them is the object's by this calibration."""
+    """Targets are seen in both views, but this calibration identifies almost none of them."""
     UNKNOWN = "unknown"
 
 
 @dataclass(frozen=True, slots=True)
 class RigFit:
-    """How well pictures and calibration agree.
+    """Agreement of pictures and calibration.
 
     Attributes:
-        verdict: in a word.
-        shift_px: root mean square of the smooth pattern over the targets: by how much the views have moved
-            against each other, across the epipolar lines; NaN where it is unknown.
-        sigma_px: what it is expected to be on a rig that has not moved.
-        ratio: root mean square of the pattern's terms in units of their σ; 1 on a rig that has not moved.
-        residual_px: (2, 2) root mean square of the images' residuals: view, (x, y).
-        targets: that it rests on; `fields`: of these.
+        verdict: Verdict in one word.
+        shift_px: Root mean square of the smooth pattern over the targets: movement of the views against each
+            other across the epipolar lines; NaN if unknown.
+        sigma_px: Its expected size on a rig that has not moved.
+        ratio: Root mean square of the pattern's terms in units of σ; 1 on a rig that has not moved.
+        residual_px: (2, 2) root mean square of the image residuals: view, (x, y).
+        targets: Number of targets used.
+        fields: Number of fields used.
     """
 
     verdict: RigVerdict
@@ -76,7 +78,7 @@ class _Pattern(NamedTuple):
 
 
 class DriftCheck:
-    """The last `WINDOW` fields' parallaxes of one object before one rig."""
+    """Parallaxes of one object seen by one rig, over the last `WINDOW` fields."""
 
     def __init__(self, rig: Rig, model: ObjectModel) -> None:
         self._rig = rig
@@ -87,7 +89,7 @@ class DriftCheck:
         self._fields = 0
 
     def add(self, points: Points) -> None:
-        """Takes one field's points, of which there may be none; one without a place is left out."""
+        """Add one field's points, possibly none; points without a position are ignored."""
         known = points.select(np.flatnonzero(np.isfinite(points.xyz_mm).all(axis=1)))
         row = self._fields % WINDOW
         self._fields += 1
@@ -101,7 +103,7 @@ class DriftCheck:
         self._squares_px2[row] = (residual * residual).mean(axis=0)
 
     def fit(self) -> RigFit:
-        """What these fields say."""
+        """Evaluate the fields added."""
         fields = min(self._fields, WINDOW)
         residual = _rms(self._squares_px2)
         seen = np.flatnonzero(np.isfinite(self._parallax_px).sum(axis=0) >= LEAST_FIELDS)
@@ -130,7 +132,7 @@ def _verdict(found: _Pattern) -> RigVerdict:
 
 
 def _medians(values: Array) -> tuple[Array, Array]:
-    """Of every column of (F, K) with gaps: its median, and that one's σ from the median deviation."""
+    """Median of every column of (F, K) with gaps, and its σ from the median absolute deviation."""
     count = np.isfinite(values).sum(axis=0)
     median = _median(values, count)
     spread = 1.4826 * _median(np.abs(values - median), count)
@@ -138,19 +140,21 @@ def _medians(values: Array) -> tuple[Array, Array]:
 
 
 def _median(values: Array, count: NDArray[np.intp]) -> Array:
-    """Of the `count` numbers in every column; sorting puts what is none behind them."""
+    """Median of the `count` numbers in every column; sorting puts NaN last."""
     middle: Array = np.sort(values, axis=0)[count // 2, np.arange(values.shape[1])]
     return middle
 
 
 def _terms(image_px: Array) -> Array:
-    """(K, 5) of places in the left view: what a changed relative orientation makes of the parallax."""
+    """(K, 5) terms at positions in the left view: effect of a changed relative orientation on the
+    parallax.
+    """
     x, y = ((image_px - image_px.mean(axis=0)) / (_HALF_WIDTH_PX, _HALF_HEIGHT_PX)).T
     return np.column_stack([np.ones_like(x), x, y, x * y, y * y])
 
 
 def _fitted(terms: Array, values: Array, sigma: Array) -> tuple[Array, Array]:
-    """Terms' sizes and their covariance, by weighted least squares without what lies far off (Tukey)."""
+    """Coefficients and their covariance, by least squares with Tukey's weights against outliers."""
     offset = values - np.sort(values)[len(values) // 2]
     fitted: Array = np.zeros(_TERMS)
     normal: Array = np.eye(_TERMS)

@@ -1,8 +1,9 @@
-"""What a target's two images contradict each other by: all that two views can say against their calibration.
+"""Parallax: the contradiction of a target's two images, the only evidence two views give on their
+calibration.
 
-Four image coordinates determine three of a point, and the one that is left over is its *parallax*: by how
-many frame lines the two images lie too high and too low across their epipolar lines. Whatever moves the
-images along these lines, or both of them alike, looks like a point at another place.
+Four image coordinates determine three coordinates of a point; the remaining one is its *parallax*, the number
+of frame lines by which the two images lie too high and too low across their epipolar lines. Anything that
+moves the images along these lines, or both alike, looks like a point at another position.
 """
 
 import numpy as np
@@ -15,12 +16,12 @@ Array = NDArray[np.float64]
 
 
 def parallax(rig: Rig, points: Points) -> tuple[Array, Array]:
-    """Parallax and image residuals of N points.
+    """Compute the parallax and image residuals of N points.
 
-    To first order it does not matter where on its rays the point is.
+    To first order, the position of the point along its rays does not matter.
 
     Returns:
-        (N,) parallax in frame lines, positive where the left image lies too low against the right one; and
+        (N,) parallax in frame lines, positive if the left image lies too low relative to the right one; and
         (N, 2, 2) observed minus computed image in px: point, view, (x, y).
     """
     computed, slopes = linearise(rig, points.xyz_mm)
@@ -29,7 +30,7 @@ def parallax(rig: Rig, points: Points) -> tuple[Array, Array]:
 
 
 def parallax_of_calibration(rig: Rig, xyz_mm: Array) -> Array:
-    """(N, K) how 1 σ of K independent errors of the calibration changes the parallax of points (N, 3)."""
+    """(N, K) change of the parallax of points (N, 3) by 1 σ of K independent calibration errors."""
     if rig.factor is None:
         return np.zeros((len(xyz_mm), 0))
     across = _across(linearise(rig, xyz_mm)[1])
@@ -39,10 +40,10 @@ def parallax_of_calibration(rig: Rig, xyz_mm: Array) -> Array:
 
 
 def _across(slopes: Array) -> Array:
-    """(2, 2, N) what every image coordinate adds to the parallax: no movement of the point changes it.
+    """(2, 2, N) weight of every image coordinate in the parallax, which no movement of the point changes.
 
     Args:
-        slopes: (2, 2, 3, N) of the image coordinates by X, Y, Z: coordinate, view.
+        slopes: (2, 2, 3, N) derivatives of the image coordinates by X, Y, Z: coordinate, view.
     """
     rows = slopes.transpose(3, 0, 1, 2).reshape(-1, 4, 3)
     of_three = -np.linalg.solve(rows[:, :3].swapaxes(1, 2), rows[:, 3, :, np.newaxis])[:, :, 0]

@@ -1,4 +1,4 @@
-"""The precision of pointing: how repeated image coordinates of targets at rest differ (paper 3.5)."""
+"""Pointing precision: scatter of repeated image coordinates of targets at rest (paper 3.5)."""
 
 from typing import NamedTuple
 
@@ -6,18 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.reconstruction.accuracy.accuracy import pooled_variance
-from grabberd.reconstruction.series import PointSeries
+from grabberd.reconstruction.point_series import PointSeries
 
 PAPER_PX = (0.170, 0.225)
-"""x and y, from 32 measurements of 108 targets on the calibration frame."""
+"""The paper's values in x and y, from 32 measurements of 108 targets on the calibration frame."""
 
 
 class PointingPrecision(NamedTuple):
     """Standard deviations in frame pixels, pooled over all targets.
 
     Attributes:
-        fields: measurements; `targets`: that were measured at least twice.
-        left_px: x, y in the left view; `right_px` in the right one; `both_px` of both views together.
+        fields: Number of measurements.
+        targets: Number of targets measured at least twice.
+        left_px: x, y in the left view.
+        right_px: x, y in the right view.
+        both_px: x, y in both views together.
     """
 
     fields: int
@@ -28,10 +31,10 @@ class PointingPrecision(NamedTuple):
 
 
 def pointing_precision(series: PointSeries) -> PointingPrecision | None:
-    """The paper's precision test, of an object at rest; None where no target was measured twice.
+    """Run the paper's precision test on an object at rest; None if no target was measured twice.
 
-    Fields of both parities count alike, so the errors of quantisation that differ between them are in it;
-    those that they have in common are not.
+    Fields of both parities count alike, so quantisation errors that differ between them are included; those
+    they share are not.
     """
     field, target = np.nonzero(series.seen)
     image = series.image_px[field, target].reshape(-1, 4)

@@ -1,14 +1,14 @@
-"""Which hypotheses agree with one another, because neighbouring targets move alike."""
+"""Agreement of hypotheses with one another, because neighbouring targets move alike."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.reconstruction.correspondence.displacement_field import Expected, Smoothness
 from grabberd.reconstruction.correspondence.hypotheses import Hypotheses
+from grabberd.reconstruction.correspondence.tiled_field import field_of
 from grabberd.reconstruction.object_model import ObjectModel
-from grabberd.reconstruction.tracking.displacement import Expected, Smoothness
-from grabberd.reconstruction.tracking.tiled_field import field_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -16,25 +16,28 @@ Mask = NDArray[np.bool_]
 
 _MOST_STARTS = 3
 _LEAST_SUPPORT = 3
+"""Neighbours that must agree with a hypothesis for growth to start from it."""
 _AROUND = 1.6
-"""Support comes from within this many pitches: the eight around a target of a square grid."""
+"""Distance of supporting neighbours in pitches: the eight around a target of a square grid."""
 _TORN = 1e6
+"""χ² of a hypothesis that would tear the grid: it is dropped before any other."""
 _SUREST_FIRST = (0.4, 0.6, 1.0)
-"""Shares of the trust: growth leaps over a gap only where nobody nearer is left."""
+"""Shares of `trust`, in order: growth crosses a gap only when no nearer target is left."""
 
 
 @dataclass(frozen=True, slots=True)
 class CorrespondenceSettings:
-    """What is believed, and how surely.
+    """Limits within which a correspondence is accepted.
 
     Attributes:
-        farthest_mm: no target is farther than this from its nominal place.
-        gate: a place is believed within this many standard deviations.
-        margin: the next best hypothesis must be worse by this much, as a difference of χ².
-        trust: a target is identified only where the others predict it better than this share of the pitch.
-        stretch: neighbours' distances differ from nominal by no more than this share.
-        unmodelled_px: what the calibration does not know of the picture (local errors of the mirrors).
-        smoothness: of the object's deformation.
+        farthest_mm: Greatest distance of a target from its nominal position.
+        gate: Greatest deviation from an expected position, in standard deviations.
+        margin: Difference of χ² by which the next best hypothesis must be worse.
+        trust: Share of the pitch to which the others must predict a target for it to be identified.
+        stretch: Greatest relative change of the distance between neighbours.
+        unmodelled_px: σ of picture errors that the calibration does not describe (local errors of the
+            mirrors).
+        smoothness: Smoothness of the object's deformation.
     """
 
     farthest_mm: float = 9.0
@@ -47,13 +50,13 @@ class CorrespondenceSettings:
 
 
 class Agreement:
-    """The judge over hypotheses of one object.
+    """Judges which hypotheses about one object are consistent.
 
     Attributes:
-        model: the object.
-        settings: what is believed.
-        field: the smooth field of the targets' displacements.
-        pitch_mm: median distance of neighbours; infinite where there are none.
+        model: The object.
+        settings: Limits of acceptance.
+        field: Smooth field of the targets' displacements.
+        pitch_mm: Median distance of neighbours; infinite if there are none.
     """
 
     def __init__(self, model: ObjectModel, settings: CorrespondenceSettings) -> None:
@@ -66,21 +69,21 @@ class Agreement:
 
     @property
     def pairs(self) -> tuple[Indices, Array]:
-        """(K, 2) indices of neighbours, and (K,) how far apart they nominally are in mm."""
+        """(K, 2) indices of neighbours, and (K,) their nominal distances in mm."""
         return self._neighbours, self._apart_mm
 
     def largest(self, known: Hypotheses) -> Indices:
-        """The most hypotheses that agree, found from the surest of them.
+        """Find the largest set of hypotheses that agree, growing from the most certain.
 
         Growth from one start explains most others; from those that it contradicts another growth may start,
         and the largest wins: a grid shifted by a pitch loses a row or a column.
 
         Args:
-            known: hypotheses, several of a target or a blob contradicting each other.
+            known: Hypotheses, of which several may contradict each other about a target or a blob.
 
         Returns:
-            (K,) indices, by ascending target, of hypotheses of different targets and blobs; empty where
-            nothing agrees.
+            (K,) indices, by ascending target, of hypotheses with distinct targets and blobs; empty if nothing
+            agrees.
         """
         best = np.empty(0, np.intp)
         starts = self._starts(known)
@@ -94,14 +97,14 @@ class Agreement:
         return np.sort(best)
 
     def consistent(self, known: Hypotheses, chosen: Indices) -> tuple[Indices, Expected]:
-        """The chosen hypotheses without those that the others contradict, the worst dropped first.
+        """Drop chosen hypotheses that the others contradict, the worst first.
 
         Args:
-            known: hypotheses.
-            chosen: (K,) indices of some of them, of different targets and blobs.
+            known: Hypotheses.
+            chosen: (K,) indices of some of them, with distinct targets and blobs.
 
         Returns:
-            indices of those that stay, and what they make of all targets.
+            Indices of those that remain, and the positions that they imply for all targets.
         """
         while True:
             expected = self._expected(known, chosen)
@@ -111,7 +114,7 @@ class Agreement:
             chosen = np.delete(chosen, far.argmax())
 
     def _starts(self, known: Hypotheses) -> Indices:
-        """Hypotheses to start from, the surest first: near the nominal place, and agreed to by neighbours."""
+        """Hypotheses to start from, the most certain first: near nominal, and supported by neighbours."""
         away = np.linalg.norm(known.displacement_mm, axis=1)
         near = np.flatnonzero(away <= 0.5 * self.pitch_mm)
         few = known.select(near)
@@ -124,7 +127,7 @@ class Agreement:
         return ranked
 
     def _agreeing(self, known: Hypotheses, start: Indices) -> Indices:
-        """The hypotheses that agree with a start and with one another: grown, checked, and grown again."""
+        """Hypotheses that agree with a start and with one another: grown, checked, and grown again."""
         allowed = np.ones(len(known), np.bool_)
         chosen = start
         while True:
@@ -135,7 +138,7 @@ class Agreement:
             allowed[np.setdiff1d(grown, chosen, assume_unique=True)] = False
 
     def _grown(self, known: Hypotheses, chosen: Indices, allowed: Mask) -> Indices:
-        """Wave by wave, whoever is predicted well enough by those that have been chosen; the surest first."""
+        """Add, wave by wave, hypotheses predicted well enough by the chosen ones; the most certain first."""
         while more := self._wave(known, chosen, allowed):
             chosen = np.append(chosen, more)
         return chosen
@@ -154,7 +157,7 @@ class Agreement:
         return []
 
     def _torn(self, known: Hypotheses, chosen: Indices) -> Mask:
-        """Which of the chosen are too near to a neighbour, or too far from it."""
+        """Mark chosen hypotheses that are too near to a neighbour or too far from it."""
         places = np.full_like(self.model.xyz_mm, np.nan)
         target = known.target[chosen]
         places[target] = self.model.xyz_mm[target] + known.displacement_mm[chosen]
@@ -172,7 +175,7 @@ class Agreement:
 
 
 def _far(known: Hypotheses, expected: Expected) -> Array:
-    """(H,) χ² of every hypothesis against what is expected of its target."""
+    """(H,) χ² of every hypothesis against the expected position of its target."""
     off = known.displacement_mm - expected.displacement_mm[known.target]
     variance = known.variance_mm2 + expected.sigma_mm[known.target, np.newaxis] ** 2
     far: Array = (off * off / variance).sum(axis=1)
@@ -180,7 +183,7 @@ def _far(known: Hypotheses, expected: Expected) -> Array:
 
 
 def _undoubted(known: Hypotheses, far: Array, free: Indices, margin: float) -> list[int]:
-    """The best hypotheses, where the next best of the same target is clearly worse; each blob once."""
+    """Best hypotheses whose runner-up for the same target is clearly worse; each blob once."""
     order = free[np.argsort(far[free], kind="stable")]
     best: dict[int, int] = {}
     doubtful: set[int] = set()
@@ -199,12 +202,12 @@ def _undoubted(known: Hypotheses, far: Array, free: Indices, margin: float) -> l
 
 
 def _worth(known: Hypotheses, chosen: Indices) -> tuple[int, float]:
-    """More targets are better, and as many with smaller displacements."""
+    """Rank by number of targets, then by smaller displacements."""
     return len(chosen), -float((known.displacement_mm[chosen] ** 2).sum())
 
 
 def _median(values: Array) -> float:
-    """Of three values or of four the second largest; np.median would import numpy.ma."""
+    """Upper median (of four values the second largest); np.median would import numpy.ma."""
     return float(np.sort(values)[len(values) // 2]) if len(values) else np.inf
 
 

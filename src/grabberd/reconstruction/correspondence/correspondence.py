@@ -1,9 +1,9 @@
-"""Which blob of the left view, and which of the right, is which target: prior knowledge decides (paper 3.7).
+"""Correspondence of blobs in the left and right view with targets, decided by prior knowledge (paper 3.7).
 
-On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. From the surest
-hypothesis the identification grows over the object: whoever has been identified says where the others must
-be, and how surely, because neighbours move alike. What stays doubtful is left out; a wrong target is worse
-than a missing one.
+On a regular grid the epipolar geometry alone is ambiguous, so the object model decides. Identification starts
+from the most certain hypothesis and grows over the object: targets already identified predict the others,
+with σ, because neighbours move alike. Doubtful targets are left out; a wrong target is worse than a missing
+one.
 """
 
 from dataclasses import dataclass, replace
@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from grabberd.geometry import Rig
 from grabberd.kernel import KERNEL, Kernel
 from grabberd.reconstruction.correspondence.agreement import Agreement, CorrespondenceSettings
+from grabberd.reconstruction.correspondence.compiled_search import Nearby
+from grabberd.reconstruction.correspondence.displacement_field import Expected
 from grabberd.reconstruction.correspondence.hypotheses import Hypotheses, hypotheses
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
+from grabberd.reconstruction.correspondence.prediction import Prediction
+from grabberd.reconstruction.correspondence.space_structs import takes
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.tracking.compiled import Nearby
-from grabberd.reconstruction.tracking.compiled_structs import takes
-from grabberd.reconstruction.tracking.displacement import Expected
-from grabberd.reconstruction.tracking.prediction import Prediction
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -34,12 +34,13 @@ class Sighting:
     """K targets found in one field, by ascending target.
 
     Attributes:
-        points: their points.
+        points: Their points.
         target: (K,) their indices in the object model.
-        left: (K,) indices of their blobs in the left view; `right` in the right one.
-        expected: what they make of all targets of the model.
-        settled: (M, 3) where all targets are, and (M,) standard deviations, where that is known already.
-        surprise: root mean square distance from the predicted places, in standard deviations; likewise.
+        left: (K,) indices of their blobs in the left view.
+        right: (K,) indices of their blobs in the right view.
+        expected: Prediction of all targets of the model from them.
+        settled: (M, 3) positions of all targets and (M,) standard deviations, if already computed.
+        surprise: Root mean square distance from the predicted positions, in standard deviations; likewise.
     """
 
     points: Points
@@ -55,14 +56,14 @@ class Sighting:
 
 
 class Correspondence:
-    """The correspondence of blobs and targets, for one object before one rig.
+    """Correspondence of blobs and targets, for one object seen by one rig.
 
     Attributes:
-        rig: left and right view.
-        model: the object.
-        noise: line jitter, and the scale at the object.
-        settings: what is believed.
-        agreement: the judge over hypotheses.
+        rig: Left and right view.
+        model: The object.
+        noise: Line jitter, and the scale at the object.
+        settings: Limits of acceptance.
+        agreement: Judge of hypotheses.
     """
 
     def __init__(
@@ -81,14 +82,14 @@ class Correspondence:
         self._nearby = Nearby(kernel, rig, self.agreement, noise) if kernel and takes(rig) else None
 
     def identify(self, left: ViewBlobs, right: ViewBlobs) -> Sighting:
-        """The targets that are seen in both views, whatever was seen before.
+        """Identify the targets seen in both views, independently of earlier fields.
 
         Args:
-            left: the blobs of the left view, targets and others, in any order.
-            right: those of the right view.
+            left: Blobs of the left view, targets and others, in any order.
+            right: Blobs of the right view.
 
         Returns:
-            whoever could be identified without doubt; nobody, where nothing agrees with the object model.
+            All targets identified beyond doubt; none if nothing agrees with the object model.
         """
         known = hypotheses(
             self.rig,
@@ -105,13 +106,13 @@ class Correspondence:
         return self.near(*self.expected_places(expected), left, right)
 
     def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
-        """The targets that are seen in both views near where they must be.
+        """Find the targets seen in both views near their expected positions.
 
         Args:
-            places_mm: (M, 3) where every target of the model must be.
-            sigma_mm: (M,) standard deviation of that in each coordinate.
-            left: the blobs of the left view, targets and others, in any order.
-            right: those of the right view.
+            places_mm: (M, 3) expected position of every target of the model.
+            sigma_mm: (M,) its standard deviation in each coordinate.
+            left: Blobs of the left view, targets and others, in any order.
+            right: Blobs of the right view.
         """
         if self._nearby is not None:
             return Sighting(*self._nearby.near(places_mm, sigma_mm, left, right))
@@ -121,11 +122,11 @@ class Correspondence:
         return self._sight(target, of_left[target], of_right[target], left, right, places_mm[target])
 
     def expected_places(self, expected: Expected) -> tuple[Array, Array]:
-        """Where targets must be (M, 3) in mm, and the standard deviation of that (M,)."""
+        """Expected positions (M, 3) in mm, and their standard deviations (M,)."""
         return self.model.xyz_mm + expected.displacement_mm, expected.sigma_mm
 
     def predict(self, places_mm: Array, sigma_mm: Array, sigma_px: Array | float) -> Prediction:
-        """The images of targets that must be at these places (M, 3)."""
+        """Predict the images of targets expected at these positions (M, 3)."""
         return Prediction.of(self.rig, places_mm, sigma_mm, sigma_px, self.settings.gate)
 
     def _sight(
@@ -137,7 +138,7 @@ class Correspondence:
         right: ViewBlobs,
         start_mm: Array | None = None,
     ) -> Sighting:
-        """The points of targets, without those whose rays disagree, or whose place does with the others."""
+        """Intersect targets, dropping those whose rays miss each other or that contradict the others."""
         left, right = left.select(of_left), right.select(of_right)
         points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
         blurring = self._blurring(left, right)
@@ -150,17 +151,17 @@ class Correspondence:
         return Sighting(points.select(chosen), target[chosen], of_left[chosen], of_right[chosen], expected)
 
     def _blurred(self, blobs: ViewBlobs) -> ViewBlobs:
-        """The blobs with all in their σ that their places may be wrong by."""
+        """Blobs with the unmodelled error included in their σ."""
         return replace(blobs, sigma_px=np.hypot(blobs.sigma_px, self.settings.unmodelled_px))
 
     def _blurring(self, left: ViewBlobs, right: ViewBlobs) -> Array:
-        """(N,) by how much what the calibration does not know enlarges the variance of N pairs."""
+        """(N,) factor by which the unmodelled error enlarges the variance of N pairs."""
         located = (left.sigma_px**2).sum(axis=1) + (right.sigma_px**2).sum(axis=1)
         blurring: Array = 1.0 + 4.0 * self.settings.unmodelled_px**2 / located
         return blurring
 
     def _typical_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
-        """(2, 2, 1) standard deviation of x and y in either view, the same for all its blobs."""
+        """(2, 2, 1) typical standard deviation of x and y in either view, common to all its blobs."""
         variance = [(view.sigma_px**2).sum(axis=0) / max(len(view), 1) for view in (left, right)]
         typical: Array = np.sqrt(np.array(variance) + self.settings.unmodelled_px**2).T
         return typical[:, :, np.newaxis]

@@ -1,4 +1,4 @@
-"""Which pairs of blobs may be which targets: what rays and object model allow, before anything is decided."""
+"""Hypotheses: pairs of blobs that may be a target, as far as rays and object model allow."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig, approach, rays
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -17,13 +17,14 @@ Indices = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypotheses:
-    """H hypotheses, by ascending target: this blob on the left and that on the right are this target.
+    """H hypotheses, by ascending target: a left and a right blob are the images of a target.
 
     Attributes:
         target: (H,) indices into the object model.
-        left: (H,) indices of blobs in the left view; `right` in the right one.
-        displacement_mm: (H, 3) where the blobs' rays meet, against the target's nominal place.
-        variance_mm2: (H, 3) of that place in X, Y and Z.
+        left: (H,) indices of blobs in the left view.
+        right: (H,) indices of blobs in the right view.
+        displacement_mm: (H, 3) meeting point of the blobs' rays, relative to the target's nominal position.
+        variance_mm2: (H, 3) variance of that point in X, Y and Z.
     """
 
     target: Indices
@@ -36,7 +37,7 @@ class Hypotheses:
         return len(self.target)
 
     def select(self, chosen: NDArray[np.bool_] | Indices) -> "Hypotheses":
-        """The hypotheses that a mask or index array chooses."""
+        """Select hypotheses by a mask or index array."""
         return Hypotheses(
             self.target[chosen],
             self.left[chosen],
@@ -54,15 +55,15 @@ def hypotheses(
     gate: float,
     farthest_mm: float,
 ) -> Hypotheses:
-    """Every pair of blobs whose rays meet, for every target that is nominally near their meeting place.
+    """List every pair of blobs whose rays meet, for every target nominally near their meeting point.
 
     Args:
-        rig: left and right view.
-        model: the object.
-        blobs: those of the left and of the right view, with all that is uncertain about them in their σ.
-        noise: line jitter, and the scale at the object.
-        gate: by how many standard deviations rays may miss each other.
-        farthest_mm: how far a target may be from its nominal place.
+        rig: Left and right view.
+        model: The object.
+        blobs: Blobs of the left and the right view, with all their uncertainty in σ.
+        noise: Line jitter, and the scale at the object.
+        gate: Greatest distance between rays, in standard deviations.
+        farthest_mm: Greatest distance of a target from its nominal position.
     """
     line_mm = 0.5 * model.target_diameter_mm / noise.radius_lines
     left, right = _pairs(rig, *blobs, gate * line_mm)
@@ -75,7 +76,7 @@ def hypotheses(
 
 
 def _pairs(rig: Rig, left: ViewBlobs, right: ViewBlobs, gate_mm: float) -> tuple[Indices, Indices]:
-    """Indices of the pairs whose rays pass each other within `gate_mm` per pixel of σ in y."""
+    """Indices of pairs whose rays pass each other within `gate_mm` per pixel of σ in y."""
     left_center, from_left = rays(rig.views[0], left.xy_px)
     right_center, from_right = rays(rig.views[1], right.xy_px)
     met = approach(left_center, from_left[:, np.newaxis], right_center, from_right)

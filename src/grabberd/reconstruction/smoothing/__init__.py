@@ -1,1 +1,5 @@
-"""Points smoothed over time (paper 3.7): the motion model, the filter, and the errors it allows for."""
+"""Smoothing of points over time (paper 3.7): motion model, filter, and errors that are not white.
+
+`kalman_chains` is the filter and smoother, `error_shares` divides the errors into a white part and parts that
+stay with the target's position between the pixels, `smoothing` puts the two to work on a series of points.
+"""

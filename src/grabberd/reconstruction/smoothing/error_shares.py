@@ -1,15 +1,16 @@
-"""What repeated measurements say of their own errors: which part is drawn anew, which stays with the place.
+"""Error shares: the white part of the points' errors, and the parts locked to the target's sub-pixel
+position.
 
-A point's error, beside the calibration's, has three parts:
+A point's error, apart from the calibration's, has three parts:
 
 - *white*, drawn anew for every field: noise and line jitter;
-- *opposite*, locked to the target's place between the pixels, and different for the two parities: they see
-  the target on other lines. Same place and same parity, same error;
-- *common*, locked likewise, but the same for both parities.
+- *opposite*, locked to the target's position between the pixels, and different for the two parities, which
+  see the target on different lines. Same position and parity, same error;
+- *common*, locked likewise, but equal for both parities.
 
-Where the object rests, fields of one parity differ by the white part alone, fields of different parity by the
-opposite part too. The common part cannot be told from the place: it is a share of the others that was found
-with the simulator, and at 1 bit at least what the points' covariance leaves.
+While the object rests, fields of one parity differ by the white part alone, fields of different parity also
+by the opposite part. The common part cannot be told from the position: it is taken as a share of the others
+that was found with the simulator, and at 1 bit at least as what remains of the points' covariance.
 """
 
 import math
@@ -18,14 +19,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.reconstruction.series import PointSeries
+from grabberd.reconstruction.point_series import PointSeries
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _COMMON = {1: 0.1, 2: 0.26, 3: 0.07}
 _COMMON_OF_GREY = 0.022
-"""The common part as a share of what repeated measurements differ by, for few bits and for more."""
+"""Common part as a share of the scatter of repeated measurements, for few bits and for more; from
+simulation."""
 _LEAST_WHITE = 0.02
 _LEAST_PAIRS = 60
 _LEAST_TARGETS = 3
@@ -36,7 +38,9 @@ class ErrorShares:
     """Variances in units of the points' own; their sum is 1 where the points' covariance is right.
 
     Attributes:
-        white: (3,) in X, Y and Z; `opposite`, `common`: (3,) likewise.
+        white: (3,) in X, Y and Z.
+        opposite: (3,) likewise.
+        common: (3,) likewise.
     """
 
     white: Array
@@ -45,17 +49,17 @@ class ErrorShares:
 
     @classmethod
     def all_white(cls) -> "ErrorShares":
-        """Every field's error drawn anew."""
+        """Errors that are wholly white."""
         return cls(np.ones(3), np.zeros(3), np.zeros(3))
 
     @classmethod
     def of(cls, series: PointSeries, rest: Mask, bits: int) -> "ErrorShares":
-        """From the fields in which the object rests; all white where those are too few to tell.
+        """Estimate from the fields in which the object rests; all white if there are too few.
 
         Args:
-            series: the points.
-            rest: (F,) in which fields the object rests.
-            bits: bits a pixel of the fields that the points come from.
+            series: The points.
+            rest: (F,) True for fields in which the object rests.
+            bits: Bits per pixel of the fields that the points come from.
         """
         same, own = _half_variance(series, 2, rest)
         other, others = _half_variance(series, 1, rest)
@@ -69,10 +73,9 @@ class ErrorShares:
 
 
 def rest_fields(series: PointSeries) -> Mask:
-    """(F,) fields that differ from those around them by no more than the quietest do.
+    """(F,) True for fields that differ from those around them no more than the quietest do.
 
-    It takes several targets to see in a single field whether the object rests; movements that are small
-    beside the errors are not seen.
+    Detecting rest in a single field takes several targets; movements small beside the errors go unnoticed.
     """
     differ, count = _differences(series)
     if not np.isfinite(differ).any():
@@ -88,7 +91,7 @@ def rest_fields(series: PointSeries) -> Mask:
 def _differences(series: PointSeries) -> tuple[Array, NDArray[np.intp]]:
     """(F,) mean squared difference from two fields before, over all targets, in units of the variance.
 
-    NaN where too few targets, or none, can be compared; and of how many targets it is.
+    NaN where too few targets can be compared; also the number of targets compared.
     """
     squares, both = _squares(series, 2)
     count = both.sum(axis=1)
@@ -100,7 +103,7 @@ def _differences(series: PointSeries) -> tuple[Array, NDArray[np.intp]]:
 
 
 def _half_variance(series: PointSeries, lag: int, rest: Mask) -> tuple[Array, int]:
-    """(3,) mean of half the squared differences of fields `lag` steps apart, and of how many there are."""
+    """(3,) mean of half the squared differences of fields `lag` steps apart, and their number."""
     squares, both = _squares(series, lag)
     both &= rest[:, np.newaxis]
     return (squares[both].mean(axis=0) if both.any() else np.ones(3)), int(both.sum())

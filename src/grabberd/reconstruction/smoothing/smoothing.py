@@ -1,13 +1,13 @@
-"""Points smoothed over time, each target for itself: a motion model, and errors that are not all white.
+"""Smoothing of points over time, target by target: a motion model, and errors that are not all white.
 
-The motion is a constant velocity disturbed by white acceleration; how much is chosen by the likelihood of the
-points, apart for fields in which the object rests and in which it moves; standing still is the limit. The
-errors have a white part and two that are locked to the target's place between the pixels (`ErrorShares`):
-those are states of their own, a Gauss–Markov process that forgets as the picture moves, so that an object at
-rest does not average them. The calibration's covariance is common to all fields and is handed on unchanged.
+The motion is a constant velocity disturbed by white acceleration, whose size is chosen by likelihood,
+separately for fields in which the object rests and moves; standing still is the limit. The errors have a
+white part and two parts locked to the target's position between the pixels (`ErrorShares`): those are states
+of their own, a Gauss–Markov process that forgets as the image moves, so that an object at rest does not
+average them. The calibration's covariance is common to all fields and is passed on unchanged.
 
-X, Y and Z are filtered one by one: Kalman forward, and backward after Bryson and Frazier, which needs no
-inverse and so no motion noise at all.
+X, Y and Z are filtered separately: Kalman forward, and backward after Bryson and Frazier, which needs no
+inverse covariance and therefore works without any motion noise.
 """
 
 from collections.abc import Sequence
@@ -17,33 +17,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import MeasurementError
-from grabberd.reconstruction.series import PointSeries
-from grabberd.reconstruction.smoothing.chains import Chains, SmoothedChains, likelihood, smoothed_chains
+from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.smoothing.error_shares import ErrorShares, rest_fields
+from grabberd.reconstruction.smoothing.kalman_chains import (
+    Chains,
+    SmoothedChains,
+    likelihood,
+    smoothed_chains,
+)
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 REST = 0.0
-"""An acceleration of nothing: the object stands still."""
+"""Zero acceleration: the object stands still."""
 ACCELERATIONS_MM_S2 = (REST, 5.0, 20.0, 80.0, 320.0, 1280.0, 5120.0)
-"""What the likelihood chooses from."""
+"""Candidates for the likelihood to choose from."""
 _ROUNDS = 4
 _CHOSEN_ON = (600, 25)
-"""The acceleration is chosen on so many fields and targets."""
+"""Numbers of fields and targets on which the acceleration is chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class SmoothingSettings:
-    """How points are smoothed.
+    """Settings of smoothing.
 
     Attributes:
-        bits: bits a pixel of the fields that the points come from: with few, less of the errors is white.
-        acceleration_mm_s2: standard deviation of the acceleration, drawn anew every 20 ms; None: chosen by
-            the points' likelihood; `REST`: the object stands still.
-        shares: which part of the errors is white and which locked; None: taken from the points.
-        forgets_px: a locked error is forgotten to 1/e when the picture has moved by so much.
-        gate: a point that is off by more standard deviations than this is left out.
+        bits: Bits per pixel of the fields that the points come from: with few, less of the error is white.
+        acceleration_mm_s2: Standard deviation of the acceleration, drawn anew every 20 ms; None chooses it by
+            likelihood; `REST` if the object stands still.
+        shares: White and locked parts of the errors; None estimates them from the points.
+        forgets_px: Image movement over which a locked error falls to 1/e.
+        gate: Deviation in standard deviations beyond which a point is left out.
     """
 
     bits: int = 1
@@ -55,15 +60,15 @@ class SmoothingSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Smoothed:
-    """What smoothing makes of a series, at every field from a target's first point to its last.
+    """Smoothed series, at every field from a target's first point to its last.
 
     Attributes:
-        series: the smoothed points, their covariance without the calibration's; NaN outside a target's time.
+        series: The smoothed points, their covariance without the calibration's; NaN outside a target's time.
         velocity_mm_s: (F, T, 3).
-        measured: (F, T) where a measured point was used; elsewhere the motion model bridges a gap.
-        left_out: (F, T) points that contradict the others.
-        acceleration_mm_s2: (F,) that was used, field by field.
-        shares: of the errors, that were used.
+        measured: (F, T) True where a measured point was used; elsewhere the motion model bridges a gap.
+        left_out: (F, T) True for points that contradict the others.
+        acceleration_mm_s2: (F,) acceleration used, field by field.
+        shares: Error shares used.
     """
 
     series: PointSeries
@@ -75,15 +80,15 @@ class Smoothed:
 
     @property
     def points(self) -> PointSeries:
-        """The smoothed points where there is a measured one: nothing that only bridges a gap."""
+        """The smoothed points that have a measured one, without those that only bridge a gap."""
         return self.series.without(~self.measured)
 
 
 def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Smoothed:
-    """The points of a series, smoothed over time.
+    """Smooth the points of a series over time.
 
     Raises:
-        MeasurementError: there are no points.
+        MeasurementError: There are no points.
     """
     settings = settings or SmoothingSettings()
     if not series.seen.any():
@@ -105,7 +110,7 @@ def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Sm
 
 
 def _smooth(series: PointSeries, acceleration: Array, shares: ErrorShares, forgets_px: float) -> Smoothed:
-    """Once as if all errors were white, which shows how the targets move; then with what that tells."""
+    """Smooth once as if all errors were white, to learn how the targets move; then with locked errors."""
     chains = _chains(series, acceleration)
     moved_px = _moved_px(series, smoothed_chains(chains).value_mm)
     targets = len(series.target)
@@ -122,7 +127,7 @@ def _smooth(series: PointSeries, acceleration: Array, shares: ErrorShares, forge
 
 
 def _chains(series: PointSeries, acceleration: Array) -> Chains:
-    """X, Y and Z of every target as a chain, all errors white."""
+    """Make a chain of X, Y and Z of every target, with white errors only."""
     variance = np.diagonal(series.covariance_mm2, axis1=2, axis2=3)
     flat = (len(series.n), -1)
     nothing = np.zeros_like(series.xyz_mm).reshape(flat)
@@ -138,7 +143,9 @@ def _chains(series: PointSeries, acceleration: Array) -> Chains:
 
 
 def _acceleration(series: PointSeries, rest: Mask, settings: SmoothingSettings) -> Array:
-    """(F,) as given; or the likeliest: one for all fields, then apart where the object rests and moves."""
+    """(F,) acceleration as given, or most likely: one for all fields, then separately for rest and
+    movement.
+    """
     if settings.acceleration_mm_s2 is not None:
         return np.full(len(series.n), settings.acceleration_mm_s2)
     some, at_rest = _some(series, rest)
@@ -153,13 +160,13 @@ def _acceleration(series: PointSeries, rest: Mask, settings: SmoothingSettings) 
 
 
 def _likeliest(series: PointSeries, where: Mask, tried: Sequence[float], elsewhere: float) -> float:
-    """Of the accelerations tried in some fields the likeliest, with another one elsewhere."""
+    """Most likely of the accelerations tried in some fields, with another one elsewhere."""
     chains = [_chains(series, np.where(where, one, elsewhere)) for one in tried]
     return tried[int(np.argmax([likelihood(each).sum() for each in chains]))]
 
 
 def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
-    """Some targets, in the fields round the first movement."""
+    """Some targets, in the fields around the first movement."""
     fields, targets = _CHOSEN_ON
     first = int(np.clip(rest.argmin() - fields // 2, 0, max(len(rest) - fields, 0)))
     count = len(series.target)
@@ -169,7 +176,7 @@ def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
 
 
 def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
-    """(F, T) how far a target's image has moved since the field before."""
+    """(F, T) movement of a target's image since the previous field."""
     places = flat_mm.reshape(series.xyz_mm.shape)
     moved_mm = np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=2)
     spread_px = np.nanvar(series.image_px, axis=(0, 1)).sum() / 2.0
@@ -181,7 +188,7 @@ def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
 def _result(
     series: PointSeries, chains: SmoothedChains, acceleration: Array, shares: ErrorShares
 ) -> Smoothed:
-    """Places back in rows of targets; correlations of X, Y and Z stay those of the measured points."""
+    """Restore the series' shape; correlations of X, Y and Z remain those of the measured points."""
     shape, seen = series.xyz_mm.shape, series.seen
     inside = np.logical_or.accumulate(seen) & np.logical_or.accumulate(seen[::-1])[::-1]
     outside = np.where(inside, 0.0, np.nan)[:, :, np.newaxis]
@@ -202,7 +209,7 @@ def _result(
 
 
 def _nearest_seen(seen: Mask) -> NDArray[np.intp]:
-    """(F, T) index of the last field, up to this one, in which a target was seen; else of its first."""
+    """(F, T) index of the last field up to this one in which a target was seen; else of its first."""
     index = np.where(seen, np.arange(len(seen))[:, np.newaxis], -1)
     last = np.maximum.accumulate(index, axis=0)
     nearest: NDArray[np.intp] = np.where(last >= 0, last, seen.argmax(axis=0))
@@ -210,7 +217,7 @@ def _nearest_seen(seen: Mask) -> NDArray[np.intp]:
 
 
 def _contradicted(series: PointSeries, smoothed: PointSeries, gate: float) -> Mask:
-    """(F, T) points too far from what all make of them, and farther than the points beside them."""
+    """(F, T) True for points too far from the smoothed ones, and farther than the points beside them."""
     off = series.xyz_mm - smoothed.xyz_mm
     variance = np.diagonal(series.covariance_mm2 + smoothed.covariance_mm2, axis1=2, axis2=3)
     far = np.nan_to_num((off * off / variance).max(axis=2))

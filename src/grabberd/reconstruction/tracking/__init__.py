@@ -1,3 +1,6 @@
-"""The same targets from field to field (paper 3.7): the track, its prediction, and the displacement field
-behind it.
+"""Tracking: the same targets from field to field (paper 3.7).
+
+A `Track` is all that is known after a field; the `Tracker` steps from one to the next, by following the
+targets near their predicted positions, or by identifying them anew. It stands on `correspondence` and keeps
+no state itself.
 """

@@ -1,4 +1,4 @@
-"""What is known of all targets of an object after a field."""
+"""Track: the state of all targets of an object after a field."""
 
 from dataclasses import dataclass
 
@@ -12,18 +12,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Track:
-    """M targets after a field; never changed, each step makes a new one.
+    """M targets after a field; immutable, each step makes a new one.
 
     Attributes:
         target: (M,) int32, ids, ascending: all of the object model.
-        xyz_mm: (M, 3) places, smoothed over the object; those of unseen targets are what the others make
-            them.
-        sigma_mm: (M,) standard deviation of a place in each coordinate.
+        xyz_mm: (M, 3) positions, smoothed over the object; those of unseen targets are predicted by the
+            others.
+        sigma_mm: (M,) standard deviation of a position in each coordinate.
         velocity_mm_s: (M, 3).
-        speed_sigma_mm_s: standard deviation of a velocity in each coordinate.
-        unseen_s: (M,) since a target was last seen; infinite where it never was.
-        age_s: since the field that places and velocities belong to; infinite where nothing has been tracked.
-        found: how many targets were found in that field.
+        speed_sigma_mm_s: Standard deviation of a velocity in each coordinate.
+        unseen_s: (M,) time since a target was last seen; infinite if it never was.
+        age_s: Time since the field of these positions and velocities; infinite if nothing has been tracked.
+        found: Number of targets found in that field.
     """
 
     target: NDArray[np.int32]
@@ -37,7 +37,7 @@ class Track:
 
     @classmethod
     def start(cls, model: ObjectModel) -> "Track":
-        """Before the first field: nominal places, nothing seen."""
+        """Make the track before the first field: nominal positions, nothing seen."""
         count = len(model)
         return cls(
             target=model.target,

@@ -1,8 +1,8 @@
-"""The same targets from field to field (paper 3.7): predicted, found again, or identified anew.
+"""Tracker: the same targets from field to field (paper 3.7), predicted, found again, or identified anew.
 
-Every target has a predicted place, seen or not: neighbours carry each other along, so one that comes back
-from behind the curve is expected where it comes. Near its predicted image the nearest blob is its own, if
-left and right agree with one another and the place with the neighbours.
+Every target has a predicted position, seen or not: neighbours carry each other along, so a target that
+reappears from behind the curve is expected where it does. The nearest blob to its predicted image is accepted
+if left and right agree with one another, and the position with the neighbours.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,35 +13,36 @@ from numpy.typing import NDArray
 from grabberd.geometry import Rig
 from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
-from grabberd.reconstruction.correspondence.view_blobs import ViewBlobs
 from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.tracking.track import Track
+from grabberd.reconstruction.view_blobs import ViewBlobs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _UNKNOWN_PX = 0.5
-"""Standard deviation of a blob that has not been located yet."""
+"""Standard deviation of a blob before it has been located."""
 _VAGUE = 0.1
-"""A prediction is vague where a target's way is known worse than this share of the pitch."""
+"""Share of the pitch beyond which the uncertainty of a target's movement makes a prediction vague."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingSettings:
-    """How an object moves, and when it is lost.
+    """Settings of an object's movement, and of when it counts as lost.
 
     Attributes:
-        speed_mm_s: standard deviation of a velocity of which nothing is known, after identification.
-        acceleration_mm_s2: standard deviation of the acceleration.
-        longest_gap_s: after longer without a field that could be followed, targets are identified anew.
-        least_share: so are they where fewer are found than this share of those before, or of the blobs.
-        surprise: so are they, and keep their velocities, where the root mean square of their distances from
-            their predicted places exceeds this many standard deviations: a wall that stops at once.
-        firm: a target that was not seen lately is given out at once only where the others expect it better
-            than this share of the targets' pitch, and else when it is seen once more.
-        correspondence: gates, and the object's deformation.
+        speed_mm_s: Standard deviation of a velocity after identification, when nothing is known about it.
+        acceleration_mm_s2: Standard deviation of the acceleration.
+        longest_gap_s: Time without a followed field after which targets are identified anew.
+        least_share: Targets are also identified anew if fewer are found than this share of those before, or
+            of the blobs.
+        surprise: Likewise, keeping their velocities, if the root mean square of their distances from the
+            predicted positions exceeds this many standard deviations, as for a wall that stops abruptly.
+        firm: A target not seen recently is reported at once only if the others predict it better than this
+            share of the targets' pitch; otherwise when it is seen a second time.
+        correspondence: Gates, and the object's deformation.
     """
 
     speed_mm_s: float = 50.0
@@ -54,7 +55,7 @@ class TrackingSettings:
 
 
 class Tracker:
-    """The rules by which one object is tracked before one rig; all that changes is in the `Track`."""
+    """Tracks one object seen by one rig; all state is in the `Track`."""
 
     def __init__(
         self, rig: Rig, model: ObjectModel, noise: ImageNoise, settings: TrackingSettings | None = None
@@ -66,21 +67,21 @@ class Tracker:
         self.correspondence = Correspondence(rig, model, noise, self.settings.correspondence)
 
     def start(self) -> Track:
-        """The track before the first field."""
+        """Make the track before the first field."""
         return Track.start(self.model)
 
     def step(self, track: Track, left: ViewBlobs, right: ViewBlobs, dt_s: float) -> tuple[Track, Points]:
-        """One field further.
+        """Step one field further.
 
         Args:
-            track: after the field before.
-            left: the blobs of the left view in this field, targets and others, in any order.
-            right: those of the right view.
-            dt_s: time since the field before, lost ones included.
+            track: Track after the previous field.
+            left: Blobs of the left view in this field, targets and others, in any order.
+            right: Blobs of the right view.
+            dt_s: Time since the previous field, lost ones included.
 
         Returns:
-            the track after this field, and the points of the targets that were found in it; none of them
-            where neither following nor identifying finds enough.
+            The track after this field, and the points of the targets found in it; none if neither following
+            nor identifying finds enough.
         """
         elapsed_s = track.age_s + dt_s
         unseen_s = track.unseen_s + dt_s
@@ -98,12 +99,12 @@ class Tracker:
         return replace(track, unseen_s=unseen_s, age_s=elapsed_s), Points.none()
 
     def windows(self, track: Track, dt_s: float) -> Array | None:
-        """Where to look for blobs in the field that comes `dt_s` after the last.
+        """Compute the search windows for blobs in the field `dt_s` after the last.
 
         Returns:
-            (K, 4) float64 x0, y0, x1, y1 in frame pixels: where a blob's centre may be, for all targets in
-            the left view and then in the right that can lie in the view's half; None where nothing is tracked
-            and a target may be anywhere.
+            (K, 4) float64 x0, y0, x1, y1 in frame pixels: possible positions of a blob's centre, for all
+            targets that may lie in the left view's half, then in the right's; None if nothing is tracked and
+            a target may be anywhere.
         """
         elapsed_s = track.age_s + dt_s
         if elapsed_s > self.settings.longest_gap_s:
@@ -112,17 +113,18 @@ class Tracker:
         return predicted.windows(self.rig.views)
 
     def _believed(self, track: Track, sighting: Sighting) -> Mask:
-        """(K,) whose point may be given out: who was seen lately, or is where the others surely expect it.
+        """(K,) True for points to report: seen recently, or well predicted by the others.
 
-        Anybody else may be a false blob in the wide gate of a target that nobody knows much about; two in a
-        row are not.
+        Any other may be a false blob in the wide gate of a poorly predicted target; two in a row are not.
         """
         lately = track.unseen_s[sighting.target] <= self.settings.longest_gap_s
         firm_mm = self.settings.firm * self.correspondence.agreement.pitch_mm
         return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
 
     def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
-        """Looks where the targets have moved to; if that is vague, again where those that were found say."""
+        """Search where the targets have moved to; if that is vague, again where those found predict the
+        rest.
+        """
         places_mm, sigma_mm = self._moved(track, elapsed_s)
         sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
         if _surprise(sighting, places_mm, sigma_mm) > self.settings.surprise:
@@ -133,12 +135,12 @@ class Tracker:
         return self.correspondence.near(*self.correspondence.expected_places(sighting.expected), left, right)
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
-        """Places (M, 3) in mm after that time, and their standard deviations (M,)."""
+        """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
         places = track.xyz_mm + track.velocity_mm_s * elapsed_s
         return places, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
 
     def _begun(self, sighting: Sighting, unseen_s: Array) -> Track:
-        """The track after targets were identified, at rest until the next field shows more."""
+        """Make the track after identification, at rest until the next field shows more."""
         places, sigma = self._settled(sighting)
         return Track(
             target=self.model.target,
@@ -165,11 +167,11 @@ class Tracker:
         )
 
     def _settled(self, sighting: Sighting) -> tuple[Array, Array]:
-        """Places (M, 3) of all targets, and their standard deviations (M,)."""
+        """Positions (M, 3) of all targets, and their standard deviations (M,)."""
         return sighting.settled or (self._smoothed(sighting), self._sigma(sighting))
 
     def _smoothed(self, sighting: Sighting) -> Array:
-        """What the others expect takes part in a measured place by how surely they do (as `smooth`)."""
+        """Combine measured positions with the others' prediction, weighted by its certainty."""
         target, noise_mm = sighting.target, self.correspondence.agreement.field.noise_mm
         displacement, sigma_mm = sighting.expected.displacement_mm.copy(), sighting.expected.sigma_mm[target]
         measured = sighting.points.xyz_mm - self.model.xyz_mm[target]
@@ -178,7 +180,7 @@ class Tracker:
         return self.model.xyz_mm + displacement
 
     def _sigma(self, sighting: Sighting) -> Array:
-        """Of unseen targets as expected, of seen ones not worse than their own depth."""
+        """Standard deviations: as predicted, but for seen targets no worse than that of their own depth."""
         sigma = sighting.expected.sigma_mm.copy()
         depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
         sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)

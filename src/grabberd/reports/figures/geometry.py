@@ -41,12 +41,12 @@ class _Scene(NamedTuple):
 def geometry_svg(geometry: Mapping[str, Any], label: str) -> tuple[Svg, float]:
     """Draw the rig from above and from the side; the second result is k of the scale 1 : k on paper."""
     scene = _scene(geometry)
-    plan, side = _box(scene, geometry, 0), _box(scene, geometry, 1)
-    scale = _fit_scale(plan, side)
-    height_mm = float(plan[3] - plan[2]) / scale
+    top, side = _box(scene, geometry, 0), _box(scene, geometry, 1)
+    scale = _fit_scale(top, side)
+    height_mm = float(top[3] - top[2]) / scale
 
     def draw(canvas: "Figure") -> None:
-        above = _panel(canvas, plan, 0.0, scale, height_mm)
+        above = _panel(canvas, top, 0.0, scale, height_mm)
         beside = _panel(canvas, side, WIDTH_MM - (side[1] - side[0]) / scale, scale, height_mm)
         _view(above, scene, geometry, 0)
         _view(beside, scene, geometry, 1)
@@ -83,9 +83,9 @@ def _box(scene: _Scene, geometry: Mapping[str, Any], across: int) -> Array:
     )
 
 
-def _fit_scale(plan: Array, side: Array) -> float:
-    wide = float(plan[1] - plan[0] + side[1] - side[0])
-    needed = max(wide / _ROOM_MM[0], float(plan[3] - plan[2]) / _ROOM_MM[1])
+def _fit_scale(top: Array, side: Array) -> float:
+    wide = float(top[1] - top[0] + side[1] - side[0])
+    needed = max(wide / _ROOM_MM[0], float(top[3] - top[2]) / _ROOM_MM[1])
     return next((scale for scale in _SCALES if scale >= needed), needed)
 
 
@@ -172,7 +172,7 @@ def _object_axes(axes: "Axes", scene: _Scene, flat: list[int]) -> None:
 
 
 def _meeting(scene: _Scene, geometry: Mapping[str, Any]) -> Array | None:
-    """Where the central rays of the first and last half meet in the plan; None if not before the base."""
+    """Point seen from above where the central rays of both halves meet; None if not in front of the base."""
     first, last = scene.centers[0][[0, 2]], scene.centers[-1][[0, 2]]
     rays = [np.mean(camera["corners"], axis=0) @ scene.turn.T for camera in geometry["cameras"]]
     directions = np.stack([rays[0][[0, 2]], -rays[-1][[0, 2]]], axis=1)

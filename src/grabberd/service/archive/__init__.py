@@ -1,1 +1,1 @@
-"""The captures on disk: listed, described, annotated, retained."""
+"""The captures on disk: found, listed, described, annotated, and removed when their time is over."""

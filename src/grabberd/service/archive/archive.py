@@ -1,66 +1,69 @@
-"""The captures on disk, and how each is described."""
+"""The folder of captures: finds, describes and removes them."""
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
+from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import CaptureFileError, Conflict, LaterVersion, NotFound, StorageError
 from grabberd.service.archive.capture_documents import (
+    armed_document,
     damaged_document,
     describe,
     running_document,
-    waiting_document,
 )
-from grabberd.service.capture.armed_capture import ArmedCapture
+from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.capture.crash_recovery import reason_of
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.capture_index import IndexEntry
 
 log = logging.getLogger(__name__)
 PART = ".grab.part"
 DESCRIBED = 4096
-"""So many captures' descriptions are remembered."""
+"""Number of captures whose descriptions are cached."""
+RENAMED_S = 10.0
+"""Time for a capture whose file is being sealed to get its final name."""
 
 
 class Archive:
-    """One folder of captures; running ones are described from their sessions.
+    """One folder of captures; a running capture is described from its recording.
 
     Args:
-        directory: where the files are; made if it is not there.
-        sessions: gives the captures that are being recorded or sealed.
-        waiting: gives those that are armed.
-        annotation: what is said of a capture, by its id; `annotations`: of all of which something is.
+        directory: Folder of the files; created if it does not exist.
+        recordings: Returns the captures that are being recorded or sealed.
+        armed: Returns the captures that wait for their trigger.
+        annotation: Returns the annotation of a capture by its id.
+        annotations: Returns all annotations by their captures' ids.
     """
 
     def __init__(
         self,
         directory: Path,
-        sessions: Callable[[], Sequence[Recording]],
-        waiting: Callable[[], Sequence[ArmedCapture]] = list,
+        recordings: Callable[[], Sequence[Recording]],
+        armed: Callable[[], Sequence[ArmedCapture]] = list,
         annotation: Callable[[str], Annotation] = lambda _: Annotation(),
         annotations: Callable[[], Mapping[str, Annotation]] = dict,
     ) -> None:
         self.directory = directory
         self.index = CaptureIndex(directory)
         self._lock = DirectoryLock(directory)
-        self._sessions = sessions
-        self._waiting = waiting
+        self._recordings = recordings
+        self._armed = armed
         self._annotation = annotation
         self.annotations = annotations
-        # Remembered as long as a file does not change: the ledger of a long capture takes its time to read.
+        # Cached until the file changes: the ledger of a long capture takes a while to read.
         self._describe = lru_cache(DESCRIBED)(lambda path, mtime_ns: describe(path))
 
     def open(self) -> None:
-        """Takes the folder for this program alone, seals what a crash left, brings the index up to date.
+        """Locks the folder, seals what a crash left, and brings the index up to date.
 
         Raises:
-            StorageError: another program uses the folder, or it cannot be written.
+            StorageError: Another program uses the folder, or it cannot be written.
         """
         self._lock.acquire()
         parts = sorted(self.directory.glob(f"*{PART}"))
@@ -70,19 +73,19 @@ class Archive:
                 log.warning("capture %s is damaged: %s", entry.id, self.directory / entry.file)
 
     def close(self) -> None:
-        """Lets another program have the folder."""
+        """Releases the folder to other programs."""
         self._lock.release()
 
     def part_of(self, capture_id: str) -> Path:
-        """Where a new capture is written to."""
+        """Returns the path that a new capture is written to."""
         return self.directory / f"{capture_id}{PART}"
 
     def path(self, capture_id: str) -> Path:
-        """A capture's file, sealed or being written.
+        """Returns the path of a capture, sealed or being written.
 
         Raises:
-            NotFound: there is none of that id.
-            Conflict: it is armed.
+            NotFound: No capture has that id.
+            Conflict: The capture is armed.
         """
         self._check_triggered(capture_id)
         if self._running(capture_id):
@@ -90,24 +93,24 @@ class Archive:
         return self.index.file_of(capture_id)
 
     def sealed_path(self, capture_id: str) -> Path:
-        """A sealed capture's file.
+        """Returns the path of a sealed capture.
 
         Raises:
-            NotFound: there is none of that id.
-            Conflict: it is still running, or armed.
+            NotFound: No capture has that id.
+            Conflict: The capture is still running, or armed.
         """
         self._check_triggered(capture_id)
         if self._running(capture_id):
-            raise Conflict(f"capture {capture_id} is still running", "stop it, or wait for its end")
+            raise Conflict(f"capture {capture_id} is still running", "stop it, or wait for it to end")
         return self.index.file_of(capture_id)
 
     def remove(self, capture_id: str) -> None:
         """Deletes a capture that is not running, for good.
 
         Raises:
-            NotFound: there is none of that id.
-            Conflict: it is still running.
-            StorageError: the disk does not let it be deleted.
+            NotFound: No capture has that id.
+            Conflict: The capture is still running, or armed.
+            StorageError: The file cannot be deleted.
         """
         path = self.sealed_path(capture_id)
         with storage_errors(path):
@@ -115,67 +118,67 @@ class Archive:
             reason_of(path).unlink(missing_ok=True)
         self.index.remove(capture_id)
 
-    def document(self, capture_id: str) -> dict[str, Any]:
-        """A capture as it is shown.
+    def document(self, capture_id: str) -> CaptureDocument:
+        """Returns the document of a capture.
 
         Raises:
-            NotFound: there is none of that id.
+            NotFound: No capture has that id.
         """
         return _annotated(self._document(capture_id), self._annotation(capture_id))
 
-    def current(self) -> list[dict[str, Any]]:
-        """The captures that are armed or running, as they are shown."""
-        ids = {one.id for one in self._waiting()} | {one.id for one in self._sessions()}
+    def current(self) -> list[CaptureDocument]:
+        """Returns the documents of the captures that are armed or running."""
+        ids = {one.id for one in self._armed()} | {one.id for one in self._recordings()}
         return [document for capture_id in ids if (document := self._if_there(capture_id)) is not None]
 
-    def _if_there(self, capture_id: str) -> dict[str, Any] | None:
+    def _if_there(self, capture_id: str) -> CaptureDocument | None:
         try:
             return self.document(capture_id)
-        except NotFound:  # just disarmed
+        except NotFound:  # disarmed since its id was read
             return None
 
-    def _document(self, capture_id: str) -> dict[str, Any]:
-        session, waiting = self._running(capture_id), self._armed(capture_id)
-        if session is None and waiting is not None:
-            return waiting_document(waiting)
-        if session is not None:
+    def _document(self, capture_id: str) -> CaptureDocument:
+        recording, armed = self._running(capture_id), self._waiting(capture_id)
+        if recording is None and armed is not None:
+            return armed_document(armed)
+        if recording is not None:
             try:
-                return running_document(self.part_of(capture_id), session)
-            except (CaptureFileError, FileNotFoundError):  # it is being renamed at this moment
-                session.sealed.wait(10)
+                return running_document(self.part_of(capture_id), recording)
+            except (CaptureFileError, FileNotFoundError):  # the file is being renamed at this moment
+                recording.sealed.wait(RENAMED_S)
         return self._sealed_document(self.index.get(capture_id))
 
-    def documents(self) -> list[dict[str, Any]]:
-        """All captures, the newest first."""
-        running = {session.id for session in self._sessions()}
+    def documents(self) -> list[CaptureDocument]:
+        """Returns the documents of all captures, newest first."""
+        running = {recording.id for recording in self._recordings()}
         shown = [self.document(capture_id) for capture_id in running]
         sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]
-        return sorted(shown + sealed, key=lambda document: str(document["created_utc"]), reverse=True)
+        return sorted(shown + sealed, key=lambda document: document.created_utc, reverse=True)
 
-    def _armed(self, capture_id: str) -> ArmedCapture | None:
-        return next((one for one in self._waiting() if one.id == capture_id), None)
+    def _waiting(self, capture_id: str) -> ArmedCapture | None:
+        return next((one for one in self._armed() if one.id == capture_id), None)
 
     def _check_triggered(self, capture_id: str) -> None:
-        if self._armed(capture_id) and not self._running(capture_id):
+        if self._waiting(capture_id) and not self._running(capture_id):
             raise Conflict(
-                f"capture {capture_id} is armed: nothing is in it yet",
+                f"capture {capture_id} is armed and has no fields yet",
                 f"trigger it: POST /api/v1/captures/{capture_id}/trigger, or stop it",
             )
 
     def _running(self, capture_id: str) -> Recording | None:
-        return next((session for session in self._sessions() if session.id == capture_id), None)
+        return next((one for one in self._recordings() if one.id == capture_id), None)
 
-    def _sealed_document(self, entry: IndexEntry) -> dict[str, Any]:
+    def _sealed_document(self, entry: IndexEntry) -> CaptureDocument:
         path = self.directory / entry.file
         try:
             described = self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
         except (CaptureFileError, StorageError) as error:
             return damaged_document(entry, path, error.message)
-        return described | {"id": entry.id}
+        return described.model_copy(update={"id": entry.id})
 
 
 def _recovered(part: Path) -> bool:
-    """Whether a file that a crash left is sealed or set aside now; what keeps one from it keeps no other."""
+    """Seals or sets aside a file that a crash left; returns False, and logs why, if that cannot be done."""
     try:
         recover(part)
     except (StorageError, LaterVersion) as error:
@@ -184,10 +187,10 @@ def _recovered(part: Path) -> bool:
     return True
 
 
-def _annotated(document: dict[str, Any], said: Annotation) -> dict[str, Any]:
-    return {
-        **document,
-        "pinned": said.pinned,
-        "note": document["note"] if said.note is None else said.note,
-        "labels": document["labels"] if said.labels is None else dict(said.labels),
+def _annotated(document: CaptureDocument, annotation: Annotation) -> CaptureDocument:
+    changes = {
+        "pinned": annotation.pinned,
+        "note": document.note if annotation.note is None else annotation.note,
+        "labels": document.labels if annotation.labels is None else dict(annotation.labels),
     }
+    return document.model_copy(update=changes)

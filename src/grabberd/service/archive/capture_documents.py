@@ -1,93 +1,155 @@
-"""A capture as it is shown, whatever has become of it."""
+"""The documents of captures and their runs, built from files, recordings and armed captures."""
 
 from pathlib import Path
-from typing import Any
 
 from grabberd.acquisition import Ledger, Outcome
+from grabberd.documents.captures import (
+    CaptureDocument,
+    GroupDocument,
+    LedgerDocument,
+    LedgerEntryDocument,
+    MadeWith,
+    RunDocument,
+    WholeRunDocument,
+)
 from grabberd.errors import NotFound
-from grabberd.service.archive.run_documents import run_document
-from grabberd.service.capture.armed_capture import ArmedCapture
+from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
-from grabberd.storage import CaptureReader
+from grabberd.storage import CaptureReader, RunInfo
 from grabberd.storage.capture.schema import reading_errors
 from grabberd.storage.state.capture_index import IndexEntry
 
 IN_THE_FILE = (Outcome.RECEIVED, Outcome.DAMAGED)
+NOMINAL_RATE_HZ = 50.0
 
 
-def ledger_document(ledger: Ledger, rate_hz: float) -> dict[str, Any]:
-    """A ledger as it is shown."""
-    return {
-        "complete": ledger.complete,
-        "in_words": ledger.in_words(rate_hz),
-        "counts": ledger.counts(),
-        "entries": [entry._asdict() for entry in ledger.entries],
-    }
+def ledger_document(ledger: Ledger, rate_hz: float) -> LedgerDocument:
+    """A ledger, with its gaps at the times that the rate gives them."""
+    return LedgerDocument(
+        complete=ledger.complete,
+        in_words=ledger.in_words(rate_hz),
+        counts=ledger.counts(),
+        entries=[LedgerEntryDocument.model_validate(entry._asdict()) for entry in ledger.entries],
+    )
 
 
-def waiting_document(waiting: ArmedCapture) -> dict[str, Any]:
-    """One that is armed: nothing is in it yet."""
-    return {
-        "id": waiting.id,
-        "device": waiting.device,
-        "state": "armed",
-        "verdict": None,
-        "ended_because": None,
-        "created_utc": waiting.armed_utc,
-        "trigger_utc": None,
-        "pre_trigger_fields": 0,
-        "group": waiting.group and waiting.group.document(None),
-        "first_field_s": None,
-        "bits": waiting.bits,
-        "lines": waiting.lines,
-        "fields": 0,
-        "ledger": ledger_document(Ledger(), 50.0),
-        "runs": [],
-        "labels": dict(waiting.request.labels),
-        "note": waiting.request.note,
-        "size_bytes": 0,
-    }
+def run_document(run: RunInfo) -> RunDocument:
+    """A run in short."""
+    return RunDocument.model_validate(_run(run))
 
 
-def running_document(part: Path, session: Recording) -> dict[str, Any]:
-    """One that is being recorded, measured or sealed.
+def whole_run(path: Path, run: int) -> WholeRunDocument:
+    """A run with the documents that its points were measured with.
 
     Raises:
-        CaptureFileError, FileNotFoundError: its file is not there under this name any more.
+        CaptureFileError: the file cannot be read.
+        NotFound: there is no such run.
+    """
+    with CaptureReader(path) as reader:
+        found = reader.run(run)
+        made_with = {key: found.made_with.get(key) for key in MadeWith.model_fields}
+        return WholeRunDocument.model_validate({**_run(found), "made_with": made_with})
+
+
+def armed_document(armed: ArmedCapture) -> CaptureDocument:
+    """A capture that waits for its trigger and has no file yet."""
+    return CaptureDocument(
+        id=armed.id,
+        device=armed.device,
+        state="armed",
+        verdict=None,
+        ended_because=None,
+        created_utc=armed.armed_utc,
+        trigger_utc=None,
+        pre_trigger_fields=0,
+        group=armed.group and armed.group.document(None),
+        bits=armed.bits,
+        lines=armed.lines,
+        fields=0,
+        ledger=ledger_document(Ledger(), NOMINAL_RATE_HZ),
+        runs=[],
+        labels=dict(armed.request.labels),
+        note=armed.request.note,
+        pinned=False,
+        size_bytes=0,
+    )
+
+
+def running_document(part: Path, recording: Recording) -> CaptureDocument:
+    """A capture that is being recorded, measured or sealed.
+
+    Raises:
+        CaptureFileError, FileNotFoundError: its file no longer has this name.
     """
     with CaptureReader(part) as reader:
-        document = _document(reader, session.recorder.ledger)
-    ended = "unsealed" if session.sealed.is_set() else "sealing"
-    state = "recording" if session.recorder.recording else ended
-    return document | {"state": state, "ended_because": session.recorder.ended_because}
+        document = _document(reader, recording.recorder.ledger)
+    ended = "unsealed" if recording.sealed.is_set() else "sealing"
+    state = "recording" if recording.recorder.recording else ended
+    return document.model_copy(update={"state": state, "ended_because": recording.recorder.ended_because})
 
 
-def describe(path: Path) -> dict[str, Any]:
-    """A capture file as it is shown.
+def describe(path: Path) -> CaptureDocument:
+    """The capture in a file.
 
     Raises:
-        CaptureFileError: it cannot be read.
+        CaptureFileError: the file cannot be read.
     """
     with CaptureReader(path) as reader, reading_errors(path):
         document = _document(reader, reader.ledger)
-    unsealed = {"state": "unsealed", "verdict": "incomplete"} if document["verdict"] is None else {}
-    return document | unsealed
+    if document.verdict is not None:
+        return document
+    return document.model_copy(update={"state": "unsealed", "verdict": "incomplete"})
 
 
-def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
+def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocument:
+    """A capture whose file cannot be read.
+
+    Args:
+        entry: the capture's entry in the index.
+        path: its file.
+        reason: why the file cannot be read.
+
+    Raises:
+        NotFound: the file is gone.
+    """
+    if not path.exists():
+        raise NotFound(
+            f"the file of capture {entry.id} is gone", "it was removed by hand; restart to forget it"
+        )
+    return CaptureDocument(
+        id=entry.id,
+        device=entry.device,
+        state="damaged",
+        verdict="incomplete",
+        ended_because=reason,
+        created_utc=entry.created_utc,
+        trigger_utc=None,
+        pre_trigger_fields=0,
+        bits=0,
+        lines="",
+        fields=0,
+        ledger=ledger_document(Ledger(), NOMINAL_RATE_HZ),
+        runs=[],
+        labels={},
+        note="",
+        pinned=False,
+        size_bytes=path.stat().st_size,
+    )
+
+
+def _document(reader: CaptureReader, ledger: Ledger) -> CaptureDocument:
     meta = reader.meta
-    counts, trigger = ledger.counts(), meta.extra.get("trigger", {})
-    verdict = {True: "complete", False: "incomplete", None: None}[meta.complete]
-    return {
+    counts, trigger, group = ledger.counts(), meta.extra.get("trigger", {}), meta.extra.get("group")
+    known = {
         "id": meta.id,
         "device": meta.device["name"],
         "state": meta.state,
-        "verdict": verdict,
+        "verdict": {True: "complete", False: "incomplete", None: None}[meta.complete],
         "ended_because": meta.ended_because,
         "created_utc": meta.created_utc,
         "trigger_utc": trigger.get("utc"),
         "pre_trigger_fields": trigger.get("n", 0),
-        "group": meta.extra.get("group"),
+        "group": None if group is None else GroupDocument.model_validate(group),
         "first_field_s": _first_field_s(reader),
         "bits": meta.bits,
         "lines": meta.lines,
@@ -96,9 +158,17 @@ def _document(reader: CaptureReader, ledger: Ledger) -> dict[str, Any]:
         "runs": [run_document(run) for run in reader.runs],
         "labels": meta.labels,
         "note": meta.note,
+        "pinned": False,
         "size_bytes": reader.path.stat().st_size,
         "rig": meta.extra.get("rig"),
     }
+    return CaptureDocument.model_validate(
+        known
+    )  # of a file's own strings, so nothing is known of their types
+
+
+def _run(run: RunInfo) -> dict[str, object]:
+    return {name: getattr(run, name) for name in RunDocument.model_fields}
 
 
 def _first_field_s(reader: CaptureReader) -> float | None:
@@ -107,35 +177,3 @@ def _first_field_s(reader: CaptureReader) -> float | None:
     if first_ns is None or not reader.meta.device.get("stream", {}).get("live", True):
         return None
     return (first_ns - reader.meta.start_ns) / 1e9
-
-
-def damaged_document(entry: IndexEntry, path: Path, reason: str) -> dict[str, Any]:
-    """One that cannot be read, for this reason.
-
-    Raises:
-        NotFound: its file is gone.
-    """
-    if not path.exists():
-        raise NotFound(
-            f"the file of capture {entry.id} is gone", "it was removed by hand; restart to forget it"
-        )
-    return {
-        "id": entry.id,
-        "device": entry.device,
-        "state": "damaged",
-        "verdict": "incomplete",
-        "ended_because": reason,
-        "created_utc": entry.created_utc,
-        "trigger_utc": None,
-        "pre_trigger_fields": 0,
-        "group": None,
-        "first_field_s": None,
-        "bits": 0,
-        "lines": "",
-        "fields": 0,
-        "ledger": ledger_document(Ledger(), 50.0),
-        "runs": [],
-        "labels": {},
-        "note": "",
-        "size_bytes": path.stat().st_size,
-    }

@@ -1,23 +1,25 @@
-"""Captures as they are listed, page by page: a new one, or one that goes, shifts no page."""
+"""Lists captures page by page; captures that come or go meanwhile shift no page."""
 
 import heapq
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.capture_index import IndexEntry
 
 AT_ONCE = 200
+"""Index entries read at once: one search over a large archive must not hold all of them in memory."""
 NOTHING = Annotation()
 
 
-class Place(NamedTuple):
-    """Where a capture stands in the list, which begins with the greatest."""
+class Position(NamedTuple):
+    """Position of a capture in the list, which is sorted from the greatest down."""
 
     created_utc: str
     id: str
@@ -25,20 +27,20 @@ class Place(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CaptureQuery:
-    """Which captures are wanted.
+    """Filter of a list of captures; None filters nothing.
 
     Attributes:
-        limit: so many at most.
-        after: the last one of the page before; None: from the newest.
-        device: only those of this device.
-        since_utc: only those that began then or later; ISO 8601 with milliseconds and Z.
-        until_utc: only those that began before.
-        search: only those with this text in id, note or labels, in capitals or not.
-        pinned: only pinned ones, or only others.
+        limit: Maximum number of results.
+        after: Position of the last capture on the page before; None for the first page.
+        device: Name of the device.
+        since_utc: Earliest start; ISO 8601 with milliseconds and Z.
+        until_utc: Time before which the captures started.
+        search: Text in id, note or labels, ignoring case.
+        pinned: True for pinned captures alone, False for the others alone.
     """
 
     limit: int = 100
-    after: Place | None = None
+    after: Position | None = None
     device: str | None = None
     since_utc: str | None = None
     until_utc: str | None = None
@@ -46,73 +48,72 @@ class CaptureQuery:
     pinned: bool | None = None
 
     @property
-    def begin(self) -> Place | None:
-        """After which place the page begins; None: from the newest."""
-        given = (self.after, Place(self.until_utc, "") if self.until_utc else None)
-        return min((place for place in given if place), default=None)
+    def start(self) -> Position | None:
+        """Position after which the page starts; None for the newest capture."""
+        given = (self.after, Position(self.until_utc, "") if self.until_utc else None)
+        return min((position for position in given if position), default=None)
 
-    def wants(self, document: dict[str, Any]) -> bool:
-        """Whether a capture is one of them."""
+    def matches(self, document: CaptureDocument) -> bool:
+        """True if a capture belongs to the list."""
         return (
-            (self.after is None or place_of(document) < self.after)
-            and self.device in (None, document["device"])
-            and (self.since_utc is None or document["created_utc"] >= self.since_utc)
-            and (self.until_utc is None or document["created_utc"] < self.until_utc)
-            and self._says(document["id"], document["note"], document["labels"])
-            and self.pinned in (None, document["pinned"])
+            (self.after is None or position_of(document) < self.after)
+            and self.device in (None, document.device)
+            and (self.since_utc is None or document.created_utc >= self.since_utc)
+            and (self.until_utc is None or document.created_utc < self.until_utc)
+            and self._contains(document.id, document.note, document.labels)
+            and self.pinned in (None, document.pinned)
         )
 
-    def may_want(self, entry: IndexEntry, said: Annotation) -> bool:
-        """Whether an ended capture is one of them, from what is known without opening its file."""
-        note = entry.note if said.note is None else said.note
-        labels = json.loads(entry.labels) if said.labels is None else said.labels
+    def may_match(self, entry: IndexEntry, annotation: Annotation) -> bool:
+        """False if a capture certainly does not match, by what is known without opening its file."""
+        note = entry.note if annotation.note is None else annotation.note
+        labels = json.loads(entry.labels) if annotation.labels is None else annotation.labels
         return (
             self.device in (None, entry.device)
-            and self.pinned in (None, said.pinned)
-            and self._says(entry.id, note, labels)
+            and self.pinned in (None, annotation.pinned)
+            and self._contains(entry.id, note, labels)
         )
 
-    def _says(self, capture_id: str, note: str, labels: Mapping[str, str]) -> bool:
-        """Whether the text that is searched for stands there."""
+    def _contains(self, capture_id: str, note: str, labels: Mapping[str, str]) -> bool:
         text = " ".join([capture_id, note, *labels, *labels.values()])
         return self.search is None or self.search.casefold() in text.casefold()
 
 
-def list_captures(archive: Archive, query: CaptureQuery) -> tuple[list[dict[str, Any]], Place | None]:
-    """A page of captures, the newest first, and the place to go on from; None where no more follow."""
-    found = list(islice(filter(query.wants, _newest(archive, query)), query.limit + 1))
+def list_captures(archive: Archive, query: CaptureQuery) -> tuple[list[CaptureDocument], Position | None]:
+    """Returns a page of captures, newest first, and the position to go on from, or None for the last page."""
+    found = list(islice(filter(query.matches, _newest(archive, query)), query.limit + 1))
     shown = found[: query.limit]
-    return shown, place_of(shown[-1]) if len(found) > query.limit else None
+    return shown, position_of(shown[-1]) if len(found) > query.limit else None
 
 
-def place_of(document: dict[str, Any]) -> Place:
-    """Where a capture stands."""
-    return Place(document["created_utc"], document["id"])
+def position_of(document: CaptureDocument) -> Position:
+    """Returns the position of a capture in the list."""
+    return Position(document.created_utc, document.id)
 
 
-def _newest(archive: Archive, query: CaptureQuery) -> Iterator[dict[str, Any]]:
-    """Those that are armed or running, and those that the index has, in one order."""
-    current = {document["id"]: document for document in archive.current()}
+def _newest(archive: Archive, query: CaptureQuery) -> Iterator[CaptureDocument]:
+    """Yields armed, running and indexed captures in one order."""
+    current = {document.id: document for document in archive.current()}
     ended = (entry for entry in _indexed(archive, query) if entry.id not in current)
     documents = (document for entry in ended if (document := _document(archive, entry)) is not None)
-    ordered = sorted(current.values(), key=place_of, reverse=True)
-    yield from heapq.merge(ordered, documents, key=place_of, reverse=True)
+    ordered = sorted(current.values(), key=position_of, reverse=True)
+    yield from heapq.merge(ordered, documents, key=position_of, reverse=True)
 
 
 def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[IndexEntry]:
-    after, said = query.begin, archive.annotations()
+    after, annotations = query.start, archive.annotations()
     while entries := archive.index.page(after, AT_ONCE):
         for entry in entries:
             if query.since_utc is not None and entry.created_utc < query.since_utc:
                 return
-            if query.may_want(entry, said.get(entry.id, NOTHING)):
+            if query.may_match(entry, annotations.get(entry.id, NOTHING)):
                 yield entry
-        after = Place(entries[-1].created_utc, entries[-1].id)
+        after = Position(entries[-1].created_utc, entries[-1].id)
 
 
-def _document(archive: Archive, entry: IndexEntry) -> dict[str, Any] | None:
-    """A capture; None for one that has just been deleted, or whose file was removed by hand."""
+def _document(archive: Archive, entry: IndexEntry) -> CaptureDocument | None:
+    """Returns a capture's document; None if it was deleted since its entry was read."""
     try:
-        return {**archive.document(entry.id), "created_utc": entry.created_utc}
+        return archive.document(entry.id).model_copy(update={"created_utc": entry.created_utc})
     except NotFound:
         return None

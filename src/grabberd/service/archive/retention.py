@@ -1,4 +1,4 @@
-"""How long captures are kept: which of them go, oldest first, and their going."""
+"""Retention: removes the oldest captures by age and by free disk space."""
 
 import logging
 import threading
@@ -23,11 +23,11 @@ EVERY_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """How long captures are kept; None: that does not matter.
+    """Limits on how long captures are kept; without any, until somebody deletes them.
 
     Attributes:
-        keep_days: they go when they are older.
-        min_free_bytes: the oldest go until so much is free.
+        keep_days: Maximum age in days, or None.
+        min_free_bytes: Free disk space that the oldest captures make room for, or None.
     """
 
     keep_days: float | None = None
@@ -35,18 +35,18 @@ class Policy:
 
     @classmethod
     def from_config(cls, config: RetentionConfig) -> "Policy":
-        """The policy in a configuration."""
+        """Reads the policy from the configuration."""
         least = config.min_free_gb
         return cls(config.keep_days, None if least is None else round(least * GB))
 
     @property
     def removes(self) -> bool:
-        """Whether it ever removes anything."""
+        """True if the policy ever removes anything."""
         return self.keep_days is not None or self.min_free_bytes is not None
 
 
-class Kept(NamedTuple):
-    """A sealed capture that may go, and when it was last changed."""
+class Candidate(NamedTuple):
+    """A sealed capture that may be removed, and when it was last changed."""
 
     id: str
     changed: datetime
@@ -54,21 +54,21 @@ class Kept(NamedTuple):
 
 
 class Removal(NamedTuple):
-    """A capture that goes, and why."""
+    """A capture to remove, and why."""
 
     id: str
     size_bytes: int
     because: str
 
 
-def removals(captures: Iterable[Kept], policy: Policy, now: datetime, free_bytes: int) -> list[Removal]:
-    """What a policy removes at a moment, oldest first.
+def removals(captures: Iterable[Candidate], policy: Policy, now: datetime, free_bytes: int) -> list[Removal]:
+    """Returns what a policy removes at a moment, oldest first.
 
     Args:
-        captures: those that may go at all.
-        policy: how long they are kept.
-        now: the time.
-        free_bytes: the room on the disk.
+        captures: The candidates.
+        policy: How long captures are kept.
+        now: The time.
+        free_bytes: Free space on the disk.
     """
     found = []
     for capture in sorted(captures, key=lambda capture: capture.changed):
@@ -79,7 +79,7 @@ def removals(captures: Iterable[Kept], policy: Policy, now: datetime, free_bytes
     return found
 
 
-def _because(capture: Kept, policy: Policy, now: datetime, free_bytes: int) -> str | None:
+def _because(capture: Candidate, policy: Policy, now: datetime, free_bytes: int) -> str | None:
     if policy.keep_days is not None and now - capture.changed > timedelta(days=policy.keep_days):
         return f"older than {policy.keep_days:g} days"
     if policy.min_free_bytes is not None and free_bytes < policy.min_free_bytes:
@@ -87,17 +87,19 @@ def _because(capture: Kept, policy: Policy, now: datetime, free_bytes: int) -> s
     return None
 
 
-def candidates(directory: Path, entries: Iterable[IndexEntry], spared: Collection[str]) -> Iterator[Kept]:
-    """Captures that may go: sealed, whole enough to be read, and not spared."""
+def candidates(
+    directory: Path, entries: Iterable[IndexEntry], spared: Collection[str]
+) -> Iterator[Candidate]:
+    """Yields the captures that may be removed: sealed, readable, and not spared."""
     for entry in entries:
         path = directory / entry.file
         if entry.state == "sealed" and path.suffix == SUFFIX and entry.id not in spared and path.exists():
             stat = path.stat()
-            yield Kept(entry.id, _changed(entry.created_utc, stat.st_mtime), stat.st_size)
+            yield Candidate(entry.id, _changed(entry.created_utc, stat.st_mtime), stat.st_size)
 
 
 def _changed(created_utc: str, written: float) -> datetime:
-    """The later of both: what has just been copied here, or measured again, is not old."""
+    """Returns the later of both: a capture just copied here, or re-measured, is not old."""
     moment = datetime.fromtimestamp(written, UTC)
     try:
         created = datetime.fromisoformat(created_utc)
@@ -107,18 +109,19 @@ def _changed(created_utc: str, written: float) -> datetime:
 
 
 class Retention:
-    """Removes captures as the policy says, now and then, in a thread of its own.
+    """Removes captures as the policy says, once a minute in a thread of its own.
 
     Args:
-        archive: the captures.
-        policy: how long they are kept.
-        disk: says what is free.
-        spared: gives the ids of captures that stay whatever the policy says.
-        delete: deletes one; refuses one that has to stay after all.
+        archive: The captures.
+        policy: How long they are kept.
+        disk: Measures the free space.
+        clock: Tells the captures' age.
+        spared: Returns the ids of captures that stay whatever the policy says.
+        delete: Deletes one capture; raises Conflict or NotFound if it has to stay after all.
 
     Attributes:
-        removed: so many captures since the start; `removed_bytes`: their sizes together.
-        applied: notified with every removal.
+        removed: Number of captures removed since the start; `removed_bytes`: their total size.
+        applied: Notified after every removal.
     """
 
     def __init__(
@@ -143,29 +146,29 @@ class Retention:
         self._last_failure: str | None = None
 
     def start(self) -> None:
-        """Begins, if the policy ever removes anything."""
+        """Starts the thread if the policy ever removes anything."""
         if self._policy.removes:
             threading.Thread(target=self._run, name="retention", daemon=True).start()
 
     def stop(self) -> None:
-        """Removes nothing any more."""
+        """Stops removing captures."""
         self._stopping.set()
 
     def apply(self) -> list[Removal]:
-        """Removes what has to go now.
+        """Removes what the policy no longer keeps, and returns it.
 
         Raises:
-            StorageError: the disk does not let it, or it is not known what is to be spared.
+            StorageError: A file cannot be deleted, or the captures to spare are unknown.
         """
         directory = self._archive.directory
-        kept = candidates(directory, self._archive.index.list(), self._spared())
-        due = removals(kept, self._policy, self._clock.utc_now(), self._disk.free_bytes(directory))
+        known = candidates(directory, self._archive.index.list(), self._spared())
+        due = removals(known, self._policy, self._clock.utc_now(), self._disk.free_bytes(directory))
         return [removal for removal in due if self._remove(removal)]
 
     def _remove(self, removal: Removal) -> bool:
         try:
             self._delete(removal.id)
-        except (Conflict, NotFound):  # pinned, taken up by a job or deleted at this moment
+        except (Conflict, NotFound):  # pinned, submitted to a job or deleted since `spared` was read
             return False
         with self.applied:
             self.removed += 1
@@ -185,6 +188,7 @@ class Retention:
             self._stopping.wait(EVERY_S)
 
     def _report(self, failure: str) -> None:
+        """Logs a failure once, not every minute for as long as it lasts."""
         if failure != self._last_failure:
             log.error("no capture can be removed: %s", failure)
         self._last_failure = failure

@@ -1,1 +1,1 @@
-"""Stored calibrations, and which of them each device measures with."""
+"""The known calibrations, which of them each device measures with, and the known calibration frames."""

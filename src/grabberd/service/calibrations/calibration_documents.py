@@ -1,47 +1,63 @@
-"""How calibrations are shown."""
+"""The documents of calibrations."""
 
 from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
+from grabberd.documents.calibrations import ActiveCalibration, CalibrationRow
 from grabberd.storage.state.calibration_store import StoredCalibration, moment_of
 
 CONFIGURATION = "configuration"
 SECONDS_A_DAY = 86400.0
+_OF_THE_DOCUMENT = ("created_utc", "source", "sigma0_px", "glass", "image")
 
 
-def summary(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What a list says of a calibration, from its own document."""
-    return {key: document.get(key) for key in ("id", "created_utc", "source", "sigma0_px", "glass", "image")}
-
-
-def configured_row(document: Mapping[str, Any], device: str) -> dict[str, Any]:
+def configured_row(document: Mapping[str, Any], device: str) -> CalibrationRow:
     """A calibration that the configuration names."""
-    return _row(document["id"], device, CONFIGURATION) | summary(document)
+    return _row(document["id"], document, device=device, origin=CONFIGURATION)
 
 
-def stored_row(entry: StoredCalibration) -> dict[str, Any]:
-    """A stored calibration; of a damaged one only the id and what is wrong."""
+def stored_row(entry: StoredCalibration) -> CalibrationRow:
+    """A stored calibration; of a damaged one only the id and the problem."""
     record = entry.record
     if entry.problem is not None:
-        return _row(entry.id, "", None) | {"problem": entry.problem}
-    made = {"note": record.note, "capture": record.capture, "stored_utc": record.stored_utc or None}
-    return _row(entry.id, record.device, record.origin) | summary(entry.document) | made
+        return _row(entry.id, {}, problem=entry.problem)
+    return _row(
+        entry.document.get("id", entry.id),
+        entry.document,
+        device=record.device,
+        origin=record.origin,
+        note=record.note,
+        capture=record.capture,
+        stored_utc=record.stored_utc or None,
+    )
 
 
-def newest_first(row: Mapping[str, Any]) -> tuple[bool, datetime, str]:
-    """Sorts rows, in reverse: the newest first, damaged ones last."""
-    created = row["created_utc"]
-    return created is not None, moment_of(created or "0001-01-01"), str(row["id"])
+def active_calibration(
+    document: Mapping[str, Any], now: datetime, activated_utc: str | None
+) -> ActiveCalibration:
+    """The calibration that a device measures with, and its age."""
+    return ActiveCalibration(
+        id=document["id"],
+        created_utc=document["created_utc"],
+        age_days=round(age_days(document["created_utc"], now), 3),  # to some 90 s
+        activated_utc=activated_utc,
+    )
+
+
+def newest_first(row: CalibrationRow) -> tuple[bool, datetime, str]:
+    """Sort key, in reverse: the newest first, damaged ones last."""
+    return row.created_utc is not None, moment_of(row.created_utc or "0001-01-01"), row.id
 
 
 def age_days(created_utc: str, now: datetime) -> float:
-    """Below zero where it was made by a clock ahead of this one."""
+    """Age in days; negative if the calibration was made by a clock ahead of this one."""
     return (now - moment_of(created_utc)).total_seconds() / SECONDS_A_DAY
 
 
-def _row(calibration_id: str, device: str, origin: str | None) -> dict[str, Any]:
-    empty = dict.fromkeys(
-        ("created_utc", "source", "sigma0_px", "glass", "image", "capture", "stored_utc", "problem")
-    )
-    return {"id": calibration_id, "device": device, "origin": origin, "note": "", **empty}
+def _row(calibration_id: str, document: Mapping[str, Any], **known: str | None) -> CalibrationRow:
+    """A row of what its document and its record tell; `active`, `misfit` and `rejected` are entered later."""
+    row: dict[str, Any] = dict.fromkeys(CalibrationRow.model_fields)
+    row |= {"id": calibration_id, "device": "", "note": "", "active": False}
+    row |= {key: document.get(key) for key in _OF_THE_DOCUMENT}
+    return CalibrationRow.model_validate(row | known)

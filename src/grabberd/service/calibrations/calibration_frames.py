@@ -1,4 +1,4 @@
-"""The calibration frames that come with the program, by name."""
+"""Calibration frames: those that come with the program, by name, and what their documents hold."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -6,50 +6,66 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import shipped_configs
+from grabberd.documents.calibrations import CalibrationFrameRow
 from grabberd.errors import NotFound
+from grabberd.reconstruction import ObjectModel
 from grabberd.service.setup import read_yaml
 
+CALIBRATION_FRAME_KEYS = ("certificate", "temperature_C")
+"""Keys of a calibration frame's document beside those of an object model."""
 
-def known_frames() -> dict[str, Path]:
-    """The files in `calibration-frames`, by their name without ending."""
+
+def known_calibration_frames() -> dict[str, Path]:
+    """Returns the files in `calibration-frames`, by name without suffix."""
     return {path.stem: path for path in sorted((shipped_configs() / "calibration-frames").glob("*.yaml"))}
 
 
-def frame_rows() -> list[dict[str, Any]]:
-    """Those known as they are listed, by name."""
-    return [{"name": name, **_row(path)} for name, path in known_frames().items()]
+def calibration_frame_rows() -> list[CalibrationFrameRow]:
+    """The calibration frames that are known, by name."""
+    return [_row(name, path) for name, path in known_calibration_frames().items()]
 
 
 @cache
-def _row(path: Path) -> dict[str, Any]:
-    """What tells one from another at a glance; the files do not change while the program runs."""
+def _row(name: str, path: Path) -> CalibrationFrameRow:
+    """The properties that tell one from another; cached, as the files never change while the program runs."""
     document = read_yaml(path)
     targets = document["targets"]
     spans = {axis: [target[axis] for target in targets] for axis in ("x_mm", "y_mm")}
-    return {
-        "targets": len(targets),
-        "target_diameter_mm": document["target_diameter_mm"],
-        "size_mm": sorted(round(max(span) - min(span), 1) for span in spans.values())[::-1],
-    }
+    return CalibrationFrameRow(
+        name=name,
+        targets=len(targets),
+        target_diameter_mm=document["target_diameter_mm"],
+        size_mm=sorted((round(max(span) - min(span), 1) for span in spans.values()), reverse=True),
+    )
 
 
-def frame_document(frame: str | Mapping[str, Any] | None) -> dict[str, Any]:
-    """A calibration frame's document: as it is given, by its name, or the one there is.
-
-    A name is looked up among those known, so none ever becomes a path.
+def calibration_frame_document(wanted: str | Mapping[str, Any] | None) -> dict[str, Any]:
+    """Returns a calibration frame's document: as given, by name, or the only one there is.
 
     Raises:
-        NotFound: there is none of that name, or the name is needed.
-        InputError: its file cannot be read.
+        NotFound: No calibration frame has that name, or a name is needed.
+        InputError: The file cannot be read.
     """
-    if isinstance(frame, Mapping):
-        return dict(frame)
-    known = known_frames()
-    if frame is None and len(known) == 1:
+    if isinstance(wanted, Mapping):
+        return dict(wanted)
+    # A name comes from a client: it is looked up, never made part of a path.
+    known = known_calibration_frames()
+    if wanted is None and len(known) == 1:
         return read_yaml(next(iter(known.values())))
-    name = (frame or "").removesuffix(".yaml")
+    name = (wanted or "").removesuffix(".yaml")
     if name not in known:
-        said = "no calibration frame is named" if frame is None else f"no calibration frame {frame!r}"
+        problem = "no calibration frame is named" if wanted is None else f"no calibration frame {wanted!r}"
         names = ", ".join(known) or "none is installed"
-        raise NotFound(said, f"name one of: {names}; or give its document, with its targets")
+        raise NotFound(problem, f"name one of: {names}; or give its document, with its targets")
     return read_yaml(known[name])
+
+
+def calibration_frame_model(document: Mapping[str, Any]) -> ObjectModel:
+    """Returns the targets of a calibration frame's document.
+
+    Raises:
+        InputError: The document is invalid.
+    """
+    return ObjectModel.from_document(
+        {key: document[key] for key in document if key not in CALIBRATION_FRAME_KEYS}
+    )

@@ -1,4 +1,4 @@
-"""The recorder's own queue: what has been recorded and not yet been written or measured."""
+"""Queue of a capture: slots that have been recorded and not yet been written or measured."""
 
 import itertools
 import threading
@@ -9,10 +9,14 @@ T = TypeVar("T")
 
 
 class Backlog(Generic[T]):
-    """An append-only list whose head is forgotten once it is on disk; indices count from the first item ever.
+    """An append-only list that forgets its head once it is on disk; indices count from the first item ever.
 
     The writer must not fall behind by more than `capacity` items: then `append` refuses. The measuring
-    worker may fall behind as far as it likes: what has been forgotten meanwhile it reads from the file.
+    worker may fall behind as far as it likes: it reads from the file what has been forgotten meanwhile.
+
+    Attributes:
+        capacity: Number of items that the writer may fall behind.
+        deepest: The most items that ever waited for the writer.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -32,11 +36,11 @@ class Backlog(Generic[T]):
 
     @property
     def closed(self) -> bool:
-        """Whether nothing will be appended any more."""
+        """True if nothing will be appended any more."""
         return self._closed
 
     def append(self, item: T) -> bool:
-        """Adds an item; False, and nothing added, when the writer is `capacity` items behind."""
+        """Appends an item; returns False, and appends nothing, if the writer is `capacity` items behind."""
         with self._changed:
             waiting = self._end() - self._written
             if waiting >= self.capacity:
@@ -47,14 +51,14 @@ class Backlog(Generic[T]):
             return True
 
     def close(self) -> None:
-        """Nothing will be appended any more; whoever waits is woken."""
+        """Ends the list: nothing will be appended any more; whoever waits is woken."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     @property
     def room(self) -> int:
-        """How many more items the writer may fall behind."""
+        """Number of items that the writer may still fall behind."""
         with self._changed:
             return self.capacity - (self._end() - self._written)
 
@@ -65,19 +69,20 @@ class Backlog(Generic[T]):
             return list(itertools.islice(self._items, index - self._first, None))
 
     def written(self, count: int) -> None:
-        """The next `count` items are on disk; all but the latest `capacity` of them are forgotten."""
+        """Marks the next `count` items as on disk; all but the latest `capacity` of them are forgotten."""
         with self._changed:
             self._written += count
+            # The latest stay in memory for the worker, which reads the file only for what is forgotten.
             while self._first < self._written and len(self._items) > self.capacity:
                 self._items.popleft()
                 self._first += 1
             self._changed.notify_all()
 
     def at(self, index: int, timeout_s: float) -> T | None:
-        """The item at an index; None when it does not come in time or never will.
+        """The item at an index; None if it does not come in time, or never will.
 
         Raises:
-            LookupError: it has been forgotten; it is on disk.
+            LookupError: It has been forgotten; it is on disk.
         """
         with self._changed:
             self._changed.wait_for(lambda: index < self._end() or self._closed, timeout_s)
@@ -89,7 +94,7 @@ class Backlog(Generic[T]):
         """Index of the oldest item that is not forgotten, and the item.
 
         Raises:
-            LookupError: nothing was ever appended.
+            LookupError: Nothing was ever appended.
         """
         with self._changed:
             if not self._items:

@@ -1,230 +1,260 @@
-"""Captures as they are ordered: of one device, or of several group_start."""
+"""Capture control: start, arm, trigger and stop captures, of one device or of several together."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import datetime, timedelta
-from typing import Any
+from pathlib import Path
+from typing import Protocol
 
+from grabberd.documents.captures import CaptureDocument, CaptureGroup
 from grabberd.errors import Conflict, NotFound
-from grabberd.service.archive.archive import Archive
 from grabberd.service.capture import group_start
-from grabberd.service.capture.armed_capture import ArmedCapture
-from grabberd.service.capture.capture_group import Group
-from grabberd.service.capture.capture_request import Planned
+from grabberd.service.capture.capture_request import ArmedCapture, CaptureRequest, Group, NewCapture
+from grabberd.service.capture.capture_start import CaptureStart
+from grabberd.service.capture.device_captures import CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import DiskGuard
-from grabberd.service.capture.group_start import Member
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd.service.capture.group_start import DiskRoom
 from grabberd.service.capture.recording import Recording
 from grabberd.service.clock import Clock
-from grabberd.service.device.instrument import Instrument
+from grabberd.storage import CaptureIndex
 from grabberd.storage.state.annotation_store import AnnotationStore
 
 STOPPED = "stopped by the operator"
 
 
-class CaptureControl:
-    """Begins and ends captures of all instruments.
+class CaptureArchive(Protocol):
+    """The archive of captures, as far as capture control needs it.
 
-    A group's captures are called by its id and their device: GROUP-DEVICE.
+    Attributes:
+        directory: Folder of the capture files.
+        index: Index of the sealed captures.
+    """
+
+    directory: Path
+    index: CaptureIndex
+
+    def part_of(self, capture_id: str) -> Path:
+        """Path of a new capture's file while it is written."""
+        ...
+
+    def document(self, capture_id: str) -> CaptureDocument:
+        """A capture's document; raises NotFound if there is none of that id."""
+        ...
+
+
+class CaptureControl:
+    """Starts, arms, triggers and stops captures of all devices.
+
+    The captures of a group are named after the group and their device: GROUP-DEVICE.
+
+    Args:
+        current: The captures of each device.
+        archive: The captures on disk.
+        annotations: Notes, labels and pins; those of a capture that is disarmed go with it.
+        disk: Guard of the captures' disk.
+        clock: Source of time.
     """
 
     def __init__(
         self,
-        instruments: Mapping[str, Instrument],
-        archive: Archive,
+        current: CurrentCaptures,
+        archive: CaptureArchive,
         annotations: AnnotationStore,
         disk: DiskGuard,
         clock: Clock,
     ) -> None:
-        self._instruments = instruments
+        self._current = current
         self._archive = archive
         self._annotations = annotations
-        self._disk = disk
+        self._room = DiskRoom(disk, archive.directory, current)
         self._clock = clock
 
-    def start(self, instrument: Instrument, request: CaptureRequest) -> str:
+    def start(self, device: str | None, request: CaptureRequest) -> str:
         """Starts a capture and returns its id.
 
-        Raises:
-            CaptureRunning, NotReady, InputError, CalibrationMismatch, StorageError: see `group_start.start`.
-        """
-        member = self._planned(instrument, f"{self._stamp()}-{instrument.name}", request)
-        self._start([member])
-        return member.planned.id
-
-    def arm(self, instrument: Instrument, request: CaptureRequest) -> str:
-        """Arms a capture, whose `fields` count from its trigger on, and returns its id.
+        Args:
+            device: Name of the device; may be None where there is only one.
+            request: Options of the capture.
 
         Raises:
-            CaptureRunning, NotReady, InputError, CalibrationMismatch: see `group_start.arm`.
+            NotFound: There is no such device.
+            CaptureRunning, NotReady, InputError, CalibrationMismatch, StorageError: See `group_start.start`.
         """
-        member = self._planned(instrument, f"{self._stamp()}-{instrument.name}", request)
-        group_start.arm([member], self._clock)
-        return member.planned.id
+        single = self._single(device, request)
+        group_start.start([single], self._room, self._clock)
+        return single.new.id
+
+    def arm(self, device: str | None, request: CaptureRequest) -> str:
+        """Arms a capture, whose `fields` count from its trigger, and returns its id.
+
+        Args:
+            device: Name of the device; may be None where there is only one.
+            request: Options of the capture.
+
+        Raises:
+            NotFound: There is no such device.
+            CaptureRunning, NotReady, InputError, CalibrationMismatch: See `group_start.arm`.
+        """
+        single = self._single(device, request)
+        group_start.arm([single], self._clock)
+        return single.new.id
 
     def start_group(self, requests: Mapping[str, CaptureRequest]) -> str:
         """Starts captures of several devices at the same moment, and returns the group's id.
 
         Raises:
-            GroupRefused: not all of them can begin, so none does.
-            NotFound: there is no such device; StorageError: the disk has no room for all of them.
+            GroupRefused: Some of them cannot start, so none does.
+            NotFound: There is no such device.
+            StorageError: The disk has no room for all of them.
         """
-        group_id, members = self._group(requests)
-        self._start(members)
-        return group_id
+        group, starts = self._group(requests)
+        group_start.start(starts, self._room, self._clock)
+        return group.id
 
     def arm_group(self, requests: Mapping[str, CaptureRequest]) -> str:
         """Arms captures of several devices for one trigger, and returns the group's id.
 
         Raises:
-            GroupRefused, NotFound: as `start_group`.
+            GroupRefused, NotFound: As `start_group`.
         """
-        group_id, members = self._group(requests)
-        group_start.arm(members, self._clock)
-        return group_id
+        group, starts = self._group(requests)
+        group_start.arm(starts, self._clock)
+        return group.id
 
     def trigger(self, capture_id: str) -> None:
-        """Has an armed capture begin, and with it all others of its group.
+        """Starts an armed capture, and with it all others of its group.
 
         Raises:
-            NotFound: there is none of that id.
-            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: see `group_start.trigger`.
+            NotFound: There is no such capture.
+            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: See `group_start.trigger`.
         """
-        waiting = next((one for one in self._waiting() if one.id == capture_id), None)
-        if waiting is None:
+        armed = next((one for one in self._current.armed() if one.id == capture_id), None)
+        if armed is None:
             self._archive.document(capture_id)
             raise Conflict(f"capture {capture_id} is not armed", "it was triggered or has ended already")
-        self._trigger([waiting] if waiting.group is None else self._waiting(waiting.group.id))
+        self._trigger([armed] if armed.group is None else self._current.armed(armed.group.id))
 
     def trigger_group(self, group_id: str) -> None:
-        """Has the armed captures of a group begin at the same moment.
+        """Starts the armed captures of a group at the same moment.
 
         Raises:
-            NotFound: there is no such group.
-            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: see `group_start.trigger`.
+            NotFound: There is no such group.
+            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: See `group_start.trigger`.
         """
-        waiting = self._waiting(group_id)
-        if not waiting:
+        armed = self._current.armed(group_id)
+        if not armed:
             self.captures_of(group_id)
             raise Conflict(f"group {group_id} is not armed", "it was triggered or has ended already")
-        self._trigger(waiting)
+        self._trigger(armed)
 
     def stop(self, capture_id: str) -> None:
-        """Ends the recording of a running capture; of an armed one nothing is left.
+        """Stops a running capture; of an armed one nothing is left.
 
         Raises:
-            NotFound: there is none of that id.
-            Conflict: it is not running.
+            NotFound: There is no such capture.
+            Conflict: It is not running.
         """
-        waiting = [one for one in self._waiting() if one.id == capture_id]
-        sessions = [one for one in self._sessions() if one.id == capture_id]
-        if not waiting and not sessions:
+        armed = [one for one in self._current.armed() if one.id == capture_id]
+        recordings = [one for one in self._current.recordings() if one.id == capture_id]
+        if not armed and not recordings:
             self._archive.index.get(capture_id)
             raise Conflict(f"capture {capture_id} is not running", "it has ended already")
-        self._stop(waiting, sessions)
+        self._stop(armed, recordings)
 
     def stop_group(self, group_id: str) -> None:
-        """Ends the recordings of a group at the same moment; of an armed one nothing is left.
+        """Stops the captures of a group at the same moment; of armed ones nothing is left.
 
         Raises:
-            NotFound: there is no such group.
-            Conflict: none of its captures is running.
+            NotFound: There is no such group.
+            Conflict: None of its captures is running.
         """
-        waiting, sessions = self._waiting(group_id), self._sessions(group_id)
-        if not waiting and not sessions:
+        armed, recordings = self._current.armed(group_id), self._current.recordings(group_id)
+        if not armed and not recordings:
             self.captures_of(group_id)
             raise Conflict(f"no capture of group {group_id} is running", "they have ended already")
-        self._stop(waiting, sessions)
+        self._stop(armed, recordings)
 
-    def captures_of(self, group_id: str) -> list[dict[str, Any]]:
-        """The captures of a group, as they are shown; those that were deleted are left out.
+    def group_document(self, group_id: str) -> CaptureGroup:
+        """A group with its captures; deleted ones are left out.
 
         Raises:
-            NotFound: there is no such group.
+            NotFound: There is no such group.
         """
-        going_on = [one.id for one in self._waiting(group_id)] + [one.id for one in self._sessions(group_id)]
-        ended = [entry.id for entry in self._archive.index.beginning_with(f"{group_id}-")]
-        found = list(self._documents(dict.fromkeys((*going_on, *ended))))
-        captures = [one for one in found if one["group"] is not None and one["group"]["id"] == group_id]
+        captures = self.captures_of(group_id)
+        group = captures[0].group
+        assert group is not None, "captures_of finds members of the group alone"
+        return CaptureGroup(**group.model_dump(), captures=captures)
+
+    def captures_of(self, group_id: str) -> list[CaptureDocument]:
+        """The captures of a group; deleted ones are left out.
+
+        Raises:
+            NotFound: There is no such group.
+        """
+        armed = [one.id for one in self._current.armed(group_id)]
+        recordings = [one.id for one in self._current.recordings(group_id)]
+        ended = [entry.id for entry in self._archive.index.with_prefix(f"{group_id}-")]
+        found = list(self._documents(dict.fromkeys((*armed, *recordings, *ended))))
+        captures = [one for one in found if one.group is not None and one.group.id == group_id]
         if not captures:
             raise NotFound(f"no group {group_id!r}", "GET /api/v1/captures says of which group a capture is")
-        return sorted(captures, key=lambda one: str(one["id"]))
+        return sorted(captures, key=lambda one: one.id)
 
-    def _documents(self, capture_ids: Iterable[str]) -> Iterator[dict[str, Any]]:
+    def _documents(self, capture_ids: Iterable[str]) -> Iterator[CaptureDocument]:
         for capture_id in capture_ids:
             with suppress(NotFound):  # deleted or disarmed just now
                 yield self._archive.document(capture_id)
 
-    def _group(self, requests: Mapping[str, CaptureRequest]) -> tuple[str, list[Member]]:
-        unknown = [name for name in requests if name not in self._instruments]
-        if unknown:
-            raise NotFound(
-                f"no device {', '.join(map(repr, unknown))}", f"name some of: {', '.join(self._instruments)}"
-            )
+    def _single(self, device: str | None, request: CaptureRequest) -> CaptureStart:
+        name = of_device(self._current.devices, device).name
+        return self._capture_start(name, f"{self._stamp()}-{name}", request)
+
+    def _group(self, requests: Mapping[str, CaptureRequest]) -> tuple[Group, list[CaptureStart]]:
+        known = self._current.devices
+        if unknown := [name for name in requests if name not in known]:
+            raise NotFound(f"no device {', '.join(map(repr, unknown))}", f"name some of: {', '.join(known)}")
         group = Group(self._stamp(), tuple(requests))
-        members = [
-            self._planned(self._instruments[name], f"{group.id}-{name}", request, group)
+        starts = [
+            self._capture_start(name, f"{group.id}-{name}", request, group)
             for name, request in requests.items()
         ]
-        return group.id, members
+        return group, starts
 
-    def _planned(
+    def _capture_start(
         self,
-        instrument: Instrument,
+        device: str,
         capture_id: str,
         request: CaptureRequest,
         group: Group | None = None,
         armed_utc: str | None = None,
-    ) -> Member:
-        part = self._archive.part_of(capture_id)
-        return Member(instrument.beginning, Planned(capture_id, request, part, group, armed_utc))
+    ) -> CaptureStart:
+        new = NewCapture(capture_id, request, self._archive.part_of(capture_id), group, armed_utc)
+        return CaptureStart(self._current.devices[device], new)
 
-    def _start(self, members: Sequence[Member]) -> None:
-        group_start.start(members, self._check_room, self._clock)
-
-    def _trigger(self, waiting: Sequence[ArmedCapture]) -> None:
-        devices = tuple(one.device for one in waiting)
-        members = [
-            self._planned(
-                self._instruments[one.device],
-                one.id,
-                one.request,
-                one.group and Group(one.group.id, devices),
-                one.armed_utc,
+    def _trigger(self, armed: list[ArmedCapture]) -> None:
+        # Of a group whose other captures were disarmed, the file names those that are left.
+        devices = tuple(one.device for one in armed)
+        starts = [
+            self._capture_start(
+                one.device, one.id, one.request, one.group and Group(one.group.id, devices), one.armed_utc
             )
-            for one in waiting
+            for one in armed
         ]
-        group_start.trigger(members, self._check_room, self._clock)
+        group_start.trigger(starts, self._room, self._clock)
 
-    def _stop(self, waiting: Sequence[ArmedCapture], sessions: Sequence[Recording]) -> None:
-        for session in sessions:
-            session.stop(STOPPED)
-        for one in waiting:
-            self._instruments[one.device].beginning.disarm(one.id)
+    def _stop(self, armed: list[ArmedCapture], recordings: list[Recording]) -> None:
+        for recording in recordings:
+            recording.stop(STOPPED)
+        for one in armed:
+            self._current.devices[one.device].disarm(one.id)
             self._annotations.remove(one.id)
 
-    def _check_room(self, bytes_per_s: float, duration_s: float | None) -> None:
-        """Beside what other devices are writing."""
-        others = sum(one.bytes_per_s for one in self._instruments.values() if one.running is not None)
-        self._disk.check_fits(self._archive.directory, bytes_per_s + others, duration_s)
-
     def _stamp(self) -> str:
-        """Of this moment; no two groups that are going on have the same."""
+        """The present time as an id that no other current group has."""
         moment = self._clock.utc_now()
-        while self._waiting(_stamped(moment)) or self._sessions(_stamped(moment)):
+        while self._current.armed(_stamped(moment)) or self._current.recordings(_stamped(moment)):
             moment += timedelta(milliseconds=1)
         return _stamped(moment)
-
-    def _waiting(self, group_id: str | None = None) -> list[ArmedCapture]:
-        """The captures that are armed, of a group or all of them."""
-        waiting = [one.waiting for one in self._instruments.values() if one.waiting is not None]
-        return [one for one in waiting if group_id is None or (one.group and one.group.id == group_id)]
-
-    def _sessions(self, group_id: str | None = None) -> list[Recording]:
-        """The captures that are being recorded or sealed, of a group or all of them."""
-        sessions = [one.session for one in self._instruments.values()]
-        going_on = [one for one in sessions if one is not None and not one.is_sealed]
-        return [one for one in going_on if group_id is None or (one.group and one.group.id == group_id)]
 
 
 def _stamped(moment: datetime) -> str:

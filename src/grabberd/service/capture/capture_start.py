@@ -1,171 +1,181 @@
-"""How a device's captures begin, and which of them there is."""
+"""Starting one capture on one device: check, configure the ring, record, make the file, begin."""
 
-import threading
-from collections.abc import Callable
+from dataclasses import asdict
 
-from grabberd.acquisition import Signal, StreamInfo
-from grabberd.errors import CaptureRunning, Conflict, InputError, NotReady
-from grabberd.service.capture.armed_capture import ArmedCapture
-from grabberd.service.capture.capture_group import Moment
-from grabberd.service.capture.capture_request import Planned
-from grabberd.service.capture.recorder import CaptureRequest
+from grabberd import __version__
+from grabberd.acquisition import Signal, Slot
+from grabberd.errors import InputError, NotReady
+from grabberd.service.capture.backlog import Backlog
+from grabberd.service.capture.capture_request import ArmedCapture, Moment, NewCapture
+from grabberd.service.capture.device_captures import DeviceCaptures
+from grabberd.service.capture.recorder import Recorder
 from grabberd.service.capture.recording import Recording
-from grabberd.service.capture.recording_start import Attaching, Taken, ring_bytes_per_field
-from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.status_board import StatusBoard
-from grabberd.service.setup import DeviceSetup, check_stream
-
-ACCEPTS = frozenset({DeviceState.READY, DeviceState.NO_SIGNAL, DeviceState.CAPTURING})
+from grabberd.service.clock import iso_utc
+from grabberd.storage import CaptureMeta, CaptureWriter
 
 
 class CaptureStart:
-    """The steps from an order to a capture, for `together`, which takes them for one device or for several.
+    """The steps from a request to a running capture; `group_start` takes them in order, for one or several.
+
+    All steps are taken under the device's lock.
 
     Args:
-        board: of the device.
-        attaching: what its captures are put together from.
-        setup: gives what it is made of now.
-
-    Attributes:
-        name: of the device.
-        lock: held by whoever takes steps, or changes what must stay as it is during a capture.
-        session: the running or the last capture; `waiting`: the one that is armed, or None.
+        device: The captures of the device.
+        new: The capture to be started or armed.
     """
 
-    def __init__(self, board: StatusBoard, attaching: Attaching, setup: Callable[[], DeviceSetup]) -> None:
-        self.name = board.name
-        self.lock = threading.Lock()
-        self.session: Recording | None = None
-        self.waiting: ArmedCapture | None = None
-        self._board = board
-        self._intake = attaching.intake
-        self._attaching = attaching
-        self._setup = setup
+    def __init__(self, device: DeviceCaptures, new: NewCapture) -> None:
+        self.device = device
+        self.new = new
+        self._recorder: Recorder | None = None
+        self._recording: Recording | None = None
 
     @property
-    def accepts(self) -> bool:
-        """Whether a capture could be started, were none running."""
-        status = self._board.now
-        return status.state in ACCEPTS and status.stream is not None
+    def duration_s(self) -> float | None:
+        """Length of the capture; None if it has none."""
+        fields = self.new.request.fields
+        return None if fields is None else fields / self.device.stream.rate_hz
 
-    @property
-    def bytes_per_s(self) -> float:
-        """What a capture is expected to write, with the ring as it is."""
-        return self.stream.rate_hz * ring_bytes_per_field(self._setup(), self._intake.armed)
-
-    @property
-    def stream(self) -> StreamInfo:
-        """What the driver granted; asked only of a device that accepts captures."""
-        stream = self._board.now.stream
-        assert stream is not None
-        return stream
-
-    def check_no_capture(self) -> None:
-        """Whether there is none.
+    def check_free(self) -> None:
+        """Checks that a capture may be started or armed.
 
         Raises:
-            CaptureRunning: one is armed, or being recorded, measured or sealed.
+            CaptureRunning: The device has a capture already.
+            NotReady: The device does not stream.
+            InputError: The ring has fewer slots than the pre-trigger asks for.
+            CalibrationMismatch: The calibration is for pictures of another size than the stream's.
         """
-        if self.session is not None and not self.session.sealed.is_set():
-            raise CaptureRunning(self.session.id)
-        if self.waiting is not None:
-            raise CaptureRunning(self.waiting.id)
-
-    def check_free(self, request: CaptureRequest) -> None:
-        """Whether a capture may begin, or be armed.
-
-        Raises:
-            CaptureRunning: there is one.
-            NotReady: the device does not stream.
-            InputError: the ring has not so many slots for what was before.
-            CalibrationMismatch: the calibration is of pictures of another size than the stream's.
-        """
-        self.check_no_capture()
+        self.device.check_no_capture()
         self.check_streams()
-        slots = self._intake.armed.ring.slots
-        if request.pre_trigger_fields > slots:
+        asked, slots = self.new.request.pre_trigger_fields, self.device.pipeline.configured.ring.slots
+        if asked > slots:
             raise InputError(
-                f"pre_trigger_fields is {request.pre_trigger_fields}, but the ring has {slots} slots",
-                f"ask for fewer, or raise devices.{self.name}.ring.slots",
+                f"pre_trigger_fields is {asked}, but the ring has {slots} slots",
+                f"ask for fewer, or raise devices.{self.device.name}.ring.slots",
             )
 
-    def check_armed(self, capture_id: str) -> ArmedCapture:
-        """The capture, if it is armed.
+    def check_armed(self) -> None:
+        """Checks that the capture is armed.
 
         Raises:
-            Conflict: it is not.
+            Conflict: It is not.
         """
-        if self.waiting is None or self.waiting.id != capture_id:
-            raise Conflict(f"capture {capture_id} is not armed", "it was triggered or has ended already")
-        return self.waiting
+        self.device.check_armed(self.new.id)
 
     def check_streams(self) -> None:
-        """Whether the device delivers pictures that can be measured, if they are to be.
+        """Checks that the device streams pictures, and ones that fit its calibration if it has one.
 
         Raises:
-            NotReady, CalibrationMismatch: see `check_free`.
+            NotReady, CalibrationMismatch: See `check_free`.
         """
-        if not self.accepts:
-            status = self._board.now
+        if not self.device.accepts:
+            status = self.device.board.now
             cause = f" ({status.cause})" if status.cause else ""
             raise NotReady(
-                f"device {self.name} is {status.state}{cause}",
+                f"device {self.device.name} is {status.state}{cause}",
                 status.hint or "wait until its state is ready: GET /api/v1/state",
             )
-        self.check_measurable()
+        self.device.check_measurable()
 
-    def check_measurable(self) -> None:
-        """Whether what streams now, if anything, has the calibration's size.
-
-        Raises:
-            CalibrationMismatch: it has not.
-        """
-        stream, measuring = self._board.now.stream, self._setup().measuring
-        if measuring is not None and stream is not None:
-            check_stream(measuring.calibration, stream)
-
-    def arm(self, request: CaptureRequest) -> None:
-        """The ring as the capture wants it; its threshold is chosen, where there is a picture, and held."""
-        armed = self._intake.arm(request.bits, request.lines)
-        if self._board.now.signal is not Signal.ABSENT:
-            self._intake.thresholds.settle(armed)
-        self._intake.thresholds.hold()
+    def configure_ring(self) -> None:
+        """Gives the ring the capture's bits and lines, and chooses and holds its threshold."""
+        pipeline = self.device.pipeline
+        configured = pipeline.configure_ring(self.new.request.bits, self.new.request.lines)
+        # Without a signal no field comes to choose a threshold by, and the wait would run into its time-out.
+        if self.device.board.now.signal is not Signal.ABSENT:
+            pipeline.thresholds.settle(configured)
+        pipeline.thresholds.hold()
 
     def release(self) -> None:
-        """There is no capture after all."""
-        self._intake.thresholds.release()
+        """Lets the threshold follow the light again: the capture does not start after all."""
+        self.device.pipeline.thresholds.release()
 
-    def wait(self, planned: Planned, armed_utc: str) -> None:
-        """Keeps the ring so until the trigger."""
-        ring = self._intake.armed
-        self.waiting = ArmedCapture(
-            planned.id, self.name, armed_utc, planned.request, ring.bits, ring.lines, planned.group
+    def arm(self, armed_utc: str) -> None:
+        """Keeps the ring as it is until the trigger."""
+        ring = self.device.pipeline.configured
+        self.device.armed = ArmedCapture(
+            self.new.id, self.device.name, armed_utc, self.new.request, ring.bits, ring.lines, self.new.group
         )
 
-    def disarm(self, capture_id: str) -> None:
-        """Ends an armed capture, of which nothing is left.
+    def record(self) -> None:
+        """Starts to take fields, from this moment on or with the pre-trigger's fields from the ring.
+
+        There is no file yet. However long that takes to be made, no field is missed meanwhile.
+        """
+        pipeline, request, stream = self.device.pipeline, self.new.request, self.device.stream
+        reader = pipeline.configured.ring.reader(request.overrun, back=request.pre_trigger_fields)
+        backlog: Backlog[Slot] = Backlog(capacity=round(self.device.queue_s * stream.rate_hz))
+        fields = request.fields
+        if fields is not None and self.new.armed_utc is not None:
+            fields += reader.back_fields  # the length of an armed capture counts from its trigger
+        self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, fields)
+        self._recorder.start(self.new.id)
+
+    def make_file(self, start: Moment) -> None:
+        """Creates the file of the capture; may take long on a slow disk.
+
+        Args:
+            start: Moment at which recording started; the same for all captures of a group.
 
         Raises:
-            Conflict: it is not armed.
+            StorageError: The file cannot be created.
         """
-        with self.lock:
-            self.check_armed(capture_id)
-            self.waiting = None
-            self.release()
+        assert self._recorder is not None, "record() comes first"
+        setup = self.device.setup
+        meta = self._meta(start, self._recorder.reader.back_fields)
+        writer = CaptureWriter.create(self.new.part, meta)
+        if setup.measuring is not None:
+            made_utc = iso_utc(self.device.clock.utc_now())
+            writer.begin_run(1, "live", made_utc, __version__, setup.made_with)
+        self._recording = Recording(
+            self.new,
+            self._recorder,
+            writer,
+            self.device.clock,
+            measured=setup.measuring is not None,
+            ends_when_interrupted=meta.extra["on_interruption"] == "end",
+            disk=self.device.disk,
+            on_sealed=self.device.sealed,
+        )
 
-    def take(self, planned: Planned) -> Taken:
-        """Fields are taken from this moment on."""
-        return self._attaching.take(planned, self.stream)
+    def discard(self) -> None:
+        """Ends what `record` and `make_file` have begun, and leaves nothing of it."""
+        if self._recorder is not None:
+            self._recorder.abandon()
+        if self._recording is not None:
+            self._recording.discard()
 
-    def attach(self, planned: Planned, taken: Taken, start: Moment) -> Recording:
-        """A capture that can be begun; takes its time.
+    def begin(self) -> None:
+        """Starts writing; from now on the capture is the device's."""
+        assert self._recording is not None, "make_file() comes first"
+        self.device.recording, self.device.armed = self._recording, None
+        self._recording.start()
 
-        Raises:
-            StorageError: its file cannot be created.
-        """
-        return self._attaching.attach(planned, self._setup(), self.stream, taken, start)
-
-    def begin(self, session: Recording) -> None:
-        """Starts it."""
-        self.session, self.waiting = session, None
-        session.start()
+    def _meta(self, start: Moment, trigger_n: int) -> CaptureMeta:
+        """Metadata of the capture; `trigger_n` is the number of the first field after the trigger."""
+        device, request, group = self.device, self.new.request, self.new.group
+        config, stream, ring = device.setup.config, device.stream, device.pipeline.configured
+        return CaptureMeta(
+            id=self.new.id,
+            created_utc=start.utc,
+            start_ns=start.ns,
+            device={
+                "name": device.name,
+                "driver": config.driver,
+                "options": config.options,
+                "stream": asdict(stream),
+            },
+            config=config.model_dump(mode="json"),
+            site=device.site,
+            labels=request.labels,
+            note=request.note,
+            bits=ring.bits,
+            lines=ring.lines,
+            rate_hz=stream.rate_hz,
+            version=__version__,
+            extra={
+                "on_interruption": request.on_interruption or config.capture.on_interruption,
+                "trigger": {"utc": start.utc, "n": trigger_n, "armed_utc": self.new.armed_utc},
+                "group": None if group is None else group.document(start),
+            },
+        )

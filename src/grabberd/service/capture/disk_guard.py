@@ -1,51 +1,53 @@
-"""Room on the disk: how long captures may go on, and when they have to end."""
+"""Disk space: how long captures may go on, and when they have to end."""
 
 import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+from grabberd.documents.state import StorageDocument
 from grabberd.errors import Cause, StorageError
-from grabberd.field.packed import packed_shape
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.field.packed_field import packed_shape
+from grabberd.storage.disk import storage_errors
 
 GB = 1_000_000_000
 DEFAULT_RESERVE_BYTES = GB // 5
 SHARE = {1: 0.06, 2: 0.06, 3: 0.12, 4: 0.21, 5: 0.36, 6: 0.5, 8: 0.6}
-"""What compressing leaves of a packed field, by its bits; measured on pictures with 2 % noise, rounded up."""
+"""Share of a packed field that is left after compression, by its bits; measured on pictures with 2 % noise,
+rounded up."""
 POINTS_BYTES = 8_000
-"""The points of one field and the rows around them, with some seventy targets."""
+"""Bytes of one field's points and the rows around them, with some seventy targets."""
 _CAUSES = {
     errno.ENOENT: Cause.DISK_MISSING,
     errno.ENOTDIR: Cause.DISK_MISSING,
     errno.EROFS: Cause.DISK_READ_ONLY,
 }
 LEAST_S = 60.0
-"""So long a capture without a length has to fit at the least."""
+"""Seconds of a capture without a length that must fit on the disk."""
 
 
 def free_bytes(folder: Path) -> int:
-    """Room on the disk that holds a folder.
+    """Free bytes on the disk that holds a folder.
 
     Raises:
-        OSError: the folder is not there, or the disk is read-only, as one becomes with a fault.
+        OSError: The folder is missing, or the disk is read-only, as one becomes with a fault.
     """
     disk = os.statvfs(folder)
     if disk.f_flag & os.ST_RDONLY:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(folder))
+    # f_bavail, not f_bfree: the daemon is not root and cannot use the blocks that are kept for root.
     return disk.f_bavail * disk.f_frsize
 
 
 def cause_of(error: StorageError) -> Cause:
-    """Why the disk cannot be asked, in a word."""
-    said = error.__cause__
-    number = said.errno if isinstance(said, OSError) else None
+    """Cause code of a disk that cannot be asked."""
+    source = error.__cause__
+    number = source.errno if isinstance(source, OSError) else None
     return _CAUSES.get(number or 0, Cause.DISK_FAILED)
 
 
 def bytes_per_field(bits: int, rows: int, columns: int) -> float:
-    """What a field is expected to take in a capture file, its points included."""
+    """Bytes that a field is expected to take in a capture file, its points included."""
     packed = 1
     for extent in packed_shape(rows, columns, bits):
         packed *= extent
@@ -53,11 +55,11 @@ def bytes_per_field(bits: int, rows: int, columns: int) -> float:
 
 
 class DiskGuard:
-    """Captures may take what is free but for a reserve, which leaves room to seal them.
+    """Lets captures use the disk down to a reserve, which leaves room to seal them.
 
     Args:
-        reserve_bytes: what stays free.
-        free: bytes that are free on the disk of a folder.
+        reserve_bytes: Bytes that stay free.
+        free: Gives the free bytes on the disk of a folder.
     """
 
     def __init__(
@@ -67,33 +69,48 @@ class DiskGuard:
         self._free = free
 
     def free_bytes(self, folder: Path) -> int:
-        """Room on the disk.
+        """Free bytes on the disk of a folder.
 
         Raises:
-            StorageError: the folder is not there.
+            StorageError: The folder is missing.
         """
         with storage_errors(folder):
             return self._free(folder)
 
     def seconds_left(self, folder: Path, bytes_per_s: float) -> float:
-        """How long captures may go on that together write so much."""
+        """Seconds until captures that together write this much have used what is free but for the reserve."""
         return max(0, self.free_bytes(folder) - self.reserve_bytes) / bytes_per_s
 
-    def document(self, folder: Path, bytes_per_s: float) -> dict[str, Any]:
-        """The disk as it is shown, also where it fails."""
+    def document(
+        self, folder: Path, bytes_per_s: float, *, removed: int = 0, removed_bytes: int = 0
+    ) -> StorageDocument:
+        """The disk's document, also of one that fails.
+
+        Args:
+            folder: where captures are written to.
+            bytes_per_s: rate at which all devices together write.
+            removed: number of captures that retention has removed.
+            removed_bytes: their total size.
+        """
+        free, left_s, problem, code = None, None, None, None
         try:
             free, left_s = self.free_bytes(folder), self.seconds_left(folder, bytes_per_s)
         except StorageError as error:
-            said = {"problem": error.message, "cause_code": cause_of(error)}
-            return {"free_bytes": None, "minutes_left": None, **said}
-        left = {"free_bytes": free, "minutes_left": round(left_s / 60, 1)}
-        return {**left, "problem": None, "cause_code": None}
+            free, problem, code = None, error.message, cause_of(error)
+        return StorageDocument(
+            free_bytes=free,
+            minutes_left=None if left_s is None else round(left_s / 60, 1),
+            problem=problem,
+            cause_code=code,
+            removed=removed,
+            removed_bytes=removed_bytes,
+        )
 
     def check_fits(self, folder: Path, bytes_per_s: float, duration_s: float | None) -> None:
-        """Whether a capture of this length may begin; without a length, whether a minute of it fits.
+        """Checks that a capture of this length fits; of one without a length, that a minute of it does.
 
         Raises:
-            StorageError: it may not; the message says how many minutes would fit.
+            StorageError: It does not; the message gives the minutes that would.
         """
         left_s, wanted_s = self.seconds_left(folder, bytes_per_s), duration_s or LEAST_S
         if left_s >= wanted_s:
@@ -106,10 +123,10 @@ class DiskGuard:
         )
 
     def shortage(self, folder: Path) -> StorageError | None:
-        """Why a running capture has to end now, while it can still be sealed; None while it need not.
+        """The reason why a running capture has to end while it can still be sealed; None if it need not.
 
         Raises:
-            StorageError: the folder is not there.
+            StorageError: The folder is missing.
         """
         free = self.free_bytes(folder)
         if free >= self.reserve_bytes:

@@ -1,129 +1,128 @@
-"""From the ring into the recorder's own queue, with the ledger of one capture."""
+"""Recording: from the ring into the capture's own queue, with the capture's ledger."""
 
 import threading
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from typing import Protocol
 
-from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot
+from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot, StreamInfo
 from grabberd.errors import RingOverrun
 from grabberd.service.capture.backlog import Backlog
 from grabberd.service.clock import Clock
 
 GRACE_NS = 1_000_000_000
-"""How long after its due end a capture of given length waits for fields that do not come."""
+"""Time after its due end that a capture of given length still waits for missing fields."""
 SILENT_FIELDS = 5
-"""So many fields late, and the stream may stand still."""
+"""After this many field times without a field the stream may have stalled."""
 HEARINGS, HEARING_S = 12, 0.1
-"""How often and how long a silence at the end is listened to: until a stall would have been noticed."""
+"""How often, and for how long each time, a recorder that ends in silence waits for an explanation.
+
+Together 1.2 s: longer than the capture thread takes to notice a stall (0.8 s) and to enter its reason.
+"""
+TAKE_S = 0.1
+"""Longest wait for a slot; also how long a stop may go unnoticed while no fields come."""
 
 
-@dataclass(frozen=True, slots=True)
-class CaptureRequest:
-    """What is asked for; a capture ends after `fields` nominal field times, or when it is stopped.
+class FieldSource(Protocol):
+    """The source of a ring's fields, as far as a recorder is concerned."""
 
-    Attributes:
-        fields: length in fields, lost ones included; None: until stopped.
-        bits: bits a pixel; None: as configured.
-        lines: "doubled" or "field"; None: doubled at 1 bit, field otherwise.
-        pre_trigger_fields: how many fields before the request, or the trigger, belong to it, as far as the
-            ring has them.
-        overrun: "count" what the ring has overwritten before it was recorded, or "stop" the capture there.
-        on_interruption: "continue" with the gap in the ledger when the device fails to deliver, or "end" the
-            capture there; None: as configured.
-        note: for people; `labels`: cow, teat, liner, …
-    """
-
-    fields: int | None = None
-    bits: int | None = None
-    lines: str | None = None
-    pre_trigger_fields: int = 0
-    overrun: str = "count"
-    on_interruption: str | None = None
-    note: str = ""
-    labels: Mapping[str, str] = field(default_factory=dict)
+    @property
+    def interruption(self) -> str | None:
+        """Reason why no fields come at this moment, or None while they do."""
+        ...
 
 
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
 
-    A capture of given length ends in its time, whatever comes: a device that does not come back makes it
-    incomplete, not endless. A source that waits for its reader has no time of its own, unless it is
-    interrupted.
+    A capture of given length ends on time, whatever comes: a device that does not come back makes it
+    incomplete, not endless. A source that waits for its reader has no pace of its own, so its captures have
+    no due end unless it is interrupted.
 
     Args:
-        fields: its length, or None.
-        lossless: the source waits for its reader.
-        live: the source has to deliver at its pace.
-        interruption: why no fields come at this moment, or None while they do.
+        reader: Place in the ring; closed at the end.
+        backlog: Queue that the fields go into; closed at the end.
+        clock: Source of time.
+        stream: The stream as the driver granted it.
+        source: Explains why no fields come.
+        fields: Length of the capture, or None.
 
     Attributes:
-        ledger: the account so far.
-        ended_because: None while it records.
-        first_n: the stream's number of the capture's first field, None before it came.
+        reader: See above.
+        backlog: See above.
+        ledger: Account of the fields so far.
+        ended_because: Reason for the end; None while it records.
+        first_n: The stream's number of the capture's first field; None before that came.
     """
 
     def __init__(
         self,
-        fields: int | None,
+        reader: RingReader,
         backlog: Backlog[Slot],
         clock: Clock,
-        period_ns: int,
-        *,
-        lossless: bool = False,
-        live: bool = True,
-        interruption: Callable[[], str | None] = lambda: None,
+        stream: StreamInfo,
+        source: FieldSource,
+        fields: int | None = None,
     ) -> None:
+        self.reader = reader
+        self.backlog = backlog
         self.ledger = Ledger()
         self.ended_because: str | None = None
         self.first_n: int | None = None
         self._fields = fields
-        self._backlog = backlog
         self._clock = clock
-        self._period_ns = period_ns
-        self._lossless = lossless
-        self._keeps_pace = live and not lossless
-        self._interruption = interruption
+        self._source = source
+        self._period_ns = round(1e9 / stream.rate_hz)
+        self._lossless = stream.waits_for_reader
+        self._keeps_pace = stream.live and not stream.waits_for_reader
         self._start_ns = self._newest_ns = clock.now_ns()
         self._refused: tuple[LedgerEntry, ...] = ()
         self._started = False
 
-    def start(self, reader: RingReader, name: str) -> None:
-        """Begins to run in a thread of its own; does nothing the second time."""
+    def start(self, capture_id: str) -> None:
+        """Records in a thread of its own; does nothing the second time."""
         if not self._started:
             self._started = True
-            threading.Thread(target=self.run, args=(reader,), name=f"recorder-{name}", daemon=True).start()
+            threading.Thread(target=self.run, name=f"recorder-{capture_id}", daemon=True).start()
 
     @property
     def recording(self) -> bool:
-        """Whether fields are still taken."""
+        """True while fields are taken."""
         return self.ended_because is None
 
     def stop(self, because: str) -> None:
         """Ends the recording; the first reason given stays."""
         self.ended_because = self.ended_because or because
 
-    def run(self, reader: RingReader) -> None:
-        """Drains the ring until the recording ends; what lies in the ring at a stop still belongs to it."""
+    def abandon(self) -> None:
+        """Ends the recording of a capture that could not be started."""
+        self.stop("it could not be started")
+        self.reader.close()
+
+    def run(self) -> None:
+        """Drains the ring until the recording ends, and then what is left in it."""
         try:
             while self.recording:
-                self._take_one(reader)
-            ended_ns = self._clock.now_ns()
-            self._hear_out(reader)
-            while self._wants_more and (slot := reader.take(0)) is not None:
+                self._take_one()
+            ended_ns = (
+                self._clock.now_ns()
+            )  # absence counts until the stop, not until the silence is explained
+            self._wait_out_silence()
+            # A stop comes at any time: what the capture thread has put into the ring by then was recorded.
+            while self._wants_more and (slot := self.reader.take(0)) is not None:
                 self.take(slot)
             self._account_for_absence(ended_ns)
         except RingOverrun as error:
             self._overrun(error)
         finally:
-            reader.close()
-            self._backlog.close()
+            self.reader.close()
+            # Last: the writer takes a closed backlog to mean that the ledger is final.
+            self.backlog.close()
 
     def take(self, slot: Slot) -> None:
         """Enters one slot of the ring; a slot beyond the capture's length ends it."""
         self._newest_ns = self._clock.now_ns()
         if self.first_n is None:
             self.first_n = slot.n
-            slot = slot._replace(lost_before=())
+            slot = slot._replace(lost_before=())  # lost before the capture began
         slot = rebased(slot, self.first_n)
         if self._fields is not None and slot.n >= self._fields:
             self._close_at_length(slot)
@@ -142,29 +141,30 @@ class Recorder:
             self.ledger.add(LedgerEntry(first_n, error.count, Outcome.OVERRUN, "ring overrun"))
         self.stop(error.message)
 
-    def _take_one(self, reader: RingReader) -> None:
-        slot = reader.take(0.1)
+    def _take_one(self) -> None:
+        slot = self.reader.take(TAKE_S)
         if slot is not None:
             self.take(slot)
         elif self._is_over:
-            self._end_short(self._interruption() or "nothing came")
+            self._end_short(self._source.interruption or "nothing came")
 
     @property
     def _is_over(self) -> bool:
-        """Whether the time of a capture of given length has passed."""
-        if self._fields is None or (self._lossless and self._interruption() is None):
+        """True if the time of a capture of given length has passed."""
+        if self._fields is None or (self._lossless and self._source.interruption is None):
             return False
         begin_ns, missing = self._start_ns, self._fields
+        # A source that waits goes at its reader's pace: only the fields still missing have a due time.
         if self._lossless:
             begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
         return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
 
-    def _hear_out(self, reader: RingReader) -> None:
-        """A silence at the end may be a stall that nobody has noticed yet: until it is, or is over."""
+    def _wait_out_silence(self) -> None:
+        """Waits until a silence at the end is over or explained: a stall may not have been noticed yet."""
         for _ in range(HEARINGS):
-            if not (self._wants_more and self._is_silent) or self._interruption() is not None:
+            if not (self._wants_more and self._is_silent) or self._source.interruption is not None:
                 return
-            if (slot := reader.take(HEARING_S)) is not None:
+            if (slot := self.reader.take(HEARING_S)) is not None:
                 self.take(slot)
 
     @property
@@ -173,8 +173,8 @@ class Recorder:
         return self._keeps_pace and silent_ns > SILENT_FIELDS * self._period_ns
 
     def _account_for_absence(self, ended_ns: int) -> None:
-        """Enters what a device that is away, or stands still, at the end should have delivered until then."""
-        reason = self._interruption() or ("nothing came" if self._is_silent else None)
+        """Enters the fields that a device which is away or stalled at the end has failed to deliver."""
+        reason = self._source.interruption or ("nothing came" if self._is_silent else None)
         if reason is not None and not self._lossless:
             missing = (ended_ns - self._newest_ns) // self._period_ns
             end_n = (self.ledger.end_n or 0) + missing
@@ -194,13 +194,11 @@ class Recorder:
 
     def _enter(self, slot: Slot) -> None:
         self._refused = ()
-        if self._backlog.append(slot):
-            self._account(slot)
+        if self.backlog.append(slot):
+            self.ledger.enter(slot.n, slot.outcome, slot.reason, slot.lost_before)
         else:
+            # Not in the ledger yet: the next slot that finds room carries it, as lost before that one.
             self._refused = (*slot.lost_before, LedgerEntry(slot.n, 1, Outcome.OVERRUN, "disk too slow"))
-
-    def _account(self, slot: Slot) -> None:
-        self.ledger.enter(slot.n, slot.outcome, slot.reason, slot.lost_before)
 
 
 def rebased(slot: Slot, first_n: int) -> Slot:

@@ -1,16 +1,16 @@
-"""One running capture: its recorder, its writer, and what the worker takes from both."""
+"""A running capture, from its first field to its sealed file."""
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from grabberd.acquisition import Outcome, RingReader, Slot
+from grabberd.acquisition import Outcome
 from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField
-from grabberd.service.capture.backlog import Backlog
-from grabberd.service.capture.capture_group import Group
+from grabberd.service.capture.capture_request import NewCapture
+from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recorder import Recorder
 from grabberd.service.capture.writer_thread import WriterThread
 from grabberd.service.clock import Clock
@@ -18,81 +18,97 @@ from grabberd.storage import CaptureReader, CaptureWriter
 from grabberd.storage.capture.schema import PART, RESERVE_BYTES
 
 ROOM_SLOTS = 8
-"""A source that waits for its reader is held back while fewer slots than this are free."""
+"""A source that waits for its reader is held back when as many slots wait, or as few places are left."""
 ENOUGH_FIELDS = 100
-"""So many fields say what one of them takes."""
+"""Number of fields from which on the size of the file tells that of a field."""
 
 
 class Recording:
-    """A capture from its first field to its sealed file.
+    """A capture that records, is measured, and is sealed when both are done.
+
+    Args:
+        new: The capture as it was started.
+        recorder: Takes the fields; may have been started already.
+        writer: The capture's file.
+        clock: Source of time.
+        measured: True if a worker measures the fields.
+        ends_when_interrupted: True if the capture ends when the device fails to deliver.
+        disk: Guard of the disk; None: the capture takes all there is.
+        on_sealed: Called when the file has been closed for good, or given up.
 
     Attributes:
-        id: of the capture; `group`: that it belongs to, or None.
-        recorder: the fields and their ledger.
-        writing: the file and its points.
-        sealed: set when the file has been closed for good, or given up, and `on_sealed` has been told.
-        failure: what kept the capture from being written whole, or None.
+        id: Id of the capture.
+        group: Group of the capture, or None.
+        recorder: The fields and their ledger.
+        writing: The file and its points.
+        measured: True if a worker measures the fields.
+        measuring_failure: Why measuring ended early, or None.
+        sealed: Set when the file has been closed for good, or given up, and `on_sealed` has returned.
     """
 
-    def __init__(  # noqa: PLR0913 - it is put together from its parts
+    def __init__(
         self,
-        capture_id: str,
+        new: NewCapture,
         recorder: Recorder,
-        reader: RingReader,
         writer: CaptureWriter,
-        backlog: Backlog[Slot],
         clock: Clock,
         *,
         measured: bool,
-        group: Group | None = None,
         ends_when_interrupted: bool = False,
-        shortage: Callable[[Path], StorageError | None] = lambda _: None,
+        disk: DiskGuard | None = None,
         on_sealed: Callable[["Recording"], None],
     ) -> None:
-        self.id = capture_id
-        self.group = group
+        self.id = new.id
+        self.group = new.group
         self.recorder = recorder
         self.sealed = threading.Event()
-        self.writing = WriterThread(writer, backlog, clock, self._storage_failed, self._watch_disk)
+        self.writing = WriterThread(writer, recorder.backlog, clock, self._storage_failed, self._watch_disk)
         self.measuring_failure: str | None = None
-        self._findings: Mapping[str, Any] | None = None
         self.measured = measured
-        self._reader = reader
+        self._findings: Mapping[str, Any] | None = None
         self._writer = writer
-        self._backlog = backlog
+        self._backlog = recorder.backlog
         self._ends_when_interrupted = ends_when_interrupted
-        self._shortage = shortage
+        self._disk = disk
         self._on_sealed = on_sealed
         self._cut_by: GrabberdError | None = None
+        # The writer ends only when its points have, too.
         if not measured:
             self.writing.measuring_ended()
 
     def start(self) -> None:
         """Starts writing, and recording if that has not begun before, each in a thread of its own."""
-        self.recorder.start(self._reader, self.id)
+        self.recorder.start(self.id)
         threading.Thread(target=self._write, name=f"writer-{self.id}", daemon=True).start()
 
     def stop(self, because: str) -> None:
-        """Ends the recording; returns at once, `sealed` says when the file is closed."""
+        """Ends the recording; returns at once, `sealed` is set when the file is closed."""
         self.recorder.stop(because)
 
     def discard(self) -> None:
-        """It is not to begin after all: nothing is left of its file."""
+        """Deletes the file of a capture that is not started after all."""
         self._writer.discard()
 
     @property
     def path(self) -> Path:
-        """The file as it is called now."""
+        """Present path of the file."""
         return self._writer.path
 
+    @property
+    def first_n(self) -> int:
+        """The stream's number of the capture's first field; 0 before that came."""
+        return self.recorder.first_n or 0
+
     def interrupted(self, error: GrabberdError) -> None:
-        """The device fails to deliver: the capture goes on with the gap in its ledger, or is cut short."""
+        """Notes that the device fails to deliver: the capture goes on with a gap, or is cut short."""
         if self._ends_when_interrupted:
             self.source_ended(DeviceLost(f"interrupted: {error.message}", error.hint))
 
     def source_ended(self, error: GrabberdError) -> None:
-        """A recording came to its end; or to a picture that cannot be read, or the device delivers other
-        pictures than before: then the capture is cut short.
+        """Ends the recording because its source has ended.
+
+        The end of a replayed recording is a good end. A picture that cannot be read, and a device that
+        delivers another picture than before, cut the capture short.
         """
         if not isinstance(error, StreamEnded):
             self._cut_by = error
@@ -100,12 +116,12 @@ class Recording:
 
     @property
     def is_sealed(self) -> bool:
-        """Whether the file is closed under its final name; one that was given up is not."""
+        """True if the file is closed under its final name; a file that was given up is not."""
         return self.sealed.is_set() and self.path.suffix != PART
 
     @property
     def bytes_per_field(self) -> float | None:
-        """What a field takes in the file, its points included; None until there are enough to tell."""
+        """Bytes per field in the file, points included; None until there are enough fields to tell."""
         written = self.writing.committed
         if written < ENOUGH_FIELDS or not self.path.exists():
             return None
@@ -113,37 +129,28 @@ class Recording:
 
     @property
     def failure(self) -> GrabberdError | None:
-        """What kept the capture from being whole, or None."""
+        """The error that kept the capture from being whole, or None."""
         return self.writing.failure or self._cut_by
 
     @property
     def complete(self) -> bool:
-        """Whether every field that should have come is in the file, whole."""
+        """True if every field that should have come is in the file, whole."""
         return self.recorder.ledger.complete and self.failure is None
 
     @property
     def verdict(self) -> str:
-        """The same in a word."""
+        """One word, "complete" or "incomplete"."""
         return "complete" if self.complete else "incomplete"
 
     @property
     def has_room(self) -> bool:
-        """Whether a source that waits for its reader may deliver another field."""
-        in_ring = self._reader.waiting
+        """True if a source that waits for its reader may deliver another field."""
+        in_ring = self.recorder.reader.waiting
         return self.recorder.recording and in_ring < ROOM_SLOTS and self._backlog.room > ROOM_SLOTS
 
-    @property
-    def deepest_ring(self) -> int:
-        """The most slots of the ring that ever waited for the recorder."""
-        return self._reader.deepest
-
-    @property
-    def deepest_backlog(self) -> int:
-        """The most fields that ever waited for the writer."""
-        return self._backlog.deepest
-
     def recorded(self) -> Iterator[NumberedField]:
-        """Every good field in order, from memory or, where that has moved on, from the file."""
+        """Every good field in order: from memory, or from the file if memory has let go of it."""
+        # The backlog counts slots, the file fields: a gap between two slots has numbers, but no index.
         index, next_n = 0, 0
         while not self._past_end(index):
             try:
@@ -159,11 +166,16 @@ class Recording:
                     yield slot.numbered
 
     def add(self, measured: MeasuredField) -> None:
-        """Takes one field's points, in order."""
+        """Adds one field's points; fields come in order."""
         self.writing.add(measured)
 
     def measuring_ended(self, failure: str | None = None, findings: Mapping[str, Any] | None = None) -> None:
-        """The worker has measured the last field, or cannot go on; `findings` go into the meta data."""
+        """Notes that the worker has measured the last field, or cannot go on.
+
+        Args:
+            failure: Why it cannot go on, or None.
+            findings: Entries for the metadata, or None.
+        """
         self.measuring_failure = failure
         self._findings = findings
         self.writing.measuring_ended()
@@ -176,9 +188,10 @@ class Recording:
             yield from reader.received(first_n, end_n)
 
     def _watch_disk(self) -> None:
-        """Ends the recording while there is still room for what waits and for the seal."""
-        error = self._shortage(self.path.parent) if self.recorder.recording else None
-        if error is not None:
+        """Ends the recording while there is still room for the queued fields and for the seal."""
+        if self._disk is None or not self.recorder.recording:
+            return
+        if (error := self._disk.shortage(self.path.parent)) is not None:
             self.source_ended(error)
 
     def _storage_failed(self, error: StorageError) -> None:
@@ -190,15 +203,17 @@ class Recording:
             self._seal()
         except StorageError as error:
             self.writing.failure = error
+            # Not sealed: the next start finds the .part file and seals what is in it.
             self._writer.close()
         finally:
             self.recorder.stop("storage failed")
+            # The index and the counters are right by the time anybody who waits for `sealed` looks at them.
             self._on_sealed(self)
             self.sealed.set()
 
     @property
     def _cut_off(self) -> str | None:
-        """Why points are missing of fields that were written."""
+        """Reason why points are missing for fields that were written."""
         failure = self.writing.failure
         return f"writing ended early: {failure.message}" if failure and self.measured else None
 

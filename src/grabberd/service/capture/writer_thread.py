@@ -1,4 +1,4 @@
-"""From the recorder's queue to the capture file: one thread, two commits a second."""
+"""Writing: from the capture's queue to its file, in one thread, with two commits per second."""
 
 import contextlib
 import queue
@@ -12,17 +12,20 @@ from grabberd.service.clock import Clock
 from grabberd.storage import CaptureWriter
 
 COMMIT_EVERY_NS = 500_000_000
+"""Bounds what a kill costs (docs/decisions/0001); not shorter, since each commit waits for the disk."""
 LIVE_RUN = 1
+"""Number of the run that is measured while the capture records."""
 WAIT_S = 0.05
+"""Longest wait for a slot or for points; the commit that falls due meanwhile is late by no more than this."""
 
 
 class WriterThread:
     """Writes what has been recorded and measured until both have ended.
 
     Attributes:
-        committed: how many slots are in the file for good.
-        points: how many points have been written.
-        failure: why writing ended early, or None.
+        committed: Number of slots that are in the file for good.
+        points: Number of points that have been written.
+        failure: Why writing ended early, or None.
     """
 
     def __init__(
@@ -41,6 +44,7 @@ class WriterThread:
         self._clock = clock
         self._on_failure = on_failure
         self._on_commit = on_commit
+        # Unbounded: the worker must not wait for a disk that stalls.
         self._results: queue.SimpleQueue[MeasuredField | None] = queue.SimpleQueue()
         self._all_measured = False
         self._appended = 0
@@ -51,7 +55,7 @@ class WriterThread:
         self._results.put(measured)
 
     def measuring_ended(self) -> None:
-        """The last recorded field has been measured, or none will be; nothing is added any more."""
+        """Ends the points: the last field has been measured, or none will be."""
         self._results.put(None)
 
     def run(self) -> None:
@@ -68,10 +72,10 @@ class WriterThread:
         return self._all_recorded() and self._all_measured
 
     def _all_recorded(self) -> bool:
-        return self._backlog.closed and self._taken == self._backlog.end
+        return self._backlog.closed and self._next_index == self._backlog.end
 
     @property
-    def _taken(self) -> int:
+    def _next_index(self) -> int:
         return self.committed + self._appended
 
     def _step(self) -> None:
@@ -85,12 +89,12 @@ class WriterThread:
             self._commit()
 
     def _append_slots(self) -> None:
-        slots = self._backlog.from_index(self._taken, timeout_s=WAIT_S)
+        slots = self._backlog.from_index(self._next_index, timeout_s=WAIT_S)
         self._writer.append(slots)
         self._appended += len(slots)
 
     def _wait_for_points(self) -> None:
-        """It sleeps while the worker has the last fields: the worker needs the processor more."""
+        """Sleeps while the worker measures the last fields: the worker needs the processor more."""
         with contextlib.suppress(queue.Empty):
             self._append_points(self._results.get(timeout=WAIT_S))
 
@@ -103,6 +107,7 @@ class WriterThread:
 
     def _commit(self) -> None:
         self._writer.commit()
+        # Only now may the queue forget them: what is forgotten must be readable from the file.
         self._backlog.written(self._appended)
         self.committed += self._appended
         self._appended = 0

@@ -1,13 +1,14 @@
-"""The only thread that touches a device: opens it, takes its fields, and helps it when none come."""
+"""The only thread that touches a device: opens it, takes its fields, and recovers it when none come."""
 
 import logging
 import math
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Protocol
 
 from grabberd.acquisition.device import Grabber, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL
+from grabberd.documents.states import Rung
 from grabberd.errors import (
     Cause,
     DeviceError,
@@ -19,43 +20,78 @@ from grabberd.errors import (
 )
 from grabberd.service.clock import Clock
 from grabberd.service.device.device_state import DeviceState
-from grabberd.service.device.field_flow import Flow
 from grabberd.service.device.field_pipeline import FieldPipeline
-from grabberd.service.device.recovery import Failure, Ladder, Rung, Step, reason_of, trouble_of
+from grabberd.service.device.recovery import Failure, Ladder, Step, reason_of, trouble_of
 from grabberd.service.device.status_board import StatusBoard, cause_of
 
 log = logging.getLogger(__name__)
 
 DEQUEUE_TIMEOUT_S = 0.05
+"""Longest wait for a field, more than two field times; also how long a stop may go unnoticed."""
 STALLED_AFTER_S = 0.8
+"""Silence after which the stream has failed."""
 SIGNAL_EVERY_NS = 500_000_000
+"""The signal is asked for between fields, since only this thread may touch the device."""
 ROOM_POLL_S = 0.001
 BEAT_EVERY_S = 1.0
+"""Far below half the watchdog's time, after which the heartbeat takes this thread for stuck."""
 
 
-@dataclass(frozen=True, slots=True)
-class Captures:
-    """The captures of a device, as its capture thread sees them.
+class ThreadCaptures(Protocol):
+    """The captures of a device, as far as its capture thread is concerned."""
 
-    Attributes:
-        has_room: whether a source that waits for its reader may deliver another field.
-        running: whether there is one.
-        interrupted: told with the error whenever fields fail to come.
-        ended: told when the stream that there was is over: a recording at its end, a device that grants
-            another picture than before.
-    """
+    @property
+    def has_room(self) -> bool:
+        """True if a source that waits for its reader may deliver another field."""
+        ...
 
-    has_room: Callable[[], bool]
-    running: Callable[[], bool]
-    interrupted: Callable[[GrabberdError], None]
-    ended: Callable[[GrabberdError], None]
+    @property
+    def is_recording(self) -> bool:
+        """True if a capture is recording."""
+        ...
+
+    def interrupted(self, error: GrabberdError) -> None:
+        """Called whenever fields fail to come."""
+        ...
+
+    def source_ended(self, error: GrabberdError) -> None:
+        """Called when the stream of before is over: a recording at its end, or a device that grants another
+        picture than before.
+        """
+        ...
+
+
+class FieldFlow:
+    """Times of the first and the newest field since the last step of recovery, in ns of the clock."""
+
+    def __init__(self, now_ns: int) -> None:
+        self._first_ns: int | None = None
+        self._newest_ns = now_ns
+
+    @property
+    def flowed_s(self) -> float:
+        """Seconds for which fields came."""
+        return 0.0 if self._first_ns is None else (self._newest_ns - self._first_ns) / 1e9
+
+    def came(self, now_ns: int) -> None:
+        """Notes that a field has come."""
+        self._first_ns = now_ns if self._first_ns is None else self._first_ns
+        self._newest_ns = now_ns
+
+    def excuse(self, now_ns: int) -> None:
+        """Notes that silence was expected until now."""
+        self._newest_ns = max(self._newest_ns, now_ns)
+
+    def silent_s(self, now_ns: int) -> float:
+        """Seconds since the newest field, or since the last excuse."""
+        return (now_ns - self._newest_ns) / 1e9
 
 
 class CaptureThread(threading.Thread):
     """Opens the device, takes its fields into the ring, and climbs the ladder when they fail to come.
 
-    It never waits for anybody, but for a source that waits for its reader: that is read only while there is
-    room. All other waiting is done on `stopping`, which `stop` sets. It beats on the board as long as it
+    It never waits for anybody, except with a source that waits for its reader: that is read only while there
+    is room. All other waiting is done on `stopping`, which `stop` sets. It beats on the board as long as it
     lives.
     """
 
@@ -63,21 +99,21 @@ class CaptureThread(threading.Thread):
         self,
         name: str,
         grabber: Grabber,
-        intake: FieldPipeline,
+        pipeline: FieldPipeline,
         board: StatusBoard,
         clock: Clock,
-        captures: Captures,
+        captures: ThreadCaptures,
         stopping: threading.Event | None = None,
     ) -> None:
         super().__init__(name=f"capture-{name}", daemon=True)
         self._grabber = grabber
-        self._intake = intake
+        self._pipeline = pipeline
         self._board = board
         self._clock = clock
         self._captures = captures
         self._stopping = stopping or threading.Event()
         self._open = False
-        self._flow = Flow(clock.now_ns())
+        self._flow = FieldFlow(clock.now_ns())
         self._signal_due_ns = 0
         self._signal = Signal.UNKNOWN
         self._last_fault: str | None = None
@@ -93,7 +129,7 @@ class CaptureThread(threading.Thread):
         self._stopping.set()
 
     def run(self) -> None:
-        """Until stopped."""
+        """Streams and recovers until stopped."""
         self._board.enter(DeviceState.OPENING)
         ladder, rung = Ladder(), Rung.REOPEN
         try:
@@ -106,8 +142,8 @@ class CaptureThread(threading.Thread):
             self._close()
 
     def _until_it_fails(self, rung: Rung) -> GrabberdError | None:
-        """Takes a step, then fields; why they come no more, or None when it is stopped."""
-        self._flow = Flow(self._clock.now_ns())
+        """Takes a step, then fields; returns why no more come, or None when it is stopped."""
+        self._flow = FieldFlow(self._clock.now_ns())
         self._board.beat()
         try:
             if not self._stopping.is_set():
@@ -121,24 +157,26 @@ class CaptureThread(threading.Thread):
         return None
 
     def _fault(self, error: Exception) -> GrabberdError:
-        words = f"{type(error).__name__}: {error}"
-        if words != self._last_fault:
-            self._last_fault = words
+        """The error for a fault of the program: the device is retried like one that refuses."""
+        message = f"{type(error).__name__}: {error}"
+        # The ladder tries for ever, and a traceback each time would fill the journal.
+        if message != self._last_fault:
+            self._last_fault = message
             log.exception("device %s: the capture thread failed", self.name)
-        return DeviceRefused(words, "please report this", Cause.FAULT)
+        return DeviceRefused(message, "please report this", Cause.FAULT)
 
     def _prepare(self, step: Step, error: GrabberdError) -> None:
         self._interrupted(reason_of(error))
         self._captures.interrupted(error)
         self._board.recovers(step, error)
         if step.rung is not Rung.RESTART:
-            self._close()  # before the wait: a device that is held cannot come back under its old name
+            self._close()  # before the wait: a device that is held open cannot come back under its old name
         self._wait(step.wait_s)
 
     def _interrupted(self, reason: str) -> None:
-        """The first reason is what the fields are lost for; what is found out later only follows from it."""
-        if self._intake.interruption is None:
-            self._intake.interrupted(reason)
+        """Keeps the first reason: what is found out later only follows from it."""
+        if self._pipeline.interruption is None:
+            self._pipeline.interrupted(reason)
 
     def _close(self) -> None:
         self._grabber.close()
@@ -156,6 +194,7 @@ class CaptureThread(threading.Thread):
             self._grabber.reset()
             self._board.reset_refused(None)
         except DeviceRefused as refusal:
+            # Opened again all the same: closing and opening may help where a reset is not permitted.
             self._board.reset_refused(refusal)
         return self._reopen()
 
@@ -166,20 +205,21 @@ class CaptureThread(threading.Thread):
 
     def _opened(self, info: StreamInfo) -> None:
         self._board.enter(DeviceState.OPENING)
-        change = self._intake.opened(info)
+        change = self._pipeline.opened(info)
         self._board.opened(info)
         if change:
             log.warning("device %s: %s", self.name, change)
-            self._captures.ended(DeviceRefused(change, "begin a new capture"))
-        self._flow = Flow(self._clock.now_ns())
+            self._captures.source_ended(DeviceRefused(change, "begin a new capture"))
+        # Opening takes its time, which is no silence of the stream.
+        self._flow = FieldFlow(self._clock.now_ns())
         self._ask_signal()
         if info.waits_for_reader:
-            self._show_state()
+            self._show_state()  # it delivers nothing before a capture runs, and a capture needs it ready
 
     def _take(self, info: StreamInfo) -> None:
         self._board.beat()
         asked_ns = self._clock.now_ns()
-        if info.waits_for_reader and not self._captures.has_room():
+        if info.waits_for_reader and not self._captures.has_room:
             self._flow.excuse(asked_ns)
             self._show_state()
             self._stopping.wait(ROOM_POLL_S)
@@ -187,25 +227,29 @@ class CaptureThread(threading.Thread):
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
             now_ns = self._clock.now_ns()
             for grabbed in fields:
-                self._board.count(self._intake.take(grabbed, self._signal, now_ns))
+                self._board.count(self._pipeline.take(grabbed, self._signal, now_ns))
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
         if fields:
             self._flow.came(now_ns)
             self._show_state()
-        elif info.live or info.waits_for_reader:  # another recording may pause
+        elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
             self._nothing_came(asked_ns, now_ns)
 
     def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
-        """Many grabbers deliver nothing without a camera: nothing is wrong with them.
+        """Handles an empty dequeue.
 
-        What counts is when the empty dequeue began: so a computer that stood still is not taken for a grabber
-        that did.
+        Many grabbers deliver nothing without a camera; that is no fault of theirs.
+
+        Raises:
+            StreamFailed: The stream has stalled.
         """
         if self._signal is Signal.ABSENT:
             self._flow.excuse(now_ns)
             self._interrupted(NO_SIGNAL)
             self._show_state()
+        # Silence counts until the empty dequeue began, not until now: else a computer that stood still for
+        # a second would be taken for a grabber that did.
         elif self._flow.silent_s(asked_ns) > STALLED_AFTER_S - DEQUEUE_TIMEOUT_S:
             raise StreamFailed(
                 f"no field for {STALLED_AFTER_S} s", "if it stays, check camera, cable and port"
@@ -219,21 +263,21 @@ class CaptureThread(threading.Thread):
     def _show_state(self) -> None:
         if self._signal is Signal.ABSENT:
             self._board.enter(DeviceState.NO_SIGNAL, "no camera signal", None, Cause.NO_SIGNAL)
-        elif made_up := self._intake.no_picture:
-            self._board.enter(DeviceState.NO_SIGNAL, made_up, None, Cause.NO_PICTURE)
+        elif generated := self._pipeline.no_picture:
+            self._board.enter(DeviceState.NO_SIGNAL, generated, None, Cause.NO_PICTURE)
         else:
             self._board.enter(self._state())
 
     def _state(self) -> DeviceState:
-        return DeviceState.CAPTURING if self._captures.running() else DeviceState.READY
+        return DeviceState.CAPTURING if self._captures.is_recording else DeviceState.READY
 
     def _ended(self, error: GrabberdError) -> None:
         self._board.enter(DeviceState.ENDED, error.message, error.hint, cause_of(error))
-        self._captures.ended(error)
-        self._wait(math.inf)
+        self._captures.source_ended(error)
+        self._wait(math.inf)  # the thread lives on, since the heartbeat listens for it
 
     def _wait(self, seconds: float) -> None:
-        """Until stopped, or for so long; it lives meanwhile."""
+        """Waits for so long, or until stopped, and beats meanwhile."""
         end_ns = self._clock.now_ns() + seconds * 1e9
         while (left_s := (end_ns - self._clock.now_ns()) / 1e9) > 0:
             if self._stopping.wait(min(left_s, BEAT_EVERY_S)):

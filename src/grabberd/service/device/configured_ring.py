@@ -1,4 +1,4 @@
-"""The ring in use."""
+"""The ring in use, with the bits and lines that it is configured for."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,13 @@ from grabberd.acquisition import Ring
 
 @dataclass(frozen=True, slots=True)
 class ConfiguredRing:
-    """The ring in use and how fields are put into it."""
+    """A ring and how fields are put into it; other bits or lines make another one.
+
+    Attributes:
+        ring: Slots of packed fields.
+        bits: Bits per pixel.
+        lines: "doubled" or "field".
+    """
 
     ring: Ring
     bits: int
@@ -15,5 +21,5 @@ class ConfiguredRing:
 
 
 def default_lines(bits: int) -> str:
-    """Doubled at 1 bit, intact for grey (paper 3.3)."""
+    """Lines of a ring unless configured: doubled at 1 bit, intact for grey (paper 3.3)."""
     return "doubled" if bits == 1 else "field"

@@ -1,35 +1,39 @@
-"""Workers of several devices measure one after the other: a capture thread waits for one of them at most."""
+"""A lock by which workers of several devices take turns; a capture thread waits for one of them at most."""
 
 import threading
 from collections.abc import Generator, Iterator
 from typing import TypeVar
 
 PATIENCE_S = 0.05
-"""So long at most a worker waits for its turn: a field that takes another one long costs it no more."""
+"""Longest wait for the lock: a field that takes another worker long costs this one no more than that."""
 T = TypeVar("T")
 
 
 class FairLock:
-    """What workers take turns by.
+    """Lets one worker at a time measure a field.
 
     In one process only one thread runs Python at a time, and whoever has waited for a device, a lock or the
-    disk has to get in line again. Four workers that catch up at once would leave a capture thread too little.
+    disk has to queue for the interpreter again. Four workers that catch up at once would leave a capture
+    thread too little of it.
     """
 
     def __init__(self) -> None:
-        self._turn = threading.Lock()
+        self._lock = threading.Lock()
 
     @property
-    def is_taken(self) -> bool:
-        """Whether it is somebody's turn."""
-        return self._turn.locked()
+    def is_held(self) -> bool:
+        """True if a worker holds the lock."""
+        return self._lock.locked()
 
-    def of(self, fields: Iterator[T]) -> Generator[T]:
-        """The same fields; it is its turn from when it has got one until it asks for the next."""
+    def one_by_one(self, fields: Iterator[T]) -> Generator[T]:
+        """The same fields; the lock is held from when one has come until the next is asked for.
+
+        It is not held while the next field is waited for: that would keep the others from theirs.
+        """
         for field in fields:
-            mine = self._turn.acquire(timeout=PATIENCE_S)
+            acquired = self._lock.acquire(timeout=PATIENCE_S)
             try:
                 yield field
             finally:
-                if mine:
-                    self._turn.release()
+                if acquired:
+                    self._lock.release()

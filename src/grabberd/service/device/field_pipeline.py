@@ -1,4 +1,4 @@
-"""From a grabbed field to a slot of the ring: number, lines, threshold, bits."""
+"""Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits."""
 
 import threading
 from dataclasses import replace
@@ -25,25 +25,28 @@ from grabberd.service.device.newest_field import NewestField
 from grabberd.service.device.threshold_keeper import ThresholdKeeper
 
 ARRIVALS = 4096
+"""Number of fields whose arrival is remembered: 82 s at 50 Hz."""
 
 
 class FieldPipeline:
-    """Used by the capture thread alone, but for `arm` and what it publishes.
+    """Takes grabbed fields into the ring.
+
+    Used by the capture thread alone, except for `configure_ring` and the attributes.
 
     Attributes:
-        armed: the ring in use.
-        thresholds: the keeper of the threshold in force.
-        newest: leaves a copy of the newest field for who asks.
-        arrived_ns: when the latest fields arrived, by their number modulo `ARRIVALS`.
-        interruption: why no fields come, or None while they do.
+        configured: The ring in use, with its bits and lines.
+        thresholds: Keeper of the threshold in force.
+        newest: Leaves a copy of the newest field for whoever asks.
+        arrived_ns: Times at which the latest fields arrived, by their number modulo `ARRIVALS`.
+        interruption: Reason why no fields come, or None while they do.
     """
 
     def __init__(self, config: DeviceConfig) -> None:
         bits = config.ring.bits
         self._slots = config.ring.slots
         self._interpolation = config.ring.interpolation
-        self._arming = threading.Lock()
-        self.armed = self._configured = ConfiguredRing(
+        self._configuring = threading.Lock()
+        self.configured = self._default = ConfiguredRing(
             Ring(self._slots), bits, config.ring.lines or default_lines(bits)
         )
         self.thresholds = ThresholdKeeper(config)
@@ -54,21 +57,24 @@ class FieldPipeline:
         self._numbering: FieldNumbering | None = None
         self._content: ContentCheck | None = None
 
-    def arm(self, bits: int | None, lines: str | None) -> ConfiguredRing:
-        """The ring for these bits and lines, the configured ones where none are given."""
-        with self._arming:
-            bits = bits or self._configured.bits
-            lines = lines or (
-                self._configured.lines if bits == self._configured.bits else default_lines(bits)
-            )
-            if (bits, lines) != (self.armed.bits, self.armed.lines):
-                old, self.armed = self.armed, ConfiguredRing(Ring(self._slots), bits, lines)
+    def configure_ring(self, bits: int | None, lines: str | None) -> ConfiguredRing:
+        """Provides the ring for these bits and lines; None: as configured.
+
+        It is a new one if they differ from those in use; readers of the old one get what is left in it.
+        """
+        with self._configuring:
+            bits = bits or self._default.bits
+            lines = lines or (self._default.lines if bits == self._default.bits else default_lines(bits))
+            if (bits, lines) != (self.configured.bits, self.configured.lines):
+                # Exchanged before the old one is closed: the worker comes back at once for the ring in use.
+                old, self.configured = self.configured, ConfiguredRing(Ring(self._slots), bits, lines)
                 old.ring.close()
-            return self.armed
+            return self.configured
 
     def opened(self, info: StreamInfo) -> str | None:
-        """The device streams (again). Numbering goes on through the gap, unless other pictures come than
-        before: then it begins anew in a new ring, and what has changed is returned.
+        """Notes that the device streams (again), and returns how its pictures differ from before, or None.
+
+        Numbering goes on through the gap. If the pictures differ, it begins anew in a new ring.
         """
         change = _change(self._granted, info)
         if self._numbering is None or change:
@@ -82,11 +88,11 @@ class FieldPipeline:
 
     @property
     def no_picture(self) -> str | None:
-        """What the grabber makes up in place of a camera's picture, if it has for a while."""
+        """The picture that the grabber generates in place of the camera's, or None."""
         return self._content.no_picture if self._content else None
 
     def interrupted(self, reason: str) -> None:
-        """Fields that do not come from now on are lost for this reason."""
+        """Notes the reason for which fields that do not come from now on are lost."""
         self.interruption = reason
         if self._numbering is not None:
             self._numbering.interrupt(reason)
@@ -97,41 +103,46 @@ class FieldPipeline:
         self.interruption = None
         content = self._content.look(grabbed) if self._content else Content()
         number = self._numbering.number(grabbed, signal, content.damage, now_ns, content.no_picture)
+        # Before the slot is in the ring: a worker may have published its points by the time `put` returns.
         self.arrived_ns[number.n % ARRIVALS] = now_ns
-        armed = self.armed
-        self.newest.offer(grabbed.field, armed)
-        packed = self._packed(grabbed, number, armed)
+        # Read once: a capture's start may exchange the ring while this field is packed for the old one.
+        configured = self.configured
+        self.newest.offer(grabbed.field, configured)
+        packed = self._packed(grabbed, number, configured)
         slot = Slot(packed, number.n, number.outcome, number.reason, number.lost_before)
-        armed.ring.put(slot)
+        configured.ring.put(slot)
         return slot
 
     def _renew_ring(self) -> None:
-        with self._arming:
-            old, self.armed = self.armed, replace(self.armed, ring=Ring(self._slots))
+        with self._configuring:
+            old, self.configured = self.configured, replace(self.configured, ring=Ring(self._slots))
             old.ring.close()
 
-    def _packed(self, grabbed: GrabbedField, number: Numbered, armed: ConfiguredRing) -> NumberedField | None:
+    def _packed(
+        self, grabbed: GrabbedField, number: Numbered, configured: ConfiguredRing
+    ) -> NumberedField | None:
         if number.outcome is Outcome.NO_SIGNAL:
             return None
-        self.thresholds.show(grabbed.field, armed)
+        self.thresholds.show(grabbed.field, configured)
         field = grabbed.field
-        if armed.lines == "doubled":
+        # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
+        if configured.lines == "doubled":
             field = double_lines(field, self._interpolation)
-        packed = quantise(field, armed.bits, self.thresholds.in_force.of(field, armed.bits))
+        packed = quantise(field, configured.bits, self.thresholds.in_force.of(field, configured.bits))
         return NumberedField(number.n, number.time_ns, grabbed.sequence, packed)
 
 
-def _change(was: StreamInfo | None, now: StreamInfo) -> str | None:
-    """What makes the pictures others than before, in a sentence; None where they are the same."""
-    if was is None or _pictures(was) == _pictures(now):
+def _change(before: StreamInfo | None, now: StreamInfo) -> str | None:
+    """Difference between the pictures of a stream and those before, in a sentence; None if there is none."""
+    if before is None or _pictures(before) == _pictures(now):
         return None
-    return f"the grabber grants {_words(now)} now, not {_words(was)} as before"
+    return f"the grabber grants {_described(now)} now, not {_described(before)} as before"
 
 
 def _pictures(info: StreamInfo) -> tuple[object, ...]:
     return (info.driver, info.standard, info.columns, info.field_rows, info.rate_hz, info.field_order)
 
 
-def _words(info: StreamInfo) -> str:
+def _described(info: StreamInfo) -> str:
     size = f"{info.columns} × {info.field_rows} at {info.rate_hz:g} Hz"
     return f"{info.driver} {info.standard} {size}, {info.field_order}"

@@ -1,6 +1,6 @@
-"""What is done about a grabber that delivers no more: which step is next, and how long to wait before it.
+"""Recovery of a grabber that stops delivering: the next step, and the wait before it.
 
-Nothing here touches a device or a clock. `Ladder.next` says what to do; the capture thread does it.
+Nothing here touches a device or a clock. `Ladder.next` decides what to do; the capture thread does it.
 """
 
 from collections.abc import Mapping
@@ -8,42 +8,31 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
+from grabberd.documents.states import Rung
 from grabberd.errors import DeviceAbsent, DeviceLost, GrabberdError, StreamFailed
 from grabberd.service.device.device_state import DeviceState
 
 
-class Rung(StrEnum):
-    """A step of the ladder, the gentlest first."""
-
-    RESTART = "restart"
-    """Stop and start the stream of the open device."""
-    REOPEN = "reopen"
-    """Close and open it."""
-    RESET = "reset"
-    """Close it, reset it as pulling its plug would, and open it."""
-    RETRY = "retry"
-    """Close and open it after a while."""
-
-
 class Trouble(StrEnum):
-    """What is wrong, as far as it matters for what to do."""
+    """Kinds of failure that call for different steps."""
 
     STREAM = "stream"
-    """It is there, but nothing comes."""
+    """The device is there, but delivers nothing."""
     ABSENT = "absent"
-    """It is not there."""
+    """The device is not there."""
     REFUSED = "refused"
-    """It is there and says no: a person has to act."""
+    """The device is there and refuses: a person has to act."""
 
 
 class BackOff(NamedTuple):
-    """Waits that double each time."""
+    """Waits that double each time, up to the longest."""
 
     first_s: float
     longest_s: float
 
     def wait_s(self, times: int) -> float:
-        """The wait after so many of them."""
+        """The wait after this many waits."""
+        # The exponent is capped, since a device may stay away for months and 2.0 ** 1024 overflows.
         return min(self.longest_s, self.first_s * 2.0 ** min(times, 30))
 
 
@@ -55,38 +44,39 @@ RUNGS: Mapping[tuple[Trouble, bool], tuple[Rung, ...]] = {
     (Trouble.REFUSED, True): (Rung.REOPEN,),
     (Trouble.REFUSED, False): (),
 }
-"""What helps against a trouble of a device that is open or not; after these it is tried again, with back-off.
+"""Steps against each trouble of a device that is open, or not; after them it is retried with back-off.
 """
 
+# A person may plug in an absent device at any moment; a refusal ends only when somebody acts on it.
 RETRIES: Mapping[Trouble, BackOff] = {
     Trouble.STREAM: BackOff(0.5, 2.0),
     Trouble.ABSENT: BackOff(0.25, 1.0),
     Trouble.REFUSED: BackOff(0.5, 10.0),
 }
 RESETS = BackOff(60.0, 3600.0)
-"""Between two resets: each may cost the other devices of its bus their streams."""
+"""Waits between two resets: each may cost the other devices on its bus their streams."""
 
 PROVEN_S = 10.0
-"""Fields that came for so long mean that the last step has helped."""
+"""Fields that came for this long prove that the last step has helped."""
 
 LINK_S = 10.0
-"""How long a device may take to come back after its reset."""
+"""Time that a device may take to come back after its reset."""
 
 STATES: Mapping[Trouble, DeviceState] = {
     Trouble.STREAM: DeviceState.FAILED,
     Trouble.ABSENT: DeviceState.ABSENT,
     Trouble.REFUSED: DeviceState.FAILED,
 }
-"""What a device is called while it is tried again; while it is helped it is recovering."""
+"""State of a device while it is retried; while a step of `RUNGS` is taken it is recovering."""
 
 
 class Failure(NamedTuple):
-    """What the ladder has to know of a failure.
+    """A failure, as far as the ladder is concerned.
 
     Attributes:
-        trouble: of what sort it is.
-        is_open: whether the device is still open.
-        flowed_s: for how long fields had come since the step before; 0 where none came.
+        trouble: Kind of failure.
+        is_open: True if the device is still open.
+        flowed_s: Seconds for which fields had come since the last step; 0 if none came.
     """
 
     trouble: Trouble
@@ -95,7 +85,13 @@ class Failure(NamedTuple):
 
 
 class Step(NamedTuple):
-    """What to do, after which wait, and what the device is called until then."""
+    """The next step of a recovery.
+
+    Attributes:
+        rung: The step to take.
+        wait_s: Wait before it.
+        state: State of the device until then.
+    """
 
     rung: Rung
     wait_s: float
@@ -104,16 +100,16 @@ class Step(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Ladder:
-    """Where a recovery stands; the ladder is left only when fields have come for `PROVEN_S`.
+    """Progress of a recovery; the ladder is left only when fields have come for `PROVEN_S`.
 
-    So a grabber that delivers a field after each restart climbs on, and does not stay on the first rung.
+    So a grabber that delivers one field after each restart climbs on, and does not stay on the first rung.
 
     Attributes:
-        trouble: the last one.
-        tried: the rungs that were taken since fields had come for long.
-        retries: how often it has been tried again with back-off against this trouble.
-        resets: how often it has been reset since fields had come for long.
-        reset_ns: when it was reset last.
+        trouble: The last trouble.
+        tried: Rungs taken since fields last came for `PROVEN_S`.
+        retries: Number of retries with back-off against this trouble.
+        resets: Number of resets since fields last came for `PROVEN_S`.
+        reset_ns: Time of the last reset.
     """
 
     trouble: Trouble | None = None
@@ -123,14 +119,14 @@ class Ladder:
     reset_ns: int | None = None
 
     def next(self, failure: Failure, now_ns: int) -> tuple["Ladder", Step]:
-        """The next step, and where the recovery then stands."""
+        """The ladder after the next step, and that step."""
         ladder = Ladder(reset_ns=self.reset_ns) if failure.flowed_s >= PROVEN_S else self
         ladder = ladder._facing(failure.trouble, now_ns)
         rung = ladder._rung(failure.is_open, now_ns)
         return ladder._after(rung, now_ns), ladder._step(rung, now_ns)
 
     def _facing(self, trouble: Trouble, now_ns: int) -> "Ladder":
-        # After a reset the device is away for a moment, and there before its rights are.
+        # After a reset the device is away for a moment, and udev sets its rights only after it is back.
         if trouble is Trouble.REFUSED and self._waits_for_link(now_ns):
             trouble = Trouble.ABSENT
         return self if trouble is self.trouble else replace(self, trouble=trouble, retries=0)
@@ -167,12 +163,12 @@ class Ladder:
 
 
 def trouble_of(error: GrabberdError) -> Trouble:
-    """Of what sort an error is."""
+    """Trouble that an error stands for."""
     if isinstance(error, StreamFailed):
         return Trouble.STREAM
     return Trouble.ABSENT if isinstance(error, DeviceLost | DeviceAbsent) else Trouble.REFUSED
 
 
 def reason_of(error: GrabberdError) -> str:
-    """What the ledger calls the fields that an error costs."""
+    """Reason that the ledger gives for the fields which an error costs."""
     return "unplugged" if trouble_of(error) is Trouble.ABSENT else error.message

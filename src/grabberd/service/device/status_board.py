@@ -1,4 +1,4 @@
-"""What is known of a device from moment to moment; written by its threads, read by everybody."""
+"""Status of a device from moment to moment; written by its threads, read by everybody."""
 
 import logging
 import threading
@@ -7,31 +7,38 @@ from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.acquisition.device import Signal, StreamInfo
+from grabberd.documents.states import Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.device.device_state import DeviceState, may_follow
-from grabberd.service.device.recovery import Rung, Step
+from grabberd.service.device.recovery import Step
 
 log = logging.getLogger(__name__)
 
 RATE_FIELDS = 100
+"""Fields that the rate is measured over: two seconds."""
 SILENT_NS = 1_000_000_000
+"""Silence after which there is no rate; longer than a stall takes to be noticed."""
 
 
 @dataclass(frozen=True, slots=True)
 class DeviceStatus:
-    """A device at one moment.
+    """Status of a device at one moment.
 
     Attributes:
-        state: in a word; `since_utc`: since when.
-        cause: why, in a sentence, or None; `hint`: what can be done about it; `code`: why, in a word.
-        stream: what the driver granted last, or None before it did.
-        signal: what the driver says of the camera's signal.
-        outcomes: what became of every field since the daemon started.
-        openings: how often the device has been opened.
-        recoveries: how often each step has been taken to have it deliver again.
-        last_failure: why the last one was taken; `last_failure_utc`: since when for that reason.
-        refusals: what the device cannot be helped with, in sentences.
+        state: State in one word.
+        since_utc: Time at which it came to this state.
+        cause: Cause of the state in a sentence, or None.
+        hint: What an operator can do about it, or None.
+        code: Machine-readable code of the cause, or None.
+        stream: The stream that the driver granted last, or None before the first opening.
+        signal: Camera signal as the driver reports it.
+        outcomes: Number of fields since the daemon started, by outcome.
+        openings: Number of times that the device has been opened.
+        recoveries: Number of times that each step of recovery has been taken.
+        last_failure: Failure that the last step was taken for.
+        last_failure_utc: Time since which it has been the last failure.
+        refusals: Steps that the device does not support, in sentences.
     """
 
     state: DeviceState
@@ -50,7 +57,7 @@ class DeviceStatus:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a person has to know of the device, in sentences."""
+        """Warnings for the operator, in sentences."""
         return (*(self.stream.remarks if self.stream else ()), *self.refusals)
 
 
@@ -58,8 +65,8 @@ class StatusBoard:
     """The status of one device; logs each change of state or cause once.
 
     Attributes:
-        name: of the device.
-        changed: notified with every change of state; whoever waits for a state waits on it.
+        name: Name of the device.
+        changed: Notified with every change of state; whoever waits for a state waits on it.
     """
 
     def __init__(self, name: str, clock: Clock) -> None:
@@ -69,22 +76,22 @@ class StatusBoard:
         self._status = DeviceStatus(
             DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet", code=Cause.NOT_OPENED
         )
-        self._told: tuple[DeviceState, str | None] | None = None
+        self._logged: tuple[DeviceState, str | None] | None = None
         self._beat_ns = clock.now_ns()
         self._arrivals_ns: deque[int] = deque(maxlen=RATE_FIELDS)
 
     def beat(self) -> None:
-        """The capture thread lives; said by itself, whatever its device does."""
+        """Notes that the capture thread lives; called by itself, whatever its device does."""
         self._beat_ns = self._clock.now_ns()
 
     @property
     def silent_s(self) -> float:
-        """For how long the capture thread has not beaten."""
+        """Seconds since the last beat of the capture thread."""
         return (self._clock.now_ns() - self._beat_ns) / 1e9
 
     @property
     def now(self) -> DeviceStatus:
-        """The status as it is; its counters are copies."""
+        """The present status; its counters are copies."""
         with self.changed:
             now = self._status
             return replace(now, outcomes=now.outcomes.copy(), recoveries=now.recoveries.copy())
@@ -96,8 +103,8 @@ class StatusBoard:
 
     @property
     def rate_hz(self) -> float | None:
-        """Fields that came a second, over the last two seconds or so; None while none come."""
-        arrivals_ns = list(self._arrivals_ns)
+        """Fields per second over the last `RATE_FIELDS`; None while none come."""
+        arrivals_ns = list(self._arrivals_ns)  # a copy: the capture thread goes on appending
         if len(arrivals_ns) < 2 or self._clock.now_ns() - arrivals_ns[-1] > SILENT_NS:
             return None
         return (len(arrivals_ns) - 1) * 1e9 / max(arrivals_ns[-1] - arrivals_ns[0], 1)
@@ -109,7 +116,11 @@ class StatusBoard:
         hint: str | None = None,
         code: Cause | None = None,
     ) -> None:
-        """Goes into a state that may follow the present one."""
+        """Changes the state to one that may follow the present one.
+
+        Raises:
+            ValueError: It may not; the fault is the program's.
+        """
         with self.changed:
             if not may_follow(self._status.state, state):
                 raise ValueError(f"device {self.name}: {state} may not follow {self._status.state}")
@@ -120,18 +131,18 @@ class StatusBoard:
                 self._status, state=state, since_utc=since, cause=cause, hint=hint, code=code
             )
             self.changed.notify_all()
-        self._tell(state, cause, hint)
+        self._log_change(state, cause, hint)
 
     def opened(self, stream: StreamInfo) -> None:
-        """The device has been opened and granted this stream."""
+        """Notes that the device has been opened and granted this stream."""
         with self.changed:
             known = self._status.warnings
-            self._arrivals_ns.clear()
+            self._arrivals_ns.clear()  # the rate must not span the gap
             self._status = replace(self._status, stream=stream, openings=self._status.openings + 1)
         self._warn(known)
 
     def recovers(self, step: Step, error: GrabberdError) -> None:
-        """A step is about to be taken because of an error."""
+        """Notes that a step of recovery is about to be taken because of an error."""
         with self.changed:
             self._status.recoveries[step.rung] += 1
             if error.message != self._status.last_failure:
@@ -140,20 +151,20 @@ class StatusBoard:
         self.enter(step.state, error.message, error.hint, cause_of(error))
 
     def reset_refused(self, refusal: GrabberdError | None) -> None:
-        """The device cannot be reset, and why; None: it can."""
+        """Notes why the device cannot be reset; None: it can."""
         with self.changed:
             known = self._status.warnings
-            words = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
-            self._status = replace(self._status, refusals=words)
+            refusals = (f"{refusal.message}; {refusal.hint}",) if refusal else ()
+            self._status = replace(self._status, refusals=refusals)
         self._warn(known)
 
     def saw_signal(self, signal: Signal) -> None:
-        """What the driver says of the signal."""
+        """Notes the camera signal as the driver reports it."""
         with self.changed:
             self._status = replace(self._status, signal=signal)
 
     def count(self, slot: Slot) -> None:
-        """Counts a field and those that were lost before it."""
+        """Counts a field and the ones lost before it."""
         if slot.numbered is not None:
             self._arrivals_ns.append(self._clock.now_ns())
         with self.changed:
@@ -161,22 +172,22 @@ class StatusBoard:
             for entry in slot.lost_before:
                 self._status.outcomes[entry.outcome] += entry.count
 
-    def _tell(self, state: DeviceState, cause: str | None, hint: str | None) -> None:
-        """Logs what is new: a device that is tried again says so once for each cause."""
-        if state is DeviceState.OPENING or (state, cause) == self._told:
+    def _log_change(self, state: DeviceState, cause: str | None, hint: str | None) -> None:
+        """Logs a new state or cause: a device that is retried is logged once per cause."""
+        if state is DeviceState.OPENING or (state, cause) == self._logged:
             return
-        self._told = (state, cause)
-        words = "; ".join(part for part in (cause, hint) if part)
-        log.log(_level(state), "device %s is %s%s", self.name, state, f": {words}" if words else "")
+        self._logged = (state, cause)
+        reason = "; ".join(part for part in (cause, hint) if part)
+        log.log(_level(state), "device %s is %s%s", self.name, state, f": {reason}" if reason else "")
 
     def _warn(self, known: tuple[str, ...]) -> None:
-        for words in self._status.warnings:
-            if words not in known:
-                log.warning("device %s: %s", self.name, words)
+        for warning in self._status.warnings:
+            if warning not in known:
+                log.warning("device %s: %s", self.name, warning)
 
 
 def cause_of(error: GrabberdError) -> Cause | None:
-    """Why, in a word, where the error is a device's or a recording's."""
+    """Cause code of an error of a device or of a replayed recording; None for any other."""
     if isinstance(error, PictureError):
         return Cause.RECORDING_DAMAGED
     return error.cause if isinstance(error, DeviceError) else None

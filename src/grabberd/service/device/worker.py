@@ -1,15 +1,14 @@
-"""The worker: points of the newest fields for whoever watches, and of every field of a capture."""
+"""The worker: measures the newest fields for whoever watches, and every field of a capture."""
 
 import logging
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from grabberd.acquisition import Outcome, Policy
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
-from grabberd.service.capture.recording import Recording
 from grabberd.service.clock import Clock
 from grabberd.service.device.fair_lock import FairLock
 from grabberd.service.device.field_pipeline import ARRIVALS, FieldPipeline
@@ -18,40 +17,80 @@ from grabberd.service.device.rig_health import RigHealth
 
 log = logging.getLogger(__name__)
 
-
 IDLE_S = 0.1
+"""Longest wait for a field or a calibration before it checks for a capture, a new setup or a stop."""
+AFTER_FAULT_S = 1.0
+"""Pause after a fault of the program: one that returns at once must not take the processor."""
+
+
+class MeasurableRecording(Protocol):
+    """A recording, as far as the worker is concerned."""
+
+    @property
+    def measured(self) -> bool:
+        """True if its fields are to be measured."""
+        ...
+
+    @property
+    def first_n(self) -> int:
+        """The stream's number of its first field."""
+        ...
+
+    def recorded(self) -> Iterator[NumberedField]:
+        """Every good field in order, as they come, until the end."""
+        ...
+
+    def add(self, measured: MeasuredField) -> None:
+        """Takes one field's points."""
+        ...
+
+    def measuring_ended(self, failure: str | None, findings: Mapping[str, Any] | None) -> None:
+        """Takes the end of its points, with the reason if they are incomplete, and metadata."""
+        ...
+
+
+class WorkerCaptures(Protocol):
+    """The captures of a device, as far as its worker is concerned."""
+
+    @property
+    def recording(self) -> MeasurableRecording | None:
+        """The running or the last capture."""
+        ...
 
 
 class Live(NamedTuple):
-    """The newest field that has been measured; `published_ns` by CLOCK_MONOTONIC."""
+    """The newest measured field.
+
+    Attributes:
+        measured: The field's points.
+        published_ns: Time of publication, CLOCK_MONOTONIC.
+    """
 
     measured: MeasuredField
     published_ns: int
 
 
 class Worker(threading.Thread):
-    """Measures the ring's fields, missing some when it is late; during a capture the recorded ones, missing
-    none.
+    """Measures the ring's fields, missing some when it is late; during a capture all recorded ones.
 
-    A capture's points begin afresh with its first field, so that measuring its file again gives the same
-    points.
-
-    Without a setup it waits for one.
+    A capture's points begin afresh with its first field, so that measuring its file later gives the same
+    points (docs/decisions/0002). Without a setup it waits for one.
 
     Attributes:
-        live: the newest measured field; `published` is notified with each.
-        latency: from a field's arrival until its points were published.
-        rig: whether camera and mirrors still are as they were calibrated.
+        live: The newest measured field.
+        published: Notified with each of them.
+        latency: Latency from a field's arrival until its points were published.
+        rig: Health of the rig: camera and mirrors compared with their calibration.
     """
 
     def __init__(
         self,
         name: str,
         setup: MeasureSetup | None,
-        intake: FieldPipeline,
-        session: Callable[[], Recording | None],
+        pipeline: FieldPipeline,
+        captures: WorkerCaptures,
         clock: Clock,
-        turns: FairLock | None = None,
+        fair_lock: FairLock | None = None,
     ) -> None:
         super().__init__(name=f"worker-{name}", daemon=True)
         self.live: Live | None = None
@@ -59,54 +98,52 @@ class Worker(threading.Thread):
         self.latency = Latency()
         self.rig = RigHealth(name)
         self._setup = setup
-        self._intake = intake
-        self._session = session
+        self._pipeline = pipeline
+        self._captures = captures
         self._clock = clock
-        self._turns = turns or FairLock()
+        self._fair_lock = fair_lock or FairLock()
         self._stopping = threading.Event()
-        self._done: Recording | None = None
+        self._done: MeasurableRecording | None = None
 
     def stop(self) -> None:
         """Ends the thread; a capture that is being measured is finished first."""
         self._stopping.set()
 
     def use(self, setup: MeasureSetup | None) -> None:
-        """Measures with this from the next field on; not while a capture is being measured."""
+        """Measures with this setup from the next field on; not while a capture is being measured."""
         self._setup = setup
 
     def run(self) -> None:
-        """Until stopped."""
-        while not self._stopping.is_set() or self._waiting_session():
-            session = self._waiting_session()
+        """Measures until stopped."""
+        while not self._stopping.is_set() or self._unmeasured():
+            recording = self._unmeasured()
             try:
-                self._measure_capture(session) if session else self._measure_ring()
+                self._measure_capture(recording) if recording else self._measure_ring()
             except Exception:
                 log.exception("%s: measuring failed; it begins again", self.name)
-                self._stopping.wait(1.0)
+                self._stopping.wait(AFTER_FAULT_S)
 
-    def _waiting_session(self) -> Recording | None:
+    def _unmeasured(self) -> MeasurableRecording | None:
         """The running capture, unless it has been measured already or is not to be."""
-        session = self._session()
-        waits = session is not None and session.measured and session is not self._done
-        return session if waits else None
+        recording = self._captures.recording
+        waits = recording is not None and recording.measured and recording is not self._done
+        return recording if waits else None
 
-    def _measure_capture(self, session: Recording) -> None:
+    def _measure_capture(self, recording: MeasurableRecording) -> None:
         failure: str | None = "the program failed; the journal says how"
-        first_n = self._first_n_of(session)
         try:
             assert self._setup is not None, "a capture is measured only where there is a setup"
             self.rig.begin(self._setup, capture=True)
-            with closing(self._turns.of(session.recorded())) as fields:
+            with closing(self._fair_lock.one_by_one(recording.recorded())) as fields:
                 for measured in measure_fields(fields, self._setup):
-                    session.add(measured)
-                    self._publish(measured, first_n())
+                    recording.add(measured)
+                    self._publish(measured, recording.first_n)
             failure = None
         finally:
-            self._done = session
-            session.measuring_ended(failure, self.rig.findings())
-
-    def _first_n_of(self, session: Recording) -> Callable[[], int]:
-        return lambda: session.recorder.first_n or 0
+            # Also after a fault: the writer seals the capture only once its points have ended.
+            # The recording stays the device's last one: without this mark it would be measured again.
+            self._done = recording
+            recording.measuring_ended(failure, self.rig.findings())
 
     def _measure_ring(self) -> None:
         setup = self._setup
@@ -114,7 +151,7 @@ class Worker(threading.Thread):
             self._stopping.wait(IDLE_S)
             return
         self.rig.begin(setup)
-        with closing(self._turns.of(self._ring_fields(setup))) as fields:
+        with closing(self._fair_lock.one_by_one(self._ring_fields(setup))) as fields:
             for measured in measure_fields(fields, setup):
                 self._publish(measured, 0)
 
@@ -122,11 +159,11 @@ class Worker(threading.Thread):
         """The ring's good fields until a capture begins, ring or setup are exchanged, or the worker is
         stopped.
         """
-        with self._intake.armed.ring.reader(Policy.COUNT) as reader:
-            while not (self._stopping.is_set() or self._waiting_session() or reader.ended):
+        with self._pipeline.configured.ring.reader(Policy.COUNT) as reader:
+            while not (self._stopping.is_set() or self._unmeasured() or reader.ended):
                 if self._setup is not setup:
                     return
-                slot = reader.take(0.1)
+                slot = reader.take(IDLE_S)
                 if slot is None or slot.numbered is None or slot.outcome is not Outcome.RECEIVED:
                     continue
                 if _fits(setup, slot.numbered):
@@ -139,12 +176,13 @@ class Worker(threading.Thread):
         with self.published:
             self.live = Live(measured, now_ns)
             self.published.notify_all()
-        arrived_ns = int(self._intake.arrived_ns[(measured.n + first_n) % ARRIVALS])
+        # A capture numbers its fields from its first one, the pipeline from the stream's.
+        arrived_ns = int(self._pipeline.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)
         self.rig.see(measured)
 
 
 def _fits(setup: MeasureSetup, numbered: NumberedField) -> bool:
-    """Whether a field is of the size that the calibration is of; a device may grant another one meanwhile."""
+    """True if a field has the calibration's size; the device may have granted another one meanwhile."""
     packed, calibration = numbered.packed, setup.calibration
     return (packed.columns, packed.rows * packed.y_step) == (calibration.columns, calibration.lines)

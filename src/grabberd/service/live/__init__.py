@@ -1,1 +1,4 @@
-"""What the daemon shows of this moment: devices, newest points, preview, changes of state."""
+"""Live documents and pictures: devices, newest points, illumination, preview, and changes of the state.
+
+Everything here is read from snapshots that the device threads leave behind; nobody waits for a device.
+"""

@@ -1,63 +1,79 @@
-"""How a device is shown."""
+"""The document of a device at this moment."""
 
 from dataclasses import asdict
-from typing import Any
 
 from grabberd.acquisition import Outcome
+from grabberd.documents.devices import (
+    DeviceDocument,
+    DeviceLackDocument,
+    LackDocument,
+    RingDocument,
+    ViewColumnsDocument,
+)
+from grabberd.documents.states import Rung
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
-from grabberd.service.device.instrument import Instrument
-from grabberd.service.device.readiness import Lack, lacks_of
-from grabberd.service.device.recovery import Rung
+from grabberd.service.instrument import Instrument
 from grabberd.service.live.live_document import live_document
+from grabberd.service.readiness import Lack, lacks_of
 
 
-def device_document(instrument: Instrument, active: ActiveCalibrations) -> dict[str, Any]:
+def device_document(instrument: Instrument, active: ActiveCalibrations) -> DeviceDocument:
     """A device at this moment."""
     status, rate_hz = instrument.board.now, instrument.board.rate_hz
-    armed = instrument.intake.armed
-    session = instrument.running
-    return {
-        "name": instrument.name,
-        "state": status.state,
-        "since_utc": status.since_utc,
-        "cause": status.cause,
-        "hint": status.hint,
-        "cause_code": status.code,
-        "driver": instrument.setup.config.driver,
-        "stream": asdict(status.stream) if status.stream else None,
-        "signal": status.signal,
-        "rate_hz": None if rate_hz is None else round(rate_hz, 1),
-        "fields": {outcome: status.outcomes[outcome] for outcome in Outcome},
-        "openings": status.openings,
-        "recoveries": {rung: status.recoveries[rung] for rung in Rung},
-        "last_failure": status.last_failure,
-        "last_failure_utc": status.last_failure_utc,
-        "ring": {
-            "slots": armed.ring.slots,
-            "bits": armed.bits,
-            "lines": armed.lines,
-            "threshold": instrument.intake.thresholds.in_force.level,
-            "waiting": armed.ring.waiting,
-            "deepest": armed.ring.deepest,
+    # Read once: a capture may end, or begin, while the document is built.
+    running, armed = instrument.running, instrument.armed_capture
+    capture = running or armed
+    views = instrument.setup.config.rig.views
+    return DeviceDocument(
+        name=instrument.name,
+        state=status.state,
+        since_utc=status.since_utc,
+        cause=status.cause,
+        hint=status.hint,
+        cause_code=status.code,
+        driver=instrument.setup.config.driver,
+        stream=asdict(status.stream) if status.stream else None,
+        signal=status.signal,
+        rate_hz=None if rate_hz is None else round(rate_hz, 1),
+        fields={outcome: status.outcomes[outcome] for outcome in Outcome},
+        openings=status.openings,
+        recoveries={rung: status.recoveries[rung] for rung in Rung},
+        last_failure=status.last_failure,
+        last_failure_utc=status.last_failure_utc,
+        ring=_ring(instrument),
+        views={
+            name: ViewColumnsDocument(first_column=one.first_column, end_column=one.end_column)
+            for name, one in views
         },
-        "views": instrument.setup.config.rig.views.model_dump(),
-        "calibration": active.document(instrument),
-        "lacks": [lack_document(one) for one in lacks_of(instrument)],
-        "warnings": [*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
-        "capture_id": session.id if session else None,
-        "armed_capture_id": instrument.waiting.id if instrument.waiting else None,
-        "group_id": _group_id(instrument),
-        "rig": instrument.worker.rig.document,
-        "live": live_document(instrument),
-    }
+        calibration=active.document(instrument),
+        lacks=[_device_lack(one) for one in lacks_of(instrument)],
+        warnings=[*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
+        capture_id=running.id if running else None,
+        armed_capture_id=armed.id if armed else None,
+        group_id=capture.group.id if capture is not None and capture.group is not None else None,
+        rig=instrument.worker.rig.document,
+        live=live_document(instrument),
+    )
 
 
-def lack_document(lack: Lack) -> dict[str, Any]:
-    """What keeps a device from measuring, without its name."""
-    return {"lacks": lack.lacks, "message": lack.message, "hint": lack.hint, "cause_code": lack.code}
+def lack_document(lack: Lack) -> LackDocument:
+    """A reason why a device cannot measure, with the device's name."""
+    return LackDocument(
+        device=lack.device, lacks=lack.lacks, message=lack.message, hint=lack.hint, cause_code=lack.code
+    )
 
 
-def _group_id(instrument: Instrument) -> str | None:
-    """Of the capture that is being recorded, or waits for its trigger."""
-    capture = instrument.running or instrument.waiting
-    return capture.group.id if capture is not None and capture.group is not None else None
+def _device_lack(lack: Lack) -> DeviceLackDocument:
+    return DeviceLackDocument(lacks=lack.lacks, message=lack.message, hint=lack.hint, cause_code=lack.code)
+
+
+def _ring(instrument: Instrument) -> RingDocument:
+    configured = instrument.pipeline.configured
+    return RingDocument(
+        slots=configured.ring.slots,
+        bits=configured.bits,
+        lines=configured.lines,
+        threshold=instrument.pipeline.thresholds.in_force.level,
+        waiting=configured.ring.waiting,
+        deepest=configured.ring.deepest,
+    )

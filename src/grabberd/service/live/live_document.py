@@ -1,42 +1,43 @@
-"""How the newest measured field is shown: in short, and point by point."""
+"""The newest measured field: in short, and point by point."""
 
 from datetime import timedelta
-from typing import Any
 
+from grabberd.documents.devices import LiveDocument, ObjectDocument, WidthDocument
+from grabberd.documents.points import NewestPoints
 from grabberd.errors import NotFound, NotReady
 from grabberd.processes.measure import MeasureSetup, whole
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.section_width import section_widths
 from grabberd.service.clock import Clock, iso_utc
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.device.worker import Live
+from grabberd.service.instrument import Instrument
 from grabberd.storage.export.points_document import point_columns
 
 LATENCY_OF_LATEST = 500
 
 
-def live_document(instrument: Instrument) -> dict[str, Any] | None:
+def live_document(instrument: Instrument) -> LiveDocument | None:
     """The newest measured field in short; None before the first."""
     live = instrument.worker.live
     if live is None:
         return None
     residual = live.measured.points.residual_px
-    return {
-        "n": live.measured.n,
-        "blobs": len(live.measured.blobs),
-        "views": _views(live, instrument.setup.measuring),
-        "points": len(live.measured.points),
-        "residual_px": float((residual**2).mean() ** 0.5) if len(residual) else None,
-        "widths": _widths(live, instrument.setup.measuring),
-        "latency_ms": instrument.worker.latency.percentiles_ms(LATENCY_OF_LATEST),
-    }
+    return LiveDocument(
+        n=live.measured.n,
+        blobs=len(live.measured.blobs),
+        views=_views(live, instrument.setup.measuring),
+        points=len(live.measured.points),
+        residual_px=float((residual**2).mean() ** 0.5) if len(residual) else None,
+        widths=_widths(live, instrument.setup.measuring),
+        latency_ms=instrument.worker.latency.percentiles_ms(LATENCY_OF_LATEST),
+    )
 
 
-def newest_points(instrument: Instrument, clock: Clock) -> dict[str, Any]:
+def newest_points(instrument: Instrument, clock: Clock) -> NewestPoints:
     """The newest measured field, point by point.
 
     Raises:
-        NotReady: nothing has been measured yet.
+        NotReady: the device has not measured a field yet.
     """
     live = instrument.worker.live
     if live is None:
@@ -45,20 +46,21 @@ def newest_points(instrument: Instrument, clock: Clock) -> dict[str, Any]:
             "it measures once it has a signal, a calibration and an object model: GET /readyz",
         )
     age = timedelta(microseconds=(clock.now_ns() - live.measured.time_ns) // 1000)
-    return {
-        "device": instrument.name,
-        "n": live.measured.n,
-        "utc": iso_utc(clock.utc_now() - age),
+    # Not validated: the columns come straight from arrays of known types, and there are hundreds of numbers.
+    return NewestPoints.model_construct(
+        device=instrument.name,
+        n=live.measured.n,
+        utc=iso_utc(clock.utc_now() - age),
         **point_columns(live.measured.points),
-    }
+    )
 
 
-def object_document(instrument: Instrument) -> dict[str, Any]:
+def object_document(instrument: Instrument) -> ObjectDocument:
     """The object model that a device measures with.
 
     Raises:
-        NotFound: it has none.
-        InputError: it is no object model.
+        NotFound: the device has none.
+        InputError: the configured document is no object model.
     """
     document = instrument.setup.documents.get("object")
     if document is None:
@@ -68,18 +70,18 @@ def object_document(instrument: Instrument) -> dict[str, Any]:
     return _object(ObjectModel.from_document(document))
 
 
-def _object(model: ObjectModel) -> dict[str, Any]:
-    return {
-        "name": model.name,
-        "target_diameter_mm": model.target_diameter_mm,
-        "sigma_mm": model.sigma_mm,
-        "target": model.target.tolist(),
-        "x_mm": model.xyz_mm[:, 0].tolist(),
-        "y_mm": model.xyz_mm[:, 1].tolist(),
-        "z_mm": model.xyz_mm[:, 2].tolist(),
-        "row": model.row.tolist(),
-        "column": model.column.tolist(),
-    }
+def _object(model: ObjectModel) -> ObjectDocument:
+    return ObjectDocument(
+        name=model.name,
+        target_diameter_mm=model.target_diameter_mm,
+        sigma_mm=model.sigma_mm,
+        target=model.target.tolist(),
+        x_mm=model.xyz_mm[:, 0].tolist(),
+        y_mm=model.xyz_mm[:, 1].tolist(),
+        z_mm=model.xyz_mm[:, 2].tolist(),
+        row=model.row.tolist(),
+        column=model.column.tolist(),
+    )
 
 
 def _views(live: Live, setup: MeasureSetup | None) -> dict[str, int] | None:
@@ -91,6 +93,6 @@ def _views(live: Live, setup: MeasureSetup | None) -> dict[str, int] | None:
     }
 
 
-def _widths(live: Live, setup: MeasureSetup | None) -> list[dict[str, Any]]:
+def _widths(live: Live, setup: MeasureSetup | None) -> list[WidthDocument]:
     widths = section_widths(live.measured.points, setup.object_model) if setup else []
-    return [width._asdict() for width in widths]
+    return [WidthDocument.model_validate(width._asdict()) for width in widths]

@@ -1,4 +1,4 @@
-"""A picture of the newest field for the eye: one binary message with its centroids and its bits."""
+"""Preview of the newest field: one binary message with its centroids and its bits."""
 
 import struct
 import zlib
@@ -12,8 +12,8 @@ from grabberd.acquisition import Outcome, Slot
 from grabberd.field import PackedField, quantise, unpack
 from grabberd.reconstruction import Points
 from grabberd.service.clock import Clock
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.device.worker import Live
+from grabberd.service.instrument import Instrument
 
 HEADER = struct.Struct("<4sHHQqqHHHHHBBIII")
 """Little endian; docs/reference/live.md has it byte for byte."""
@@ -25,15 +25,15 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 POINT = np.dtype([("target", "<u4"), ("image_px", "<f4", (2, 2)), ("residual_px", "<f4")])
-"""What is sent of a point: which target it is, where each view sees it, how well both agree."""
+"""A point in the message: the target, its image in each view, and the residual between them."""
 
 
 class Centroids(NamedTuple):
-    """What was measured of one field.
+    """Measurements of one field.
 
     Attributes:
-        time_us: of the field, since 1970; 0 for none.
-        xy_px: (N, 2) float32, where the blobs are, frame pixels.
+        time_us: Time of the field in µs since 1970; 0 without a field.
+        xy_px: (N, 2) float32, centroids of the blobs, frame pixels.
         points: (P,) of `POINT`.
     """
 
@@ -46,7 +46,7 @@ NO_CENTROIDS = Centroids(0, np.zeros((0, 2), np.float32))
 
 
 class Preview:
-    """Makes the messages of one device; each is made once, whoever looks."""
+    """Makes the messages of one device, each once for all clients."""
 
     def __init__(self, instrument: Instrument, clock: Clock) -> None:
         self._instrument = instrument
@@ -54,8 +54,8 @@ class Preview:
         self._shown: Slot | None = None
 
     def make(self) -> bytes | None:
-        """The message of the newest field; None where there has been none since the last."""
-        slot = self._instrument.intake.armed.ring.newest
+        """The message of the newest field; None if there has been no new field since the last call."""
+        slot = self._instrument.pipeline.configured.ring.newest
         if slot is None or slot is self._shown:
             return None
         self._shown = slot
@@ -69,13 +69,13 @@ class Preview:
         return Centroids(self._utc_us(live.measured.time_ns), xy_px, _points(live.measured.points))
 
     def _utc_us(self, time_ns: int) -> int:
-        """Microseconds since 1970 of a time by CLOCK_MONOTONIC."""
+        """Converts a time of CLOCK_MONOTONIC to µs since 1970."""
         now_us = (self._clock.utc_now() - EPOCH) // timedelta(microseconds=1)
         return now_us - (self._clock.now_ns() - time_ns) // 1000
 
 
 def message(slot: Slot, time_us: int, centroids: Centroids) -> bytes:
-    """The header, the centroids, the deflated bits, the points; no bits where there is no signal."""
+    """Header, centroids, deflated bits and points of a slot; no bits without a signal."""
     packed = slot.numbered.packed if slot.numbered else None
     deflated = b"" if packed is None else zlib.compress(one_bit(packed).tobytes(), FAST)
     shape = (0, 0, 0, 0, 0) if packed is None else _shape(packed)
@@ -104,7 +104,7 @@ def _points(points: Points) -> NDArray[np.void]:
 
 
 def one_bit(packed: PackedField) -> NDArray[np.uint8]:
-    """(rows, ceil(columns / 8)) uint8, the leftmost pixel of eight in the highest bit: target, or not."""
+    """(rows, ceil(columns / 8)) uint8, 1 for target; the leftmost of eight pixels is the highest bit."""
     single = packed if packed.bits == 1 else quantise(unpack(packed), 1, packed.threshold)
     bits: NDArray[np.uint8] = single.data[0]
     return bits

@@ -1,19 +1,19 @@
-"""The newest field as a PNG picture, encoded once for all who look at it."""
+"""The newest field as a PNG picture, encoded once for all clients."""
 
 import threading
 
 import cv2
 
 from grabberd.errors import NotReady
-from grabberd.service.device.instrument import Instrument
 from grabberd.service.device.newest_field import Shown
+from grabberd.service.instrument import Instrument
 
 FIELD_WITHIN_S = 0.5
 FAST = 1
 
 
 class PreviewPicture:
-    """The picture of one device; any thread may ask."""
+    """The picture of one device; any thread may call."""
 
     def __init__(self, instrument: Instrument) -> None:
         self._instrument = instrument
@@ -22,12 +22,12 @@ class PreviewPicture:
         self._png = b""
 
     def png(self) -> bytes:
-        """The newest field in 8 bits, its lines as they came.
+        """The newest field in 8 bits, with its lines as recorded.
 
         Raises:
-            NotReady: no field comes.
+            NotReady: the device delivers no field.
         """
-        shown = self._instrument.intake.newest.recent(FIELD_WITHIN_S)
+        shown = self._instrument.pipeline.newest.recent(FIELD_WITHIN_S)
         if shown is None:
             status = self._instrument.board.now
             raise NotReady(

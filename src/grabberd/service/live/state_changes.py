@@ -1,17 +1,17 @@
-"""What has changed in a document since a client last saw it. Nothing else."""
+"""Changes of a JSON document since the version that a client has seen."""
 
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 KEPT = 150
-"""At five a second, who comes back within half a minute is told the changes alone."""
+"""At five versions a second, a client that reconnects within half a minute gets the changes alone."""
 
 
 def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys whose values differ, with their new values; of documents inside likewise.
+    """The keys whose values differ, with their new values, recursively.
 
-    A JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
+    The result is a JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
     """
     gone = {key: None for key in before if key not in after}
     return gone | {
@@ -20,7 +20,7 @@ def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, An
 
 
 def merged(document: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
-    """A document with a change; null values stay, so that they can be told from what was never there."""
+    """Applies a change to a document; null values stay, to distinguish them from keys that never existed."""
     result = dict(document)
     for key, value in change.items():
         inner = isinstance(value, Mapping)
@@ -30,7 +30,7 @@ def merged(document: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, 
 
 
 class Version(NamedTuple):
-    """A document and its number, from 1 on."""
+    """A document and its version number, from 1."""
 
     number: int
     document: Mapping[str, Any]
@@ -43,7 +43,7 @@ class History:
         self._versions: deque[Version] = deque(maxlen=kept)
 
     def enter(self, document: Mapping[str, Any]) -> Version | None:
-        """The document as it is now; None if it is as it was."""
+        """Adds the present document as a new version; returns None if it has not changed."""
         newest = self._versions[-1] if self._versions else Version(0, {})
         if document == newest.document:
             return None
@@ -51,7 +51,7 @@ class History:
         return self._versions[-1]
 
     def find(self, number: int) -> Version | None:
-        """A version, unless it has been forgotten."""
+        """A version by its number; None if it has been dropped."""
         return next((version for version in list(self._versions) if version.number == number), None)
 
 

@@ -1,4 +1,4 @@
-"""The publisher that tells an MQTT broker how the devices are and what has been captured.
+"""Publishes the devices' states and the summaries of captures to an MQTT broker.
 
-It subscribes to nothing, so nothing can be commanded through the broker.
+It subscribes to nothing, so that whoever owns the broker cannot command an instrument.
 """

@@ -1,6 +1,7 @@
-"""A connection to an MQTT broker that only publishes. Nothing is subscribed to, so nothing can be ordered.
+"""A connection to an MQTT broker that only publishes.
 
-MQTT 5, whose acknowledgements say whether the broker has taken a message; those of 3.1.1 say nothing.
+It speaks MQTT 5: its acknowledgements say whether the broker took a message or its access list refused it.
+Those of 3.1.1 are the same either way, so that a refused summary would count as delivered.
 """
 
 import asyncio
@@ -21,25 +22,26 @@ from grabberd.service.mqtt.messages import Message
 ACKNOWLEDGED_S = 10.0
 FAREWELL_S = 2.0
 QOS = 1
+"""At least once: a receiver tells a repeated summary by its `capture_id`."""
 _HINT = "check mqtt in the configuration and the broker's log; under systemd install the drop-in egress.conf"
 
 _silent = logging.getLogger(f"{__name__}.client")
-_silent.setLevel(logging.CRITICAL)  # what goes wrong is said by us, once
+_silent.setLevel(logging.CRITICAL)  # the publisher logs failures, once for each cause
 
 
 class Connection:
-    """Publishes one message after the other, each until it is acknowledged."""
+    """Publishes one message after the other and waits for each acknowledgement."""
 
     def __init__(self, client: "_Client") -> None:
         self._client = client
 
     async def publish(self, message: Message, timeout_s: float = ACKNOWLEDGED_S) -> None:
-        """Returns once the broker has taken it.
+        """Publishes a message and returns once the broker has taken it.
 
         Raises:
-            NotReady: it has not: it is gone, does not answer, or refuses it.
+            NotReady: The broker is gone, does not answer, or refuses the message.
         """
-        text = json.dumps(message.document, ensure_ascii=False, separators=(",", ":"))
+        text = json.dumps(message.content, ensure_ascii=False, separators=(",", ":"))
         self._client.refusal = None
         try:
             await self._client.publish(message.topic, text, QOS, message.retained, timeout=timeout_s)
@@ -52,37 +54,39 @@ class Connection:
             )
 
     async def during(self, work: Coroutine[Any, Any, None]) -> None:
-        """Does some work as long as the connection lasts.
+        """Runs some work for as long as the connection lasts.
 
         Raises:
-            NotReady: it was lost.
+            NotReady: The connection was lost.
         """
         working = asyncio.ensure_future(work)
-        lasting = asyncio.ensure_future(self._last())
+        connected = asyncio.ensure_future(self._until_lost())
         try:
-            done, _ = await asyncio.wait((working, lasting), return_when=asyncio.FIRST_COMPLETED)
+            done, _ = await asyncio.wait((working, connected), return_when=asyncio.FIRST_COMPLETED)
             for one in done:
                 one.result()
         finally:
-            for one in (working, lasting):
+            for one in (working, connected):
                 one.cancel()
-            await asyncio.gather(working, lasting, return_exceptions=True)
+            await asyncio.gather(working, connected, return_exceptions=True)
 
-    async def _last(self) -> None:
+    async def _until_lost(self) -> None:
+        # Nothing is subscribed to, so no message ever comes: the iteration ends with the connection, also
+        # while nothing is being published.
         try:
-            async for _ in self._client.messages:  # none ever comes; it ends with the connection
+            async for _ in self._client.messages:
                 pass
         except aiomqtt.MqttError as error:
             raise NotReady(f"the broker is gone: {error.__cause__}", _HINT) from error
 
 
 class Broker:
-    """The broker of a configuration.
+    """The broker named in the configuration.
 
     Args:
-        config: where it is, and who we are to it.
-        client_id: our name.
-        context: of TLS, if it is spoken.
+        config: Address and credentials.
+        client_id: MQTT client id.
+        context: TLS context; None to connect without TLS.
     """
 
     def __init__(self, config: MqttConfig, client_id: str, context: ssl.SSLContext | None) -> None:
@@ -92,13 +96,13 @@ class Broker:
 
     @asynccontextmanager
     async def connected(self, farewell: Message) -> AsyncIterator[Connection]:
-        """A connection for the block.
+        """Connects for the length of a block.
 
         Args:
-            farewell: is said at its end, by us or, where it breaks, by the broker as our last will.
+            farewell: Published at its end: by us or, if the connection breaks, by the broker as last will.
 
         Raises:
-            NotReady: the broker is not there, refuses us, or was lost.
+            NotReady: The broker cannot be reached, refuses us, or was lost.
         """
         client = self._client(farewell)
         try:
@@ -112,7 +116,7 @@ class Broker:
         except aiomqtt.MqttError as error:
             raise _not_ready(error) from error
         finally:
-            client.hang_up()
+            client.close_socket()
 
     def _client(self, farewell: Message) -> "_Client":
         host, port = self._config.address
@@ -123,7 +127,7 @@ class Broker:
             password=self._password(),
             identifier=self._client_id,
             protocol=aiomqtt.ProtocolVersion.V5,
-            will=aiomqtt.Will(farewell.topic, json.dumps(farewell.document), QOS, farewell.retained),
+            will=aiomqtt.Will(farewell.topic, json.dumps(farewell.content), QOS, farewell.retained),
             clean_start=True,
             keepalive=self._config.keepalive_s,
             timeout=ACKNOWLEDGED_S,
@@ -142,7 +146,7 @@ class Broker:
 
 
 class _Client(aiomqtt.Client):
-    """Also hears what an acknowledgement says."""
+    """Keeps the reason code of an acknowledgement, which aiomqtt ignores."""
 
     refusal: ReasonCode | None = None
 
@@ -153,21 +157,21 @@ class _Client(aiomqtt.Client):
             self.refusal = reason_code
         super()._on_publish(client, userdata, mid, reason_code, properties)
 
-    def hang_up(self) -> None:
-        """Closes what is left open with a broker that never answered."""
-        self._client._sock_close()  # aiomqtt does not
+    def close_socket(self) -> None:
+        """Closes the socket, which aiomqtt leaves open if the broker never answered."""
+        self._client._sock_close()
 
 
 def tls_context(tls: MqttTlsConfig) -> ssl.SSLContext:
-    """What the broker is known by, TLS 1.2 or later, its name checked.
+    """Creates a TLS context, 1.2 or later, that checks the broker's certificate and host name.
 
     Raises:
-        OSError: a file cannot be read, is none, or does not belong to the other.
+        OSError: A file cannot be read or is invalid, or the certificate and the key do not match.
     """
     context = ssl.create_default_context(cafile=tls.ca)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     if tls.certificate is not None:
-        context.load_cert_chain(tls.certificate, tls.key, password="")  # without one, it asks the terminal
+        context.load_cert_chain(tls.certificate, tls.key, password="")  # else ssl prompts on the terminal
     return context
 
 

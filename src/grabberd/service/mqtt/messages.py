@@ -1,17 +1,23 @@
-"""What is told over MQTT: on which topics, and in which words. Nothing else."""
+"""MQTT topics and the messages on them."""
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from urllib.parse import quote
 
 from grabberd.acquisition import Outcome
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.document import Document
+from grabberd.documents.mqtt import CaptureSummary, DeviceStateMessage, LedgerSummary
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.state import StorageDocument
 
 SCHEMA = 1
-"""Of all documents; a further key does not change it, another meaning does."""
+"""Schema version of all messages; a new key does not change it, a new meaning of a key does."""
 
 
 class Topic(NamedTuple):
-    """A topic below PREFIX/BARN: whether the broker retains its latest document, and what that says."""
+    """A topic below PREFIX/BARN: whether the broker retains its latest message, and what that tells."""
 
     name: str
     retained: bool
@@ -25,10 +31,10 @@ TOPICS = (ONLINE, STATE, CAPTURE)
 
 
 class Message(NamedTuple):
-    """A document and its topic. All go out with QoS 1."""
+    """A JSON object and its topic. All go out with QoS 1."""
 
     topic: str
-    document: Mapping[str, Any]
+    content: JsonObject
     retained: bool
 
 
@@ -36,83 +42,93 @@ class Topics:
     """The topics of one barn.
 
     Args:
-        prefix: of every topic.
-        barn: its name, in which what is no letter or digit becomes %XX, as in a data set's folders.
+        prefix: Prefix of every topic.
+        barn: Name of the barn; every character but letters and digits becomes %XX, as in a data set's
+            folders.
     """
 
     def __init__(self, prefix: str, barn: str) -> None:
         self._start = f"{prefix}/{quote(barn, safe='')}"
 
-    def message(self, topic: Topic, document: Mapping[str, Any], **parts: str) -> Message:
-        """A document on its topic, and which schema it has."""
+    def message(self, topic: Topic, document: Document | JsonObject, **parts: str) -> Message:
+        """A message on a topic, with its schema version.
+
+        Args:
+            topic: Where it goes.
+            document: A document, or the JSON of one that was stored, perhaps by an earlier version.
+            parts: Values of the placeholders in the topic's name.
+        """
+        content = document.model_dump(mode="json") if isinstance(document, Document) else document
         name = f"{self._start}/{topic.name.format(**parts)}"
-        return Message(name, {"schema": SCHEMA, **document}, topic.retained)
+        return Message(name, {"schema": SCHEMA, **content}, topic.retained)
 
 
-def device_state(device: Mapping[str, Any], storage: Mapping[str, Any]) -> dict[str, Any]:
-    """How a device is, in short; numbers that always waver are rounded until they are quiet.
+def device_state(device: DeviceDocument, storage: StorageDocument) -> DeviceStateMessage:
+    """The state of a device in short; values that always fluctuate are rounded until they are stable.
 
     Args:
-        device: as `device_document` shows it.
-        storage: the disk, as `DiskGuard.document` shows it.
+        device: The device.
+        storage: The disk with its captures.
     """
-    calibration, rig, rate_hz = device["calibration"], device["rig"], device["rate_hz"]
-    lacks = {one["lacks"] for one in device["lacks"]}
-    others = [outcome for outcome in Outcome if outcome is not Outcome.RECEIVED]
-    return {
-        "device": device["name"],
-        "state": device["state"],
-        "since_utc": device["since_utc"],
-        "cause": device["cause"],
-        "cause_code": device["cause_code"],
-        "signal": device["signal"],
-        "rate_hz": None if rate_hz is None else round(rate_hz),
-        **{f"fields_{outcome}": device["fields"][outcome] for outcome in others},
-        "calibration_id": calibration["id"] if calibration else None,
-        "calibration_fits": "calibration" not in lacks if calibration else None,
-        "rig": rig["verdict"] if rig else None,
-        "capture_id": device["capture_id"],
-        "disk_minutes_left": _two_digits(storage["minutes_left"]),
-    }
+    calibration = device.calibration
+    lacks = {one.lacks for one in device.lacks}
+    return DeviceStateMessage(
+        device=device.name,
+        state=device.state,
+        since_utc=device.since_utc,
+        cause=device.cause,
+        cause_code=device.cause_code,
+        signal=device.signal,
+        rate_hz=None if device.rate_hz is None else round(device.rate_hz),
+        fields_lost=device.fields[Outcome.LOST],
+        fields_damaged=device.fields[Outcome.DAMAGED],
+        fields_no_signal=device.fields[Outcome.NO_SIGNAL],
+        fields_overrun=device.fields[Outcome.OVERRUN],
+        calibration_id=calibration.id if calibration else None,
+        calibration_fits="calibration" not in lacks if calibration else None,
+        rig=device.rig.verdict if device.rig else None,
+        capture_id=device.capture_id,
+        disk_minutes_left=_two_digits(storage.minutes_left),
+    )
 
 
 def capture_summary(
-    document: Mapping[str, Any],
+    document: CaptureDocument,
     *,
     file: str,
     site: Mapping[str, str],
     rate_hz: float,
     calibration_id: str | None,
-) -> dict[str, Any]:
-    """What a capture has become; its id is the key by which a receiver knows one that came twice.
+) -> CaptureSummary:
+    """The summary of a finished capture; receivers use its id to detect one that came twice.
 
     Args:
-        document: as the archive shows it.
-        file: its name.
-        site: where it was recorded.
-        rate_hz: fields a second.
-        calibration_id: what its latest points were measured with, None without points.
+        document: The capture.
+        file: Name of its file.
+        site: Where it was recorded.
+        rate_hz: Fields per second.
+        calibration_id: Calibration that its latest points were measured with; None without points.
     """
-    counts, group = document["ledger"]["counts"], document["group"]
-    return {
-        "capture_id": document["id"],
-        "group_id": group["id"] if group else None,
-        "device": document["device"],
-        "state": document["state"],
-        "verdict": document["verdict"],
-        "ended_because": document["ended_because"],
-        "started_utc": document["created_utc"],
-        "duration_s": round(sum(counts.values()) / rate_hz, 3),
-        "fields": document["fields"],
-        "ledger": {"in_words": document["ledger"]["in_words"], "counts": counts},
-        "bits": document["bits"],
-        "lines": document["lines"],
-        "labels": document["labels"],
-        "site": dict(site),
-        "calibration_id": calibration_id,
-        "file": file,
-        "size_bytes": document["size_bytes"],
-    }
+    ledger = document.ledger
+    return CaptureSummary(
+        capture_id=document.id,
+        group_id=document.group.id if document.group else None,
+        device=document.device,
+        state=document.state,
+        verdict=document.verdict,
+        ended_because=document.ended_because,
+        started_utc=document.created_utc,
+        duration_s=round(sum(ledger.counts.values()) / rate_hz, 3),
+        fields=document.fields,
+        ledger=LedgerSummary(in_words=ledger.in_words, counts=ledger.counts),
+        bits=document.bits,
+        lines=document.lines,
+        labels=document.labels,
+        site=dict(site),
+        calibration_id=calibration_id,
+        file=file,
+        size_bytes=document.size_bytes,
+    )
 
 
 def _two_digits(value: float | None) -> float | None:

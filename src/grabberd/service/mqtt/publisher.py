@@ -1,6 +1,6 @@
-"""Tells an MQTT broker how the devices are and what has been captured, and takes nothing from it.
+"""Publishes devices' states and captures' summaries to an MQTT broker.
 
-In a thread and an event loop of its own: a broker that is away, slow or stuck costs nobody else anything.
+It has a thread and an event loop of its own: a broker that is away, slow or stuck delays nothing else.
 """
 
 import asyncio
@@ -9,10 +9,11 @@ import logging
 import random
 import threading
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from grabberd import __version__
+from grabberd.documents.mqtt import OnlineMessage
+from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import GrabberdError, NotReady, StorageError
 from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.mqtt.broker import Broker, Connection
@@ -22,41 +23,43 @@ from grabberd.service.mqtt.summary_queue import SummaryQueue
 log = logging.getLogger(__name__)
 
 TICK_S = 0.5
-LOOK_EVERY_S = 60.0
+COLLECT_EVERY_S = 60.0
+"""Captures that end are announced; this tries again what failed, e.g. while the disk was full."""
 FIRST_WAIT_S, LONGEST_WAIT_S = 1.0, 60.0
 IN_A_ROW = 50
-"""So many summaries go out before the devices' states have their turn."""
+"""Maximum number of summaries before states are published again: after days offline thousands wait."""
 END_S = 5.0
+"""Time to disconnect: more than the farewell takes, and a stuck broker must not hold up the daemon's end."""
 
 
 class Publisher:
     """Publishes states as they change, and each capture's summary until the broker has taken it.
 
     Args:
-        broker: who is told.
-        topics: where.
-        state: gives the service's state.
-        outgoing: the summaries.
-        clock: says when.
-        every_s: a device's state goes out no more often.
+        broker: The broker.
+        topics: Topics of the barn.
+        state: Returns the state of the service.
+        summaries: The summaries that wait for the broker.
+        clock: Dates the messages.
+        every_s: Minimum time between two states of a device.
     """
 
     def __init__(
         self,
         broker: Broker,
         topics: Topics,
-        state: Callable[[], Mapping[str, Any]],
-        outgoing: SummaryQueue,
+        state: Callable[[], StateDocument],
+        summaries: SummaryQueue,
         clock: Clock,
         every_s: float,
     ) -> None:
-        self.outgoing = outgoing
+        self.summaries = summaries
         self._broker = broker
         self._topics = topics
         self._state = state
         self._clock = clock
         self._every_s = every_s
-        self._noticed = threading.Event()
+        self._capture_ended = threading.Event()
         self._connected = False
         self._since_utc = iso_utc(clock.utc_now())
         self._problem: str | None = None
@@ -67,38 +70,38 @@ class Publisher:
         self._thread = threading.Thread(target=self._run, name="mqtt", daemon=True)
 
     def start(self) -> None:
-        """Begins; returns at once, wherever the broker is.
+        """Starts publishing; returns at once, whether or not the broker can be reached.
 
         Raises:
-            StorageError: the state cannot be used.
+            StorageError: The state database cannot be used.
         """
-        self.outgoing.open()
-        self._noticed.set()
+        self.summaries.open()
+        self._capture_ended.set()
         self._thread.start()
 
-    def notice(self) -> None:
-        """A capture has ended."""
-        self._noticed.set()
+    def capture_ended(self) -> None:
+        """Publishes the summary of a capture that has just ended."""
+        self._capture_ended.set()
 
     def stop(self) -> None:
-        """Takes leave of the broker, and does not wait for one that is stuck."""
+        """Disconnects cleanly, but does not wait for a broker that is stuck."""
         self._stopping = True
         if self._loop is not None and self._task is not None:
-            with contextlib.suppress(RuntimeError):  # it has ended
+            with contextlib.suppress(RuntimeError):  # the loop has ended already
                 self._loop.call_soon_threadsafe(self._task.cancel)
         if self._thread.is_alive():
             self._thread.join(END_S)
 
-    def document(self) -> dict[str, Any]:
-        """How it is, as it is shown."""
-        return {
-            "connected": self._connected,
-            "since_utc": self._since_utc,
-            "problem": self._problem,
-            "waiting_captures": self.outgoing.waiting + len(self.outgoing.left),
-            "acknowledged_captures": self.outgoing.acknowledged,
-            "missed_captures": self.outgoing.missed,
-        }
+    def document(self) -> MqttDocument:
+        """The connection to the broker, and the captures that wait for it."""
+        return MqttDocument(
+            connected=self._connected,
+            since_utc=self._since_utc,
+            problem=self._problem,
+            waiting_captures=self.summaries.waiting + len(self.summaries.remaining),
+            acknowledged_captures=self.summaries.acknowledged,
+            missed_captures=self.summaries.missed,
+        )
 
     def _run(self) -> None:
         with contextlib.suppress(asyncio.CancelledError):
@@ -106,96 +109,94 @@ class Publisher:
 
     async def _work(self) -> None:
         self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
-        if self._stopping:  # before there was a task that could be told
+        if self._stopping:  # `stop` came before there was a task to cancel
             return
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(self._collect())
             tasks.create_task(self._deliver())
 
     async def _collect(self) -> None:
-        """Has the captures that end kept, whether or not there is a broker."""
+        """Queues the summaries of captures that end, whether or not the broker can be reached."""
         due_s = time.monotonic()
         while True:
-            more = self.outgoing.left and self.outgoing.has_room
-            if more or self._noticed.is_set() or time.monotonic() >= due_s:
-                self._noticed.clear()
-                self._look()
-                due_s = time.monotonic() + LOOK_EVERY_S
+            more = self.summaries.remaining and self.summaries.has_room
+            if more or self._capture_ended.is_set() or time.monotonic() >= due_s:
+                self._capture_ended.clear()
+                self._collect_now()
+                due_s = time.monotonic() + COLLECT_EVERY_S
             await asyncio.sleep(TICK_S)
 
-    def _look(self) -> None:
+    def _collect_now(self) -> None:
         try:
-            self.outgoing.look()
+            self.summaries.collect()
         except GrabberdError as error:
-            self._say(error)
+            self._report(error)
         except Exception:
-            log.exception("summaries for MQTT cannot be made at this moment")
+            log.exception("summaries for MQTT cannot be made at the moment")
 
     async def _deliver(self) -> None:
-        """Connects again and again, more and more seldom."""
+        """Connects and publishes; after a failure tries again, doubling the wait up to a minute."""
         while True:
             try:
                 async with self._broker.connected(self._online(False)) as connection:
                     await connection.publish(self._dated(self._online(True)))
-                    self._enter(True)
+                    self._set_connected(True)
                     await connection.during(self._publish(connection))
             except (NotReady, StorageError) as error:
-                self._say(error)
+                self._report(error)
             except Exception as error:
-                log.exception("MQTT is given up for the moment")
+                log.exception("MQTT: unexpected failure; connecting again")
                 self._problem = str(error)
             finally:
-                self._enter(False)
-            await asyncio.sleep(self._wait_s * random.uniform(0.5, 1.0))  # noqa: S311 - barns come back apart
+                self._set_connected(False)
+            # Spread, so that a herd's barns do not all come back in the same second.
+            await asyncio.sleep(self._wait_s * random.uniform(0.5, 1.0))  # noqa: S311 - no secret
             self._wait_s = min(2 * self._wait_s, LONGEST_WAIT_S)
 
     async def _publish(self, connection: Connection) -> None:
-        told: dict[str, Message] = {}
+        published: dict[str, Message] = {}
         due_s = time.monotonic()
         while True:
             if time.monotonic() >= due_s:
-                await self._tell_states(connection, told)
+                await self._publish_states(connection, published)
                 due_s = time.monotonic() + self._every_s
-            await self._tell_captures(connection)
-            self._went_well()
-            if not self.outgoing.waiting:
+            await self._publish_summaries(connection)
+            self._problem, self._wait_s = None, FIRST_WAIT_S
+            if not self.summaries.waiting:
                 await asyncio.sleep(TICK_S)
 
-    async def _tell_states(self, connection: Connection, told: dict[str, Message]) -> None:
+    async def _publish_states(self, connection: Connection, published: dict[str, Message]) -> None:
         state = self._state()
-        for name, device in state["devices"].items():
-            message = self._topics.message(STATE, device_state(device, state["storage"]), device=name)
-            if told.get(name) != message:
+        for name, device in state.devices.items():
+            message = self._topics.message(STATE, device_state(device, state.storage), device=name)
+            if published.get(name) != message:
                 await connection.publish(self._dated(message))
-                told[name] = message
+                published[name] = message
 
-    async def _tell_captures(self, connection: Connection) -> None:
-        for _ in range(min(self.outgoing.waiting, IN_A_ROW)):
-            first = self.outgoing.first()
+    async def _publish_summaries(self, connection: Connection) -> None:
+        for _ in range(min(self.summaries.waiting, IN_A_ROW)):
+            first = self.summaries.first()
             if first is None:
                 return
             capture_id, summary = first
             await connection.publish(self._topics.message(CAPTURE, summary))
-            self.outgoing.acknowledge(capture_id)
+            self.summaries.acknowledge(capture_id)
 
     def _online(self, online: bool) -> Message:
-        return self._topics.message(ONLINE, {"online": online, "version": __version__})
+        return self._topics.message(ONLINE, OnlineMessage(online=online, version=__version__))
 
     def _dated(self, message: Message) -> Message:
-        return message._replace(document={**message.document, "utc": iso_utc(self._clock.utc_now())})
+        return message._replace(content={**message.content, "utc": iso_utc(self._clock.utc_now())})
 
-    def _enter(self, connected: bool) -> None:
+    def _set_connected(self, connected: bool) -> None:
         if connected == self._connected:
             return
         self._connected, self._since_utc = connected, iso_utc(self._clock.utc_now())
         if connected:
-            log.info("MQTT: connected; %d summaries wait", self.outgoing.waiting)
+            log.info("MQTT: connected; %d summaries wait", self.summaries.waiting)
 
-    def _went_well(self) -> None:
-        self._problem, self._wait_s = None, FIRST_WAIT_S
-
-    def _say(self, error: GrabberdError) -> None:
-        """Once for each cause in a row."""
+    def _report(self, error: GrabberdError) -> None:
+        """Logs a failure, once for each cause in a row."""
         if error.message != self._problem:
             log.warning("MQTT: %s; %s", error.message, error.hint)
         self._problem = error.message

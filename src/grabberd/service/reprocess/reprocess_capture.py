@@ -1,4 +1,4 @@
-"""One sealed capture measured again into a file of a data set: what a worker process does."""
+"""Re-measures one sealed capture into a file of a data set: the task of a worker process."""
 
 import errno
 import json
@@ -11,25 +11,29 @@ from typing import Any, Literal, NamedTuple
 from grabberd import __version__
 from grabberd.config import RigConfig
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
+from grabberd.processes.columns import Rows
 from grabberd.processes.measure import MeasuredField, MeasureSetup
 from grabberd.processes.reprocess import measured_groups
 from grabberd.service.setup import check_rig, measure_setup, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
-from grabberd.storage.export.columns import Rows, moment_of, rows_of
 from grabberd.storage.export.dataset_file import read_about, write_dataset_file
+from grabberd.storage.export.points_columns import moment_of, rows_of
 
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}
-DOCUMENTS_KEPT = 64
+"""Errors that every further task would run into as well."""
+DOCUMENTS_CACHED = 64
+"""Nearly all tasks of a worker share one calibration and one object model."""
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
-    """What a capture is to be measured with: SHA-256 of the documents, and settings other than its own.
+class Recipe:
+    """Documents and settings that captures are measured with.
 
     Attributes:
-        calibration: of the calibration; `object`: of the object model, None for the capture's own.
-        settings: such as `method`.
+        calibration: SHA-256 of the calibration's document.
+        object: SHA-256 of the object model's document; None for each capture's own.
+        settings: Settings that replace a capture's own, such as `method`.
     """
 
     calibration: str
@@ -37,19 +41,20 @@ class Asked:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def to_document(self) -> dict[str, Any]:
-        """As a file of the data set keeps it."""
+        """Returns it as a file of the data set keeps it, under `asked`."""
         return {"calibration": self.calibration, "object": self.object, "settings": dict(self.settings)}
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
-    """A capture to be measured; paths are those of the computer that asks, and of all that work for it.
+class CaptureTask:
+    """A capture to re-measure; its paths must mean the same on every computer that works.
 
     Attributes:
-        capture: the file; `barn`: where it was recorded.
-        target: the file to write; `part`: its name until it is whole.
-        documents: the folder of calibrations and object models, SHA256.json.
-        span: how many fields it has at most.
+        capture: File of the capture; `barn`: where it was recorded.
+        target: File to write; `part`: its name until it is complete.
+        documents: Folder of calibrations and object models, SHA256.json.
+        recipe: What to measure it with.
+        span: Maximum number of its fields.
     """
 
     capture: Path
@@ -57,12 +62,12 @@ class Order:
     target: Path
     part: Path
     documents: Path
-    asked: Asked
+    recipe: Recipe
     span: int
 
 
-class Outcome(NamedTuple):
-    """What became of an order; `hopeless` is a problem that all others would have as well."""
+class TaskResult(NamedTuple):
+    """Result of a task; `hopeless` marks a problem that every other task would have as well."""
 
     state: Literal["measured", "unchanged", "failed"]
     fields: int = 0
@@ -72,28 +77,28 @@ class Outcome(NamedTuple):
     hopeless: bool = False
 
 
-def measure_capture(order: Order) -> Outcome:
-    """Measures one capture; no error leaves it, for what cannot be pickled would end the whole process."""
+def reprocess_capture(task: CaptureTask) -> TaskResult:
+    """Re-measures one capture. It raises nothing: an error that cannot be pickled would end the process."""
     try:
-        return _measured(order)
+        return _measured(task)
     except GrabberdError as error:
-        return Outcome("failed", problem=error.message, hint=error.hint, hopeless=_is_full(error))
+        return TaskResult("failed", problem=error.message, hint=error.hint, hopeless=_is_full(error))
     except Exception as error:
         hint = "this is a fault of the program; please report it"
-        return Outcome("failed", problem=f"{type(error).__name__}: {error}", hint=hint)
+        return TaskResult("failed", problem=f"{type(error).__name__}: {error}", hint=hint)
 
 
-def _measured(order: Order) -> Outcome:
-    with CaptureReader(order.capture) as reader:
-        made_with = _made_with(order, reader)
-        about = _about(order, reader, made_with)
-        if order.target.exists() and _same(read_about(order.target), about):
-            return Outcome("unchanged")
+def _measured(task: CaptureTask) -> TaskResult:
+    with CaptureReader(task.capture) as reader:
+        made_with = _made_with(task, reader)
+        about = _about(task, reader, made_with)
+        if task.target.exists() and _same(read_about(task.target), about):
+            return TaskResult("unchanged")
         setup = measure_setup(made_with, made_with["settings"])
         _check_rig(setup, reader)
         groups = _rows(reader, setup)
-        fields, points = write_dataset_file(order.part, order.target, groups, about)
-    return Outcome("measured", fields, points)
+        fields, points = write_dataset_file(task.part, task.target, groups, about)
+    return TaskResult("measured", fields, points)
 
 
 def _rows(reader: CaptureReader, setup: MeasureSetup) -> Iterator[list[Rows]]:
@@ -106,19 +111,19 @@ def _rows(reader: CaptureReader, setup: MeasureSetup) -> Iterator[list[Rows]]:
         yield [rows(one) for one in group]
 
 
-def _made_with(order: Order, reader: CaptureReader) -> dict[str, Any]:
+def _made_with(task: CaptureTask, reader: CaptureReader) -> dict[str, Any]:
     own = next((run.made_with["object"] for run in reversed(reader.runs) if run.made_with["object"]), None)
-    object_model = own if order.asked.object is None else _document(order.documents, order.asked.object)
+    object_model = own if task.recipe.object is None else _document(task.documents, task.recipe.object)
     if object_model is None:
         raise NotReady(
             f"capture {reader.meta.id} was taken without an object model", "name one with --object"
         )
-    settings = settings_of_capture(reader.meta.config) | dict(order.asked.settings)
-    calibration = _document(order.documents, order.asked.calibration)
+    settings = settings_of_capture(reader.meta.config) | dict(task.recipe.settings)
+    calibration = _document(task.documents, task.recipe.calibration)
     return {"calibration": calibration, "object": object_model, "settings": settings}
 
 
-@lru_cache(DOCUMENTS_KEPT)
+@lru_cache(DOCUMENTS_CACHED)
 def _document(folder: Path, sha256: str) -> Any:
     try:
         return json.loads((folder / f"{sha256}.json").read_bytes())
@@ -128,13 +133,13 @@ def _document(folder: Path, sha256: str) -> Any:
         ) from error
 
 
-def _about(order: Order, reader: CaptureReader, made_with: Mapping[str, Any]) -> dict[str, Any]:
-    meta, known = reader.meta, order.capture.stat()
+def _about(task: CaptureTask, reader: CaptureReader, made_with: Mapping[str, Any]) -> dict[str, Any]:
+    meta, known = reader.meta, task.capture.stat()
     capture = {
         "id": meta.id,
-        "file": order.capture.name,
+        "file": task.capture.name,
         "created_utc": meta.created_utc,
-        "content_sha256": content_sha256(order.capture, meta),
+        "content_sha256": content_sha256(task.capture, meta),
         "bytes": known.st_size,
         "mtime_ns": known.st_mtime_ns,
     }
@@ -142,19 +147,19 @@ def _about(order: Order, reader: CaptureReader, made_with: Mapping[str, Any]) ->
     return {
         "capture": capture,
         "device": str(meta.device.get("name", "")),
-        "site": {**meta.site, "barn": order.barn},
+        "site": {**meta.site, "barn": task.barn},
         "labels": dict(meta.labels),
         "note": meta.note,
-        "calibration": {"id": calibration.get("id"), "sha256": order.asked.calibration},
+        "calibration": {"id": calibration.get("id"), "sha256": task.recipe.calibration},
         "object": {"name": object_model.get("name"), "sha256": document_sha256(object_model)},
         "parameters": made_with["settings"],
         "version": __version__,
-        "asked": order.asked.to_document(),
+        "asked": task.recipe.to_document(),
     }
 
 
 def _same(there: Mapping[str, Any], about: Mapping[str, Any]) -> bool:
-    """Whether a file was made from the same; the capture's own may have been copied since."""
+    """True if a file was made from the same content; the capture's own file may have been copied since."""
     keys = ("calibration", "object", "parameters", "version", "site")
     content = (there.get("capture") or {}).get("content_sha256")
     return content == about["capture"]["content_sha256"] and all(there.get(key) == about[key] for key in keys)
@@ -168,7 +173,7 @@ def _check_rig(setup: MeasureSetup, reader: CaptureReader) -> None:
         known = RigConfig.model_validate(rig)
     except ValueError as error:
         hint = "measure it with the version that it was recorded with"
-        raise CaptureFileError(f"{reader.path}: its rig is not understood: {error}", hint) from error
+        raise CaptureFileError(f"{reader.path}: its rig is invalid: {error}", hint) from error
     check_rig(setup.calibration, known)
 
 

@@ -1,4 +1,4 @@
-"""How fields and points become bytes in a capture file."""
+"""Encoding and decoding of fields and points in a capture file."""
 
 import zlib
 
@@ -7,7 +7,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from grabberd.field import PackedField
-from grabberd.field.packed import packed_shape
+from grabberd.field.packed_field import packed_shape
 from grabberd.reconstruction.points import Points
 
 ZLIB = "zlib"
@@ -25,13 +25,16 @@ POINT = np.dtype(
 )
 """One point in `points.data`, little-endian, packed; covariances as xx, xy, xz, yy, yz, zz.
 
-Places are exact; the rest is kept to seven digits, more than it is good for.
+Positions are exact; single precision keeps seven digits of the rest, which is more than its accuracy.
 """
 _UPPER = np.triu_indices(3)
 
 
 def encode_field(packed: PackedField) -> tuple[str, bytes]:
-    """Codec and bytes: zlib for one bit, zstandard for more."""
+    """Codec and bytes of a picture: zlib for one bit, zstandard for more.
+
+    Both at level 1: fields are encoded as fast as they arrive, on the thread that writes the capture.
+    """
     raw = packed.data.tobytes()
     if packed.bits == 1:
         return ZLIB, zlib.compress(raw, 1)
@@ -39,10 +42,10 @@ def encode_field(packed: PackedField) -> tuple[str, bytes]:
 
 
 def decode_field(codec: str, data: bytes, rows: int, columns: int, bits: int) -> NDArray[np.uint8]:
-    """The bytes as `PackedField.data`.
+    """Decodes the bytes of a picture into `PackedField.data`.
 
     Raises:
-        ValueError: another codec, or bytes that are damaged.
+        ValueError: The codec is unknown, or the bytes are damaged.
     """
     shape = packed_shape(rows, columns, bits)
     return np.frombuffer(_decompress(codec, data, int(np.prod(shape))), np.uint8).reshape(shape)
@@ -60,7 +63,7 @@ def _decompress(codec: str, data: bytes, size: int) -> bytes:
 
 
 def encode_points(points: Points) -> bytes:
-    """One field's points as compressed `POINT` records."""
+    """Encodes one field's points as compressed `POINT` records."""
     records = np.zeros(len(points), POINT)
     records["target"] = points.target
     records["xyz_mm"] = points.xyz_mm
@@ -72,10 +75,10 @@ def encode_points(points: Points) -> bytes:
 
 
 def decode_points(data: bytes) -> Points:
-    """The points again; places bit for bit, the rest to single precision.
+    """Decodes one field's points; positions are exact, the rest has single precision.
 
     Raises:
-        ValueError: the bytes are damaged.
+        ValueError: The bytes are damaged.
     """
     try:
         records = np.frombuffer(zlib.decompress(data), POINT)

@@ -1,4 +1,4 @@
-"""What a capture's points are measured from, as one number: runs that are added do not change it."""
+"""Digest of what a capture's points are measured from; adding a run does not change it."""
 
 import hashlib
 import json
@@ -8,30 +8,32 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.storage.capture.metadata import CaptureMeta
+from grabberd.storage.capture.reader import FIELDS_AT_ONCE
 from grabberd.storage.capture.rows import FIELD_COLUMNS
 from grabberd.storage.capture.schema import connect, reading_errors
 
-FIELDS_AT_ONCE = 50
 _OF_META = ("id", "created_utc", "start_ns", "device", "config", "site", "labels", "note")
 
 
 def document_sha256(document: Any) -> str:
-    """Of a JSON document, however it was laid out in its file."""
+    """SHA-256 of a JSON document, independent of its layout in a file."""
     return hashlib.sha256(document_bytes(document)).hexdigest()
 
 
 def document_bytes(document: Any) -> bytes:
-    """A JSON document in the one way that is hashed: keys in order, no blanks, UTF-8."""
+    """The canonical form of a JSON document, which is hashed: sorted keys, no blanks, UTF-8."""
     text = json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return text.encode()
 
 
 def content_sha256(path: Path, meta: CaptureMeta) -> str:
-    """Of a capture's fields as they are stored, and of what it says of itself.
+    """SHA-256 of a capture's fields as they are stored, and of its metadata.
+
+    The verdict and everything else that sealing or a new run writes is left out.
 
     Raises:
-        CaptureFileError: it is damaged.
-        StorageError: it cannot be read now.
+        CaptureFileError: It is damaged.
+        StorageError: It cannot be read now.
     """
     digest = hashlib.sha256(document_bytes({key: getattr(meta, key) for key in _OF_META}))
     query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n > ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
@@ -41,6 +43,7 @@ def content_sha256(path: Path, meta: CaptureMeta) -> str:
             for row in rows:
                 cells: Mapping[str, Any] = dict(zip(FIELD_COLUMNS.split(", "), row, strict=True))
                 data = cells["data"]
+                # The length first, so that the digest fixes where the data of a field end.
                 digest.update(document_bytes({**cells, "data": len(data)}))
                 digest.update(data)
             last_n = rows[-1][0]

@@ -1,4 +1,4 @@
-"""What a crash left: sealed as far as it goes, or set aside with a reason; never deleted."""
+"""Sealing what a crash left, or setting it aside with a reason; nothing is ever deleted."""
 
 import itertools
 import os
@@ -8,8 +8,9 @@ from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError, LaterVersion
 from grabberd.storage.capture.metadata import SEALED, write_meta
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import DAMAGED, JOURNAL, connect, reading_errors, storage_errors
+from grabberd.storage.capture.schema import DAMAGED, JOURNAL, connect, reading_errors
 from grabberd.storage.capture.writer import FAILED, RUNNING, publish, write_ledger
+from grabberd.storage.disk import storage_errors
 
 REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
@@ -18,13 +19,13 @@ INTERRUPTED = "the program ended while it was recording"
 def recover(part: Path) -> Path:
     """Seals a `.grab.part` file that nobody writes any more; returns its final path.
 
-    The database rolls an unfinished commit back by itself when it is opened. The capture is marked
-    incomplete: how much is missing at its end, at most the last second, nobody can know. A file that cannot
-    be read is set aside.
+    SQLite rolls an unfinished commit back when the file is opened. The capture is marked incomplete: nobody
+    can know how much is missing at its end, which is at most the last second. A file that cannot be read is
+    set aside.
 
     Raises:
-        LaterVersion: it is a later version's to seal.
-        StorageError: the disk does not let it be written.
+        LaterVersion: A later version has to seal it.
+        StorageError: It cannot be written.
     """
     try:
         _seal_if_need_be(part)
@@ -33,14 +34,16 @@ def recover(part: Path) -> Path:
     except CaptureFileError as error:
         return set_aside(part, error.message)
     with storage_errors(part):
-        part.with_name(part.name + JOURNAL).unlink(missing_ok=True)  # empty: its transaction has ended
+        part.with_name(part.name + JOURNAL).unlink(
+            missing_ok=True
+        )  # its transaction has ended; SQLite keeps the file
         return publish(part)
 
 
 def _seal_if_need_be(part: Path) -> None:
     with CaptureReader(part) as reader:
         ledger, sealed = reader.ledger, reader.meta.state == SEALED
-    if not sealed:  # otherwise only its name was still missing
+    if not sealed:  # a crash between sealing and renaming leaves only the name to be done
         with reading_errors(part):
             _seal(part, ledger)
 
@@ -60,16 +63,16 @@ def _seal(part: Path, ledger: Ledger) -> None:
 
 
 def _with_cut(ledger: Ledger) -> Ledger:
-    """At least the next field is missing."""
+    """Adds the field after the last: at least that one is missing, so the ledger is not complete."""
     ledger.add(LedgerEntry(ledger.end_n or 0, 1, Outcome.LOST, INTERRUPTED))
     return ledger
 
 
 def set_aside(path: Path, reason: str) -> Path:
-    """Moves a file that cannot be read into the folder `damaged`, with the reason beside it as text.
+    """Moves a file that cannot be read into the folder `damaged`, with the reason in a text file beside it.
 
     Raises:
-        StorageError: the disk does not let it be moved; it stays where it is.
+        StorageError: It cannot be moved; it stays where it is.
     """
     with storage_errors(path):
         folder = path.parent / DAMAGED
@@ -77,19 +80,19 @@ def set_aside(path: Path, reason: str) -> Path:
         aside = _free_name(folder / path.name)
         reason_of(aside).write_text(reason + "\n", encoding="utf-8")
         journal = path.with_name(path.name + JOURNAL)
-        if journal.exists():  # whoever tries to save the file needs it
+        if journal.exists():  # repairing the database needs it
             os.rename(journal, aside.with_name(aside.name + JOURNAL))
         os.rename(path, aside)
     return aside
 
 
 def reason_of(aside: Path) -> Path:
-    """The text file beside a file that was set aside."""
+    """The text file with the reason why a file was set aside."""
     return aside.with_name(aside.name + REASON)
 
 
 def _free_name(path: Path) -> Path:
-    """The path, or `NAME-2.grab` and so on where there is one already."""
+    """The path, or `NAME-2.grab` and so on if it is taken."""
     name, dot, rest = path.name.partition(".")
     names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
     candidates = (path.with_name(f"{free}{dot}{rest}") for free in names)

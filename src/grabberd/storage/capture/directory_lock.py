@@ -1,25 +1,28 @@
-"""One program at a time for a folder of captures: another's unsealed file is not a crash's."""
+"""A lock for a folder of captures: tells a file that another program writes from one that a crash left."""
 
 import fcntl
 import os
 from pathlib import Path
 
 from grabberd.errors import StorageError
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 
 class DirectoryLock:
-    """Held from `acquire` to `release`, or until the process ends, however it ends."""
+    """Held from `acquire` to `release`, or until the process ends, however it ends.
+
+    flock rather than a file with a process id: the kernel releases it with the process.
+    """
 
     def __init__(self, directory: Path) -> None:
         self.path = directory / ".lock"
         self._descriptor: int | None = None
 
     def acquire(self) -> None:
-        """Takes the lock; safe twice.
+        """Acquires the lock; does nothing if it is held already.
 
         Raises:
-            StorageError: another program holds it, or the folder cannot be written.
+            StorageError: Another program holds it, or the folder cannot be written.
         """
         if self._descriptor is not None:
             return
@@ -37,7 +40,7 @@ class DirectoryLock:
         self._descriptor = descriptor
 
     def release(self) -> None:
-        """Gives the lock back; safe twice."""
+        """Releases the lock; does nothing if it is not held."""
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None

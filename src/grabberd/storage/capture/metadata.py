@@ -1,4 +1,4 @@
-"""What a capture file says of itself."""
+"""Metadata of a capture file."""
 
 import json
 import sqlite3
@@ -13,20 +13,25 @@ SEALED = "sealed"
 
 @dataclass(frozen=True, slots=True)
 class CaptureMeta:
-    """Stored in the table `meta`, a JSON value for each key.
+    """The table `meta`, which has a JSON value for each key.
 
     Attributes:
-        id: of the capture.
-        created_utc: ISO 8601; `start_ns` is the same moment by CLOCK_MONOTONIC.
-        device: its name, driver, options and, as `stream`, what the driver granted.
-        config: the device's part of the configuration.
-        site: of the configuration, e.g. the barn; `labels` and `note`: the operator's.
-        bits: bits a pixel; `lines`: "doubled" or "field".
-        rate_hz: nominal fields a second.
-        version: of the program that wrote it.
+        id: Id of the capture.
+        created_utc: Moment of the request, ISO 8601.
+        start_ns: The same moment by CLOCK_MONOTONIC.
+        device: Name, driver, options and, as `stream`, what the driver granted.
+        config: The device's part of the configuration.
+        site: Site of the configuration, e.g. the barn.
+        labels: The operator's labels.
+        note: The operator's note.
+        bits: Bits per pixel.
+        lines: "doubled" or "field".
+        rate_hz: Nominal fields per second.
+        version: Version of the program that wrote it.
         state: "recording", then "sealed".
-        complete: None while recording, then whether nothing is lost or damaged.
-        ended_because: why it ended.
+        complete: None while recording, then True if nothing is lost or damaged.
+        ended_because: Reason why it ended.
+        extra: Further findings; see docs/reference/capture-file.md.
     """
 
     id: str
@@ -53,7 +58,7 @@ _KINDS = {
 
 
 def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> None:
-    """Writes some keys, within the caller's transaction."""
+    """Writes some keys within the caller's transaction."""
     rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
     connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
 
@@ -64,11 +69,11 @@ def write_all_meta(connection: sqlite3.Connection, meta: CaptureMeta) -> None:
 
 
 def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
-    """The meta data of a file; a key that came later than the file has its default.
+    """Reads the metadata of a file; a key newer than the file has its default.
 
     Raises:
-        KeyError: a key is missing that has none.
-        ValueError: a value is not of its kind.
+        KeyError: A key without a default is missing.
+        ValueError: A value has the wrong type.
     """
     stored = {key: json.loads(value) for key, value in connection.execute("SELECT key, value FROM meta")}
     optional = {f.name for f in fields(CaptureMeta) if not (f.default is f.default_factory is MISSING)}

@@ -1,6 +1,8 @@
-"""Reading a capture file, also while it is being written: never more than fifty fields under one lock."""
+"""Reading a capture file, also while it is being written."""
 
+import os
 from collections.abc import Iterator
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, Self
 
@@ -21,15 +23,17 @@ from grabberd.storage.capture.rows import (
 from grabberd.storage.capture.schema import DAMAGE, connect, reading_errors
 
 FIELDS_AT_ONCE = 50
+"""Fields read under one lock: a reader in the middle of a statement keeps the writer from committing, which
+it does twice a second."""
 END = 2**62
-"""Beyond every field."""
+"""A number beyond every field's."""
 
 
 class CaptureReader:
-    """A capture file; each method sees it as it is at that moment, and holds no lock afterwards.
+    """A capture file; each method sees its state at that moment, and holds no lock afterwards.
 
     Raises:
-        CaptureFileError: from any method: missing, no capture, damaged, or of a later version.
+        CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
     """
 
     def __init__(self, path: Path) -> None:
@@ -45,12 +49,12 @@ class CaptureReader:
         self.close()
 
     def close(self) -> None:
-        """Lets go of the file."""
+        """Closes the file."""
         self._connection.close()
 
     @property
     def ledger(self) -> Ledger:
-        """The account, from the fields that are there and the entries of those that are not."""
+        """The ledger, made of the fields in the file and the entries for all others."""
         kept = "SELECT n, outcome, reason FROM fields ORDER BY n"
         with reading_errors(self.path):
             fields = self._connection.execute(kept).fetchall()
@@ -59,19 +63,19 @@ class CaptureReader:
             return ledger(fields, entries)
         except DAMAGE as error:
             raise CaptureFileError(
-                f"{self.path}: its ledger contradicts itself: {error}", "keep it aside"
+                f"{self.path}: its ledger contradicts itself: {error}", "set the file aside"
             ) from error
 
     @property
     def field_count(self) -> int:
-        """How many fields are in the file, damaged ones too."""
+        """Number of fields in the file, damaged ones included."""
         with reading_errors(self.path):
             count: int = self._connection.execute("SELECT count(*) FROM fields").fetchone()[0]
             return count
 
     @property
     def field_span(self) -> int:
-        """How many fields lie from the first to the last of the file; known at once, however long it is."""
+        """Number of fields from the first to the last in the file, known at once however long it is."""
         query = "SELECT (SELECT max(n) FROM fields) - (SELECT min(n) FROM fields) + 1"
         with reading_errors(self.path):
             span: int | None = self._connection.execute(query).fetchone()[0]
@@ -95,7 +99,7 @@ class CaptureReader:
             first_n = rows[-1][0] + 1
 
     def received(self, first_n: int = 0, end_n: int | None = None) -> Iterator[NumberedField]:
-        """Only the fields that came whole."""
+        """The fields that were received undamaged."""
         for recorded in self.fields(first_n, end_n):
             if recorded.outcome is Outcome.RECEIVED:
                 yield recorded.numbered
@@ -104,7 +108,7 @@ class CaptureReader:
         """One field.
 
         Raises:
-            NotFound: it is not in the file.
+            NotFound: It is not in the file.
         """
         rows = self._rows(n, n + 1)
         if not rows:
@@ -115,7 +119,7 @@ class CaptureReader:
         """The newest run that has points.
 
         Raises:
-            NotFound: the capture has not been measured.
+            NotFound: The capture has not been measured.
         """
         if not self.runs:
             raise NotFound(f"capture {self.meta.id} has no points", "measure it with a calibration first")
@@ -125,7 +129,7 @@ class CaptureReader:
         """A run by number, or the newest.
 
         Raises:
-            NotFound: there is none.
+            NotFound: It does not exist.
         """
         if run is None:
             return self.latest_run()
@@ -139,7 +143,7 @@ class CaptureReader:
         """(n, points) of a run in order of n, of fields that are in the file.
 
         Raises:
-            NotFound: there is no such run.
+            NotFound: The run does not exist.
         """
         for n, _, points in self.timed_points(run):
             yield n, points
@@ -149,11 +153,11 @@ class CaptureReader:
     ) -> Iterator[tuple[int, int, Points]]:
         """(n, time_ns, points) of a run in order of n, fifty fields at a time.
 
-        Of the fields with first_n ≤ n < end_n only those whose n `every` divides. A crash may have left
-        points whose field was not written yet: they are passed over.
+        Only fields with first_n ≤ n < end_n whose n is a multiple of `every`. Points that a crash left
+        without their field are skipped.
 
         Raises:
-            NotFound: there is no such run.
+            NotFound: The run does not exist.
         """
         number, first_n = self.run(run).run, first_n - 1
         query = (
@@ -171,15 +175,15 @@ class CaptureReader:
             first_n = rows[-1][0]
 
     def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
-        """How many points `timed_points` would give."""
+        """Number of points that `timed_points` would give."""
         query = "SELECT coalesce(sum(count), 0) FROM points WHERE run = ? AND n >= ? AND n < ? AND n % ? = 0"
         with reading_errors(self.path):
             return int(self._connection.execute(query, (run, first_n, end_n, every)).fetchone()[0])
 
     def point_span(self, run: int, first_n: int = 0, end_n: int = END) -> tuple[int, int]:
-        """How many points `timed_points` gives now, and the number after the last field that has some.
+        """Number of points that `timed_points` gives now, and the number after the last field that has some.
 
-        Up to that number, a capture that is being written gets no more of them.
+        A capture that is being written gets no more points below that number.
         """
         query = (
             "SELECT coalesce(sum(p.count), 0), coalesce(max(p.n) + 1, 0) FROM points AS p "
@@ -191,7 +195,7 @@ class CaptureReader:
 
     @property
     def first_time_ns(self) -> int | None:
-        """Time of the first field, or None where there is none."""
+        """Time of the first field; None if there is none."""
         with reading_errors(self.path):
             row = self._connection.execute("SELECT time_ns FROM fields ORDER BY n LIMIT 1").fetchone()
             return None if row is None else int(row[0])
@@ -201,8 +205,8 @@ class CaptureReader:
             return read_meta(self._connection)
         except DAMAGE as error:
             self._connection.close()
-            hint = "it was cut off before its first second; nothing is in it"
-            raise CaptureFileError(f"{self.path} does not say what it is: {error}", hint) from error
+            hint = "it was cut off within its first second; nothing is in it"
+            raise CaptureFileError(f"{self.path} has no valid metadata: {error}", hint) from error
 
     def _rows(self, first_n: int, end_n: int | None) -> list[tuple[Any, ...]]:
         query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
@@ -231,5 +235,21 @@ class CaptureReader:
             return decode_points(data)
         except DAMAGE as error:
             raise CaptureFileError(
-                f"{self.path}: points of field {n}: {error}", "measure the capture again"
+                f"{self.path}: points of field {n}: {error}", "re-measure the capture"
             ) from error
+
+
+def stat_at_rest(path: Path) -> os.stat_result:
+    """Size and time of a file between two commits; what is read while they stay the same belongs together.
+
+    A file that cannot be read as a capture has no writer: its size and time are taken as they are.
+
+    Raises:
+        StorageError: Somebody writes it for longer than ten seconds.
+    """
+    with suppress(CaptureFileError), closing(connect(path)) as connection, reading_errors(path):
+        connection.execute("BEGIN")
+        # BEGIN alone takes no lock; after the first read nobody commits until the connection is closed.
+        connection.execute("SELECT count(*) FROM meta").fetchone()
+        return path.stat()
+    return path.stat()

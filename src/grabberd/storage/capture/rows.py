@@ -1,4 +1,4 @@
-"""Rows of a capture file, and what they say; a row that cannot be true is an error, never a guess."""
+"""Rows of a capture file as objects; an invalid row is an error, never a guess."""
 
 import json
 from bisect import bisect_right
@@ -13,7 +13,7 @@ FIELD_COLUMNS = (
     "n, time_ns, sequence, parity, y0, y_step, rows, columns, bits, threshold, codec, data, outcome, reason"
 )
 _LARGEST = 1 << 14
-"""Lines or columns of a picture; more than that is damage."""
+"""Lines or columns of a picture; larger values mean damage."""
 
 
 class RunInfo(NamedTuple):
@@ -29,7 +29,7 @@ class RunInfo(NamedTuple):
 
 
 class RecordedField(NamedTuple):
-    """A field of the file and what became of it."""
+    """A field of the file and its outcome."""
 
     numbered: NumberedField
     outcome: Outcome
@@ -37,10 +37,10 @@ class RecordedField(NamedTuple):
 
 
 def recorded_field(row: tuple[Any, ...]) -> RecordedField:
-    """A row of `FIELD_COLUMNS`.
+    """Decodes a row of `FIELD_COLUMNS`.
 
     Raises:
-        ValueError: it is damaged.
+        ValueError: It is damaged.
     """
     cells = dict(zip(FIELD_COLUMNS.split(", "), row, strict=True))
     _check_numbers(cells)
@@ -72,10 +72,10 @@ def _check_numbers(cells: Mapping[str, Any]) -> None:
 
 
 def run_info(row: tuple[Any, ...]) -> RunInfo:
-    """A row of the table `runs`.
+    """Decodes a row of the table `runs`.
 
     Raises:
-        ValueError: it is damaged.
+        ValueError: It is damaged.
     """
     documents = dict(zip(("calibration", "object", "settings"), map(json.loads, row[6:9]), strict=True))
     for name, document in documents.items():
@@ -88,10 +88,10 @@ def run_info(row: tuple[Any, ...]) -> RunInfo:
 
 
 def ledger(fields: Iterable[tuple[Any, ...]], entries: Iterable[tuple[Any, ...]]) -> Ledger:
-    """From (n, outcome, reason) of the fields that are there, and the entries of those that are not.
+    """Makes a ledger of (n, outcome, reason) of the fields in the file, and of the entries for all others.
 
     Raises:
-        ValueError: they contradict each other.
+        ValueError: They contradict each other.
     """
     listed = [LedgerEntry(n, count, Outcome(outcome), reason) for n, count, outcome, reason in entries]
     rows = [(n, Outcome(outcome), reason) for n, outcome, reason in fields]
@@ -105,7 +105,7 @@ def ledger(fields: Iterable[tuple[Any, ...]], entries: Iterable[tuple[Any, ...]]
 
 
 def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:
-    """Whether one of the entries, which are in order, has field n."""
+    """True if one of the entries, which are in order, covers field n."""
     before = bisect_right(entries, n, key=lambda entry: entry.first_n)
     return before > 0 and n < entries[before - 1].end_n
 

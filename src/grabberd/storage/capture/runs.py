@@ -14,16 +14,18 @@ from typing import IO, Any
 from grabberd.errors import StorageError
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_points
-from grabberd.storage.capture.schema import connect, storage_errors
+from grabberd.storage.capture.schema import connect
 from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
+from grabberd.storage.disk import storage_errors
 
 _HEAD = struct.Struct("<qII")
-"""Of one field's points on their way: number of the field, of its points, of their bytes."""
+"""Head of one field's points in the temporary file: number of the field, points, bytes."""
 CACHE_KIB = 64 * 1024
+"""SQLite's page cache: while a transaction fits into it, its pages reach the file only with the commit."""
 FIELDS_A_COMMIT = 500
-"""So many fit well into the cache: until they are committed, others can read."""
+"""Few enough for the cache: a transaction that outgrows it locks readers out until it ends."""
 PAUSE_S = 0.02
-"""Between two commits, so that whoever waits to read gets his turn."""
+"""Pause between two commits, in which waiting readers get the lock."""
 _REMOVE = """DELETE FROM points WHERE (run, n) IN
     (SELECT run, n FROM points WHERE run > (SELECT coalesce(max(run), 0) FROM runs) LIMIT ?)"""
 
@@ -38,14 +40,14 @@ def append_run(
 ) -> int:
     """Adds a run to a sealed capture, whole or not at all; returns its number.
 
-    The points may be measured while they are taken: they go into a nameless file beside the capture, which is
-    gone with this call or with the program, and then into the capture piece by piece, so that memory holds
-    few of them and nobody who reads the capture waits for long. The run itself is entered last: until then
-    its points are nobody's, and what a killed program left of them is removed by the next call.
+    `points` may be a generator that measures them: they first go into an unnamed temporary file beside the
+    capture, which disappears with this call or with the program, and then into the capture batch by batch, so
+    that few of them are in memory and readers never wait for long. The run itself is entered last. Until then
+    its points belong to no run, and the next call removes what a killed program left of them.
 
     Raises:
-        CaptureFileError: no capture, or damaged.
-        StorageError: it cannot be written, or another program adds a run to it.
+        CaptureFileError: The file is no capture, or damaged.
+        StorageError: It cannot be written, or another program is adding a run to it.
     """
     with (
         closing(connect(path, writable=True)) as connection,
@@ -69,13 +71,13 @@ def append_run(
 
 @contextmanager
 def _alone(path: Path) -> Iterator[None]:
-    """Holds off other programs that would add a run, for as long as the block lasts."""
+    """Prevents other programs from adding a run while the block lasts."""
     with path.open("rb") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            hint = "wait until it has ended, then try again"
-            raise StorageError(f"another program adds a run to {path.name} at this moment", hint) from None
+            hint = "wait until it has finished, then try again"
+            raise StorageError(f"another program is adding a run to {path.name}", hint) from None
         yield
 
 
@@ -89,7 +91,7 @@ def _copy(staged: IO[bytes], connection: sqlite3.Connection, run: int) -> None:
 
 
 def _remove_unfinished(connection: sqlite3.Connection) -> None:
-    """Removes points whose run was never entered, piece by piece too."""
+    """Removes points whose run was never entered, batch by batch."""
     removed = 1
     while removed:
         with _transaction(connection):
@@ -104,7 +106,7 @@ def _transaction(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 def _staged(path: Path, points: Iterable[tuple[int, Points]]) -> IO[bytes]:
-    """A file at its beginning, with all the points."""
+    """A temporary file with all points, positioned at its beginning."""
     with storage_errors(path):
         file = tempfile.TemporaryFile(dir=path.parent)  # noqa: SIM115 - the caller closes it
     try:

@@ -1,4 +1,4 @@
-"""The tables of a capture file, and how it is opened."""
+"""The tables of a capture file; creating and opening it."""
 
 import os
 import sqlite3
@@ -7,17 +7,18 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from grabberd.errors import CaptureFileError, LaterVersion, StorageError
+from grabberd.storage.disk import storage_errors
 
 APPLICATION_ID = 0x67726162
-"""The letters `grab` in the database's header, by which `file` and we know a capture."""
+"""The letters `grab` in the database's header: tells a capture from other SQLite files."""
 VERSION = 1
 
 PART = ".part"
-"""What a capture's name ends with until it is sealed."""
+"""Ending of a capture's name until it is sealed."""
 SUFFIX = ".grab"
-"""What a sealed capture's name ends with."""
+"""Ending of a sealed capture's name."""
 DAMAGED = "damaged"
-"""The folder beside the captures where those are put that cannot be read."""
+"""Folder beside the captures for those that cannot be read."""
 
 TABLES = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -37,6 +38,7 @@ CREATE TABLE points (
     PRIMARY KEY (run, n)) WITHOUT ROWID;
 CREATE TABLE reserve (data BLOB NOT NULL);
 """
+# Errors that may pass while the file is sound; all others mean that it is damaged.
 _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_BUSY,
     sqlite3.SQLITE_LOCKED,
@@ -46,29 +48,32 @@ _NOT_THE_FILES_FAULT = (
     sqlite3.SQLITE_FULL,
 )
 DAMAGE = (ValueError, TypeError, KeyError, OverflowError)
-"""What damaged content leads to, where it is taken for what it should be."""
+"""Exceptions that damaged content raises where it is decoded."""
 RESERVE_BYTES = 256 * 1024
-"""Set aside at the start and given back at the end, so that a full disk still lets a capture be sealed."""
+"""Size of the table `reserve`, which is filled at the start and emptied at the end: its pages hold the
+ledger and the verdict if the disk is full to the last byte by then."""
 JOURNAL = "-journal"
 JOURNAL_BYTES = 256 * 1024
-"""Of the journal, for the same reason."""
+"""Size of the journal from the start: the sealing transaction must not need to extend it either."""
 
 
 def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
-    """A new capture file; `max_pages` limits its size, for tests of a full disk.
+    """Creates a capture file; `max_pages` limits its size, for tests of a full disk.
 
     Raises:
-        StorageError: it exists, or cannot be written.
+        StorageError: It exists, or cannot be written.
     """
     with storage_errors(path):
         for taken in (path, sealed_path(path)):
             if taken.exists():
                 raise StorageError(f"{taken} exists already", "give the capture another name")
         connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-        connection.execute("PRAGMA journal_mode = PERSIST")  # a full disk has no room for another journal
-        connection.execute("PRAGMA synchronous = FULL")
+        # Not WAL: a copy without its log would be empty, and sealing would fail while somebody reads. PERSIST
+        # keeps the journal between commits, since a full disk has no room for a new one.
+        connection.execute("PRAGMA journal_mode = PERSIST")
+        connection.execute("PRAGMA synchronous = FULL")  # a power cut costs no commit that returned
         connection.execute("PRAGMA busy_timeout = 10000")
-        # Overwriting what is freed would need room in the journal for all of the reserve.
+        # Overwriting the freed reserve with zeros would journal all of its pages first.
         connection.execute("PRAGMA secure_delete = OFF")
         connection.execute(f"PRAGMA application_id = {APPLICATION_ID}")
         connection.execute(f"PRAGMA user_version = {VERSION}")
@@ -82,7 +87,7 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
 
 
 def _reserve_journal(journal: Path) -> None:
-    """Room for the journal of the transaction that seals; SQLite does not mind what lies behind its end."""
+    """Extends the journal; SQLite ignores what lies beyond the end that its header states."""
     with journal.open("r+b") as file:
         os.posix_fallocate(file.fileno(), 0, JOURNAL_BYTES)
 
@@ -93,16 +98,16 @@ def sealed_path(part: Path) -> Path:
 
 
 def connect(path: Path, *, writable: bool = False) -> sqlite3.Connection:
-    """An existing capture file, checked to be one.
+    """Opens an existing capture file and checks that it is one.
 
     Raises:
-        CaptureFileError: it is missing, no capture, damaged, or of a later version.
-        StorageError: the disk or another program keeps it from being read.
+        CaptureFileError: It is missing, no capture, damaged, or of a later version.
+        StorageError: The disk or another program prevents reading it.
     """
-    # Without the mode SQLite would make an empty file of one that is being renamed at this moment.
+    # Without the mode, SQLite would create an empty file in place of one that is being renamed just now.
     uri = f"{path.absolute().as_uri()}?mode=rw"
     with reading_errors(path):
-        # The pieces of a download are read one after the other, each by whichever thread is free.
+        # The parts of a download are read one after another, each by whichever pool thread is free.
         connection = sqlite3.connect(
             uri, uri=True, isolation_level=None, timeout=10.0, check_same_thread=False
         )
@@ -121,10 +126,10 @@ def _check(connection: sqlite3.Connection, path: Path) -> None:
     application = connection.execute("PRAGMA application_id").fetchone()[0]
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if application != APPLICATION_ID:
-        raise CaptureFileError(f"{path} is a database, but no capture", "name a file that grabberd wrote")
+        raise CaptureFileError(f"{path} is a database, but no capture", "choose a file that grabberd wrote")
     if version > VERSION:
         raise LaterVersion(
-            f"{path} is of version {version}, this program reads up to {VERSION}", "use a newer grabberd"
+            f"{path} has version {version}, this program reads up to {VERSION}", "use a newer grabberd"
         )
 
 
@@ -133,18 +138,6 @@ def _damaged(path: Path, error: Exception) -> CaptureFileError:
         f"{path} cannot be read as a capture: {error}",
         "if it was copied, copy it again; the sqlite3 program's .recover may save what is left",
     )
-
-
-@contextmanager
-def storage_errors(path: Path) -> Iterator[None]:
-    """Turns what SQLite and the system say of a disk into `StorageError`."""
-    try:
-        yield
-    except (sqlite3.OperationalError, OSError) as error:
-        raise StorageError(
-            f"{path.name} cannot be written: {error}",
-            "make room or mend the disk; what was written before is kept and readable",
-        ) from error
 
 
 @contextmanager
@@ -157,7 +150,7 @@ def reading_errors(path: Path) -> Iterator[None]:
             hint = "check the name; a running capture ends in .grab.part"
             raise CaptureFileError(f"no capture file {path}", hint) from error
         if _primary_code(error) in _NOT_THE_FILES_FAULT:
-            hint = "see whether another program holds it, and mend the disk"
+            hint = "check whether another program has it open, and whether the disk is sound"
             raise StorageError(f"{path} cannot be read now: {error}", hint) from error
         raise _damaged(path, error) from error
     except DAMAGE as error:
@@ -165,5 +158,5 @@ def reading_errors(path: Path) -> Iterator[None]:
 
 
 def _primary_code(error: sqlite3.Error) -> int:
-    """The low byte; an error of the Python module itself has none."""
+    """The low byte of SQLite's code; errors raised by the Python module itself have none."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF

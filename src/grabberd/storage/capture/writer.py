@@ -1,4 +1,4 @@
-"""Writing a capture file; one thread, the caller decides when to commit."""
+"""Writing a capture file, on one thread; the caller decides when to commit."""
 
 import json
 import os
@@ -13,7 +13,8 @@ from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
 from grabberd.storage.capture.metadata import SEALED, CaptureMeta, read_meta, write_all_meta, write_meta
-from grabberd.storage.capture.schema import JOURNAL, create, sealed_path, storage_errors
+from grabberd.storage.capture.schema import JOURNAL, create, sealed_path
+from grabberd.storage.disk import storage_errors, sync_directory
 
 RUNNING = "running"
 DONE = "done"
@@ -26,7 +27,7 @@ INSERT_POINTS = "INSERT INTO points VALUES (?, ?, ?, ?)"
 
 
 class CaptureWriter:
-    """A capture while it is recorded.
+    """A capture in the making.
 
     Attributes:
         path: `NAME.grab.part` until it is sealed, then `NAME.grab`.
@@ -38,10 +39,10 @@ class CaptureWriter:
 
     @classmethod
     def create(cls, path: Path, meta: CaptureMeta, max_pages: int | None = None) -> Self:
-        """A new file; path ends with `.grab.part`, `max_pages` limits its size for tests of a full disk.
+        """Creates a file NAME.grab.part; `max_pages` limits its size, for tests of a full disk.
 
         Raises:
-            StorageError: it exists, or cannot be written.
+            StorageError: It exists, or cannot be written.
         """
         connection = create(path, max_pages)
         writer = cls(path, connection)
@@ -54,26 +55,26 @@ class CaptureWriter:
     def begin_run(
         self, run: int, kind: str, created_utc: str, version: str, made_with: Mapping[str, Any]
     ) -> None:
-        """Opens a run; `made_with` has the documents `calibration`, `object` and `settings`."""
+        """Starts a run; `made_with` has the documents `calibration`, `object` and `settings`."""
         with storage_errors(self.path):
             self._begin()
             self._connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, RUNNING, made_with))
 
     def append(self, slots: Iterable[Slot]) -> None:
-        """Adds fields, and what became of those that did not come; in the file with the next commit."""
+        """Adds fields, and the outcome of those that were not received, with the next commit."""
         with storage_errors(self.path):
             for slot in slots:
                 self._begin()
                 self._append(slot)
 
     def append_points(self, run: int, n: int, points: Points) -> None:
-        """Adds one field's points; in the file with the next commit."""
+        """Adds one field's points, with the next commit."""
         with storage_errors(self.path):
             self._begin()
             self._connection.execute(INSERT_POINTS, (run, n, len(points), encode_points(points)))
 
     def commit(self) -> None:
-        """Everything added so far survives a crash from here on."""
+        """Commits everything added so far, which survives a crash from here on."""
         if self._connection.in_transaction:
             with storage_errors(self.path):
                 self._connection.execute("COMMIT")
@@ -89,19 +90,23 @@ class CaptureWriter:
     ) -> Path:
         """Writes ledger and verdict, closes the file and gives it its final name.
 
-        `findings` are added to the meta data's `extra`.
+        What was added and cannot be committed any more (a full disk) is entered as lost; the rest is kept.
 
-        What was added and cannot be committed any more (a full disk) is given up and entered as lost; the
-        rest is kept.
+        Args:
+            ledger: Outcome of every field.
+            complete: True if nothing is lost or damaged.
+            ended_because: Reason why the capture ended.
+            measuring_failure: Reason why measuring failed, if it did.
+            findings: Additions to the metadata's `extra`.
 
         Raises:
-            StorageError: not even that is possible; the file stays as `.grab.part` and is sealed at the
+            StorageError: Not even that is possible; the file stays as `.grab.part` and is sealed at the
                 next start.
         """
         self._commit_what_fits()
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
-            self._connection.execute("DELETE FROM reserve")
+            self._connection.execute("DELETE FROM reserve")  # first: its pages hold what follows
             write_ledger(self._connection, _as_far_as_written(self._connection, ledger))
             state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
             self._connection.execute(
@@ -111,17 +116,17 @@ class CaptureWriter:
             extra = {**read_meta(self._connection).extra, **(findings or {})}
             write_meta(self._connection, {**verdict, "extra": extra})
             self._connection.execute("COMMIT")
-            self._connection.execute("PRAGMA journal_mode = DELETE")  # leaves no file beside the sealed one
+            self._connection.execute("PRAGMA journal_mode = DELETE")  # a sealed capture is one file
             self._connection.close()
             self.path = publish(self.path)
         return self.path
 
     def close(self) -> None:
-        """Lets go of the file without sealing it; what was not committed is lost."""
+        """Closes the file without sealing it; what was not committed is lost."""
         self._connection.close()
 
     def discard(self) -> None:
-        """Lets go of the file and deletes it."""
+        """Closes the file and deletes it."""
         self.close()
         for path in (self.path, self.path.with_name(self.path.name + JOURNAL)):
             path.unlink(missing_ok=True)
@@ -149,10 +154,10 @@ class CaptureWriter:
 
 
 def publish(part: Path) -> Path:
-    """Gives a sealed capture its final name, for good.
+    """Gives a sealed capture its final name, which survives a power cut from here on.
 
     Raises:
-        StorageError: another capture has that name; nothing is overwritten.
+        StorageError: Another capture has that name; nothing is overwritten.
     """
     final = sealed_path(part)
     if final != part:
@@ -161,20 +166,12 @@ def publish(part: Path) -> Path:
                 f"{final} exists already", f"move it away, then start again to seal {part.name}"
             )
         os.rename(part, final)
-        _sync_directory(final.parent)
+        sync_directory(final.parent)
     return final
 
 
-def _sync_directory(directory: Path) -> None:
-    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 def _as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger:
-    """The ledger, but for fields that were received and are not in the file: they are lost."""
+    """The ledger, in which received fields that are not in the file are lost."""
     rows = connection.execute("SELECT n FROM fields WHERE outcome = ? ORDER BY n", (str(Outcome.RECEIVED),))
     written = [n for (n,) in rows]
     if len(written) == ledger.received:
@@ -185,7 +182,7 @@ def _as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger
 
 
 def write_ledger(connection: sqlite3.Connection, ledger: Ledger) -> None:
-    """Replaces what stands in the table `ledger`."""
+    """Replaces the table `ledger`."""
     connection.execute("DELETE FROM ledger")
     for entry in ledger.entries:
         insert_entry(connection, entry)
@@ -211,7 +208,7 @@ def _field_row(numbered: NumberedField, outcome: str, reason: str | None) -> tup
     packed = numbered.packed
     codec, data = encode_field(packed)
     sequence = None if numbered.sequence is None else int(numbered.sequence)
-    # numpy's integers would be stored as blobs
+    # sqlite3 stores numpy's integers as blobs
     where = (int(numbered.n), int(numbered.time_ns), sequence, packed.parity, packed.y0, packed.y_step)
     what = (packed.rows, packed.columns, packed.bits, int(packed.threshold))
     return (*where, *what, outcome, reason, codec, data)

@@ -1,69 +1,148 @@
 """An analysis as files in a folder, in the formats that are asked for."""
 
-from collections.abc import Callable, Collection, Mapping
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+from grabberd import __version__
 from grabberd.analysis import Grid
 from grabberd.errors import InputError
 from grabberd.processes.analysis.tables import AnalysisTables
-from grabberd.storage.capture.schema import storage_errors
-from grabberd.storage.export.analysis_meshes import write_ply, write_vtu
-from grabberd.storage.export.analysis_tables import (
-    check_installed,
-    write_csv,
-    write_hdf5,
-    write_parquet_tables,
-)
+from grabberd.storage.disk import storage_errors
+from grabberd.storage.export.csv_file import csv_text
+from grabberd.storage.export.hdf5_file import ArrayGroup, check_hdf5, write_hdf5
+from grabberd.storage.export.meshes import Mesh, meshes
+from grabberd.storage.export.parquet_file import check_parquet, write_parquet
+from grabberd.storage.export.ply_file import ply_head, ply_triangles, ply_vertices
+from grabberd.storage.export.vtu_file import pvd, vtu
 
-ANALYSIS_FORMATS = ("csv", "parquet", "hdf5", "vtu", "ply")
+HDF5_NAME = "analysis.h5"
+_GRID = ("target", "row", "column", "nominal_mm", "u_mm", "v_mm", "triangles")
+_GRID_MEANING = "the targets; a triangle's corners are places in `target`, counted from 0"
+
+
+class _Analysis(NamedTuple):
+    tables: AnalysisTables
+    grid: Grid
+    about: Mapping[str, Any]
 
 
 def check_formats(formats: Collection[str]) -> None:
-    """Whether all can be written, before any work is done for them.
+    """Checks that all formats can be written, before any work is done for them.
 
     Raises:
-        InputError: one is unknown.
-        ExtraMissing: what writes one is not installed.
+        InputError: One is unknown.
+        ExtraMissing: The library for one is not installed.
     """
     if unknown := sorted(set(formats) - set(ANALYSIS_FORMATS)):
         raise InputError(
             f"an analysis cannot be written as {', '.join(unknown)}",
-            f"choose of {', '.join(ANALYSIS_FORMATS)}",
+            f"choose from {', '.join(ANALYSIS_FORMATS)}",
         )
     for one in formats:
-        check_installed(one)
+        if one in _CHECKS:
+            _CHECKS[one]()
 
 
 def write_analysis(
     folder: Path, tables: AnalysisTables, grid: Grid, about: Mapping[str, Any], formats: Collection[str]
 ) -> list[Path]:
-    """Writes into a folder that is there; returns the files, those of meshes by their folders.
+    """Writes an analysis into an existing folder; returns the files, and of meshes their folders.
 
     Args:
-        folder: CSV, Parquet and HDF5 stand in it, meshes in its folders `vtu` and `ply`.
-        tables: of the analysis.
-        grid: of its targets.
-        about: what it was made from, for the formats that have room for it.
-        formats: of `ANALYSIS_FORMATS`.
+        folder: Gets CSV, Parquet and HDF5 files, and meshes in the folders `vtu` and `ply`.
+        tables: Tables of the analysis.
+        grid: Its target grid.
+        about: What it was made from, for the formats that have room for it.
+        formats: Any of `ANALYSIS_FORMATS`.
 
     Raises:
-        InputError, ExtraMissing: see `check_formats`.
-        StorageError: a file cannot be written, or is there already.
+        InputError, ExtraMissing: See `check_formats`.
+        StorageError: A file cannot be written, or exists already.
     """
     check_formats(formats)
-    writers: dict[str, Callable[[], list[Path]]] = {
-        "csv": lambda: write_csv(folder, tables),
-        "parquet": lambda: write_parquet_tables(folder, tables, about),
-        "hdf5": lambda: [write_hdf5(folder, tables, grid, about)],
-        "vtu": lambda: _inside(folder / "vtu", lambda inner: write_vtu(inner, tables, grid)),
-        "ply": lambda: _inside(folder / "ply", lambda inner: write_ply(inner, tables, grid)),
-    }
-    return [path for one in ANALYSIS_FORMATS if one in formats for path in writers[one]()]
+    analysis = _Analysis(tables, grid, about)
+    return [path for one in ANALYSIS_FORMATS if one in formats for path in _WRITERS[one](folder, analysis)]
 
 
-def _inside(folder: Path, write: Callable[[Path], object]) -> list[Path]:
+def write_csv(folder: Path, tables: AnalysisTables) -> list[Path]:
+    """Writes a CSV file for each table.
+
+    Raises:
+        StorageError: A file cannot be written, or exists already.
+    """
+    return [
+        _write(folder / f"{table.name}.csv", map(str.encode, csv_text(table.columns, table.parts())))
+        for table in tables.values()
+    ]
+
+
+def _csv(folder: Path, analysis: _Analysis) -> list[Path]:
+    return write_csv(folder, analysis.tables)
+
+
+def _parquet(folder: Path, analysis: _Analysis) -> list[Path]:
+    about, paths = json.dumps(analysis.about, ensure_ascii=False), []
+    for table in analysis.tables.values():
+        path = folder / f"{table.name}.parquet"
+        with storage_errors(path), path.open("xb") as file:
+            metadata = {"description": table.meaning, "grabberd": about}
+            write_parquet(file, table.columns, [table.rows], metadata)
+        paths.append(path)
+    return paths
+
+
+def _hdf5(folder: Path, analysis: _Analysis) -> list[Path]:
+    grid: ArrayGroup = (_GRID_MEANING, {name: getattr(analysis.grid, name) for name in _GRID})
+    return [write_hdf5(folder / HDF5_NAME, analysis.tables.values(), analysis.about, {"grid": grid})]
+
+
+def _vtu(folder: Path, analysis: _Analysis) -> list[Path]:
+    """`vtu/` with a file for each field and phase, and both as series in time."""
+    inner, series = _new_folder(folder / "vtu"), dict[str, list[tuple[float, str]]]()
+    for mesh in meshes(analysis.tables, analysis.grid):
+        path = _write(inner / f"{mesh.name}.vtu", [vtu(mesh)])
+        series.setdefault(mesh.series, []).append((mesh.time, path.name))
+    for name, files in series.items():
+        _write(inner / f"{name}.pvd", [pvd(files)])
+    return [inner]
+
+
+def _ply(folder: Path, analysis: _Analysis) -> list[Path]:
+    """`ply/` with a file for each field and phase."""
+    inner = _new_folder(folder / "ply")
+    for mesh in meshes(analysis.tables, analysis.grid):
+        _write(inner / f"{mesh.name}.ply", _ply_parts(mesh))
+    return [inner]
+
+
+def _ply_parts(mesh: Mesh) -> Iterable[bytes]:
+    columns = (*mesh.position, *mesh.columns)
+    comment = f"grabberd {__version__}, {mesh.name}, x y z in mm"
+    yield ply_head(columns, len(mesh), [comment], len(mesh.triangles))
+    yield ply_vertices(columns, mesh.rows)
+    yield ply_triangles(mesh.triangles)
+
+
+def _new_folder(folder: Path) -> Path:
     with storage_errors(folder):
         folder.mkdir()
-    write(folder)
-    return [folder]
+    return folder
+
+
+def _write(path: Path, parts: Iterable[bytes]) -> Path:
+    with storage_errors(path), path.open("xb") as file:
+        file.writelines(parts)
+    return path
+
+
+_WRITERS: Mapping[str, Callable[[Path, _Analysis], list[Path]]] = {
+    "csv": _csv,
+    "parquet": _parquet,
+    "hdf5": _hdf5,
+    "vtu": _vtu,
+    "ply": _ply,
+}
+ANALYSIS_FORMATS = tuple(_WRITERS)
+_CHECKS: Mapping[str, Callable[[], None]] = {"parquet": check_parquet, "hdf5": check_hdf5}

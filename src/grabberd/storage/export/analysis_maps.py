@@ -1,4 +1,4 @@
-"""The maps of an analysis in a file, from which one is read without the others."""
+"""The maps of an analysis in one file, from which each is read without the others."""
 
 import json
 from collections.abc import Iterable, Mapping
@@ -6,43 +6,45 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grabberd.errors import NotFound
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import storage_errors
 
 if TYPE_CHECKING:
     from grabberd.processes.analysis.maps import TargetMap
 
-MAPS, PLACES = "maps.jsonl", "maps.json"
+MAPS, OFFSETS = "maps.jsonl", "maps.json"
 
 
 def write_maps(folder: Path, maps: Iterable["TargetMap"], units: Mapping[str, str]) -> None:
-    """A line for each map, and beside them where it begins and how long it is.
+    """Writes a line for each map, and a second file with the value, offset and length of each.
 
     Raises:
-        StorageError: the files cannot be written.
+        StorageError: The files cannot be written.
     """
-    places: dict[str, list[tuple[float, int, int]]] = {"field": [], "phase": []}
+    offsets: dict[str, list[tuple[float, int, int]]] = {"field": [], "phase": []}
     with storage_errors(folder / MAPS), (folder / MAPS).open("xb") as file:
         for one in maps:
             line = json.dumps(_document(one, units), ensure_ascii=False, allow_nan=False).encode() + b"\n"
-            places[one.kind].append((one.value, file.tell(), len(line)))
+            offsets[one.kind].append((one.value, file.tell(), len(line)))
             file.write(line)
-    with storage_errors(folder / PLACES):
-        (folder / PLACES).write_text(json.dumps(places), encoding="utf-8")
+    with storage_errors(folder / OFFSETS):
+        (folder / OFFSETS).write_text(json.dumps(offsets), encoding="utf-8")
 
 
 def read_map(folder: Path, kind: str, value: float) -> bytes:
-    """One map as JSON: of that field, or of the phase that is nearest.
+    """One map as JSON: of that field, or of the nearest phase.
 
     Raises:
-        NotFound: there is none.
-        StorageError: the files cannot be read.
+        NotFound: There is none.
+        StorageError: The files cannot be read.
     """
-    with storage_errors(folder / PLACES):
-        places = json.loads((folder / PLACES).read_bytes())[kind]
-    apart = [_apart(kind, place[0], value) for place in places]
-    if not places or (kind == "field" and min(apart) > 0):
-        raise NotFound(f"the analysis has no {kind} {value:g}", _hint(kind, [place[0] for place in places]))
-    _, first, length = places[apart.index(min(apart))]
+    with storage_errors(folder / OFFSETS):
+        offsets = json.loads((folder / OFFSETS).read_bytes())[kind]
+    apart = [_apart(kind, known, value) for known, _, _ in offsets]
+    if not offsets or (kind == "field" and min(apart) > 0):
+        raise NotFound(
+            f"the analysis has no {kind} {value:g}", _hint(kind, [known for known, _, _ in offsets])
+        )
+    _, first, length = offsets[apart.index(min(apart))]
     with storage_errors(folder / MAPS), (folder / MAPS).open("rb") as file:
         file.seek(first)
         return file.read(length)
@@ -59,7 +61,7 @@ def _document(one: "TargetMap", units: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _apart(kind: str, known: float, value: float) -> float:
-    """Phases go round."""
+    """The difference of two fields or phases; phases wrap around at 1."""
     return abs(known - value) if kind == "field" else abs((known - value + 0.5) % 1 - 0.5)
 
 

@@ -1,60 +1,49 @@
-"""One capture's points as a file of a data set: Parquet, with all that they come from in its metadata."""
+"""One capture's points as a file of a data set: Parquet, with the origin of the points in its metadata."""
 
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
 
-import numpy as np
-
-from grabberd.storage.capture.schema import storage_errors
-from grabberd.storage.export.columns import COLUMNS, Rows
-from grabberd.storage.export.parquet import point_fields
-
-if TYPE_CHECKING:
-    import pyarrow as pa  # type: ignore[import-untyped]
+from grabberd.processes.columns import Rows, joined
+from grabberd.storage.disk import storage_errors
+from grabberd.storage.export.parquet_file import parquet_batch, parquet_writer
+from grabberd.storage.export.points_columns import DATASET_COLUMNS, POINT_COLUMNS
 
 KEY = "grabberd"
-CONSTANT = {
-    "capture": "id of the capture",
-    "device": "name of the grabber",
-    "calibration": "id of the calibration the points were measured with",
-}
-LABELS = "the capture's labels as they were recorded"
 
 
 def write_dataset_file(
     part: Path, target: Path, groups: Iterable[Sequence[Rows]], about: Mapping[str, Any]
 ) -> tuple[int, int]:
-    """Writes a capture's points, and gives the file its name when all are on the disk.
+    """Writes a capture's points, and gives the file its name when all of them are on the disk.
 
     Args:
-        part: the name it has until then, on the same disk; whoever writes the same adds his own ending.
-        target: the name it gets; a file that has it is replaced.
-        groups: fields' points, some fields at a time; may be measured while they are taken.
-        about: capture, device, calibration, labels and what else belongs into the metadata.
+        part: Name until then, on the same disk; each process adds an ending of its own.
+        target: Final name; an existing file is replaced.
+        groups: Rows of fields, some fields at a time; may be a generator that measures them.
+        about: Capture, device, calibration, labels and further metadata.
 
     Returns:
-        How many fields and points it has.
+        Number of fields and of points.
 
     Raises:
-        StorageError: it cannot be written, or its folder is gone because the program ends.
+        StorageError: It cannot be written, or its folder is gone because the program is ending.
     """
-    import pyarrow as pa  # noqa: PLC0415
-    import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415
-
-    schema = dataset_schema()
+    constant = {
+        "capture": about["capture"]["id"],
+        "device": about["device"],
+        "calibration": about["calibration"]["id"],
+        "labels": about["labels"],
+    }
     fields = points = 0
-    with (
-        _own(part) as own,
-        _opened(own) as file,
-        pq.ParquetWriter(file, schema, compression="zstd") as writer,
-    ):
+    with _own(part) as own, _opened(own) as file, parquet_writer(file, DATASET_COLUMNS) as writer:
         for group in groups:
-            batch = pa.record_batch(_columns(group, about), schema=schema)
+            rows = {**joined(POINT_COLUMNS, group), **constant}
+            batch = parquet_batch(DATASET_COLUMNS, rows)
             with storage_errors(target):
                 writer.write_batch(batch)
                 _tell(part, fields := fields + len(group))
@@ -66,24 +55,14 @@ def write_dataset_file(
     return fields, points
 
 
-def dataset_schema() -> "pa.Schema":
-    """The columns of exported points, and those that tell captures apart."""
-    import pyarrow as pa  # noqa: PLC0415
-
-    text = pa.dictionary(pa.int32(), pa.string())
-    own = [pa.field(name, text, metadata={"description": words}) for name, words in CONSTANT.items()]
-    labels = pa.field("labels", pa.map_(pa.string(), pa.string()), metadata={"description": LABELS})
-    return pa.schema([*point_fields(), *own, labels])
-
-
 def read_about(path: Path) -> dict[str, Any]:
-    """What a file's points come from; nothing of one that is no file of a data set.
+    """Origin of a file's points; empty if the file is not part of a data set.
 
     Raises:
-        StorageError: it cannot be read now.
+        StorageError: It cannot be read now.
     """
-    import pyarrow as pa  # noqa: PLC0415
-    import pyarrow.parquet as pq  # noqa: PLC0415
+    import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415
+    import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415
 
     try:
         with storage_errors(path), path.open("rb") as file:
@@ -94,7 +73,7 @@ def read_about(path: Path) -> dict[str, Any]:
 
 
 def fields_so_far(part: Path) -> int:
-    """How many fields a file that is being written has; 0 where that cannot be known."""
+    """Number of fields in a file that is being written; 0 if unknown."""
     try:
         return int(_count_file(part).read_text(encoding="ascii"))
     except (OSError, ValueError):
@@ -103,7 +82,7 @@ def fields_so_far(part: Path) -> int:
 
 @contextmanager
 def _own(part: Path) -> Iterator[Path]:
-    """A name that no other process has; nothing has it afterwards."""
+    """A path that no other process uses, removed afterwards."""
     own = part.with_name(f"{part.name}-{uuid4().hex}")
     try:
         yield own
@@ -117,7 +96,7 @@ def _opened(part: Path) -> Any:
 
 
 def _tell(part: Path, fields: int) -> None:
-    """For whoever shows the progress; an error when the folder is gone, for then the run has ended."""
+    """Tells the progress; fails if the folder is gone, which means that the run has ended."""
     _count_file(part).write_text(str(fields), encoding="ascii")
 
 
@@ -128,20 +107,9 @@ def _count_file(part: Path) -> Path:
 def _publish(part: Path, target: Path) -> None:
     with storage_errors(target):
         with part.open("rb") as file:
-            os.fsync(file.fileno())
+            os.fsync(file.fileno())  # before the rename: a name never stands for half a file
         target.parent.mkdir(parents=True, exist_ok=True)
         os.replace(part, target)
-
-
-def _columns(group: Sequence[Rows], about: Mapping[str, Any]) -> list[Any]:
-    import pyarrow as pa  # noqa: PLC0415
-
-    columns = [np.concatenate([rows[column.name] for rows in group]) for column in COLUMNS]
-    same = np.zeros(len(columns[0]), np.int32)
-    texts = (about["capture"]["id"], about["device"], about["calibration"]["id"])
-    constant = [pa.DictionaryArray.from_arrays(pa.array(same), pa.array([text])) for text in texts]
-    labels = pa.array([list(about["labels"].items())], pa.map_(pa.string(), pa.string()))
-    return [*columns, *constant, labels.take(pa.array(same))]
 
 
 def _text(document: Mapping[str, Any]) -> str:

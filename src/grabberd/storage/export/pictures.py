@@ -1,4 +1,4 @@
-"""Pictures and animations as files."""
+"""Rendered pictures and animations as files."""
 
 import os
 import sys
@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError, StorageError
-from grabberd.storage.capture.schema import storage_errors
-from grabberd.storage.export.folders import new_folder
+from grabberd.storage.disk import new_folder, storage_errors
 
 Picture = NDArray[np.uint8]
 
@@ -26,10 +25,10 @@ _MOST_GIF_PICTURES = 500
 
 
 def write_pictures(directory: Path, pictures: Mapping[str, Picture]) -> list[Path]:
-    """NAME.png for every picture, (rows, columns), with three channels or with four, into a new folder.
+    """Writes NAME.png for every picture, grey or with three or four channels, into a new folder.
 
     Raises:
-        StorageError: see `new_folder`.
+        StorageError: See `new_folder`.
     """
     new_folder(directory)
     paths = []
@@ -42,17 +41,17 @@ def write_pictures(directory: Path, pictures: Mapping[str, Picture]) -> list[Pat
 
 
 def write_animation(directory: Path, name: str, pictures: Iterable[Picture], per_s: float) -> Path:
-    """An animation in a new folder, its format by the name's ending: WebM (VP9) or GIF.
+    """Writes an animation into a new folder: WebM (VP9) or GIF, by the ending of its name.
 
     Args:
-        directory: new or empty.
+        directory: New or empty folder.
         name: NAME.webm or NAME.gif.
         pictures: (height, width, 3) uint8, all of the same even size.
-        per_s: pictures a second, at most `MOST_PER_S`.
+        per_s: Pictures per second, at most `MOST_PER_S`.
 
     Raises:
-        InputError: no pictures, or too many for a GIF.
-        StorageError: it cannot be written.
+        InputError: There are no pictures, or too many for a GIF.
+        StorageError: It cannot be written.
     """
     new_folder(directory)
     path = directory / name
@@ -86,14 +85,17 @@ def _opened(path: Path, width: int, height: int, per_s: float) -> cv2.VideoWrite
     if not writer.isOpened():
         raise StorageError(
             f"{path.name} cannot be written as WebM (VP9)",
-            "OpenCV of this computer may be without VP9: choose --format gif",
+            "this computer's OpenCV may lack VP9: choose --format gif",
         )
     return writer
 
 
 @contextmanager
 def _without_chatter() -> Iterator[None]:
-    """FFmpeg's remark that VP9 has no tag of its own in WebM goes to no one."""
+    """Discards FFmpeg's warning that VP9 has no tag of its own in WebM.
+
+    FFmpeg writes it to the process's standard error, so Python's `sys.stderr` cannot catch it.
+    """
     sys.stderr.flush()
     kept = os.dup(2)
     try:
@@ -106,14 +108,14 @@ def _without_chatter() -> Iterator[None]:
 
 
 def _write_gif(path: Path, pictures: Iterable[Picture], per_s: float) -> None:
-    """A GIF shows each picture for whole hundredths of a second, two at the least."""
+    """Writes a GIF, which shows each picture for whole hundredths of a second, at least two of them."""
     animation = cv2.Animation()
     kept = []
     for picture in pictures:
         kept.append(picture)
         if len(kept) > _MOST_GIF_PICTURES:
             raise InputError(
-                f"a GIF of more than {_MOST_GIF_PICTURES} pictures would be too large",
+                f"a GIF can have at most {_MOST_GIF_PICTURES} pictures",
                 "choose fewer fields, --every 2, or WebM",
             )
     if not kept:
@@ -129,4 +131,4 @@ def _write_gif(path: Path, pictures: Iterable[Picture], per_s: float) -> None:
 
 
 def _nothing(path: Path) -> InputError:
-    return InputError(f"{path.name}: there are no pictures for it", "choose fields that the capture has")
+    return InputError(f"{path.name}: there are no pictures to write", "choose fields that the capture has")

@@ -1,4 +1,4 @@
-"""Points of a capture as JSON-able values, thinned out to what a page can draw."""
+"""Points of a capture as a document, thinned out to what a page can draw."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.documents.points import FieldPoints, PointsDocument
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.reader import END, CaptureReader
 
@@ -16,7 +17,7 @@ AXES = "xyz"
 
 @dataclass(frozen=True, slots=True)
 class PointsQuery:
-    """Which points are wanted.
+    """Selection of points.
 
     Attributes:
         run: its number; None: the newest.
@@ -34,7 +35,7 @@ class PointsQuery:
     targets: Collection[int] = ()
 
 
-def points_document(path: Path, query: PointsQuery) -> dict[str, Any]:
+def points_document(path: Path, query: PointsQuery) -> PointsDocument:
     """The points of a run, field by field, with their standard deviations.
 
     Raises:
@@ -45,15 +46,17 @@ def points_document(path: Path, query: PointsQuery) -> dict[str, Any]:
         every = _every(reader, run, query)
         first_ns = reader.first_time_ns or 0
         selected = reader.timed_points(run, query.first_n, query.end_n, every)
+        # Not validated: the columns come straight from arrays of known types, and pydantic would look at each
+        # of up to two million numbers.
         fields = [
-            {
-                "n": n,
-                "time_s": (time_ns - first_ns) / 1e9,
+            FieldPoints.model_construct(
+                n=n,
+                time_s=(time_ns - first_ns) / 1e9,
                 **point_columns(_of_targets(points, query.targets)),
-            }
+            )
             for n, time_ns, points in selected
         ]
-        return {"capture": reader.meta.id, "run": run, "every": every, "fields": fields}
+        return PointsDocument.model_construct(capture=reader.meta.id, run=run, every=every, fields=fields)
 
 
 def _every(reader: CaptureReader, run: int, query: PointsQuery) -> int:
@@ -75,7 +78,7 @@ def _of_targets(points: Points, targets: Collection[int]) -> Points:
 
 
 def point_columns(points: Points) -> dict[str, Any]:
-    """The points of one field, column by column."""
+    """The points of one field, by the columns' names in `PointColumns`."""
     return {
         "target": points.target.tolist(),
         **_axes("{}_mm", points.xyz_mm),

@@ -1,1 +1,4 @@
-"""What outlives a capture: the index, `state.sqlite`, stored calibrations and analyses, and their backup."""
+"""State that outlives captures: their index, `state.sqlite`, stored calibrations and analyses, backups.
+
+The index can be rebuilt from the capture files; all else here cannot.
+"""

@@ -1,64 +1,58 @@
-"""Analyses on disk: a folder each, CAPTURE/N, which nothing changes once it is there.
+"""Analyses on disk: a folder each, CAPTURE/N, which never changes.
 
-    CAPTURE/N/record.json   what it was made from, and what it found, in short
-    CAPTURE/N/report.json   the report as a document; report.html: as a page, where it could be drawn
-    CAPTURE/N/maps.jsonl    a line for each field and phase: its targets' columns; maps.json: where it begins
+    CAPTURE/N/record.json   what it was made from, and a summary of its results
+    CAPTURE/N/report.json   the report as a document; report.html: as a page, if it could be drawn
+    CAPTURE/N/maps.jsonl    a line for each field and phase with its targets' columns; maps.json: offsets
     CAPTURE/N/NAME.csv      every table
 
-A folder is written under another name and renamed, so it is there whole or not at all.
+A folder is written under another name and renamed, so it exists whole or not at all.
 """
 
 import json
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from grabberd.errors import NotFound
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import clear_scratch, scratch_folder, storage_errors
 
-SCRATCH = ".part-"
 RECORD, DOCUMENT, PAGE = "record.json", "report.json", "report.html"
 
 
 class AnalysisStore:
-    """The analyses in a folder; any thread and process may read, one at a time adds."""
+    """The analyses in a folder; any thread and process may read, one at a time may add."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
 
     def open(self) -> None:
-        """Makes the folder, and clears away what a crash left unfinished.
+        """Creates the folder, and removes what a crash left unfinished.
 
         Raises:
-            StorageError: it cannot be written.
+            StorageError: It cannot be written.
         """
-        self._clear()
+        clear_scratch(self.directory)
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
-        """A folder to write an analysis into; gone afterwards, unless it was published.
+        """A folder to write an analysis into, removed afterwards unless it was published.
 
-        What was killed while it wrote another is cleared away.
+        What a killed program left of another one is removed first.
 
         Raises:
-            StorageError: it cannot be made.
+            StorageError: It cannot be made.
         """
-        self._clear()
-        with storage_errors(self.directory):
-            scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=self.directory))
-        try:
+        clear_scratch(self.directory)
+        with scratch_folder(self.directory) as scratch:
             yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
 
     def publish(self, capture_id: str, made: Path) -> int:
-        """Gives a written folder the next number of its capture, and returns that.
+        """Gives a finished folder the next number of its capture, and returns the number.
 
         Raises:
-            StorageError: the disk does not let it.
+            StorageError: The folder cannot be renamed.
         """
         home = self.directory / capture_id
         with storage_errors(home):
@@ -68,23 +62,23 @@ class AnalysisStore:
         return number
 
     def captures(self) -> list[str]:
-        """Ids of the captures that have been analysed, the newest first."""
+        """Ids of the captures that have been analysed, newest first."""
         return sorted((path.name for path in self.directory.glob("[!.]*") if path.is_dir()), reverse=True)
 
     def numbers(self, capture_id: str) -> list[int]:
-        """Of a capture's analyses, in order."""
+        """Numbers of a capture's analyses, in order."""
         home = self.directory / capture_id
         return sorted(int(path.name) for path in home.glob("*") if path.name.isdigit())
 
     def records(self, capture_id: str) -> list[dict[str, Any]]:
-        """Of a capture's analyses, the newest first; of a damaged one its number and what is wrong."""
+        """Records of a capture's analyses, newest first; of a damaged one its number and problem."""
         return [self._record(capture_id, number) for number in reversed(self.numbers(capture_id))]
 
     def file(self, capture_id: str, number: int, name: str) -> Path:
         """A file of an analysis.
 
         Raises:
-            NotFound: there is no such analysis, or it has no such file.
+            NotFound: The analysis or the file does not exist.
         """
         folder = self.directory / capture_id / str(number)
         if not folder.is_dir():
@@ -100,17 +94,11 @@ class AnalysisStore:
         """Deletes all analyses of a capture, for good.
 
         Raises:
-            StorageError: the disk does not let them be deleted.
+            StorageError: They cannot be deleted.
         """
         home = self.directory / capture_id
         with storage_errors(home), suppress(FileNotFoundError):
             shutil.rmtree(home)
-
-    def _clear(self) -> None:
-        with storage_errors(self.directory):
-            self.directory.mkdir(parents=True, exist_ok=True)
-            for left in self.directory.glob(f"{SCRATCH}*"):
-                shutil.rmtree(left)
 
     def _record(self, capture_id: str, number: int) -> dict[str, Any]:
         try:

@@ -1,9 +1,8 @@
-"""What people say of captures after they were made: pins, notes and labels, kept apart from the files."""
+"""Annotations of captures made after recording: pins, notes and labels, stored apart from the files."""
 
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from grabberd.storage.state.state_database import StateDatabase
@@ -11,10 +10,12 @@ from grabberd.storage.state.state_database import StateDatabase
 
 @dataclass(frozen=True, slots=True)
 class Annotation:
-    """Of one capture; `note` and `labels` are None where those in its file stand.
+    """Annotation of one capture.
 
     Attributes:
-        pinned: it is kept until somebody unpins it.
+        pinned: True if retention must not remove the capture.
+        note: Note in place of the one in the file; None to leave that one.
+        labels: Labels in place of those in the file; None to leave those.
     """
 
     pinned: bool = False
@@ -25,51 +26,32 @@ class Annotation:
 _QUERY = "SELECT capture, pinned, note, labels FROM annotations"
 
 
-class AnnotationStore:
+class AnnotationStore(StateDatabase):
     """The annotations in `state.sqlite`."""
 
-    def __init__(self, path: Path) -> None:
-        self._database = StateDatabase(path)
-
     def get(self, capture_id: str) -> Annotation:
-        """What is said of a capture.
-
-        Raises:
-            StorageError: the file cannot be read.
-        """
-        with self._database.transaction() as connection:
+        """The annotation of a capture, an empty one if there is none."""
+        with self.transaction() as connection:
             row = connection.execute(f"{_QUERY} WHERE capture = ?", (capture_id,)).fetchone()
             return Annotation() if row is None else _annotation(row)
 
     def all(self) -> dict[str, Annotation]:
-        """What is said of captures, by their ids.
-
-        Raises:
-            StorageError: the file cannot be read.
-        """
-        with self._database.transaction() as connection:
+        """All annotations by capture id."""
+        with self.transaction() as connection:
             return {row[0]: _annotation(row) for row in connection.execute(_QUERY)}
 
     def put(self, capture_id: str, annotation: Annotation) -> None:
-        """Replaces what is said of a capture.
-
-        Raises:
-            StorageError: the file cannot be written.
-        """
+        """Replaces the annotation of a capture."""
         labels = None if annotation.labels is None else json.dumps(dict(annotation.labels))
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             connection.execute(
                 "INSERT OR REPLACE INTO annotations VALUES (?, ?, ?, ?)",
                 (capture_id, annotation.pinned, annotation.note, labels),
             )
 
     def remove(self, capture_id: str) -> None:
-        """Forgets what is said of a capture; safe where nothing is.
-
-        Raises:
-            StorageError: the file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Removes the annotation of a capture, if there is one."""
+        with self.transaction() as connection:
             connection.execute("DELETE FROM annotations WHERE capture = ?", (capture_id,))
 
 

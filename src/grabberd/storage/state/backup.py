@@ -1,7 +1,7 @@
-"""What cannot be made again, in one file: `state.sqlite` and the stored calibrations, with their checksums.
+"""Backup of what cannot be rebuilt: `state.sqlite` and the stored calibrations, in one file with checksums.
 
-A backup is a ZIP file. Its `manifest.json` has the backup's version, when and by what it was made, and the
-SHA-256 of every other member: `state.sqlite` and `calibrations/ID/NAME`.
+A backup is a ZIP file. Its `manifest.json` has the version of the format, the time, the program's version,
+and the SHA-256 of every other member: `state.sqlite` and `calibrations/ID/NAME`.
 """
 
 import hashlib
@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 from grabberd.errors import InputError, StorageError
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.capture.schema import storage_errors
-from grabberd.storage.state.state_database import MIGRATIONS, OWNER_ONLY
+from grabberd.storage.disk import OWNER_ONLY, READ_ONLY, storage_errors, sync_directory, write_synced
+from grabberd.storage.state.state_database import MIGRATIONS
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS, CAPTURES = "manifest.json", "state.sqlite", "calibrations", "captures"
@@ -29,13 +29,13 @@ REPLACED = "replaced-"
 _MEMBER = re.compile(rf"{STATE}|{CALIBRATIONS}/[0-9A-Za-z_-]{{1,80}}/[0-9A-Za-z][0-9A-Za-z_.-]{{0,80}}")
 
 _NO_BACKUP = (
-    *(OSError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile),  # what zipfile says of wrong bytes
+    *(OSError, EOFError, RuntimeError, zlib.error, zipfile.BadZipFile),  # what zipfile raises for wrong bytes
     *(ValueError, KeyError, TypeError, AttributeError),
 )
 
 
 class BackupInfo(NamedTuple):
-    """What is in a backup: when and by which version it was made, and so many calibrations."""
+    """Contents of a backup: its time, the version that made it, and the number of calibrations."""
 
     created_utc: str
     version: str
@@ -43,16 +43,16 @@ class BackupInfo(NamedTuple):
 
 
 def back_up(directory: Path, out: Path, created_utc: str, version: str) -> BackupInfo:
-    """Writes a state directory's backup, also while a daemon uses it.
+    """Writes a backup of a state directory, which a daemon may be using.
 
     Args:
-        directory: the state directory.
-        out: the file to be made; readable for its owner alone.
-        created_utc: now, ISO 8601.
-        version: of this program.
+        directory: State directory.
+        out: File to create, readable by its owner alone.
+        created_utc: Present time, ISO 8601.
+        version: Version of this program.
 
     Raises:
-        StorageError: `out` exists, it cannot be written, or the state cannot be read.
+        StorageError: `out` exists or cannot be written, or the state cannot be read.
     """
     members = dict(_members(directory))
     manifest = {
@@ -75,21 +75,21 @@ def back_up(directory: Path, out: Path, created_utc: str, version: str) -> Backu
 
 
 def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path | None]:
-    """Puts a backup in the place of a state directory's state and calibrations.
+    """Replaces the state and the calibrations of a state directory with those of a backup.
 
-    What it replaces is kept in a folder `replaced-TIME` of the state directory. Captures stay as they are.
+    What was there is kept in a folder `replaced-TIME` of the state directory. Captures stay as they are.
 
     Args:
-        directory: the state directory, which no daemon uses.
-        backup: the file; it is checked whole before anything is touched.
-        now: a moment that can be part of a name.
+        directory: State directory that no daemon is using.
+        backup: Backup file, which is checked completely before anything is touched.
+        now: Present time in a form that can be part of a file name.
 
     Returns:
-        What was restored, and the folder with what was replaced; None where there was nothing.
+        What was restored, and the folder with what was replaced; None if there was nothing.
 
     Raises:
-        InputError: it is damaged, no backup, or of a later version.
-        StorageError: a daemon uses the directory, or it cannot be written.
+        InputError: The file is damaged, no backup, or of a later version.
+        StorageError: A daemon is using the directory, or it cannot be written.
     """
     manifest, members = _read(backup)
     _check_state(members[STATE], backup)
@@ -101,7 +101,7 @@ def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path |
             replaced = _keep(directory, directory / f"{REPLACED}{now}")
             os.rename(scratch / CALIBRATIONS, directory / CALIBRATIONS)
             os.replace(scratch / STATE, directory / STATE)
-            _synchronise(directory)
+            sync_directory(directory)
     finally:
         lock.release()
     return _info(manifest), replaced
@@ -112,12 +112,12 @@ def _members(directory: Path) -> Iterator[tuple[str, bytes]]:
         yield STATE, _database(directory / STATE)
         for file in sorted((directory / CALIBRATIONS).glob("*/*")):
             name = file.relative_to(directory).as_posix()
-            if file.is_file() and _MEMBER.fullmatch(name):  # not what a crash left half written
+            if file.is_file() and _MEMBER.fullmatch(name):  # leaves out what a crash left half written
                 yield name, file.read_bytes()
 
 
 def _database(path: Path) -> bytes:
-    """The database as it is at one moment, whoever writes it meanwhile."""
+    """The database at one moment, even while it is being written."""
     uri = f"{path.absolute().as_uri()}?mode=ro"
     try:
         with closing(sqlite3.connect(uri, uri=True)) as source, closing(sqlite3.connect(":memory:")) as copy:
@@ -125,7 +125,7 @@ def _database(path: Path) -> bytes:
             return copy.serialize()
     except sqlite3.DatabaseError as error:
         raise StorageError(
-            f"{path} cannot be backed up: {error}", "name the configuration of a daemon that has run"
+            f"{path} cannot be backed up: {error}", "name the configuration of a daemon that has run before"
         ) from error
 
 
@@ -140,7 +140,7 @@ def _write_zip(path: Path, members: Mapping[str, bytes]) -> None:
 
 
 def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Manifest and members, each as its checksum says."""
+    """Manifest and members, whose checksums are verified."""
     try:
         with zipfile.ZipFile(path) as archive:
             manifest = json.loads(archive.read(MANIFEST))
@@ -153,7 +153,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
         _info(manifest)
     except _NO_BACKUP as error:
         raise InputError(
-            f"{path} cannot be restored: it is damaged or no backup ({error})",
+            f"{path} cannot be restored: it is damaged, or not a backup ({error})",
             "nothing has been changed; take another backup, or copy this one again",
         ) from error
     return manifest, members
@@ -165,13 +165,13 @@ def _check_version(manifest: Mapping[str, Any], path: Path) -> None:
         raise ValueError(f"its schema is {manifest['schema']!r}")
     if int(version) > VERSION:
         raise InputError(
-            f"{path} is a backup of version {version}, this program knows up to {VERSION}",
+            f"{path} is a backup of version {version}, this program reads up to {VERSION}",
             "use a newer grabberd",
         )
 
 
 def _check_state(content: bytes, path: Path) -> None:
-    """Whether the database is whole and this program's."""
+    """Checks that the database is intact and not of a later version."""
     try:
         with closing(sqlite3.connect(":memory:")) as connection:
             connection.deserialize(content)
@@ -202,17 +202,11 @@ def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:
     for name, content in members.items():
         path = folder / name
         path.parent.mkdir(exist_ok=True)
-        descriptor = os.open(
-            path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, OWNER_ONLY if name == STATE else 0o444
-        )
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+        write_synced(path, content, OWNER_ONLY if name == STATE else READ_ONLY)
 
 
 def _keep(directory: Path, folder: Path) -> Path | None:
-    """What is there under another name too; only the state itself stays, so that there always is one."""
+    """Moves the present state aside; links `state.sqlite` instead, so that there is one at any instant."""
     present = [name for name in (JOURNAL, STATE, CALIBRATIONS) if (directory / name).exists()]
     if not present:
         return None
@@ -220,14 +214,6 @@ def _keep(directory: Path, folder: Path) -> Path | None:
     for name in present:
         (os.link if name == STATE else os.rename)(directory / name, folder / name)
     return folder
-
-
-def _synchronise(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _sha256(content: bytes) -> str:

@@ -1,21 +1,18 @@
-"""Calibrations on disk: a folder each, which nothing changes once it is there.
+"""Calibrations on disk: a folder each, which never changes.
 
     ID/calibration.json    the document, byte for byte as it was stored
     ID/record.json         device, origin, note, the document's SHA-256
-    ID/report.json         the report as a document, of those made from a capture
-    ID/report.html         the report as a page, where it could be drawn
+    ID/report.json         the report as a document, if it was made from a capture
+    ID/report.html         the report as a page, if it could be drawn
 
-A folder is written under another name, synchronised and renamed, so it is there whole or not at all.
+A folder is written under another name, synchronised and renamed, so it exists whole or not at all.
 """
 
 import hashlib
 import json
-import os
 import re
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from functools import lru_cache
@@ -24,11 +21,16 @@ from typing import Any, Literal
 
 from grabberd.errors import Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
-from grabberd.storage.capture.schema import storage_errors
+from grabberd.storage.disk import (
+    READ_ONLY,
+    clear_scratch,
+    scratch_folder,
+    storage_errors,
+    sync_directory,
+    write_synced,
+)
 
 ID = re.compile(r"[0-9A-Za-z_-]{1,80}")
-READ_ONLY = 0o444
-SCRATCH = ".part-"
 REMEMBERED = 256
 
 DOCUMENT, RECORD, REPORT, PAGE = "calibration.json", "record.json", "report.json", "report.html"
@@ -38,16 +40,17 @@ Origin = Literal["capture", "import"]
 
 @dataclass(frozen=True, slots=True)
 class CalibrationRecord:
-    """What is kept beside a calibration.
+    """Record stored beside a calibration.
 
     Attributes:
-        device: whose calibration it is; `origin`: made here from a capture, or imported.
-        stored_utc: ISO 8601.
-        note: for people.
-        capture: id of the capture it was made from, or None.
-        missing_extra: the optional part that was not installed when the report was to be drawn, or None.
-        page_problem: why else it could not be drawn, or None.
-        sha256: of the document, in hexadecimal.
+        device: Device that it belongs to.
+        origin: Made here from a capture, or imported.
+        stored_utc: Time when it was stored, ISO 8601.
+        note: Note for people.
+        capture: Id of the capture it was made from, or None.
+        missing_extra: Optional part that was not installed when the report was drawn, or None.
+        page_problem: Other reason why the report could not be drawn, or None.
+        sha256: SHA-256 of the document, in hexadecimal.
     """
 
     device: str = ""
@@ -62,7 +65,7 @@ class CalibrationRecord:
 
 @dataclass(frozen=True, slots=True)
 class StoredCalibration:
-    """One folder of the store; of a damaged one only `id` and `problem` are known, and nothing is in it."""
+    """One folder of the store; a damaged one has only `id` and `problem`."""
 
     id: str
     document: Mapping[str, Any] = field(default_factory=dict)
@@ -75,19 +78,16 @@ class CalibrationStore:
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
-        # Remembered as long as a file does not change: nothing here is meant to.
+        # Keyed by time and size as well: a folder that was repaired by hand is read again.
         self._read = lru_cache(REMEMBERED)(lambda folder, mtime_ns, size: _read(folder))
 
     def open(self) -> None:
-        """Makes the folder, and clears away what a crash left unfinished.
+        """Creates the folder, and removes what a crash left unfinished.
 
         Raises:
-            StorageError: it cannot be written.
+            StorageError: It cannot be written.
         """
-        with storage_errors(self.directory):
-            self.directory.mkdir(parents=True, exist_ok=True)
-            for left in self.directory.glob(f"{SCRATCH}*"):
-                shutil.rmtree(left)
+        clear_scratch(self.directory)
 
     def add(
         self,
@@ -100,15 +100,15 @@ class CalibrationStore:
         """Stores a calibration for good, whole or not at all.
 
         Args:
-            document: the calibration; its id becomes the folder's name.
-            record: what else is known of it; the SHA-256 is filled in here.
-            report: how it was made.
-            page: the same as HTML.
+            document: Calibration; its id becomes the folder's name.
+            record: Record to be stored beside it; the SHA-256 is filled in here.
+            report: Report of how it was made.
+            page: The report as HTML.
 
         Raises:
-            InputError: it is no calibration, or its id is no name for a folder.
-            Conflict: there is one of that id.
-            StorageError: it cannot be written.
+            InputError: The document is no calibration, or its id cannot name a folder.
+            Conflict: A calibration of that id exists.
+            StorageError: It cannot be written.
         """
         calibration = Calibration.from_document(document)
         check_id(calibration.id)
@@ -126,42 +126,37 @@ class CalibrationStore:
             self._publish(made)
         return calibration
 
-    @contextmanager
-    def scratch(self) -> Iterator[Path]:
-        """A folder beside the calibrations that is gone afterwards.
+    def scratch(self) -> AbstractContextManager[Path]:
+        """A folder beside the calibrations, removed afterwards.
 
         Raises:
-            StorageError: it cannot be made.
+            StorageError: It cannot be made.
         """
         with storage_errors(self.directory):
             self.directory.mkdir(parents=True, exist_ok=True)
-            scratch = Path(tempfile.mkdtemp(prefix=SCRATCH, dir=self.directory))
-        try:
-            yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
+        return scratch_folder(self.directory)
 
     def __contains__(self, calibration_id: str) -> bool:
         return ID.fullmatch(calibration_id) is not None and (self.directory / calibration_id).exists()
 
     def list(self) -> list[StoredCalibration]:
-        """All calibrations, the newest first, the damaged ones last."""
+        """All calibrations, newest first, damaged ones last."""
         names = sorted(path.name for path in self.directory.glob("*") if not path.name.startswith("."))
         return sorted(map(self._entry, names), key=_age_order, reverse=True)
 
     def get(self, calibration_id: str) -> StoredCalibration:
-        """One calibration that can be used.
+        """One usable calibration.
 
         Raises:
-            NotFound: there is none of that id.
-            StorageError: it is damaged.
+            NotFound: No calibration has that id.
+            StorageError: It is damaged.
         """
         self._folder(calibration_id)
         entry = self._entry(calibration_id)
         if entry.problem is not None:
             raise StorageError(
                 f"calibration {calibration_id} is damaged: {entry.problem}",
-                "put its folder back from a backup, or calibrate again",
+                "restore its folder from a backup, or calibrate again",
             )
         return entry
 
@@ -169,33 +164,31 @@ class CalibrationStore:
         """The document as it was stored, byte for byte.
 
         Raises:
-            NotFound, StorageError: see `get`.
+            NotFound, StorageError: See `get`.
         """
         self.get(calibration_id)
         with storage_errors(self.directory / calibration_id):
             return (self.directory / calibration_id / DOCUMENT).read_bytes()
 
     def report(self, calibration_id: str) -> bytes | None:
-        """The report as a JSON document; None where there is none.
+        """The report as a JSON document; None if there is none.
 
         Raises:
-            NotFound: there is no calibration of that id.
+            NotFound: No calibration has that id.
         """
         return _bytes_of(self._folder(calibration_id) / REPORT)
 
     def page(self, calibration_id: str) -> bytes | None:
-        """The report as HTML; None where there is none.
+        """The report as HTML; None if there is none.
 
         Raises:
-            NotFound: there is no calibration of that id.
+            NotFound: No calibration has that id.
         """
         return _bytes_of(self._folder(calibration_id) / PAGE)
 
     def _folder(self, calibration_id: str) -> Path:
         if calibration_id not in self:
-            raise NotFound(
-                f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists the ones there are"
-            )
+            raise NotFound(f"no calibration {calibration_id!r}", "GET /api/v1/calibrations lists all of them")
         return self.directory / calibration_id
 
     def _entry(self, name: str) -> StoredCalibration:
@@ -207,7 +200,7 @@ class CalibrationStore:
             return StoredCalibration(name, problem=f"{getattr(error, 'strerror', None) or error}")
 
     def _publish(self, made: Path) -> None:
-        """A rename never replaces a folder that has anything in it."""
+        """Renames a finished folder; a rename never replaces a folder that is not empty."""
         target = self.directory / made.name
         try:
             made.rename(target)
@@ -215,16 +208,16 @@ class CalibrationStore:
             if not target.exists():
                 raise
             raise Conflict(
-                f"there is a calibration {made.name} already", "a stored calibration is never changed"
+                f"calibration {made.name} exists already", "a stored calibration is never changed"
             ) from None
-        _synchronise(self.directory)
+        sync_directory(self.directory)
 
 
 def check_id(calibration_id: str) -> None:
-    """Whether it can be the name of a folder and a part of an address.
+    """Checks that an id can be the name of a folder and part of a URL.
 
     Raises:
-        InputError: it cannot.
+        InputError: It cannot.
     """
     if not ID.fullmatch(calibration_id):
         raise InputError(
@@ -234,7 +227,7 @@ def check_id(calibration_id: str) -> None:
 
 
 def moment_of(created_utc: str) -> datetime:
-    """The time in a calibration's `created_utc`; UTC where it names no zone."""
+    """The time in a calibration's `created_utc`; UTC if it names no zone."""
     moment = datetime.fromisoformat(created_utc)
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
@@ -259,27 +252,17 @@ def _json(document: Mapping[str, Any]) -> bytes:
     try:
         return json.dumps(document, ensure_ascii=False, allow_nan=False, indent=1).encode() + b"\n"
     except ValueError as error:
-        raise InputError(f"the document is no JSON: {error}", "mend the value that is meant") from error
+        raise InputError(
+            f"the document cannot be written as JSON: {error}", "fix the value that the message names"
+        ) from error
 
 
 def _write_folder(folder: Path, files: Mapping[str, bytes | None]) -> None:
     folder.mkdir()
     for name, content in files.items():
         if content is not None:
-            descriptor = os.open(folder / name, os.O_WRONLY | os.O_CREAT | os.O_EXCL, READ_ONLY)
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
-    _synchronise(folder)
-
-
-def _synchronise(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+            write_synced(folder / name, content, READ_ONLY)
+    sync_directory(folder)
 
 
 def _bytes_of(path: Path) -> bytes | None:

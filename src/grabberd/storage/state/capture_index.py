@@ -1,4 +1,4 @@
-"""An index over many captures; it can always be made again from the files."""
+"""An index of captures, which can be rebuilt from their files at any time."""
 
 import builtins
 import json
@@ -12,11 +12,12 @@ from typing import NamedTuple
 from grabberd.errors import CaptureFileError, LaterVersion, NotFound, StorageError
 from grabberd.storage.capture.crash_recovery import set_aside
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX, storage_errors
+from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
+from grabberd.storage.disk import storage_errors
 
 CAPTURES = (SUFFIX, PART)
 _LAST = "~"
-"""Comes after every time."""
+"""Sorts after every time."""
 
 _TABLE = """
 CREATE TABLE IF NOT EXISTS captures (
@@ -27,9 +28,16 @@ CREATE INDEX IF NOT EXISTS newest ON captures (created_utc DESC);
 
 
 class IndexEntry(NamedTuple):
-    """One capture; `file` is its path below the folder, `state` is sealed or damaged.
+    """One capture.
 
-    `note` and `labels`, a JSON object, are those in its file, for whoever searches.
+    Attributes:
+        id: Id of the capture.
+        file: Path below the folder.
+        device: Name of the device.
+        created_utc: Time of the request.
+        state: "sealed" or "damaged".
+        note: Note in the file, for searching.
+        labels: Labels in the file as a JSON object, for searching.
     """
 
     id: str
@@ -42,9 +50,9 @@ class IndexEntry(NamedTuple):
 
 
 class CaptureIndex:
-    """`index.sqlite` beside the captures; a connection for each call, so any thread may call.
+    """`index.sqlite` beside the captures; each call has its own connection, so any thread may call.
 
-    What a full disk kept out of it is entered as soon as there is room.
+    Captures that could not be entered because the disk was full are entered as soon as there is room.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -53,44 +61,44 @@ class CaptureIndex:
         self._kept_out: set[Path] = set()
 
     def rebuild(self, unsealed: Iterable[Path] = ()) -> None:
-        """Reads every capture file in the folder anew; what cannot be read is set aside and listed so.
+        """Rebuilds the index from the capture files; those that cannot be read are set aside as damaged.
 
         Args:
             unsealed: `.grab.part` files that nobody writes and that could not be sealed.
 
         Raises:
-            StorageError: the index cannot be written.
+            StorageError: The index cannot be written.
         """
-        taken_up = [_taken_up(path) for path in sorted(self.directory.glob(f"*{SUFFIX}"))]
+        readable = [_readable(path) for path in sorted(self.directory.glob(f"*{SUFFIX}"))]
         aside = [path for path in sorted((self.directory / DAMAGED).glob("*")) if path.suffix in CAPTURES]
         with storage_errors(self.path):
             self.path.unlink(missing_ok=True)
-        self._write(_distinct([*filter(None, taken_up), *map(entry_of, unsealed), *map(_damaged, aside)]))
+        self._write(_distinct([*filter(None, readable), *map(entry_of, unsealed), *map(_damaged, aside)]))
 
     def add(self, path: Path) -> None:
-        """Enters a sealed capture, or what has become of it.
+        """Enters a sealed capture, as damaged if it cannot be read.
 
         Raises:
-            StorageError: the index cannot be written now; it is entered later.
+            StorageError: The index cannot be written now; the capture is entered later.
         """
         self._kept_out.add(path)
         self._enter_kept_out()
 
     def remove(self, capture_id: str) -> None:
-        """Forgets a capture; one that is not there stays so."""
+        """Removes a capture, if it is in the index."""
         with self._connected() as connection:
             connection.execute("DELETE FROM captures WHERE id = ?", (capture_id,))
 
     def list(self) -> list[IndexEntry]:
-        """All captures, the newest first."""
-        self._make_up_for()
+        """All captures, newest first."""
+        self._catch_up()
         with self._connected() as connection:
             rows = connection.execute("SELECT * FROM captures ORDER BY created_utc DESC, id DESC").fetchall()
         return [IndexEntry(*row) for row in rows]
 
     def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
-        """So many captures, the newest first: after the one that began then and has that id, if given."""
-        self._make_up_for()
+        """At most `limit` captures, newest first, that follow the (created_utc, id) of `after`, if given."""
+        self._catch_up()
         beyond = after or (_LAST, "")
         query = (
             "SELECT * FROM captures WHERE (created_utc, id) < (?, ?) "
@@ -103,18 +111,18 @@ class CaptureIndex:
         """One capture.
 
         Raises:
-            NotFound: there is none of that id.
+            NotFound: No capture has that id.
         """
-        self._make_up_for()
+        self._catch_up()
         with self._connected() as connection:
             row = connection.execute("SELECT * FROM captures WHERE id = ?", (capture_id,)).fetchone()
         if row is None:
-            raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists the captures there are")
+            raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists all captures")
         return IndexEntry(*row)
 
-    def beginning_with(self, text: str) -> "builtins.list[IndexEntry]":
-        """The captures whose id begins so, by id."""
-        self._make_up_for()
+    def with_prefix(self, text: str) -> "builtins.list[IndexEntry]":
+        """Captures whose id begins with `text`, sorted by id."""
+        self._catch_up()
         query = "SELECT * FROM captures WHERE substr(id, 1, ?) = ? ORDER BY id"
         with self._connected() as connection:
             return [IndexEntry(*row) for row in connection.execute(query, (len(text), text))]
@@ -123,7 +131,7 @@ class CaptureIndex:
         """Path of a capture's file.
 
         Raises:
-            NotFound: there is none of that id.
+            NotFound: No capture has that id.
         """
         return self.directory / self.get(capture_id).file
 
@@ -132,8 +140,8 @@ class CaptureIndex:
         self._write([entry_of(path) for path in paths if path.exists()])
         self._kept_out.difference_update(paths)
 
-    def _make_up_for(self) -> None:
-        """Enters what could not be entered before, if that can be done now."""
+    def _catch_up(self) -> None:
+        """Enters captures that could not be entered before, if that is possible now."""
         if self._kept_out:
             with suppress(StorageError):
                 self._enter_kept_out()
@@ -151,12 +159,12 @@ class CaptureIndex:
                 connection.executescript(_TABLE)
                 yield connection
         except (sqlite3.Error, OSError) as error:
-            hint = "mend the disk, then start again: the index is made again from the files"
+            hint = "fix the disk, then start again: the index is rebuilt from the files"
             raise StorageError(f"{self.path.name} cannot be used: {error}", hint) from error
 
 
 def entry_of(path: Path) -> IndexEntry:
-    """A capture file's entry; one that cannot be read is entered as damaged, under its name."""
+    """A capture file's entry; one that cannot be read is damaged, with its file's name as id."""
     try:
         return _read(path)
     except (CaptureFileError, StorageError):
@@ -171,11 +179,11 @@ def _read(path: Path) -> IndexEntry:
         return IndexEntry(meta.id, path.name, device, meta.created_utc, "sealed", meta.note, labels)
 
 
-def _taken_up(path: Path) -> IndexEntry | None:
-    """A file's entry; None for a damaged one that has been set aside."""
+def _readable(path: Path) -> IndexEntry | None:
+    """A file's entry; None if it was damaged and has been set aside."""
     try:
         return _read(path)
-    except (LaterVersion, StorageError):  # nothing is wrong with it, or not with it alone
+    except (LaterVersion, StorageError):  # the file itself may be sound: it stays where it is
         return _damaged(path)
     except CaptureFileError as error:
         with suppress(StorageError):
@@ -190,7 +198,7 @@ def _damaged(path: Path) -> IndexEntry:
 
 
 def _distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
-    """No file hides another of the same id, such as a copy: the later gets the id `ID-2` and so on."""
+    """Entries with distinct ids: a second file of the same id, such as a copy, gets `ID-2` and so on."""
     taken: set[str] = set()
     for entry in entries:
         names = chain([entry.id], (f"{entry.id}-{number}" for number in count(2)))

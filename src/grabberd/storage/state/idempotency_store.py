@@ -1,17 +1,18 @@
-"""Answers to requests that must take effect once, however often they are sent."""
+"""Stored answers to requests that must take effect once, however often they are sent."""
 
-from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.storage.state.state_database import StateDatabase
 
 
 class KeptAnswer(NamedTuple):
-    """What a request with a key was answered; `status` is None as long as it was not.
+    """The answer to a request with a key.
 
     Attributes:
-        digest: of the request.
-        status: of HTTP; `location` and `body` belong to it.
+        digest: Digest of the request.
+        status: HTTP status; None while the request is unanswered.
+        location: Header `Location` of the answer.
+        body: Body of the answer.
     """
 
     digest: bytes
@@ -20,19 +21,12 @@ class KeptAnswer(NamedTuple):
     body: bytes = b""
 
 
-class IdempotencyStore:
-    """The keys in `state.sqlite`. Times are ISO 8601 UTC, all in one format: they compare."""
-
-    def __init__(self, path: Path) -> None:
-        self._database = StateDatabase(path)
+class IdempotencyStore(StateDatabase):
+    """The keys in `state.sqlite`. Times are ISO 8601 UTC in one format: they sort as text."""
 
     def begin(self, key: str, digest: bytes, now_utc: str, oldest_utc: str) -> KeptAnswer | None:
-        """Keeps a key, and forgets those from before `oldest_utc`; what is kept of it already, or None.
-
-        Raises:
-            StorageError: the file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Stores a key and drops those older than `oldest_utc`; returns what was stored for it before."""
+        with self.transaction() as connection:
             connection.execute("DELETE FROM idempotency WHERE created_utc < ?", (oldest_utc,))
             row = connection.execute(
                 "SELECT digest, status, location, body FROM idempotency WHERE key = ?", (key,)
@@ -45,22 +39,14 @@ class IdempotencyStore:
             return None
 
     def finish(self, key: str, answer: KeptAnswer) -> None:
-        """Keeps the answer.
-
-        Raises:
-            StorageError: the file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Stores the answer."""
+        with self.transaction() as connection:
             connection.execute(
                 "UPDATE idempotency SET status = ?, location = ?, body = ? WHERE key = ?",
                 (answer.status, answer.location, answer.body, key),
             )
 
     def forget(self, key: str) -> None:
-        """The request had no effect: it may come again.
-
-        Raises:
-            StorageError: the file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Removes a key whose request had no effect, so that it may be sent again."""
+        with self.transaction() as connection:
             connection.execute("DELETE FROM idempotency WHERE key = ?", (key,))

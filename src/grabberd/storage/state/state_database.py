@@ -1,4 +1,4 @@
-"""`state.sqlite`: what cannot be made again. Its schema by versions, and one transaction a call."""
+"""`state.sqlite`, which cannot be rebuilt from captures: its schema by versions, one transaction a call."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -6,6 +6,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 
 from grabberd.errors import StorageError
+from grabberd.storage.disk import OWNER_ONLY
 
 MIGRATIONS: tuple[tuple[str, ...], ...] = (
     ("CREATE TABLE IF NOT EXISTS settings (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",),
@@ -30,21 +31,26 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
         "CREATE INDEX outbox_waiting ON outbox (capture) WHERE summary IS NOT NULL",
     ),
 )
-"""Entry n leads from version n to version n + 1; what is there stays as it is, new ones follow."""
-OWNER_ONLY = 0o600
+"""Entry n leads from version n to n + 1. Released entries never change; new ones are appended."""
 TIMEOUT_S = 10.0
 
 
 class StateDatabase:
-    """A connection for each call, so any thread, and any program beside the daemon, may call."""
+    """Access from any thread, and from other programs beside the daemon: each call has its own connection.
+
+    The stores in `state.sqlite` are its subclasses.
+
+    Raises:
+        StorageError: From any method of theirs: the file cannot be read or written.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def open(self) -> None:
-        """Makes the file if it is not there, readable for its owner alone, and brings it to this version.
+        """Creates the file if necessary, readable by its owner alone, and migrates it to this version.
 
-        Safe twice, and from several programs at once.
+        May be called again, and by several programs at once.
 
         Raises:
             StorageError: it cannot be written, is damaged, or is of a later version.
@@ -68,17 +74,18 @@ class StateDatabase:
 
     @contextmanager
     def errors(self) -> Iterator[None]:
-        """Has what goes wrong with the file said as it is meant for an operator."""
+        """Turns errors with the file into `StorageError`, whose text an operator can act on."""
         try:
             yield
         except (sqlite3.Error, OSError, ValueError) as error:
             raise StorageError(
                 f"{self.path.name} cannot be used: {error}",
-                "make room, mend the disk, or put back its latest backup",
+                "make room, fix the disk, or restore its latest backup",
             ) from error
 
 
 def _migrate(connection: sqlite3.Connection, path: Path) -> None:
+    # The write lock comes before the version is read: another program may be migrating at this moment.
     connection.execute("BEGIN IMMEDIATE")
     version = connection.execute("PRAGMA user_version").fetchone()[0]
     if version > len(MIGRATIONS):

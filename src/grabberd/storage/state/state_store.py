@@ -1,53 +1,28 @@
-"""What the files do not know: settings and the operator's choices; cannot be made again, so back it up."""
+"""Settings and the operator's choices, which no capture file holds."""
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from grabberd.storage.state.state_database import StateDatabase
 
 
-class StateStore:
+class StateStore(StateDatabase):
     """The settings in `state.sqlite`: a JSON value for each key."""
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._database = StateDatabase(path)
-
-    def open(self) -> None:
-        """Makes the file if it is not there; safe twice.
-
-        Raises:
-            StorageError: it cannot be written, is damaged, or is of a later version.
-        """
-        self._database.open()
-
     def get(self, key: str) -> Any:
-        """The value of a key; None where there is none.
-
-        Raises:
-            StorageError: the file cannot be read.
-        """
-        with self._database.transaction() as connection:
+        """The value of a key; None if there is none."""
+        with self.transaction() as connection:
             row = connection.execute("SELECT value FROM settings WHERE key = ?", (key,)).fetchone()
             return None if row is None else json.loads(row[0])
 
     def put(self, values: Mapping[str, Any]) -> None:
-        """Writes some keys, all or none of them.
-
-        Raises:
-            StorageError: the file cannot be written.
-        """
+        """Writes some keys, all or none of them."""
         rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
-        with self._database.transaction() as connection:
+        with self.transaction() as connection:
             connection.executemany("INSERT OR REPLACE INTO settings VALUES (?, ?)", rows)
 
     def remove(self, key: str) -> None:
-        """Forgets a key; one that is not there stays so.
-
-        Raises:
-            StorageError: the file cannot be written.
-        """
-        with self._database.transaction() as connection:
+        """Removes a key, if it exists."""
+        with self.transaction() as connection:
             connection.execute("DELETE FROM settings WHERE key = ?", (key,))

@@ -5,7 +5,6 @@ import type { Answer, Body } from "./routes.d.ts";
 
 export type State = Answer<"get", "/state">;
 export type Device = State["devices"][string];
-export type Lack = Device["lacks"][number];
 export type Live = NonNullable<Device["live"]>;
 export type Rig = NonNullable<Device["rig"]>;
 export type Storage = State["storage"];
@@ -19,12 +18,10 @@ export type ViewIllumination = Illumination["views"][string];
 export type Pulsation = Answer<"get", "/devices/{}/pulsation">;
 
 export type Capture = Answer<"get", "/captures/{}">;
-export type Ledger = Capture["ledger"];
+type Ledger = Capture["ledger"];
 export type LedgerEntry = Ledger["entries"][number];
 export type Run = Capture["runs"][number];
-export type CaptureRequest = NonNullable<Body<"post", "/captures">>;
-export type CaptureGroupRequest = NonNullable<Body<"post", "/capture-groups">>;
-export type Points = Answer<"get", "/captures/{}/points">;
+type Points = Answer<"get", "/captures/{}/points">;
 export type FieldPoints = Points["fields"][number];
 export type NewestPoints = Answer<"get", "/devices/{}/points">;
 export type ObjectModel = Answer<"get", "/devices/{}/object">;
@@ -35,7 +32,6 @@ export type CalibrationRow = Answer<"get", "/calibrations">["calibrations"][numb
 export type CalibrationFrame = Answer<"get", "/calibration-frames">["calibration_frames"][number];
 
 export type AnalysisRow = Answer<"get", "/captures/{}/analyses">["analyses"][number];
-export type AnalysisRequest = NonNullable<Body<"post", "/captures/{}/analysis">>;
 
 /** A refusal, as RFC 9457 has it. */
 export type Problem = paths["/api/v1/captures/{capture_id}"]["get"]["responses"][404]["content"]["application/problem+json"];

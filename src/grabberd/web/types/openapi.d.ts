@@ -13,14 +13,14 @@ export interface paths {
         };
         /**
          * List captures
-         * @description Captures, the newest first, page by page: one that comes or goes meanwhile shifts no page.
+         * @description Captures, newest first, page by page. Captures that come or go meanwhile do not shift the pages.
          */
         get: operations["list_captures"];
         put?: never;
         /**
          * Start or arm a capture
-         * @description Start a capture, or arm one that waits for its trigger; 409 with the other one's id while one is
-         *     running or armed.
+         * @description Start a capture, or arm one that waits for its trigger. 409 with the id of the other capture while one
+         *     is running or armed.
          */
         post: operations["start_capture"];
         delete?: never;
@@ -37,7 +37,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Look at a capture
+         * Look up a capture
          * @description One capture with its ledger.
          */
         get: operations["get_capture"];
@@ -45,14 +45,15 @@ export interface paths {
         post?: never;
         /**
          * Delete a capture
-         * @description Delete a capture and its file, for good; 409 while it is armed, running, pinned or worked on.
+         * @description Delete a capture and its file permanently. 409 while it is armed, running, pinned or used by a job.
          */
         delete: operations["delete_capture"];
         options?: never;
         head?: never;
         /**
-         * Pin a capture, or say something of it
-         * @description Change note, labels or pin. They are kept beside the file, which stays as it was recorded.
+         * Pin or annotate a capture
+         * @description Change the note, the labels or the pin. They are stored apart from the file, which stays as it was
+         *     recorded.
          */
         patch: operations["patch_capture"];
         trace?: never;
@@ -68,8 +69,8 @@ export interface paths {
         put?: never;
         /**
          * Trigger an armed capture
-         * @description Have an armed capture record, with the fields before this moment that it wants, and all others of its
-         *     group with it; 409 if it is not armed.
+         * @description Start recording an armed capture, including its pre-trigger fields, and all others of its
+         *     group with it. 409 if it is not armed.
          */
         post: operations["trigger_capture"];
         delete?: never;
@@ -89,7 +90,7 @@ export interface paths {
         put?: never;
         /**
          * Stop a capture
-         * @description Stop the running capture, whose file is sealed at once; of an armed one nothing is left.
+         * @description Stop a running capture and seal its file. Nothing remains of an armed capture.
          */
         post: operations["stop_capture"];
         delete?: never;
@@ -108,8 +109,8 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Measure a capture again
-         * @description Measure a sealed capture again with the device's present calibration: a job that adds a run.
+         * Re-measure a capture
+         * @description Re-measure a sealed capture with the device's present calibration: a job that adds a run.
          */
         post: operations["measure_capture"];
         delete?: never;
@@ -128,9 +129,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Start or arm captures of several devices together
-         * @description Start a capture of each device at the same moment, or arm them for one trigger. All of them or none:
-         *     409 says in `refusals` which devices cannot begin and why, with the id of a capture that is running.
+         * Start or arm a group of captures
+         * @description Start a capture of each device at the same moment, or arm them for a common trigger. Either all of them
+         *     start or none: 409 lists in `refusals` which devices cannot start and why, with the id of a running
+         *     capture.
          */
         post: operations["start_capture_group"];
         delete?: never;
@@ -147,8 +149,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Look at captures made together
-         * @description The captures of a group, each with its ledger, and the moment at which all of them began.
+         * Look up a group of captures
+         * @description The captures of a group, each with its ledger, and the common moment of their start.
          */
         get: operations["get_capture_group"];
         put?: never;
@@ -169,8 +171,8 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Trigger armed captures together
-         * @description Have the armed captures of a group record, all from the same moment; 409 if they are not armed.
+         * Trigger an armed group
+         * @description Start recording all armed captures of a group at the same moment. 409 if they are not armed.
          */
         post: operations["trigger_capture_group"];
         delete?: never;
@@ -189,8 +191,8 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Stop captures together
-         * @description Stop the running captures of a group at the same moment; of armed ones nothing is left.
+         * Stop a group of captures
+         * @description Stop the running captures of a group at the same moment. Nothing remains of armed captures.
          */
         post: operations["stop_capture_group"];
         delete?: never;
@@ -207,9 +209,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Take a capture home
-         * @description The whole sealed capture: one SQLite file. A part of it can be asked for (Range); a further run changes
-         *     its ETag, and breaks the answer off that is being sent.
+         * Download a capture
+         * @description The whole sealed capture: one SQLite file. Range requests are supported. Adding a run changes the ETag,
+         *     and aborts a download in progress.
          */
         get: operations["get_capture_file"];
         put?: never;
@@ -228,8 +230,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * What a run was made with
-         * @description A run with the calibration, the object model and the settings that its points were made with.
+         * Look up a run
+         * @description A run with the calibration, the object model and the settings that its points were measured with.
          */
         get: operations["get_run"];
         put?: never;
@@ -248,7 +250,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Points as JSON, thinned out
+         * Get points as JSON, thinned out
          * @description The points of a run, field by field, with their standard deviations.
          */
         get: operations["get_points"];
@@ -268,7 +270,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Points as CSV
+         * Get points as CSV
          * @description The points as CSV, a row for each target and field, with their standard deviations.
          */
         get: operations["get_points_csv"];
@@ -288,9 +290,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Points as a PLY cloud
-         * @description The points as one cloud for programs that draw clouds: x, y, z in mm, with field number, target and
-         *     standard deviations as further properties. Of all fields, or of one.
+         * Get points as a PLY cloud
+         * @description The points of all fields or of one field as a cloud for programs that draw clouds: x, y, z in mm, with
+         *     field number, target and standard deviations as further properties.
          */
         get: operations["get_points_ply"];
         put?: never;
@@ -309,8 +311,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Points as Parquet
-         * @description The points as Parquet, the columns of the CSV with their units as metadata; 501 where the optional part
+         * Get points as Parquet
+         * @description The points as Parquet, the columns of the CSV with their units as metadata. 501 if the optional part
          *     that writes it is not installed.
          */
         get: operations["get_points_parquet"];
@@ -330,8 +332,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * A field as a picture
-         * @description One field as a picture, as it was recorded; it never changes.
+         * Get a field as a picture
+         * @description One field as it was recorded, as a picture that never changes.
          */
         get: operations["get_field_png"];
         put?: never;
@@ -353,8 +355,8 @@ export interface paths {
         put?: never;
         /**
          * Analyse a capture
-         * @description Surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's points: a
-         *     job, whose result has the number of the analysis. Cancelled, it leaves nothing.
+         * @description Determine surface, sections, curvature, strain, tension, pressure and pulsation from a sealed capture's
+         *     points: a job, whose result has the number of the analysis. A cancelled job leaves nothing behind.
          */
         post: operations["analyse_capture"];
         delete?: never;
@@ -372,7 +374,7 @@ export interface paths {
         };
         /**
          * List a capture's analyses
-         * @description What was analysed with which inputs, and what was found in short; the newest first.
+         * @description The analyses with their inputs and a summary of their results, newest first.
          */
         get: operations["list_analyses"];
         put?: never;
@@ -391,9 +393,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * An analysis in numbers
+         * Get an analysis as JSON
          * @description The report's document: inputs, problems, target grid, and the tables summary, fields, sections, phases,
-         *     phase_sections, cycles and gaps column by column, which are the curves over time and phase.
+         *     phase_sections, cycles and gaps column by column, which contain the curves over time and phase.
          */
         get: operations["get_analysis"];
         put?: never;
@@ -412,9 +414,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * A map of an analysis
-         * @description Place, curvature, strain, tension and pressure at every target with σ, of one field or of one phase of
-         *     the mean cycle.
+         * Get a map of an analysis
+         * @description Position, curvature, strain, tension and pressure with σ at every target, in one field or at one phase
+         *     of the mean cycle.
          */
         get: operations["get_analysis_map"];
         put?: never;
@@ -433,9 +435,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * An analysis as a page
-         * @description The report: model and pressure, curves, maps, tables, inputs and their source; it needs nothing beside
-         *     it.
+         * Get an analysis as a page
+         * @description The report as a self-contained page: model and pressure, curves, maps, tables, inputs, sources.
          */
         get: operations["get_analysis_report"];
         put?: never;
@@ -454,9 +455,9 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * A table of an analysis
-         * @description One table with all its rows, such as targets, triangles or edges; the reference of an analysis' tables
-         *     has every column.
+         * Get a table of an analysis
+         * @description One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
+         *     describes every column.
          */
         get: operations["get_analysis_table"];
         put?: never;
@@ -497,9 +498,9 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Find the calibration frame's targets in a capture
-         * @description Find which target is which in a sealed capture of the calibration frame, before it is calibrated: a
-         *     job, whose result has what each view shows (found, missing, other), and a problem where that is not clear.
+         * Identify the calibration frame's targets in a capture
+         * @description Identify the targets in a sealed capture of the calibration frame before calibrating: a job, whose
+         *     result lists what each view shows (found, missing, other), and a problem if the assignment is ambiguous.
          */
         post: operations["identify_capture"];
         delete?: never;
@@ -517,14 +518,14 @@ export interface paths {
         };
         /**
          * List calibrations
-         * @description The calibrations, the newest first, those of the configuration among them, page by page.
+         * @description The calibrations, including those of the configuration, newest first, page by page.
          */
         get: operations["list_calibrations"];
         put?: never;
         /**
          * Calibrate, or store a calibration
          * @description Calibrate from a sealed capture of the calibration frame, a job whose result names the calibration; or
-         *     store a complete one (201).
+         *     store a complete calibration (201).
          */
         post: operations["make_calibration"];
         delete?: never;
@@ -542,9 +543,9 @@ export interface paths {
         };
         get?: never;
         /**
-         * Choose the calibration to measure with
-         * @description Measure with this calibration from the next field on, and after every restart; 409 while a capture
-         *     runs.
+         * Activate a calibration
+         * @description Measure with this calibration from the next field on, and after every restart. 409 while a capture is
+         *     running.
          */
         put: operations["activate_calibration"];
         post?: never;
@@ -563,9 +564,9 @@ export interface paths {
         };
         get?: never;
         /**
-         * Say that a calibration is no good
-         * @description Reject a calibration that was read: it stays in the list, with a note; activating it takes that back.
-         *     409 while a device measures with it.
+         * Reject a calibration
+         * @description Mark a calibration as not accepted: it stays in the list, with a note. Activating it takes that
+         *     back. 409 while a device measures with it.
          */
         put: operations["reject_calibration"];
         post?: never;
@@ -583,7 +584,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Take a calibration home
+         * Download a calibration
          * @description The whole calibration as it was stored: one JSON document.
          */
         get: operations["get_calibration"];
@@ -603,8 +604,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * A calibration's report as a page
-         * @description How the calibration was made and how good it is: a page to be read and signed.
+         * Get a calibration's report as a page
+         * @description The report on how the calibration was made and how good it is: a page to read and sign.
          */
         get: operations["get_calibration_report"];
         put?: never;
@@ -623,10 +624,288 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * A calibration's report as numbers
-         * @description The report's numbers.
+         * Get a calibration's report as JSON
+         * @description The numbers of the report.
          */
         get: operations["get_calibration_report_json"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/jobs": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List jobs
+         * @description The jobs since the daemon started, newest first, page by page.
+         */
+        get: operations["list_jobs"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/jobs/{job_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Look up a job
+         * @description State and progress of a job.
+         */
+        get: operations["get_job"];
+        put?: never;
+        post?: never;
+        /**
+         * Cancel a job
+         * @description Cancel a queued or running job; a finished job stays as it is.
+         */
+        delete: operations["cancel_job"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/session": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Look up your identity and role
+         * @description Your identity and role, as the daemon knows them.
+         */
+        get: operations["get_session"];
+        put?: never;
+        /**
+         * Open a session
+         * @description Trade a bearer token for a session: a cookie that is valid for thirty days, or until the token is
+         *     removed or expires.
+         */
+        post: operations["open_session"];
+        /**
+         * End the session
+         * @description End this browser's session.
+         */
+        delete: operations["close_session"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/events": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Follow the state
+         * @description Server-sent events: the state, then its changes, at most five times a second.
+         */
+        get: operations["get_events"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/preview.png": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the newest field as a picture
+         * @description The newest field in 8 bits, with its lines as recorded. A new one at most five times a second.
+         */
+        get: operations["get_preview_png"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/settings": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the settings
+         * @description The settings in force: those of the configuration, or what was set in their place.
+         */
+        get: operations["get_settings"];
+        /**
+         * Set the threshold
+         * @description Set how a device's threshold is determined. The setting survives restarts; 409 during a capture.
+         */
+        put: operations["put_settings"];
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/config": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the configuration
+         * @description The configuration as it was read, without secrets.
+         */
+        get: operations["get_config"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List devices
+         * @description Present state of all devices.
+         */
+        get: operations["list_devices"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Look up a device
+         * @description Present state of one device.
+         */
+        get: operations["get_device"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices/{name}/points": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the newest points
+         * @description The points of the newest measured field with their standard deviations. 409 before the first one.
+         */
+        get: operations["get_newest_points"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices/{name}/object": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the object model
+         * @description The object model that the device measures with: nominal coordinates, row and column of each target.
+         */
+        get: operations["get_object"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices/{name}/pulsation": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the latest pulsation rate
+         * @description Pulsations per minute, from the analysis of the device's newest analysed capture.
+         */
+        get: operations["get_pulsation"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices/{name}/light": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get the illumination
+         * @description Illumination of the newest field, to adjust lamp and lens: histogram, number and mean size of the
+         *     targets in each view. A new field at most five times a second.
+         */
+        get: operations["get_light"];
         put?: never;
         post?: never;
         delete?: never;
@@ -656,305 +935,6 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/api/v1/diagnostics": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * What a helper has to know
-         * @description One ZIP file to send to whoever helps: versions, grabbers, configuration without secrets, devices,
-         *     captures with their ledgers, jobs, the last lines of the log. No pictures, tokens or certificates.
-         */
-        get: operations["get_diagnostics"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/jobs": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * List jobs
-         * @description The jobs since the daemon started, the newest first, page by page.
-         */
-        get: operations["list_jobs"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/jobs/{job_id}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Look at a job
-         * @description How far a job is.
-         */
-        get: operations["get_job"];
-        put?: never;
-        post?: never;
-        /**
-         * Cancel a job
-         * @description Cancel a job that waits or runs; one that has ended stays as it is.
-         */
-        delete: operations["cancel_job"];
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/session": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Who you are
-         * @description Who you are to the daemon, and what you may.
-         */
-        get: operations["get_session"];
-        put?: never;
-        /**
-         * Trade a token for a session
-         * @description Trade a bearer token for a session: a cookie for thirty days, or until the token is removed
-         *     or expires.
-         */
-        post: operations["open_session"];
-        /**
-         * End the session
-         * @description End the session of this browser.
-         */
-        delete: operations["close_session"];
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/events": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * The state, then its changes
-         * @description Server-sent events: the state, then what changes in it, five times a second at most.
-         */
-        get: operations["get_events"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/preview.png": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * The newest field as a picture
-         * @description The newest field in 8 bits, its lines as they came; a new one five times a second at most.
-         */
-        get: operations["get_preview_png"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/settings": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * What is set
-         * @description What is in force: the configuration, or what was set in its place.
-         */
-        get: operations["get_settings"];
-        /**
-         * Set the threshold
-         * @description Set how a device's threshold is found; kept over restarts, refused with 409 during a capture.
-         */
-        put: operations["put_settings"];
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/config": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * The configuration
-         * @description The configuration as it was read, without what is secret in it.
-         */
-        get: operations["get_config"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/devices": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * List devices
-         * @description All devices at this moment.
-         */
-        get: operations["list_devices"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/devices/{name}": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * Look at a device
-         * @description One device.
-         */
-        get: operations["get_device"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/devices/{name}/points": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * The newest points
-         * @description The points of the newest measured field, with their standard deviations; 409 before the first.
-         */
-        get: operations["get_newest_points"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/devices/{name}/object": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * The object that is measured
-         * @description The object model that the device measures with: every target's nominal place, row and column.
-         */
-        get: operations["get_object"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/devices/{name}/pulsation": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * The pulsation that was measured last
-         * @description Pulsations a minute, as the analysis of the device's newest analysed capture found them.
-         */
-        get: operations["get_pulsation"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
-    "/api/v1/devices/{name}/light": {
-        parameters: {
-            query?: never;
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        /**
-         * How the picture is lit
-         * @description How the newest field is lit: for each view its histogram, its targets' number and mean size; what lamp
-         *     and lens are set by. A new field five times a second at most.
-         */
-        get: operations["get_light"];
-        put?: never;
-        post?: never;
-        delete?: never;
-        options?: never;
-        head?: never;
-        patch?: never;
-        trace?: never;
-    };
     "/readyz": {
         parameters: {
             query?: never;
@@ -963,8 +943,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Whether it can measure
-         * @description Whether every device streams, has a signal and can measure; 503 with what they lack.
+         * Check that every device can measure
+         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing.
          */
         get: operations["get_readiness"];
         put?: never;
@@ -983,8 +963,8 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Everything that a glance needs
-         * @description Everything that a glance needs: devices, ring, newest points, storage.
+         * Get the state at a glance
+         * @description State at a glance: devices, rings, newest points, storage.
          */
         get: operations["get_state"];
         put?: never;
@@ -1003,7 +983,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Whether it serves
+         * Check that the daemon serves
          * @description The daemon serves, whatever its devices do.
          */
         get: operations["get_health"];
@@ -1015,7 +995,7 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
-    "/metrics": {
+    "/api/v1/diagnostics": {
         parameters: {
             query?: never;
             header?: never;
@@ -1023,10 +1003,11 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Numbers for Prometheus
-         * @description Counters and gauges in Prometheus' text format.
+         * Get diagnostics for support
+         * @description One ZIP file to send to whoever helps: versions, grabbers, configuration without secrets, devices,
+         *     captures with their ledgers, jobs, the last lines of the log. No pictures, tokens or certificates.
          */
-        get: operations["get_metrics"];
+        get: operations["get_diagnostics"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1043,10 +1024,30 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * The API as a page
-         * @description This description as a page to read; it needs nothing from any other host.
+         * Read the API description as a page
+         * @description This description as a page to read; it loads nothing from any other host.
          */
         get: operations["get_docs"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/metrics": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Get metrics for Prometheus
+         * @description Counters and gauges in Prometheus' text format.
+         */
+        get: operations["get_metrics"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1072,7 +1073,7 @@ export interface components {
             age_days: number;
             /**
              * Activated Utc
-             * @description None for the configuration's, in force by itself.
+             * @description Null for the configuration's calibration, which needs no activation.
              */
             activated_utc: string | null;
         };
@@ -1080,15 +1081,15 @@ export interface components {
         AllDevices: "all";
         /**
          * AnalysisList
-         * @description A capture's analyses, the newest first.
+         * @description A capture's analyses, newest first.
          */
         AnalysisList: {
             /** Analyses */
             analyses: components["schemas"]["AnalysisRow"][];
         };
         /**
-         * AnalysisOrder
-         * @description An analysis as it is asked for; what is not given is not assumed, but said to lack.
+         * AnalysisRequest
+         * @description An analysis to run; missing inputs are not assumed, but reported as missing.
          * @example {
          *       "bursts": [
          *         "20260301T093100250Z-barn"
@@ -1117,17 +1118,17 @@ export interface components {
          *       }
          *     }
          */
-        AnalysisOrder: {
-            /** @description What is known beside the points, as `grabberd analyse --inputs` takes it: reference, material, vacuum, plane, heights_mm, phases, sought_kpa, free_rows. */
+        AnalysisRequest: {
+            /** @description What is known in addition to the points, as in `grabberd analyse --inputs`: reference, material, vacuum, plane, heights_mm, phases, sought_kpa, free_rows. */
             inputs?: components["schemas"]["JsonObject"];
             /**
              * Bursts
-             * @description Ids of further captures of the same liner, put together with it by phase.
+             * @description Ids of further captures of the same liner, to be merged with it by phase.
              */
             bursts?: string[];
             /**
              * Run
-             * @description Whose points; default: the latest.
+             * @description Run whose points to analyse; default: the latest.
              */
             run?: number | null;
             /**
@@ -1138,12 +1139,12 @@ export interface components {
         };
         /**
          * AnalysisRow
-         * @description An analysis as it is listed; of a damaged one only number and `problem` are known.
+         * @description An analysis in a list; of a damaged one only `analysis` and `problem` are known.
          */
         AnalysisRow: {
             /**
              * Analysis
-             * @description Its number, from 1; nothing is overwritten.
+             * @description Number of the analysis, from 1; no analysis is ever overwritten.
              */
             analysis: number;
             /** Created Utc */
@@ -1157,46 +1158,46 @@ export interface components {
             device?: string | null;
             /**
              * Run
-             * @description Whose points.
+             * @description Run whose points were analysed.
              */
             run?: number | null;
             /**
              * Bursts
-             * @description Captures put together with it by phase.
+             * @description Further captures that were merged with it by phase.
              */
             bursts?: string[];
-            /** @description As they were given. */
+            /** @description Inputs as they were given. */
             inputs?: components["schemas"]["JsonObject"];
             /**
              * Lacks
-             * @description What was not given, and its consequence.
+             * @description Missing inputs and their consequences.
              */
             lacks?: string[];
             /**
              * Problems
-             * @description What was survived.
+             * @description Problems in spite of which the analysis was completed.
              */
             problems?: string[];
             /**
              * Summary
-             * @description The row of the table `summary`, by the names of its columns.
+             * @description The row of the table `summary`, by column name.
              */
             summary?: {
                 [key: string]: number | null;
             };
             /**
              * Missing Extra
-             * @description What is not installed that draws the report.
+             * @description Optional part that draws the report and was not installed.
              */
             missing_extra?: string | null;
             /**
              * Page Problem
-             * @description Why else there is no page.
+             * @description Any other reason why there is no page.
              */
             page_problem?: string | null;
             /**
              * Problem
-             * @description Why it cannot be used.
+             * @description Why the analysis cannot be used.
              */
             problem?: string | null;
         };
@@ -1204,7 +1205,7 @@ export interface components {
         Bits: 1 | 2 | 3 | 4 | 5 | 6 | 8;
         /**
          * CalibrationChoice
-         * @description The calibration that a device is to measure with.
+         * @description The calibration that a device shall measure with.
          * @example {
          *       "id": "20260301T094211003Z"
          *     }
@@ -1214,7 +1215,7 @@ export interface components {
             id: string;
             /**
              * Device
-             * @description Name of the device; not needed where there is one.
+             * @description Name of the device; not needed if there is only one.
              */
             device?: string | null;
         };
@@ -1239,10 +1240,12 @@ export interface components {
             target_diameter_mm: number;
             /**
              * Size Mm
-             * @description From the first to the last target's centre, long side first.
+             * @description Distances between the centres of the outermost targets, the long side first.
              */
             size_mm: number[];
         };
+        /** @enum {string} */
+        CalibrationFrameTreatment: "weighted" | "held";
         /**
          * CalibrationList
          * @description A page of the calibrations, newest first, damaged ones last.
@@ -1252,87 +1255,52 @@ export interface components {
             calibrations: components["schemas"]["CalibrationRow"][];
             /**
              * Next
-             * @description `cursor` of the next page; None after the last.
+             * @description `cursor` of the next page; null after the last one.
              */
             next?: string | null;
         };
         /**
          * CalibrationOptions
-         * @description How a calibration is computed; what is left out is as `grabberd calibrate` has it.
+         * @description Options of the adjustment; the defaults are those of `grabberd calibrate`.
          */
         CalibrationOptions: {
-            /** @description By every mean's own σ (default), or equal ones, the paper's option. */
+            /** @description Weight each mean by its own σ (default), or all alike, the paper's option. */
             weights?: components["schemas"]["Weights"] | null;
-            /** @description Calibration-frame points by their σ (default), or held. */
-            frame?: components["schemas"]["FrameTreatment"] | null;
+            /** @description Weight the calibration frame's points by their σ (default), or hold them fixed. */
+            frame?: components["schemas"]["CalibrationFrameTreatment"] | null;
             /**
              * Shared
-             * @description Lens parameters that both views have in common: all, none (default), or these.
+             * @description Lens parameters that both views share: all, none (default), or these.
              */
             shared?: boolean | string[] | null;
             /**
              * Tied
-             * @description b9 = b8, the paper's own model.
+             * @description Set b9 = b8, as in the paper's model.
              */
             tied?: boolean | null;
             /**
              * Free
-             * @description Parameters to be adjusted, e.g. 'b3' or 'left.b3'; default: all.
+             * @description Parameters to adjust, e.g. 'b3' or 'left.b3'; default: all.
              */
             free?: string[] | null;
             /**
              * Alpha
-             * @description Of the tests for significance.
+             * @description Significance level of the tests.
              */
             alpha?: number | null;
             /**
              * Local Field
-             * @description Whether a smooth field of residuals may be added to the model.
+             * @description True if a smooth field of residuals may be added to the model.
              */
             local_field?: boolean | null;
-            /** @description Of both views; default: it is found. */
+            /** @description Handedness of both views; default: determined. */
             handedness?: components["schemas"]["Handedness"] | null;
-        };
-        /**
-         * CalibrationOrder
-         * @description A calibration to be made from a capture of the calibration frame, or a complete one to be stored.
-         * @example {
-         *       "calibration_frame": "paper-108",
-         *       "capture": "20260301T093000125Z-barn",
-         *       "note": "after the lens was cleaned"
-         *     }
-         */
-        CalibrationOrder: {
-            /**
-             * Capture
-             * @description Id of a capture of the calibration frame.
-             */
-            capture?: string | null;
-            /**
-             * Calibration Frame
-             * @description Name of a calibration frame that comes with the program, or its document; not needed where there is one.
-             */
-            calibration_frame?: string | components["schemas"]["JsonObject"] | null;
-            /** @description How it is computed. */
-            options?: components["schemas"]["CalibrationOptions"] | null;
-            /** @description A complete calibration, in place of a capture. */
-            document?: components["schemas"]["JsonObject"] | null;
-            /**
-             * Device
-             * @description Whose calibration it is; default: the capture's. Not needed where there is one.
-             */
-            device?: string | null;
-            /**
-             * Note
-             * @default
-             */
-            note?: string;
         };
         /** @enum {string} */
         CalibrationOrigin: "capture" | "import" | "configuration";
         /**
          * CalibrationRejection
-         * @description That a calibration was read and not accepted.
+         * @description A record that somebody read a calibration and did not accept it.
          */
         CalibrationRejection: {
             /** Rejected Utc */
@@ -1341,8 +1309,43 @@ export interface components {
             note: string;
         };
         /**
+         * CalibrationRequest
+         * @description A calibration to make from a capture of the calibration frame, or a complete one to store.
+         * @example {
+         *       "calibration_frame": "paper-108",
+         *       "capture": "20260301T093000125Z-barn",
+         *       "note": "after the lens was cleaned"
+         *     }
+         */
+        CalibrationRequest: {
+            /**
+             * Capture
+             * @description Id of a capture of the calibration frame.
+             */
+            capture?: string | null;
+            /**
+             * Calibration Frame
+             * @description Name of a calibration frame that comes with the program, or its document; not needed if there is only one.
+             */
+            calibration_frame?: string | components["schemas"]["JsonObject"] | null;
+            /** @description Options of the adjustment. */
+            options?: components["schemas"]["CalibrationOptions"] | null;
+            /** @description A complete calibration, in place of a capture. */
+            document?: components["schemas"]["JsonObject"] | null;
+            /**
+             * Device
+             * @description Device that the calibration belongs to; default: the capture's. Not needed if there is only one.
+             */
+            device?: string | null;
+            /**
+             * Note
+             * @default
+             */
+            note?: string;
+        };
+        /**
          * CalibrationRow
-         * @description A calibration as it is listed; of a damaged one only `id` and `problem` are known.
+         * @description A calibration in a list; of a damaged one only `id` and `problem` are known.
          */
         CalibrationRow: {
             /** Id */
@@ -1360,7 +1363,7 @@ export interface components {
             image: components["schemas"]["ImageSize"] | null;
             /**
              * Active
-             * @description A device measures with it.
+             * @description True if a device measures with it.
              */
             active: boolean;
             /** Note */
@@ -1376,10 +1379,10 @@ export interface components {
             problem: string | null;
             /**
              * Misfit
-             * @description Why it is not one of its device's pictures as they are now.
+             * @description Why it does not fit its device's present video format.
              */
             misfit: string | null;
-            /** @description Until it is activated after all. */
+            /** @description Its rejection, which activating the calibration takes back. */
             rejected: components["schemas"]["CalibrationRejection"] | null;
         };
         /**
@@ -1439,32 +1442,32 @@ export interface components {
             id: string;
             /** Device */
             device: string;
-            /** @description 'armed': it waits for its trigger; 'unsealed': the disk was too full to close it; it is sealed at the next start; 'disarmed': only as the answer to the stop of an armed one, of which nothing is left. */
+            /** @description 'armed': waiting for its trigger; 'unsealed': the disk was too full to close the file, which is sealed at the next start; 'disarmed': only in the response to stopping an armed capture, of which nothing remains. */
             state: components["schemas"]["CaptureState"];
-            /** @description None while it is recording. */
+            /** @description Null while it is recording. */
             verdict: components["schemas"]["Verdict"] | null;
             /** Ended Because */
             ended_because: string | null;
             /**
              * Created Utc
-             * @description When it began; of an armed one, since when it waits.
+             * @description Start of the capture; of an armed one, the time it was armed.
              */
             created_utc: string;
             /**
              * Trigger Utc
-             * @description When it was asked for, or triggered; None of older ones.
+             * @description Time of the request or the trigger; null in files of earlier versions.
              */
             trigger_utc: string | null;
             /**
              * Pre Trigger Fields
-             * @description So many fields of it lie before that moment.
+             * @description Number of its fields that lie before that moment.
              */
             pre_trigger_fields: number;
-            /** @description None of a capture that was made alone. */
+            /** @description Null for a capture that was started alone. */
             group?: components["schemas"]["GroupDocument"] | null;
             /**
              * First Field S
-             * @description From its start (`created_utc`), the same for all of a group, to its first field: a point's `time_s` and this are its time on the group's axis. None before there is a field.
+             * @description Time in seconds from its start (`created_utc`), which all captures of a group share, to its first field. Add it to a point's `time_s` to get the time on the group's axis. Null before the first field.
              */
             first_field_s?: number | null;
             /** Bits */
@@ -1473,7 +1476,7 @@ export interface components {
             lines: string;
             /**
              * Fields
-             * @description Fields that are in it.
+             * @description Number of fields in the capture.
              */
             fields: number;
             ledger: components["schemas"]["LedgerDocument"];
@@ -1489,12 +1492,12 @@ export interface components {
             pinned: boolean;
             /** Size Bytes */
             size_bytes: number;
-            /** @description What its points say of camera and mirrors: the worst verdict (fits, doubtful, moved, unmatched), and the means of shift_px and ratio; null where they say nothing. */
+            /** @description What its points tell about camera and mirrors: the worst verdict (fits, doubtful, moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing. */
             rig?: components["schemas"]["JsonObject"] | null;
         };
         /**
          * CaptureGroup
-         * @description Captures that begin at the same moment.
+         * @description Captures that start at the same moment.
          * @example {
          *       "captures": [
          *         {
@@ -1630,23 +1633,596 @@ export interface components {
             devices: string[];
             /**
              * Start Utc
-             * @description When all of them began; None while they are armed.
+             * @description Common start of all its captures; null while they are armed.
              */
             start_utc: string | null;
             /**
              * Start Ns
-             * @description The same moment by the computer's monotonic clock, which counts the fields' times.
+             * @description The same moment by the computer's monotonic clock, which also times the fields.
              */
             start_ns: number | null;
             /**
              * Captures
-             * @description Those that there are; a deleted one is left out.
+             * @description Captures that exist; deleted ones are left out.
              */
             captures: components["schemas"]["CaptureDocument"][];
         };
         /**
-         * CaptureGroupOrder
-         * @description Captures of several devices that begin at the same moment, each with the same length and bits.
+         * CaptureList
+         * @description A page of captures, newest first.
+         */
+        CaptureList: {
+            /** Captures */
+            captures: components["schemas"]["CaptureDocument"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
+        };
+        /**
+         * CapturePatch
+         * @description Changes to a capture's note, labels and pin; whatever is left out stays.
+         * @example {
+         *       "labels": {
+         *         "cow": "113"
+         *       },
+         *       "pinned": true
+         *     }
+         */
+        CapturePatch: {
+            /** Note */
+            note?: string | null;
+            /**
+             * Pinned
+             * @description A pinned capture is never deleted, neither on request nor by retention.
+             */
+            pinned?: boolean | null;
+            /** @description Labels to add to the present ones; null removes a label. */
+            labels?: components["schemas"]["LabelChanges"] | null;
+        };
+        /** @enum {string} */
+        CaptureState: "armed" | "recording" | "sealing" | "sealed" | "unsealed" | "damaged" | "disarmed";
+        /**
+         * Cause
+         * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
+         * @enum {string}
+         */
+        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed";
+        /**
+         * CheckRequest
+         * @description Options of a check; all of them can be left out.
+         * @example {
+         *       "duration_s": 10,
+         *       "in_place": true
+         *     }
+         */
+        CheckRequest: {
+            /**
+             * Calibration Frame
+             * @description Name of a calibration frame that comes with the program, or its document; not needed if there is only one.
+             */
+            calibration_frame?: string | components["schemas"]["JsonObject"] | null;
+            /**
+             * In Place
+             * @description True if the calibration frame stands exactly where it stood during calibration; a camera that has moved as a whole is then detected too.
+             * @default false
+             */
+            in_place?: boolean;
+            /**
+             * Duration S
+             * @description Length of the check's capture in seconds.
+             * @default 10
+             */
+            duration_s?: number;
+        };
+        /**
+         * DeviceDocument
+         * @description Present state of a device.
+         */
+        DeviceDocument: {
+            /** Name */
+            name: string;
+            state: components["schemas"]["DeviceState"];
+            /** Since Utc */
+            since_utc: string;
+            /** Cause */
+            cause: string | null;
+            /**
+             * Hint
+             * @description What to do about the cause.
+             */
+            hint: string | null;
+            /** @description Machine-readable code of the cause, the same for every driver. */
+            cause_code: components["schemas"]["Cause"] | null;
+            /** Driver */
+            driver: string;
+            stream: components["schemas"]["JsonObject"] | null;
+            /** Signal */
+            signal: string;
+            /**
+             * Rate Hz
+             * @description Fields per second; null while none arrive.
+             */
+            rate_hz: number | null;
+            /** Fields */
+            fields: {
+                [key: string]: number;
+            };
+            /** Openings */
+            openings: number;
+            /**
+             * Recoveries
+             * @description Number of times each recovery step was taken since the daemon started.
+             */
+            recoveries: {
+                [key: string]: number;
+            };
+            /**
+             * Last Failure
+             * @description Reason for the latest recovery step.
+             */
+            last_failure: string | null;
+            /**
+             * Last Failure Utc
+             * @description Time since when that has been the reason.
+             */
+            last_failure_utc: string | null;
+            ring: components["schemas"]["RingDocument"];
+            /** Views */
+            views: {
+                [key: string]: components["schemas"]["ViewColumnsDocument"];
+            };
+            calibration: components["schemas"]["ActiveCalibration"] | null;
+            /**
+             * Lacks
+             * @description What keeps the device from measuring, as /readyz reports it.
+             */
+            lacks: components["schemas"]["DeviceLackDocument"][];
+            /**
+             * Warnings
+             * @description Warnings for people, in sentences.
+             */
+            warnings: string[];
+            /**
+             * Capture Id
+             * @description The capture that is being recorded.
+             */
+            capture_id: string | null;
+            /**
+             * Armed Capture Id
+             * @description The capture that is waiting for its trigger.
+             */
+            armed_capture_id: string | null;
+            /**
+             * Group Id
+             * @description The group of that capture.
+             */
+            group_id: string | null;
+            /** @description Null before the first second of measuring. */
+            rig: components["schemas"]["RigDocument"] | null;
+            live: components["schemas"]["LiveDocument"] | null;
+        };
+        /**
+         * DeviceLackDocument
+         * @description A reason why a device cannot measure.
+         */
+        DeviceLackDocument: {
+            lacks: components["schemas"]["LackKind"];
+            /** Message */
+            message: string;
+            /** Hint */
+            hint: string;
+            /** @description Machine-readable code of the cause. */
+            cause_code: components["schemas"]["Cause"] | null;
+        };
+        /**
+         * DeviceList
+         * @description The devices of the configuration, in its sequence.
+         */
+        DeviceList: {
+            /** Devices */
+            devices: components["schemas"]["DeviceDocument"][];
+        };
+        DeviceNames: string[];
+        /**
+         * DeviceSettings
+         * @description Settings in force for a device.
+         */
+        DeviceSettings: {
+            threshold: components["schemas"]["ThresholdConfig"];
+            /**
+             * As Configured
+             * @description True if the configuration's settings are in force.
+             */
+            as_configured: boolean;
+        };
+        /**
+         * DeviceState
+         * @description State of a grabber, as an operator needs to know it.
+         * @enum {string}
+         */
+        DeviceState: "absent" | "opening" | "no_signal" | "ready" | "capturing" | "recovering" | "failed" | "ended";
+        /**
+         * FieldPoints
+         * @description The points of one field of a capture.
+         */
+        FieldPoints: {
+            /** Target */
+            target: number[];
+            /** X Mm */
+            x_mm: number[];
+            /** Y Mm */
+            y_mm: number[];
+            /** Z Mm */
+            z_mm: number[];
+            /**
+             * Sigma X Mm
+             * @description Standard deviation from pointing and line jitter.
+             */
+            sigma_x_mm: number[];
+            /** Sigma Y Mm */
+            sigma_y_mm: number[];
+            /** Sigma Z Mm */
+            sigma_z_mm: number[];
+            /**
+             * Calibration Sigma X Mm
+             * @description Standard deviation from the calibration; common to all fields.
+             */
+            calibration_sigma_x_mm: number[];
+            /** Calibration Sigma Y Mm */
+            calibration_sigma_y_mm: number[];
+            /** Calibration Sigma Z Mm */
+            calibration_sigma_z_mm: number[];
+            /** Residual Px */
+            residual_px: number[];
+            /** N */
+            n: number;
+            /**
+             * Time S
+             * @description Time since the capture's first field.
+             */
+            time_s: number;
+        };
+        Glass: {
+            [key: string]: number;
+        };
+        /**
+         * GroupDocument
+         * @description The group to which a capture belongs.
+         */
+        GroupDocument: {
+            /** Id */
+            id: string;
+            /** Devices */
+            devices: string[];
+            /**
+             * Start Utc
+             * @description Common start of all its captures; null while they are armed.
+             */
+            start_utc: string | null;
+            /**
+             * Start Ns
+             * @description The same moment by the computer's monotonic clock, which also times the fields.
+             */
+            start_ns: number | null;
+        };
+        /** @enum {integer} */
+        Handedness: -1 | 1;
+        /**
+         * HealthDocument
+         * @description The daemon is serving.
+         */
+        HealthDocument: {
+            /**
+             * Status
+             * @default ok
+             * @constant
+             */
+            status?: "ok";
+            /** Version */
+            version: string;
+        };
+        /**
+         * IdentificationRequest
+         * @description The calibration frame to look for.
+         * @example {
+         *       "calibration_frame": "paper-108"
+         *     }
+         */
+        IdentificationRequest: {
+            /**
+             * Calibration Frame
+             * @description Its name or its document; not needed if there is only one.
+             */
+            calibration_frame?: string | components["schemas"]["JsonObject"] | null;
+        };
+        ImageSize: {
+            [key: string]: number;
+        };
+        /** @enum {string} */
+        InterruptionPolicy: "continue" | "end";
+        /**
+         * JobDocument
+         * @description A task that takes long and runs in the background.
+         * @example {
+         *       "created_utc": "2026-03-01T10:02:11.480Z",
+         *       "id": "job-1764000003",
+         *       "kind": "measure",
+         *       "progress": 0.42,
+         *       "state": "running",
+         *       "subject": "20260301T093000125Z-barn"
+         *     }
+         */
+        JobDocument: {
+            /** Id */
+            id: string;
+            /** Kind */
+            kind: string;
+            /** Subject */
+            subject: string;
+            state: components["schemas"]["JobState"];
+            /** Created Utc */
+            created_utc: string;
+            /** Progress */
+            progress: number;
+            /** Result */
+            result?: unknown;
+            /** @description Message and hint of a failed job. */
+            problem?: components["schemas"]["JobProblem"] | null;
+        };
+        /**
+         * JobList
+         * @description A page of the jobs since the daemon started, newest first.
+         */
+        JobList: {
+            /** Jobs */
+            jobs: components["schemas"]["JobDocument"][];
+            /**
+             * Next
+             * @description `cursor` of the next page; null after the last one.
+             */
+            next?: string | null;
+        };
+        JobProblem: {
+            [key: string]: string;
+        };
+        /**
+         * JobState
+         * @description Progress of a job.
+         * @enum {string}
+         */
+        JobState: "queued" | "running" | "done" | "failed" | "cancelled";
+        JsonObject: {
+            [key: string]: unknown;
+        };
+        LabelChanges: {
+            [key: string]: string | null;
+        };
+        Labels: {
+            [key: string]: string;
+        };
+        /**
+         * LackDocument
+         * @description A reason why a device cannot measure, with the device's name.
+         */
+        LackDocument: {
+            /** Device */
+            device: string;
+            lacks: components["schemas"]["LackKind"];
+            /** Message */
+            message: string;
+            /** Hint */
+            hint: string;
+            /** @description Machine-readable code of the cause. */
+            cause_code: components["schemas"]["Cause"] | null;
+        };
+        /** @enum {string} */
+        LackKind: "device" | "signal" | "calibration";
+        Latency: {
+            [key: string]: number;
+        };
+        /**
+         * LedgerDocument
+         * @description Outcome of every field that should have arrived.
+         */
+        LedgerDocument: {
+            /** Complete */
+            complete: boolean;
+            /** In Words */
+            in_words: string;
+            /** Counts */
+            counts: {
+                [key: string]: number;
+            };
+            /** Entries */
+            entries: components["schemas"]["LedgerEntryDocument"][];
+        };
+        /**
+         * LedgerEntryDocument
+         * @description Consecutive fields that did not arrive intact.
+         */
+        LedgerEntryDocument: {
+            /** First N */
+            first_n: number;
+            /** Count */
+            count: number;
+            outcome: components["schemas"]["Outcome"];
+            /** Reason */
+            reason: string;
+        };
+        /**
+         * LightDocument
+         * @description Illumination of the newest field, view by view.
+         */
+        LightDocument: {
+            /** Threshold */
+            threshold: number;
+            /** Views */
+            views: {
+                [key: string]: components["schemas"]["ViewLightDocument"];
+            };
+        };
+        /** @enum {string} */
+        LinesKind: "doubled" | "field";
+        /**
+         * LiveDocument
+         * @description The newest measured field.
+         */
+        LiveDocument: {
+            /** N */
+            n: number;
+            /** Blobs */
+            blobs: number;
+            /** @description Number of complete targets in each view. */
+            views: components["schemas"]["ViewCounts"] | null;
+            /** Points */
+            points: number;
+            /** Residual Px */
+            residual_px: number | null;
+            /**
+             * Widths
+             * @description Distances between targets that face each other in the middle row, the outermost first.
+             */
+            widths: components["schemas"]["WidthDocument"][];
+            latency_ms: components["schemas"]["Latency"] | null;
+        };
+        /**
+         * MadeWith
+         * @description Documents that points were measured with; null if unknown.
+         */
+        MadeWith: {
+            calibration: components["schemas"]["JsonObject"] | null;
+            object: components["schemas"]["JsonObject"] | null;
+            settings: components["schemas"]["JsonObject"] | null;
+        };
+        /**
+         * MapDocument
+         * @description The targets of one field, or of one phase of the mean cycle.
+         */
+        MapDocument: {
+            /** Field */
+            field: number | null;
+            /** Phase */
+            phase: number | null;
+            /**
+             * Units
+             * @description Unit of each column, by column name.
+             */
+            units: {
+                [key: string]: string;
+            };
+            /**
+             * Columns
+             * @description One value per target, in the same sequence in every column; null where there is none.
+             */
+            columns: {
+                [key: string]: unknown[];
+            };
+        };
+        /**
+         * MqttDocument
+         * @description Connection to the MQTT broker that receives device states and capture summaries.
+         */
+        MqttDocument: {
+            /** Connected */
+            connected: boolean;
+            /** Since Utc */
+            since_utc: string;
+            /**
+             * Problem
+             * @description The latest problem that has not been resolved.
+             */
+            problem: string | null;
+            /**
+             * Waiting Captures
+             * @description Finished captures that are not acknowledged yet.
+             */
+            waiting_captures: number;
+            /**
+             * Acknowledged Captures
+             * @description Captures acknowledged since the daemon started.
+             */
+            acknowledged_captures: number;
+            /**
+             * Missed Captures
+             * @description Captures that were deleted before their summaries could be stored.
+             */
+            missed_captures: number;
+        };
+        /**
+         * NewCapture
+         * @description A capture to start or arm: a number of fields, a number of seconds, or until it is stopped.
+         * @example {
+         *       "fields": 64,
+         *       "labels": {
+         *         "cow": "112",
+         *         "teat": "front left"
+         *       },
+         *       "note": "new liners"
+         *     }
+         * @example {
+         *       "armed": true,
+         *       "bits": 8,
+         *       "post_trigger_fields": 500,
+         *       "pre_trigger_fields": 25
+         *     }
+         */
+        NewCapture: {
+            /**
+             * Armed
+             * @description Wait for a trigger: POST captures/{capture_id}/trigger.
+             * @default false
+             */
+            armed?: boolean;
+            /**
+             * Fields
+             * @description Length in fields of 20 ms, including lost ones.
+             */
+            fields?: number | null;
+            /**
+             * Duration S
+             * @description Length in seconds.
+             */
+            duration_s?: number | null;
+            /** @description Bits per pixel; default: as configured. */
+            bits?: components["schemas"]["Bits"] | null;
+            /** @description 'doubled' (default at 1 bit) or 'field' (default for grey). */
+            lines?: components["schemas"]["LinesKind"] | null;
+            /**
+             * Pre Trigger Fields
+             * @description Number of fields before the request, or before the trigger of an armed capture, to include: those that the ring still holds, at most its number of slots.
+             * @default 0
+             */
+            pre_trigger_fields?: number;
+            /**
+             * Post Trigger Fields
+             * @description Armed captures only: number of fields from the trigger on; default: until stopped.
+             */
+            post_trigger_fields?: number | null;
+            /**
+             * @description What to do about fields that the ring loses because the computer is too busy: count them, or stop there.
+             * @default count
+             */
+            overrun?: components["schemas"]["OverrunPolicy"];
+            /** @description What to do when the device stops delivering: 'continue' with the gap in the ledger, or 'end'; default: as configured. */
+            on_interruption?: components["schemas"]["InterruptionPolicy"] | null;
+            /**
+             * Note
+             * @default
+             */
+            note?: string;
+            /** @description Cow, teat, liner, … */
+            labels?: components["schemas"]["Labels"];
+            /**
+             * Device
+             * @description Name of the device; not needed if there is only one.
+             */
+            device?: string | null;
+        };
+        /**
+         * NewCaptureGroup
+         * @description Captures of several devices to start at the same moment, all with the same length and bits.
          * @example {
          *       "devices": "all",
          *       "duration_s": 60,
@@ -1671,16 +2247,16 @@ export interface components {
          *       "pre_trigger_fields": 25
          *     }
          */
-        CaptureGroupOrder: {
+        NewCaptureGroup: {
             /**
              * Armed
-             * @description It waits for its trigger: POST captures/{capture_id}/trigger.
+             * @description Wait for a trigger: POST captures/{capture_id}/trigger.
              * @default false
              */
             armed?: boolean;
             /**
              * Fields
-             * @description Length in fields of 20 ms, lost ones included.
+             * @description Length in fields of 20 ms, including lost ones.
              */
             fields?: number | null;
             /**
@@ -1688,27 +2264,27 @@ export interface components {
              * @description Length in seconds.
              */
             duration_s?: number | null;
-            /** @description Bits a pixel; default: as configured. */
+            /** @description Bits per pixel; default: as configured. */
             bits?: components["schemas"]["Bits"] | null;
             /** @description 'doubled' (default at 1 bit) or 'field' (default for grey). */
             lines?: components["schemas"]["LinesKind"] | null;
             /**
              * Pre Trigger Fields
-             * @description Fields before the request, or before the trigger of an armed one, that belong to it: as many as the ring has, at most its slots.
+             * @description Number of fields before the request, or before the trigger of an armed capture, to include: those that the ring still holds, at most its number of slots.
              * @default 0
              */
             pre_trigger_fields?: number;
             /**
              * Post Trigger Fields
-             * @description Of an armed one: fields from the trigger on; default: until stopped.
+             * @description Armed captures only: number of fields from the trigger on; default: until stopped.
              */
             post_trigger_fields?: number | null;
             /**
-             * @description Fields that the ring loses because the computer is too busy: count them, or stop there.
+             * @description What to do about fields that the ring loses because the computer is too busy: count them, or stop there.
              * @default count
              */
             overrun?: components["schemas"]["OverrunPolicy"];
-            /** @description When the device fails to deliver: 'continue' with the gap in the ledger, or 'end'; default: as configured. */
+            /** @description What to do when the device stops delivering: 'continue' with the gap in the ledger, or 'end'; default: as configured. */
             on_interruption?: components["schemas"]["InterruptionPolicy"] | null;
             /**
              * Note
@@ -1719,596 +2295,21 @@ export interface components {
             labels?: components["schemas"]["Labels"];
             /**
              * Devices
-             * @description Their names, or 'all'.
+             * @description Names of the devices, or 'all'.
              * @default all
              */
             devices?: components["schemas"]["AllDevices"] | components["schemas"]["DeviceNames"];
             /**
              * Labels Of
-             * @description Labels of single devices' captures, beside those of all.
+             * @description Labels of individual devices' captures, in addition to `labels`.
              */
             labels_of?: {
                 [key: string]: components["schemas"]["Labels"];
             };
         };
         /**
-         * CaptureList
-         * @description A page of captures, newest first.
-         */
-        CaptureList: {
-            /** Captures */
-            captures: components["schemas"]["CaptureDocument"][];
-            /**
-             * Next
-             * @description `cursor` of the next page; None after the last.
-             */
-            next?: string | null;
-        };
-        /**
-         * CaptureOrder
-         * @description A capture as it is asked for: so many fields, so many seconds, or until it is stopped.
-         * @example {
-         *       "fields": 64,
-         *       "labels": {
-         *         "cow": "112",
-         *         "teat": "front left"
-         *       },
-         *       "note": "new liners"
-         *     }
-         * @example {
-         *       "armed": true,
-         *       "bits": 8,
-         *       "post_trigger_fields": 500,
-         *       "pre_trigger_fields": 25
-         *     }
-         */
-        CaptureOrder: {
-            /**
-             * Armed
-             * @description It waits for its trigger: POST captures/{capture_id}/trigger.
-             * @default false
-             */
-            armed?: boolean;
-            /**
-             * Fields
-             * @description Length in fields of 20 ms, lost ones included.
-             */
-            fields?: number | null;
-            /**
-             * Duration S
-             * @description Length in seconds.
-             */
-            duration_s?: number | null;
-            /** @description Bits a pixel; default: as configured. */
-            bits?: components["schemas"]["Bits"] | null;
-            /** @description 'doubled' (default at 1 bit) or 'field' (default for grey). */
-            lines?: components["schemas"]["LinesKind"] | null;
-            /**
-             * Pre Trigger Fields
-             * @description Fields before the request, or before the trigger of an armed one, that belong to it: as many as the ring has, at most its slots.
-             * @default 0
-             */
-            pre_trigger_fields?: number;
-            /**
-             * Post Trigger Fields
-             * @description Of an armed one: fields from the trigger on; default: until stopped.
-             */
-            post_trigger_fields?: number | null;
-            /**
-             * @description Fields that the ring loses because the computer is too busy: count them, or stop there.
-             * @default count
-             */
-            overrun?: components["schemas"]["OverrunPolicy"];
-            /** @description When the device fails to deliver: 'continue' with the gap in the ledger, or 'end'; default: as configured. */
-            on_interruption?: components["schemas"]["InterruptionPolicy"] | null;
-            /**
-             * Note
-             * @default
-             */
-            note?: string;
-            /** @description Cow, teat, liner, … */
-            labels?: components["schemas"]["Labels"];
-            /**
-             * Device
-             * @description Name of the device; not needed where there is one.
-             */
-            device?: string | null;
-        };
-        /**
-         * CapturePatch
-         * @description What changes of what is said of a capture; what is left out stays.
-         * @example {
-         *       "labels": {
-         *         "cow": "113"
-         *       },
-         *       "pinned": true
-         *     }
-         */
-        CapturePatch: {
-            /** Note */
-            note?: string | null;
-            /**
-             * Pinned
-             * @description A pinned capture is not deleted, by nobody.
-             */
-            pinned?: boolean | null;
-            /** @description Added to those it has; null takes one away. */
-            labels?: components["schemas"]["LabelChanges"] | null;
-        };
-        /** @enum {string} */
-        CaptureState: "armed" | "recording" | "sealing" | "sealed" | "unsealed" | "damaged" | "disarmed";
-        /**
-         * Cause
-         * @description Why the instrument cannot do its work, in a word that programs and the page's texts go by.
-         * @enum {string}
-         */
-        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed";
-        /**
-         * CheckOrder
-         * @description A check as it is asked for; all of it may be left out.
-         * @example {
-         *       "duration_s": 10,
-         *       "in_place": true
-         *     }
-         */
-        CheckOrder: {
-            /**
-             * Calibration Frame
-             * @description Name of a calibration frame that comes with the program, or its document; not needed where there is one.
-             */
-            calibration_frame?: string | components["schemas"]["JsonObject"] | null;
-            /**
-             * In Place
-             * @description The calibration frame stands exactly where it stood at the calibration; then a camera that has moved as a whole is seen too.
-             * @default false
-             */
-            in_place?: boolean;
-            /**
-             * Duration S
-             * @description Length of its capture in seconds.
-             * @default 10
-             */
-            duration_s?: number;
-        };
-        /**
-         * DeviceDocument
-         * @description A device at this moment.
-         */
-        DeviceDocument: {
-            /** Name */
-            name: string;
-            state: components["schemas"]["DeviceState"];
-            /** Since Utc */
-            since_utc: string;
-            /** Cause */
-            cause: string | null;
-            /**
-             * Hint
-             * @description What can be done about the cause.
-             */
-            hint: string | null;
-            /** @description The cause in a word, the same for every driver. */
-            cause_code: components["schemas"]["Cause"] | null;
-            /** Driver */
-            driver: string;
-            stream: components["schemas"]["JsonObject"] | null;
-            /** Signal */
-            signal: string;
-            /**
-             * Rate Hz
-             * @description Fields that come a second; None while none do.
-             */
-            rate_hz: number | null;
-            /** Fields */
-            fields: {
-                [key: string]: number;
-            };
-            /** Openings */
-            openings: number;
-            /**
-             * Recoveries
-             * @description How often each step was taken to have it deliver again, since the daemon started.
-             */
-            recoveries: {
-                [key: string]: number;
-            };
-            /**
-             * Last Failure
-             * @description Why the last of them was taken.
-             */
-            last_failure: string | null;
-            /**
-             * Last Failure Utc
-             * @description Since when for that reason.
-             */
-            last_failure_utc: string | null;
-            ring: components["schemas"]["RingDocument"];
-            /** Views */
-            views: {
-                [key: string]: components["schemas"]["ViewColumnsDocument"];
-            };
-            calibration: components["schemas"]["ActiveCalibration"] | null;
-            /**
-             * Lacks
-             * @description What keeps it from measuring; the same as /readyz.
-             */
-            lacks: components["schemas"]["DeviceLackDocument"][];
-            /**
-             * Warnings
-             * @description What a person has to know of it, in sentences.
-             */
-            warnings: string[];
-            /**
-             * Capture Id
-             * @description The capture that is being recorded.
-             */
-            capture_id: string | null;
-            /**
-             * Armed Capture Id
-             * @description The capture that waits for its trigger.
-             */
-            armed_capture_id: string | null;
-            /**
-             * Group Id
-             * @description The group that either of them belongs to.
-             */
-            group_id: string | null;
-            /** @description None before the first second of measuring. */
-            rig: components["schemas"]["RigDocument"] | null;
-            live: components["schemas"]["LiveDocument"] | null;
-        };
-        /**
-         * DeviceLackDocument
-         * @description What keeps a device from measuring.
-         */
-        DeviceLackDocument: {
-            lacks: components["schemas"]["LackKind"];
-            /** Message */
-            message: string;
-            /** Hint */
-            hint: string;
-            /** @description The same in a word. */
-            cause_code: components["schemas"]["Cause"] | null;
-        };
-        /**
-         * DeviceList
-         * @description The devices, as they stand in the configuration.
-         */
-        DeviceList: {
-            /** Devices */
-            devices: components["schemas"]["DeviceDocument"][];
-        };
-        DeviceNames: string[];
-        /**
-         * DeviceSettings
-         * @description What is in force for a device.
-         */
-        DeviceSettings: {
-            threshold: components["schemas"]["ThresholdConfig"];
-            /**
-             * As Configured
-             * @description Nothing else was set.
-             */
-            as_configured: boolean;
-        };
-        /**
-         * DeviceState
-         * @description What an operator needs to know of a grabber, in a word.
-         * @enum {string}
-         */
-        DeviceState: "absent" | "opening" | "no_signal" | "ready" | "capturing" | "recovering" | "failed" | "ended";
-        /**
-         * FieldPoints
-         * @description The points of one field of a capture.
-         */
-        FieldPoints: {
-            /** Target */
-            target: number[];
-            /** X Mm */
-            x_mm: number[];
-            /** Y Mm */
-            y_mm: number[];
-            /** Z Mm */
-            z_mm: number[];
-            /**
-             * Sigma X Mm
-             * @description From pointing and line jitter.
-             */
-            sigma_x_mm: number[];
-            /** Sigma Y Mm */
-            sigma_y_mm: number[];
-            /** Sigma Z Mm */
-            sigma_z_mm: number[];
-            /**
-             * Calibration Sigma X Mm
-             * @description From the calibration; common to all fields.
-             */
-            calibration_sigma_x_mm: number[];
-            /** Calibration Sigma Y Mm */
-            calibration_sigma_y_mm: number[];
-            /** Calibration Sigma Z Mm */
-            calibration_sigma_z_mm: number[];
-            /** Residual Px */
-            residual_px: number[];
-            /** N */
-            n: number;
-            /**
-             * Time S
-             * @description Since the capture's first field.
-             */
-            time_s: number;
-        };
-        /** @enum {string} */
-        FrameTreatment: "weighted" | "held";
-        Glass: {
-            [key: string]: number;
-        };
-        /**
-         * GroupDocument
-         * @description The group of a capture that was made together with others.
-         */
-        GroupDocument: {
-            /** Id */
-            id: string;
-            /** Devices */
-            devices: string[];
-            /**
-             * Start Utc
-             * @description When all of them began; None while they are armed.
-             */
-            start_utc: string | null;
-            /**
-             * Start Ns
-             * @description The same moment by the computer's monotonic clock.
-             */
-            start_ns: number | null;
-        };
-        /** @enum {integer} */
-        Handedness: -1 | 1;
-        /**
-         * HealthDocument
-         * @description The daemon serves.
-         */
-        HealthDocument: {
-            /**
-             * Status
-             * @default ok
-             * @constant
-             */
-            status?: "ok";
-            /** Version */
-            version: string;
-        };
-        /**
-         * IdentificationOrder
-         * @description Which calibration frame is looked for.
-         * @example {
-         *       "calibration_frame": "paper-108"
-         *     }
-         */
-        IdentificationOrder: {
-            /**
-             * Calibration Frame
-             * @description Its name or its document; not needed where there is one.
-             */
-            calibration_frame?: string | components["schemas"]["JsonObject"] | null;
-        };
-        ImageSize: {
-            [key: string]: number;
-        };
-        /** @enum {string} */
-        InterruptionPolicy: "continue" | "end";
-        /**
-         * JobDocument
-         * @description Something that takes long.
-         * @example {
-         *       "created_utc": "2026-03-01T10:02:11.480Z",
-         *       "id": "job-1764000003",
-         *       "kind": "measure",
-         *       "progress": 0.42,
-         *       "state": "running",
-         *       "subject": "20260301T093000125Z-barn"
-         *     }
-         */
-        JobDocument: {
-            /** Id */
-            id: string;
-            /** Kind */
-            kind: string;
-            /** Subject */
-            subject: string;
-            state: components["schemas"]["JobState"];
-            /** Created Utc */
-            created_utc: string;
-            /** Progress */
-            progress: number;
-            /** Result */
-            result?: unknown;
-            /** @description Its message and hint, where it failed. */
-            problem?: components["schemas"]["JobProblem"] | null;
-        };
-        /**
-         * JobList
-         * @description A page of the jobs since the daemon started, newest first.
-         */
-        JobList: {
-            /** Jobs */
-            jobs: components["schemas"]["JobDocument"][];
-            /**
-             * Next
-             * @description `cursor` of the next page; None after the last.
-             */
-            next?: string | null;
-        };
-        JobProblem: {
-            [key: string]: string;
-        };
-        /**
-         * JobState
-         * @description Where a job stands.
-         * @enum {string}
-         */
-        JobState: "queued" | "running" | "done" | "failed" | "cancelled";
-        JsonObject: {
-            [key: string]: unknown;
-        };
-        LabelChanges: {
-            [key: string]: string | null;
-        };
-        Labels: {
-            [key: string]: string;
-        };
-        /**
-         * LackDocument
-         * @description What keeps a device from measuring.
-         */
-        LackDocument: {
-            /** Device */
-            device: string;
-            lacks: components["schemas"]["LackKind"];
-            /** Message */
-            message: string;
-            /** Hint */
-            hint: string;
-            /** @description The same in a word. */
-            cause_code: components["schemas"]["Cause"] | null;
-        };
-        /** @enum {string} */
-        LackKind: "device" | "signal" | "calibration";
-        Latency: {
-            [key: string]: number;
-        };
-        /**
-         * LedgerDocument
-         * @description What became of every field that should have come.
-         */
-        LedgerDocument: {
-            /** Complete */
-            complete: boolean;
-            /** In Words */
-            in_words: string;
-            /** Counts */
-            counts: {
-                [key: string]: number;
-            };
-            /** Entries */
-            entries: components["schemas"]["LedgerEntryDocument"][];
-        };
-        /**
-         * LedgerEntryDocument
-         * @description Consecutive fields that did not come whole.
-         */
-        LedgerEntryDocument: {
-            /** First N */
-            first_n: number;
-            /** Count */
-            count: number;
-            outcome: components["schemas"]["Outcome"];
-            /** Reason */
-            reason: string;
-        };
-        /**
-         * LightDocument
-         * @description How the newest field is lit, view by view.
-         */
-        LightDocument: {
-            /** Threshold */
-            threshold: number;
-            /** Views */
-            views: {
-                [key: string]: components["schemas"]["ViewLightDocument"];
-            };
-        };
-        /** @enum {string} */
-        LinesKind: "doubled" | "field";
-        /**
-         * LiveDocument
-         * @description The newest measured field.
-         */
-        LiveDocument: {
-            /** N */
-            n: number;
-            /** Blobs */
-            blobs: number;
-            /** @description How many targets each view shows whole. */
-            views: components["schemas"]["ViewCounts"] | null;
-            /** Points */
-            points: number;
-            /** Residual Px */
-            residual_px: number | null;
-            /**
-             * Widths
-             * @description Of targets that face each other in the middle row, the outermost first.
-             */
-            widths: components["schemas"]["WidthDocument"][];
-            latency_ms: components["schemas"]["Latency"] | null;
-        };
-        /**
-         * MadeWith
-         * @description What points were made with; null where it is not known.
-         */
-        MadeWith: {
-            calibration: components["schemas"]["JsonObject"] | null;
-            object: components["schemas"]["JsonObject"] | null;
-            settings: components["schemas"]["JsonObject"] | null;
-        };
-        /**
-         * MapDocument
-         * @description The targets of one field, or of one phase of the mean cycle.
-         */
-        MapDocument: {
-            /** Field */
-            field: number | null;
-            /** Phase */
-            phase: number | null;
-            /**
-             * Units
-             * @description By the name of a column.
-             */
-            units: {
-                [key: string]: string;
-            };
-            /**
-             * Columns
-             * @description A value for each target, in the same order everywhere; null where there is none.
-             */
-            columns: {
-                [key: string]: unknown[];
-            };
-        };
-        /**
-         * MqttDocument
-         * @description The broker that is told of devices and captures.
-         */
-        MqttDocument: {
-            /** Connected */
-            connected: boolean;
-            /** Since Utc */
-            since_utc: string;
-            /**
-             * Problem
-             * @description What went wrong last, and has not gone well since.
-             */
-            problem: string | null;
-            /**
-             * Waiting Captures
-             * @description Captures that have ended and are not acknowledged yet.
-             */
-            waiting_captures: number;
-            /**
-             * Acknowledged Captures
-             * @description Since the daemon started.
-             */
-            acknowledged_captures: number;
-            /**
-             * Missed Captures
-             * @description Deleted before their summaries could be kept.
-             */
-            missed_captures: number;
-        };
-        /**
          * NewestPoints
-         * @description The points of the newest measured field: the same target in the same place of every list.
+         * @description The points of the newest measured field; every list has the targets in the same sequence.
          */
         NewestPoints: {
             /** Target */
@@ -2321,7 +2322,7 @@ export interface components {
             z_mm: number[];
             /**
              * Sigma X Mm
-             * @description From pointing and line jitter.
+             * @description Standard deviation from pointing and line jitter.
              */
             sigma_x_mm: number[];
             /** Sigma Y Mm */
@@ -2330,7 +2331,7 @@ export interface components {
             sigma_z_mm: number[];
             /**
              * Calibration Sigma X Mm
-             * @description From the calibration; common to all fields.
+             * @description Standard deviation from the calibration; common to all fields.
              */
             calibration_sigma_x_mm: number[];
             /** Calibration Sigma Y Mm */
@@ -2345,13 +2346,13 @@ export interface components {
             n: number;
             /**
              * Utc
-             * @description Middle of its exposure.
+             * @description Middle of the field's exposure.
              */
             utc: string;
         };
         /**
          * NotReadyProblem
-         * @description Some device cannot measure.
+         * @description A device cannot measure.
          * @example {
          *       "detail": "capture 20260301T093000125Z-barn is running",
          *       "hint": "stop it first: POST /api/v1/captures/20260301T093000125Z-barn/stop",
@@ -2363,7 +2364,7 @@ export interface components {
         NotReadyProblem: {
             /**
              * Type
-             * @description Its kind, for programs.
+             * @description Machine-readable problem type.
              */
             type: string;
             /** Title */
@@ -2379,7 +2380,7 @@ export interface components {
         };
         /**
          * ObjectDocument
-         * @description An object model: the same target in the same place of every list.
+         * @description An object model; every list has the targets in the same sequence.
          */
         ObjectDocument: {
             /** Name */
@@ -2388,7 +2389,7 @@ export interface components {
             target_diameter_mm: number;
             /**
              * Sigma Mm
-             * @description Standard deviation of the nominal places.
+             * @description Standard deviation of the nominal coordinates.
              */
             sigma_mm: number;
             /** Target */
@@ -2467,7 +2468,7 @@ export interface components {
             run: number;
             /**
              * Every
-             * @description Only fields whose number this divides are here.
+             * @description Only fields whose number is a multiple of this are included.
              */
             every: number;
             /** Fields */
@@ -2475,7 +2476,7 @@ export interface components {
         };
         /**
          * Problem
-         * @description A problem document; `hint` says what to do.
+         * @description A problem document; `hint` tells what to do.
          * @example {
          *       "detail": "capture 20260301T093000125Z-barn is running",
          *       "hint": "stop it first: POST /api/v1/captures/20260301T093000125Z-barn/stop",
@@ -2487,7 +2488,7 @@ export interface components {
         Problem: {
             /**
              * Type
-             * @description Its kind, for programs.
+             * @description Machine-readable problem type.
              */
             type: string;
             /** Title */
@@ -2501,28 +2502,28 @@ export interface components {
         };
         /**
          * PulsationDocument
-         * @description How fast the liner before a device pulsated last; nothing but None where that is not known.
+         * @description Latest known pulsation rate of the liner before a device; all null where it is not known.
          */
         PulsationDocument: {
             /**
              * Rate Per Min
-             * @description Pulsations a minute.
+             * @description Pulsations per minute.
              */
             rate_per_min: number | null;
             /**
              * Capture
-             * @description The newest analysed capture of the device: it was found there.
+             * @description The device's newest analysed capture, from which the rate was determined.
              */
             capture: string | null;
             /**
              * Analysis
-             * @description The number of its analysis.
+             * @description Number of its analysis.
              */
             analysis: number | null;
         };
         /**
          * ReadyDocument
-         * @description Every device measures.
+         * @description Every device can measure.
          */
         ReadyDocument: {
             /**
@@ -2533,13 +2534,13 @@ export interface components {
             status?: "ready";
         };
         /**
-         * RejectionOrder
+         * RejectionRequest
          * @description Why a calibration is not accepted.
          * @example {
          *       "note": "the frame was touched while it was captured"
          *     }
          */
-        RejectionOrder: {
+        RejectionRequest: {
             /**
              * Note
              * @default
@@ -2548,18 +2549,18 @@ export interface components {
         };
         /**
          * RigDocument
-         * @description Whether camera and mirrors still are as they were calibrated, from the last seconds' pictures.
+         * @description Agreement of camera and mirrors with the calibration, from the fields of the last seconds.
          */
         RigDocument: {
             verdict: components["schemas"]["RigVerdict"];
             /**
              * Shift Px
-             * @description By how much the views have moved against each other, across the epipolar lines; what moves images along them or both alike only a check with the calibration frame can tell.
+             * @description Displacement of the views relative to each other, across the epipolar lines. A displacement along these lines, or of both views alike, shows only in a check with the calibration frame.
              */
             shift_px: number | null;
             /**
              * Sigma Px
-             * @description What that is expected to be on a rig that has not moved.
+             * @description Expected size of the displacement on a rig that has not moved.
              */
             sigma_px: number | null;
             /**
@@ -2569,7 +2570,7 @@ export interface components {
             ratio: number | null;
             /**
              * Residual Px
-             * @description Root mean square of the images' residuals, by view and axis.
+             * @description Root mean square of the image residuals, by view and axis.
              */
             residual_px: {
                 [key: string]: {
@@ -2607,19 +2608,19 @@ export interface components {
             waiting: number;
             /**
              * Deepest
-             * @description The most that ever were, in this ring.
+             * @description Largest number of waiting slots since this ring was configured.
              */
             deepest: number;
         };
         /**
          * Role
-         * @description Look; capture, calibrate and measure; everything. Each may what those before it may.
+         * @description Look; capture, calibrate and measure; everything. Each role includes the ones before it.
          * @enum {string}
          */
         Role: "viewer" | "operator" | "admin";
         /**
          * RunDocument
-         * @description Points of a capture and what they were made with.
+         * @description Points of a capture and the settings they were measured with.
          */
         RunDocument: {
             /** Run */
@@ -2635,13 +2636,13 @@ export interface components {
         };
         /**
          * Rung
-         * @description A step of the ladder, the gentlest first.
+         * @description A step of the recovery ladder, the gentlest first.
          * @enum {string}
          */
         Rung: "restart" | "reopen" | "reset" | "retry";
         /**
          * SessionDocument
-         * @description Who asks, and what they may; at the machine itself there need be no token.
+         * @description Identity and role of the client; on the machine itself a token may not be needed.
          * @example {
          *       "by": "session",
          *       "role": "operator",
@@ -2662,13 +2663,13 @@ export interface components {
             token: string | null;
             /**
              * Expires Utc
-             * @description The token is good until then; None: until it is removed.
+             * @description Expiry of the token; null: valid until it is removed.
              */
             expires_utc: string | null;
         };
         /**
          * SettingsDocument
-         * @description What is in force, device by device.
+         * @description Settings in force, by device.
          */
         SettingsDocument: {
             /** Devices */
@@ -2677,8 +2678,8 @@ export interface components {
             };
         };
         /**
-         * SettingsOrder
-         * @description What is to be in force for a device from now on.
+         * SettingsRequest
+         * @description Settings of a device from now on.
          * @example {
          *       "threshold": {
          *         "kind": "fixed",
@@ -2686,18 +2687,18 @@ export interface components {
          *       }
          *     }
          */
-        SettingsOrder: {
+        SettingsRequest: {
             /**
              * Device
-             * @description Name of the device; not needed where there is one.
+             * @description Name of the device; not needed if there is only one.
              */
             device?: string | null;
-            /** @description null: as it is configured. */
+            /** @description null: as configured. */
             threshold: components["schemas"]["ThresholdConfig"] | null;
         };
         /**
          * StateDocument
-         * @description Everything that a glance needs.
+         * @description State of the devices, the disk and the daemon at a glance.
          */
         StateDocument: {
             /** Version */
@@ -2707,31 +2708,31 @@ export interface components {
                 [key: string]: components["schemas"]["DeviceDocument"];
             };
             storage: components["schemas"]["StorageDocument"];
-            /** @description None where the configuration names no broker. */
+            /** @description Null if the configuration names no broker. */
             mqtt: components["schemas"]["MqttDocument"] | null;
         };
         /**
          * StorageDocument
-         * @description The disk with the captures.
+         * @description The disk that holds the captures.
          */
         StorageDocument: {
             /** Free Bytes */
             free_bytes: number | null;
             /**
              * Minutes Left
-             * @description So long all devices together can still capture, as their rings are now.
+             * @description Minutes for which all devices together can still capture with their present rings.
              */
             minutes_left: number | null;
             /**
              * Problem
-             * @description Why the disk cannot be asked.
+             * @description Why the disk cannot be read.
              */
             problem: string | null;
-            /** @description The problem in a word. */
+            /** @description Machine-readable code of the problem. */
             cause_code: components["schemas"]["Cause"] | null;
             /**
              * Removed
-             * @description Captures that retention has removed since the daemon started.
+             * @description Number of captures that retention has removed since the daemon started.
              */
             removed: number;
             /** Removed Bytes */
@@ -2739,7 +2740,7 @@ export interface components {
         };
         /**
          * ThresholdConfig
-         * @description How the grey value is found that separates targets from the background.
+         * @description Choice of the grey value that separates targets from the background.
          */
         ThresholdConfig: {
             /**
@@ -2752,7 +2753,7 @@ export interface components {
             value?: number | null;
             /**
              * Map
-             * @description a threshold for every pixel, for uneven light; automatic, 1 bit
+             * @description one threshold per pixel, for uneven light; requires kind automatic and 1 bit
              * @default false
              */
             map?: boolean;
@@ -2761,7 +2762,7 @@ export interface components {
         Verdict: "complete" | "incomplete";
         /**
          * ViewColumnsDocument
-         * @description The columns of the picture that a view has.
+         * @description The columns of the picture that belong to a view.
          */
         ViewColumnsDocument: {
             /** First Column */
@@ -2774,37 +2775,37 @@ export interface components {
         };
         /**
          * ViewLightDocument
-         * @description How one view is lit.
+         * @description Illumination of one view.
          */
         ViewLightDocument: {
             /**
              * Histogram
-             * @description How many pixels have each grey value, 0 to 255.
+             * @description Number of pixels of each grey value, 0 to 255.
              */
             histogram: number[];
             /**
              * Targets
-             * @description How many targets it shows whole, at the threshold.
+             * @description Number of complete targets at the threshold.
              */
             targets: number;
             /**
              * Diameter Px
-             * @description Their mean diameter, frame pixels.
+             * @description Mean diameter of the targets, in frame pixels.
              */
             diameter_px: number | null;
             /**
              * Background
-             * @description Median grey value of what is no target.
+             * @description Median grey value of the pixels outside the targets.
              */
             background: number;
             /**
              * Brightest
-             * @description One pixel in a thousand is brighter.
+             * @description Grey value that one pixel in a thousand exceeds.
              */
             brightest: number;
             /**
              * Clipped
-             * @description Share of the targets' pixels that are as white as the camera gets.
+             * @description Fraction of the targets' pixels at the camera's white level.
              */
             clipped: number;
         };
@@ -2812,7 +2813,7 @@ export interface components {
         Weights: "honest" | "equal";
         /**
          * WholeRunDocument
-         * @description A run with the documents that its points were made with.
+         * @description A run with the documents that its points were measured with.
          */
         WholeRunDocument: {
             /** Run */
@@ -2829,7 +2830,7 @@ export interface components {
         };
         /**
          * WidthDocument
-         * @description How far apart two targets are.
+         * @description Distance between two targets.
          */
         WidthDocument: {
             /** Targets */
@@ -2839,18 +2840,18 @@ export interface components {
             ];
             /**
              * Width Mm
-             * @description None where one of both has no point.
+             * @description Null if either target has no point.
              */
             width_mm: number | null;
             /**
              * Sigma Mm
-             * @description From pointing and line jitter.
+             * @description Standard deviation from pointing and line jitter.
              */
             sigma_mm: number | null;
         };
     };
     responses: {
-        /** @description Nobody whom the daemon knows. */
+        /** @description The token or session is unknown. */
         Problem401: {
             headers: {
                 [name: string]: unknown;
@@ -2859,7 +2860,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description The role is not enough, or a foreign page asks. */
+        /** @description The role is not sufficient, or a page of another site sent the request. */
         Problem403: {
             headers: {
                 [name: string]: unknown;
@@ -2868,7 +2869,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description There is none of that name. */
+        /** @description There is nothing of that name. */
         Problem404: {
             headers: {
                 [name: string]: unknown;
@@ -2877,7 +2878,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description The request's body took too long. */
+        /** @description The request body took too long. */
         Problem408: {
             headers: {
                 [name: string]: unknown;
@@ -2886,7 +2887,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description It cannot be done now. */
+        /** @description The request conflicts with the present state. */
         Problem409: {
             headers: {
                 [name: string]: unknown;
@@ -2895,7 +2896,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description The request's body is too large. */
+        /** @description The request body is too large. */
         Problem413: {
             headers: {
                 [name: string]: unknown;
@@ -2904,7 +2905,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description The daemon is not called by this name. */
+        /** @description The daemon does not have this host name. */
         Problem421: {
             headers: {
                 [name: string]: unknown;
@@ -2913,7 +2914,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description A value cannot be used. */
+        /** @description A value is invalid. */
         Problem422: {
             headers: {
                 [name: string]: unknown;
@@ -2931,7 +2932,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description A fault of the program, or a damaged file. */
+        /** @description An internal error, or a damaged file. */
         Problem500: {
             headers: {
                 [name: string]: unknown;
@@ -2940,7 +2941,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description It needs an optional part of grabberd that is not installed. */
+        /** @description An optional part of grabberd that this requires is not installed. */
         Problem501: {
             headers: {
                 [name: string]: unknown;
@@ -2949,7 +2950,7 @@ export interface components {
                 "application/problem+json": components["schemas"]["Problem"];
             };
         };
-        /** @description The device does not deliver. */
+        /** @description The device is not delivering. */
         Problem503: {
             headers: {
                 [name: string]: unknown;
@@ -2978,19 +2979,19 @@ export interface operations {
     list_captures: {
         parameters: {
             query?: {
-                /** @description So many at most. */
+                /** @description Maximum number of results. */
                 limit?: number;
-                /** @description `next` of the page before. */
+                /** @description `next` of the previous page. */
                 cursor?: string | null;
-                /** @description Only this device's. */
+                /** @description Only captures of this device. */
                 device?: string | null;
-                /** @description Only those that began then or later. */
+                /** @description Only captures that started then or later. */
                 since?: string | null;
-                /** @description Only those that began before. */
+                /** @description Only captures that started before. */
                 until?: string | null;
-                /** @description Only those with this text in id, note or labels. */
+                /** @description Only captures with this text in id, note or labels. */
                 search?: string | null;
-                /** @description Only pinned ones, or only others. */
+                /** @description Only pinned captures, or only unpinned ones. */
                 pinned?: boolean | null;
             };
             header?: never;
@@ -3026,7 +3027,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path?: never;
@@ -3034,7 +3035,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["CaptureOrder"];
+                "application/json": components["schemas"]["NewCapture"];
             };
         };
         responses: {
@@ -3172,7 +3173,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path: {
@@ -3245,7 +3246,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path: {
@@ -3283,7 +3284,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path?: never;
@@ -3291,7 +3292,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["CaptureGroupOrder"];
+                "application/json": components["schemas"]["NewCaptureGroup"];
             };
         };
         responses: {
@@ -3357,7 +3358,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path: {
@@ -3430,7 +3431,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description ETag of what you have: 304 where it is the same. */
+                /** @description ETag of the client's copy; 304 if it is current. */
                 "if-none-match"?: string | null;
             };
             path: {
@@ -3450,7 +3451,7 @@ export interface operations {
                     "application/vnd.sqlite3": string;
                 };
             };
-            /** @description The range that was asked for. */
+            /** @description The requested range. */
             206: {
                 headers: {
                     [name: string]: unknown;
@@ -3459,7 +3460,7 @@ export interface operations {
                     "application/vnd.sqlite3": string;
                 };
             };
-            /** @description It is the one you have. */
+            /** @description The client's copy is current. */
             304: {
                 headers: {
                     [name: string]: unknown;
@@ -3472,7 +3473,7 @@ export interface operations {
             408: components["responses"]["Problem408"];
             409: components["responses"]["Problem409"];
             413: components["responses"]["Problem413"];
-            /** @description There is no such range. */
+            /** @description The range lies outside the file. */
             416: {
                 headers: {
                     [name: string]: unknown;
@@ -3529,17 +3530,17 @@ export interface operations {
     get_points: {
         parameters: {
             query?: {
-                /** @description Which run's points; default: the latest that is done. */
+                /** @description Number of the run; default: the latest completed one. */
                 run?: number | null;
                 /** @description First field. */
                 first_n?: number;
                 /** @description Field after the last one. */
                 end_n?: number;
-                /** @description Only fields whose number it divides; odd: both parities. */
+                /** @description Only fields whose number is a multiple of this; odd: fields of both parities. */
                 every?: number;
-                /** @description `every` is raised until no more are left. */
+                /** @description Maximum number of points; `every` is raised to stay below it. */
                 max_points?: number;
-                /** @description Only this target; may be repeated. */
+                /** @description Only this target; can be given several times. */
                 target?: number[] | null;
             };
             header?: never;
@@ -3577,7 +3578,7 @@ export interface operations {
     get_points_csv: {
         parameters: {
             query?: {
-                /** @description Which run's points; default: the latest that is done. */
+                /** @description Number of the run; default: the latest completed one. */
                 run?: number | null;
             };
             header?: never;
@@ -3615,9 +3616,9 @@ export interface operations {
     get_points_ply: {
         parameters: {
             query?: {
-                /** @description Which run's points; default: the latest that is done. */
+                /** @description Number of the run; default: the latest completed one. */
                 run?: number | null;
-                /** @description Only this field's; default: all. */
+                /** @description Only the points of this field; default: all. */
                 field?: number | null;
             };
             header?: never;
@@ -3655,7 +3656,7 @@ export interface operations {
     get_points_parquet: {
         parameters: {
             query?: {
-                /** @description Which run's points; default: the latest that is done. */
+                /** @description Number of the run; default: the latest completed one. */
                 run?: number | null;
             };
             header?: never;
@@ -3695,7 +3696,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description ETag of what you have: 304 where it is the same. */
+                /** @description ETag of the client's copy; 304 if it is current. */
                 "if-none-match"?: string | null;
             };
             path: {
@@ -3717,7 +3718,7 @@ export interface operations {
                     "image/png": string;
                 };
             };
-            /** @description It is the one you have. */
+            /** @description The client's copy is current. */
             304: {
                 headers: {
                     [name: string]: unknown;
@@ -3742,7 +3743,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path: {
@@ -3753,7 +3754,7 @@ export interface operations {
         };
         requestBody?: {
             content: {
-                "application/json": components["schemas"]["AnalysisOrder"] | null;
+                "application/json": components["schemas"]["AnalysisRequest"] | null;
             };
         };
         responses: {
@@ -3819,7 +3820,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description ETag of what you have: 304 where it is the same. */
+                /** @description ETag of the client's copy; 304 if it is current. */
                 "if-none-match"?: string | null;
             };
             path: {
@@ -3841,7 +3842,7 @@ export interface operations {
                     "application/json": components["schemas"]["JsonObject"];
                 };
             };
-            /** @description It is the one you have. */
+            /** @description The client's copy is current. */
             304: {
                 headers: {
                     [name: string]: unknown;
@@ -3865,13 +3866,13 @@ export interface operations {
     get_analysis_map: {
         parameters: {
             query?: {
-                /** @description A field, by its number; the phase does not count then. */
+                /** @description Number of a field; the phase is then ignored. */
                 field?: number | null;
-                /** @description Phase of the mean cycle where no field is asked for. */
+                /** @description Phase of the mean cycle, if no field is given. */
                 phase?: number;
             };
             header?: {
-                /** @description ETag of what you have: 304 where it is the same. */
+                /** @description ETag of the client's copy; 304 if it is current. */
                 "if-none-match"?: string | null;
             };
             path: {
@@ -3893,7 +3894,7 @@ export interface operations {
                     "application/json": components["schemas"]["MapDocument"];
                 };
             };
-            /** @description It is the one you have. */
+            /** @description The client's copy is current. */
             304: {
                 headers: {
                     [name: string]: unknown;
@@ -4027,7 +4028,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path: {
@@ -4038,7 +4039,7 @@ export interface operations {
         };
         requestBody?: {
             content: {
-                "application/json": components["schemas"]["IdentificationOrder"] | null;
+                "application/json": components["schemas"]["IdentificationRequest"] | null;
             };
         };
         responses: {
@@ -4068,9 +4069,9 @@ export interface operations {
     list_calibrations: {
         parameters: {
             query?: {
-                /** @description So many at most. */
+                /** @description Maximum number of results. */
                 limit?: number;
-                /** @description `next` of the page before. */
+                /** @description `next` of the previous page. */
                 cursor?: string | null;
             };
             header?: never;
@@ -4106,7 +4107,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description Of your own making, e.g. a UUID. For a day, the same order with the same key takes effect once and gets the same answer; a refused one may come again. */
+                /** @description A key chosen by the client, e.g. a UUID. For a day, a request repeated with its key takes effect only once and gets the same response; a refused request can be repeated. */
                 "Idempotency-Key"?: string | null;
             };
             path?: never;
@@ -4114,7 +4115,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["CalibrationOrder"];
+                "application/json": components["schemas"]["CalibrationRequest"];
             };
         };
         responses: {
@@ -4198,7 +4199,7 @@ export interface operations {
         };
         requestBody?: {
             content: {
-                "application/json": components["schemas"]["RejectionOrder"] | null;
+                "application/json": components["schemas"]["RejectionRequest"] | null;
             };
         };
         responses: {
@@ -4229,7 +4230,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description ETag of what you have: 304 where it is the same. */
+                /** @description ETag of the client's copy; 304 if it is current. */
                 "if-none-match"?: string | null;
             };
             path: {
@@ -4249,7 +4250,7 @@ export interface operations {
                     "application/json": components["schemas"]["JsonObject"];
                 };
             };
-            /** @description It is the one you have. */
+            /** @description The client's copy is current. */
             304: {
                 headers: {
                     [name: string]: unknown;
@@ -4341,82 +4342,12 @@ export interface operations {
             507: components["responses"]["Problem507"];
         };
     };
-    check_device: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                /** @description Name of the device. */
-                name: string;
-            };
-            cookie?: never;
-        };
-        requestBody?: {
-            content: {
-                "application/json": components["schemas"]["CheckOrder"] | null;
-            };
-        };
-        responses: {
-            /** @description Successful Response */
-            202: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["JobDocument"];
-                };
-            };
-            401: components["responses"]["Problem401"];
-            403: components["responses"]["Problem403"];
-            404: components["responses"]["Problem404"];
-            408: components["responses"]["Problem408"];
-            409: components["responses"]["Problem409"];
-            413: components["responses"]["Problem413"];
-            421: components["responses"]["Problem421"];
-            422: components["responses"]["Problem422"];
-            429: components["responses"]["Problem429"];
-            500: components["responses"]["Problem500"];
-            503: components["responses"]["Problem503"];
-            507: components["responses"]["Problem507"];
-        };
-    };
-    get_diagnostics: {
-        parameters: {
-            query?: {
-                /** @description With labels, notes and the site's name. */
-                words?: boolean;
-            };
-            header?: never;
-            path?: never;
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/zip": string;
-                };
-            };
-            401: components["responses"]["Problem401"];
-            403: components["responses"]["Problem403"];
-            408: components["responses"]["Problem408"];
-            413: components["responses"]["Problem413"];
-            421: components["responses"]["Problem421"];
-            422: components["responses"]["Problem422"];
-            429: components["responses"]["Problem429"];
-            500: components["responses"]["Problem500"];
-        };
-    };
     list_jobs: {
         parameters: {
             query?: {
-                /** @description So many at most. */
+                /** @description Maximum number of results. */
                 limit?: number;
-                /** @description `next` of the page before. */
+                /** @description `next` of the previous page. */
                 cursor?: string | null;
             };
             header?: never;
@@ -4616,7 +4547,7 @@ export interface operations {
         parameters: {
             query?: never;
             header?: {
-                /** @description `id` of the last event that you have seen. */
+                /** @description `id` of the last event that was received. */
                 "last-event-id"?: string | null;
             };
             path?: never;
@@ -4646,7 +4577,7 @@ export interface operations {
     get_preview_png: {
         parameters: {
             query?: {
-                /** @description Name of the device; not needed for one. */
+                /** @description Name of the device; not needed if there is only one. */
                 device?: string | null;
             };
             header?: never;
@@ -4714,7 +4645,7 @@ export interface operations {
         };
         requestBody: {
             content: {
-                "application/json": components["schemas"]["SettingsOrder"];
+                "application/json": components["schemas"]["SettingsRequest"];
             };
         };
         responses: {
@@ -4938,7 +4869,7 @@ export interface operations {
     get_light: {
         parameters: {
             query?: {
-                /** @description Targets at this one; default: the one in force. */
+                /** @description Threshold for counting targets; default: the one in force. */
                 threshold?: number | null;
             };
             header?: never;
@@ -4957,6 +4888,45 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["LightDocument"];
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            404: components["responses"]["Problem404"];
+            408: components["responses"]["Problem408"];
+            409: components["responses"]["Problem409"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
+            507: components["responses"]["Problem507"];
+        };
+    };
+    check_device: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description Name of the device. */
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: {
+            content: {
+                "application/json": components["schemas"]["CheckRequest"] | null;
+            };
+        };
+        responses: {
+            /** @description Successful Response */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobDocument"];
                 };
             };
             401: components["responses"]["Problem401"];
@@ -5063,9 +5033,12 @@ export interface operations {
             500: components["responses"]["Problem500"];
         };
     };
-    get_metrics: {
+    get_diagnostics: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description Include labels, notes and the site's name. */
+                words?: boolean;
+            };
             header?: never;
             path?: never;
             cookie?: never;
@@ -5078,7 +5051,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "text/plain": string;
+                    "application/zip": string;
                 };
             };
             401: components["responses"]["Problem401"];
@@ -5086,6 +5059,7 @@ export interface operations {
             408: components["responses"]["Problem408"];
             413: components["responses"]["Problem413"];
             421: components["responses"]["Problem421"];
+            422: components["responses"]["Problem422"];
             429: components["responses"]["Problem429"];
             500: components["responses"]["Problem500"];
         };
@@ -5106,6 +5080,33 @@ export interface operations {
                 };
                 content: {
                     "text/html": string;
+                };
+            };
+            401: components["responses"]["Problem401"];
+            403: components["responses"]["Problem403"];
+            408: components["responses"]["Problem408"];
+            413: components["responses"]["Problem413"];
+            421: components["responses"]["Problem421"];
+            429: components["responses"]["Problem429"];
+            500: components["responses"]["Problem500"];
+        };
+    };
+    get_metrics: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "text/plain": string;
                 };
             };
             401: components["responses"]["Problem401"];

@@ -2,7 +2,7 @@
 import type { Analysis, AnalysisMap, Calibration, CalibrationReport, MadeWith } from "./open_documents.d.ts";
 import type { paths } from "./openapi.d.ts";
 
-export type Method = "get" | "post" | "put" | "patch" | "delete";
+type Method = "get" | "post" | "put" | "patch" | "delete";
 
 /** `captures/${string}` and `captures/{capture_id}` are both `captures/{}`. */
 type Segments<P extends string> = P extends `${infer Head}/${infer Tail}` ? `${Segment<Head>}/${Segments<Tail>}` : Segment<P>;
@@ -11,7 +11,7 @@ type WithoutQuery<P extends string> = P extends `${infer Path}?${string}` ? Path
 type BelowRoot<P> = P extends `/api/v1${infer Path}` ? Path : never;
 
 /** Every route by its address below /api/v1, with `{}` for each of its parameters. */
-export type Routes = { [P in keyof paths as Segments<BelowRoot<P>>]: paths[P] };
+type Routes = { [P in keyof paths as Segments<BelowRoot<P>>]: paths[P] };
 
 type Operation<M extends Method, P extends string> =
   Segments<WithoutQuery<P>> extends keyof Routes ? Routes[Segments<WithoutQuery<P>>][M] : undefined;

@@ -60,8 +60,8 @@ export function createFound(context, id) {
   /** Tells why the targets could not be identified, and how to fix it. @param {Identification} result @param {{message: string, hint: string}} problem */
   function refusal(result, problem) {
     const few = VIEWS.some((name) => result.views[name].other.length < ENOUGH * result.of);
-    const mend = result.moved ? "mendStill" : few ? "mendLight" : "mendFrame";
-    return note("bad", el("strong", {}, t("calibration.found.refused")), el("p", {}, t(`calibration.found.${mend}`)),
+    const fix = result.moved ? "fixStill" : few ? "fixLight" : "fixFrame";
+    return note("bad", el("strong", {}, t("calibration.found.refused")), el("p", {}, t(`calibration.found.${fix}`)),
       el("p", { class: "small" }, el("strong", {}, t("lights.said")), " ", problem.message, " – ", problem.hint));
   }
 

@@ -1,0 +1,255 @@
+"""Automatic identification of the calibration frame's targets among the blobs of both views (paper 3.6).
+
+The nominal rig is good to ten per cent, which on a periodic grid is a whole pitch, so every hypothesis is
+tried: every target at some blobs, the calibration frame rotated in any way, either handedness of either view.
+    Each is judged by
+the view that it implies: depth differences of the targets reveal a wrong one. An ambiguous winner is refused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
+from grabberd.calibration.identification.hypothesis_growth import Half
+from grabberd.calibration.identification.hypothesis_ranking import Outcome, contest, settled
+from grabberd.calibration.identification.identification_settings import IdentificationSettings
+from grabberd.calibration.identification.view_pair_check import check_pair
+from grabberd.errors import MeasurementError
+from grabberd.geometry import NominalRig, View
+from grabberd.reconstruction import ObjectModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+NAMES = ("left", "right")
+WAY_OUT = "or identify some targets by hand"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ViewIdentification:
+    """Identification of one view's B blobs.
+
+    Attributes:
+        view: The view that fits: start values for the adjustment, handedness included.
+        target: (B,) index of each blob's target in the calibration frame; −1 for none.
+        residual_px: (B, 2) residuals of the view's rough model; NaN without a target.
+        rms_px: Root mean square of these residuals.
+        runner_up_rms_px: That of the best contradicting hypothesis, over the blobs that it explains; NaN if
+            there is none.
+        runner_up_targets: Number of those blobs.
+        margin: Difference of its −2 ln(likelihood) to the winner's; infinite if there is none.
+        description: Description of the winning hypothesis, for people.
+    """
+
+    view: View
+    target: Indices
+    residual_px: Array
+    rms_px: float
+    runner_up_rms_px: float
+    runner_up_targets: int
+    margin: float
+    description: str
+
+    @property
+    def unmatched(self) -> Indices:
+        """Indices of blobs without a target."""
+        return np.flatnonzero(self.target < 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Identification:
+    """Identification of both views."""
+
+    left: ViewIdentification
+    right: ViewIdentification
+
+    @property
+    def views(self) -> tuple[View, View]:
+        """Left and right view, as start values for an adjustment."""
+        return self.left.view, self.right.view
+
+    @property
+    def handedness(self) -> tuple[int, int]:
+        """Handedness of the left and the right view."""
+        return self.left.view.handedness, self.right.view.handedness
+
+
+def identify_frame(
+    nominal: NominalRig,
+    frame: ObjectModel,
+    left_px: Array,
+    right_px: Array,
+    settings: IdentificationSettings | None = None,
+) -> Identification:
+    """Identify the targets of a calibration frame among the blobs of both views.
+
+    Args:
+        nominal: The nominal rig, each number good to ten per cent.
+        frame: The calibration frame; Z points toward the cameras, its rotation in the plane is free.
+        left_px: (B, 2) frame pixels of the left view's blobs, targets and others, in any order.
+        right_px: Likewise for the right view.
+        settings: Criteria of acceptance.
+
+    Raises:
+        MeasurementError: A view is dark or shows too few targets, no hypothesis or more than one explains it,
+            or the views contradict each other or the nominal rig; the message says which, with values.
+    """
+    settings = settings or IdentificationSettings()
+    for name, xy_px in zip(NAMES, (left_px, right_px), strict=True):
+        check_count(name, len(xy_px), "blobs", settings.least_targets)
+    try:
+        return _found(nominal, frame, (left_px, right_px), settings)
+    except MeasurementError:
+        if _swapped(nominal, frame, (left_px, right_px), settings):
+            raise MeasurementError(
+                "the views are swapped: the left one sees the calibration frame from the right, the "
+                "right one from the left",
+                "exchange the columns of the left and the right view in the rig's configuration",
+            ) from None
+        raise
+
+
+def _found(
+    nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
+) -> Identification:
+    left, right = (
+        _identified(index, nominal, frame, xy_px, settings) for index, xy_px in enumerate(blobs_px)
+    )
+    check_pair(left.view, right.view, nominal, settings)
+    return Identification(left, right)
+
+
+def _swapped(
+    nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
+) -> bool:
+    """True if identification succeeds with the two cameras exchanged."""
+    try:
+        _found(replace(nominal, base_mm=-nominal.base_mm), frame, blobs_px, settings)
+    except MeasurementError:
+        return False
+    return True
+
+
+def check_count(name: str, count: int, what: str, least: int) -> None:
+    """Check that a view shows enough blobs or targets.
+
+    Raises:
+        MeasurementError: It is dark, or shows too few.
+    """
+    if not count:
+        raise MeasurementError(
+            f"the {name} view is dark: it shows no {what}",
+            "light the calibration frame for both views, or lower the threshold; look at the preview",
+        )
+    if count < least:
+        raise MeasurementError(
+            f"the {name} view shows {count} {what}, at least {least} are needed",
+            "place the calibration frame in both views; check light and threshold",
+        )
+
+
+def _identified(
+    index: int, nominal: NominalRig, frame: ObjectModel, xy_px: Array, settings: IdentificationSettings
+) -> ViewIdentification:
+    half = Half.of(nominal.views()[index], nominal.lines, xy_px)
+    rivals = contest(Explainer(half, frame.xyz_mm, settings.sigma_px), settings.least_share)
+    _check_explained(half, settled(rivals).winner, frame, settings)
+    return identified(half, rivals, frame, settings, settings.handedness[index])
+
+
+def identified(
+    half: Half,
+    rivals: Sequence[Hypothesis],
+    frame: ObjectModel,
+    settings: IdentificationSettings,
+    handedness: int | None,
+) -> ViewIdentification:
+    """Accept the winner of a contest of hypotheses.
+
+    Args:
+        half: The blobs.
+        rivals: The hypotheses.
+        frame: The calibration frame.
+        settings: Criteria of acceptance.
+        handedness: The only one allowed, if any.
+
+    Raises:
+        MeasurementError: The winner is ambiguous, or clearly not of the handedness allowed.
+    """
+    outcome = settled(rivals)
+    if handedness is not None:
+        _check_handedness(half, outcome, frame, settings, handedness)
+        outcome = settled(one for one in rivals if one.view.handedness == handedness)
+    _check_clear(half, outcome, frame, settings)
+    winner, other = outcome.winner, outcome.runner_up
+    return ViewIdentification(
+        view=winner.view,
+        target=winner.target,
+        residual_px=winner.residual_px,
+        rms_px=winner.rms_px,
+        runner_up_rms_px=np.nan if other is None else other.rms_px,
+        runner_up_targets=0 if other is None else other.found,
+        margin=outcome.margin,
+        description=described(winner, half, frame),
+    )
+
+
+def described(hypothesis: Hypothesis, half: Half, frame: ObjectModel) -> str:
+    """Describe a hypothesis for people."""
+    known = np.flatnonzero(hypothesis.target >= 0)
+    if not len(known):
+        return "nothing explained"
+    away = np.linalg.norm(half.xy_px[known] - np.median(half.xy_px, axis=0), axis=1)
+    blob = known[away.argmin()]
+    x, y = half.xy_px[blob]
+    turned_deg, handedness = round(hypothesis.turned_deg(half.view)), hypothesis.view.handedness
+    return (
+        f"target {frame.target[hypothesis.target[blob]]} at ({x:.0f}, {y:.0f}) px, the calibration frame "
+        f"turned by {turned_deg} degrees, handedness {handedness:+d}: "
+        f"{len(known)} of {len(half.xy_px)} blobs explained to {hypothesis.rms_px:.2f} px"
+    )
+
+
+def _check_explained(
+    half: Half, winner: Hypothesis, frame: ObjectModel, settings: IdentificationSettings
+) -> None:
+    name, count = half.view.name, len(half.xy_px)
+    if winner.found >= settings.least_share * count:
+        check_count(name, winner.found, "targets that can be identified", settings.least_targets)
+    if winner.found < settings.least_share * count or winner.rms_px > settings.most_rms_px:
+        raise MeasurementError(
+            f"the {name} view does not show the calibration frame {frame.name}: of its {count} blobs the "
+            f"best hypothesis explains {winner.found} to {winner.rms_px:.2f} px, but "
+            f"{settings.least_share:.0%} to {settings.most_rms_px:g} px are needed "
+            f"({described(winner, half, frame)})",
+            "check that the file belongs to this calibration frame, the rig's nominal geometry, and that "
+            "nothing else reflects",
+        )
+
+
+def _check_handedness(
+    half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings, handedness: int
+) -> None:
+    """Let the stated handedness decide an ambiguous picture, but never overrule a clear one."""
+    if outcome.winner.view.handedness == handedness or outcome.margin < settings.margin:
+        return
+    raise MeasurementError(
+        f"handedness {handedness:+d} is stated for the {half.view.name} view, but its picture says "
+        f"{outcome.winner.view.handedness:+d}: {described(outcome.winner, half, frame)}",
+        "count the mirrors of that view, an odd number makes -1; or let the handedness be found",
+    )
+
+
+def _check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: IdentificationSettings) -> None:
+    """Check that nothing else explains a view nearly as well."""
+    if outcome.runner_up is None or outcome.margin >= settings.margin:
+        return
+    raise MeasurementError(
+        f"the {half.view.name} view is ambiguous: {described(outcome.winner, half, frame)}; or "
+        f"{described(outcome.runner_up, half, frame)} (margin {outcome.margin:.0f}, {settings.margin:g} "
+        "needed)",
+        f"use a calibration frame with more depth or with a unique mark, let all of it be seen, {WAY_OUT}",
+    )

@@ -1,0 +1,289 @@
+"""Mean images of targets at rest throughout a capture, with realistic weights (paper 3.6).
+
+Averaging divides noise by √n, but not the quantisation error: a target at rest has the same one in every
+field of a parity. Fields of the other parity cut it at other lines, so there are two such errors.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_FIELD_ORDER_GATE_PX = 3.5
+"""Gate for pairing targets of both parities: a wrong field order shifts them by two frame lines."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldImages:
+    """The N blobs of one field.
+
+    Attributes:
+        xy_px: (N, 2) frame pixels.
+        sigma_px: (N, 2) standard deviation of location in one field, without line jitter.
+        parity: Parity of the field.
+        jitter_px: (N,) standard deviation in x from line jitter.
+    """
+
+    xy_px: Array
+    sigma_px: Array
+    parity: int
+    jitter_px: Array | float = 0.0
+
+    @property
+    def jitter_px2(self) -> Array:
+        """(N, 2) variance from line jitter, zero in y."""
+        variance: Array = np.multiply.outer(np.square(self.jitter_px) * np.ones(len(self.xy_px)), (1.0, 0.0))
+        return variance
+
+
+@dataclass(frozen=True, slots=True)
+class MeansSettings:
+    """Criteria for being at rest.
+
+    Attributes:
+        gate_px: Distance within which blobs of two fields belong to one target.
+        least_share: Least share of the fields of a parity in which a target must be found.
+        most_shift_px: Greatest shift of a whole field against the others.
+        most_gone: Greatest share of the targets that a field may fail to show.
+    """
+
+    gate_px: float = 1.5
+    least_share: float = 0.6
+    most_shift_px: float = 0.5
+    most_gone: float = 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MeanImages:
+    """Means of N targets, in the order in which they were first seen.
+
+    Attributes:
+        xy_px: (N, 2) mean frame pixels.
+        sigma_px: (N, 2) their standard deviations: σ² = σq² + s²/n for one parity, both combined by their
+            weights.
+        fields: (N,) number of fields in which each was found.
+        scatter_px: (N, 2) s, standard deviation of one field about its parity's mean; NaN if no parity has
+            two fields.
+        of_fields: Total number of fields.
+        dropped: Number of blobs in all fields that belong to none of the targets.
+    """
+
+    xy_px: Array
+    sigma_px: Array
+    fields: Indices
+    scatter_px: Array
+    of_fields: int
+    dropped: int
+
+    def __len__(self) -> int:
+        return len(self.xy_px)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sums:
+    """Running sums of the clusters of one parity.
+
+    Attributes:
+        count: (N,) number of fields.
+        xy_px: (N, 2) mean.
+        square_px2: (N, 2) Σ (x − mean)².
+        variance_px2: (N, 2) mean of the single fields' σ².
+        jitter_px2: (N, 2) mean of the single fields' variance from line jitter.
+    """
+
+    count: Indices
+    xy_px: Array
+    square_px2: Array
+    variance_px2: Array
+    jitter_px2: Array
+
+    @classmethod
+    def new(cls, count: int) -> "_Sums":
+        """Make clusters without a field."""
+        return cls(np.zeros(count, np.intp), *np.zeros((4, count, 2)))
+
+    def joined(self, other: "_Sums") -> "_Sums":
+        """Concatenate with others."""
+        return _Sums(
+            np.concatenate([self.count, other.count]),
+            np.concatenate([self.xy_px, other.xy_px]),
+            np.concatenate([self.square_px2, other.square_px2]),
+            np.concatenate([self.variance_px2, other.variance_px2]),
+            np.concatenate([self.jitter_px2, other.jitter_px2]),
+        )
+
+    def select(self, chosen: NDArray[np.bool_] | Indices) -> "_Sums":
+        """Select some of them."""
+        return _Sums(
+            self.count[chosen],
+            self.xy_px[chosen],
+            self.square_px2[chosen],
+            self.variance_px2[chosen],
+            self.jitter_px2[chosen],
+        )
+
+    @property
+    def mean_variance_px2(self) -> Array:
+        """(N, 2) variance of the mean: quantisation undivided, noise divided by the number of fields.
+
+        Quantisation is the part of the expected variance that the scatter does not show, at most the
+        location's.
+        """
+        noise = self._noise_px2()
+        quantisation = np.clip(self.variance_px2 + self.jitter_px2 - noise, 0.0, self.variance_px2)
+        variance: Array = quantisation + noise / self.count[:, np.newaxis]
+        return variance
+
+    def _noise_px2(self) -> Array:
+        """(N, 2) variance of one field: each target's own, as far as they differ more than by chance.
+
+        If no target was found twice, the variance of line jitter.
+        """
+        freedom = self.count - 1
+        if not freedom.any():
+            return self.jitter_px2
+        common = self.square_px2.sum(axis=0) / freedom.sum()
+        own = self.square_px2 / np.maximum(freedom, 1)[:, np.newaxis]
+        chance = 2 * common**2 / np.maximum(freedom, 1)[:, np.newaxis]
+        real = np.maximum(own[freedom > 0].var(axis=0) - chance[freedom > 0].mean(axis=0), 0.0)
+        share = np.where(freedom[:, np.newaxis] > 0, real / np.maximum(real + chance, 1e-30), 0.0)
+        noise: Array = common + share * (own - common)
+        return noise
+
+
+def mean_images(fields: Sequence[FieldImages], settings: MeansSettings | None = None) -> MeanImages:
+    """Average the positions of everything at rest in a capture.
+
+    Args:
+        fields: The blobs of each field, of one view or both, without those cut off by a border; a field may
+            have none.
+        settings: Criteria for being at rest.
+
+    Raises:
+        MeasurementError: The calibration frame moved, or the parities contradict each other (a wrong field
+            order); the message says which, with values.
+    """
+    settings = settings or MeansSettings()
+    parities = [
+        _still([one for one in fields if one.parity == parity], parity, settings)
+        for parity in sorted({one.parity for one in fields})
+    ]
+    _check_field_order(parities)
+    return _joined(parities or [_Sums.new(0)], fields, settings)
+
+
+def _still(fields: Sequence[FieldImages], parity: int, settings: MeansSettings) -> _Sums:
+    """Clusters at rest in the fields of one parity."""
+    sums = _Sums.new(0)
+    for one in fields:
+        sums = _added(sums, one, settings.gate_px)
+    kept = sums.select(sums.count >= settings.least_share * len(fields))
+    for index, one in enumerate(fields):
+        _check_field(kept, one, f"field {index} of parity {parity}", settings)
+    return kept
+
+
+def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
+    """Add a field to the clusters by Welford's running mean; blobs seen for the first time become
+    clusters.
+    """
+    cluster, blob = _pairs(sums.xy_px, field.xy_px, gate_px)
+    new = np.setdiff1d(np.arange(len(field.xy_px)), blob)
+    grown = sums.joined(_Sums.new(len(new)))
+    cluster, blob = np.append(cluster, np.arange(len(sums.count), len(grown.count))), np.append(blob, new)
+    grown.count[cluster] += 1
+    count = grown.count[cluster, np.newaxis]
+    off = field.xy_px[blob] - grown.xy_px[cluster]
+    grown.xy_px[cluster] += off / count
+    grown.square_px2[cluster] += off * off * (count - 1) / count
+    grown.variance_px2[cluster] += (field.sigma_px[blob] ** 2 - grown.variance_px2[cluster]) / count
+    grown.jitter_px2[cluster] += (field.jitter_px2[blob] - grown.jitter_px2[cluster]) / count
+    return grown
+
+
+def _pairs(first: Array, second: Array, gate_px: float) -> tuple[Indices, Indices]:
+    """Indices of pairs that are each other's nearest, within the gate."""
+    if not len(first) or not len(second):
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    between = np.linalg.norm(first[:, np.newaxis] - second, axis=2)
+    nearest = between.argmin(axis=1)
+    index = np.arange(len(first))
+    mutual = (between.argmin(axis=0)[nearest] == index) & (between[index, nearest] <= gate_px)
+    return index[mutual], nearest[mutual]
+
+
+def _check_field(kept: _Sums, field: FieldImages, name: str, settings: MeansSettings) -> None:
+    """Check that a field shows the same targets as the others, at the same positions."""
+    if not len(field.xy_px):
+        return
+    cluster, blob = _pairs(kept.xy_px, field.xy_px, settings.gate_px)
+    hint = "keep calibration frame and rig still, and repeat the capture"
+    gone = 1.0 - len(cluster) / max(len(kept.count), 1)
+    elsewhere = 1.0 - len(blob) / len(field.xy_px)
+    if min(gone, elsewhere) > settings.most_gone or not len(kept.count):
+        raise MeasurementError(
+            f"the calibration frame moved: {name} shows {len(field.xy_px)} blobs, of which {len(blob)} are "
+            f"where {len(kept.count)} targets stand in most fields",
+            hint,
+        )
+    shift = np.median(field.xy_px[blob] - kept.xy_px[cluster], axis=0) if len(blob) else np.zeros(2)
+    if np.abs(shift).max() > settings.most_shift_px:
+        raise MeasurementError(
+            f"the calibration frame moved: {name} is shifted by ({shift[0]:.2f}, {shift[1]:.2f}) px against "
+            "the mean of all",
+            hint,
+        )
+
+
+def _check_field_order(parities: Sequence[_Sums]) -> None:
+    """Check that both parities show the targets at the same height."""
+    if len(parities) < 2:
+        return
+    first, second = _pairs(parities[0].xy_px, parities[1].xy_px, _FIELD_ORDER_GATE_PX)
+    lower = parities[1].xy_px[second, 1] - parities[0].xy_px[first, 1]
+    if len(lower) and abs(float(np.median(lower))) > 1.0:
+        raise MeasurementError(
+            f"the fields of both parities lie {np.median(lower):.1f} frame lines apart: the field order "
+            "is wrong",
+            "reverse the device's field order; it must not change within a capture",
+        )
+
+
+def _joined(parities: Sequence[_Sums], fields: Sequence[FieldImages], settings: MeansSettings) -> MeanImages:
+    """Combine both parities' means by their variances; targets seen in only one are kept as they are."""
+    same = _same(parities, settings.gate_px)
+    seen = same >= 0
+    padded = [one.select(np.maximum(index, 0)) for one, index in zip(parities, same, strict=True)]
+    count = np.where(seen, [one.count for one in padded], 0)
+    weight = np.array([1.0 / one.mean_variance_px2 for one in padded]) * seen[:, :, np.newaxis]
+    total = weight.sum(axis=0)
+    square = np.array([one.square_px2 for one in padded]) * seen[:, :, np.newaxis]
+    freedom = (count - seen).sum(axis=0)[:, np.newaxis]
+    return MeanImages(
+        xy_px=(weight * [one.xy_px for one in padded]).sum(axis=0) / total,
+        sigma_px=1.0 / np.sqrt(total),
+        fields=count.sum(axis=0),
+        scatter_px=np.sqrt(square.sum(axis=0) / np.where(freedom > 0, freedom, np.nan)),
+        of_fields=len(fields),
+        dropped=sum(len(one.xy_px) for one in fields) - int(count.sum()),
+    )
+
+
+def _same(parities: Sequence[_Sums], gate_px: float) -> Indices:
+    """(P, N) index of each target in each parity; −1 if it does not show it."""
+    first, *others = parities
+    same, places = np.arange(len(first.count))[np.newaxis], first.xy_px
+    for other in others:
+        target, index = _pairs(places, other.xy_px, gate_px)
+        new = np.setdiff1d(np.arange(len(other.count)), index)
+        own = np.full(len(places) + len(new), -1)
+        own[target], own[len(places) :] = index, new
+        same = np.vstack([np.pad(same, ((0, 0), (0, len(new))), constant_values=-1), own])
+        places = np.concatenate([places, other.xy_px[new]])
+    return same

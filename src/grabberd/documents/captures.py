@@ -1,0 +1,125 @@
+"""Captures, their ledgers and runs, and groups of captures."""
+
+from pydantic import Field
+
+from grabberd.acquisition import Outcome
+from grabberd.documents.document import Document, Next, with_examples
+from grabberd.documents.examples import CAPTURE, GROUP
+from grabberd.documents.named_types import CaptureState, JsonObject, Verdict
+
+
+class LedgerEntryDocument(Document):
+    """Consecutive fields that did not arrive intact."""
+
+    first_n: int
+    count: int
+    outcome: Outcome
+    reason: str
+
+
+class LedgerDocument(Document):
+    """Outcome of every field that should have arrived."""
+
+    complete: bool
+    in_words: str
+    counts: dict[Outcome, int]
+    entries: list[LedgerEntryDocument]
+
+
+class RunDocument(Document):
+    """Points of a capture and the settings they were measured with."""
+
+    run: int
+    kind: str
+    created_utc: str
+    version: str
+    state: str
+
+
+class MadeWith(Document):
+    """Documents that points were measured with; null if unknown."""
+
+    calibration: JsonObject | None
+    object: JsonObject | None
+    settings: JsonObject | None
+
+
+class WholeRunDocument(RunDocument):
+    """A run with the documents that its points were measured with."""
+
+    made_with: MadeWith
+
+
+class GroupDocument(Document):
+    """The group to which a capture belongs."""
+
+    id: str
+    devices: list[str]
+    start_utc: str | None = Field(description="Common start of all its captures; null while they are armed.")
+    start_ns: int | None = Field(
+        description="The same moment by the computer's monotonic clock, which also times the fields."
+    )
+
+
+class CaptureDocument(Document):
+    """A capture."""
+
+    model_config = with_examples(CAPTURE)
+
+    id: str
+    device: str
+    state: CaptureState = Field(
+        description="'armed': waiting for its trigger; 'unsealed': the disk was too full to close the file, "
+        "which is sealed at the next start; 'disarmed': only in the response to stopping an armed capture, "
+        "of which nothing remains."
+    )
+    verdict: Verdict | None = Field(description="Null while it is recording.")
+    ended_because: str | None
+    created_utc: str = Field(description="Start of the capture; of an armed one, the time it was armed.")
+    trigger_utc: str | None = Field(
+        description="Time of the request or the trigger; null in files of earlier versions."
+    )
+    pre_trigger_fields: int = Field(description="Number of its fields that lie before that moment.")
+    group: GroupDocument | None = Field(None, description="Null for a capture that was started alone.")
+    first_field_s: float | None = Field(
+        None,
+        description="Time in seconds from its start (`created_utc`), which all captures of a group share, to "
+        "its first field. Add it to a point's `time_s` to get the time on the group's axis. Null before the "
+        "first field.",
+    )
+    bits: int
+    lines: str
+    fields: int = Field(description="Number of fields in the capture.")
+    ledger: LedgerDocument
+    runs: list[RunDocument]
+    labels: dict[str, str]
+    note: str
+    pinned: bool
+    size_bytes: int
+    rig: JsonObject | None = Field(
+        None,
+        description="What its points tell about camera and mirrors: the worst verdict (fits, doubtful, "
+        "moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing.",
+    )
+
+    @property
+    def disarmed(self) -> "CaptureDocument":
+        """The capture after it was stopped while armed."""
+        return self.model_copy(
+            update={"state": "disarmed", "ended_because": "stopped before it was triggered"}
+        )
+
+
+class CaptureList(Document):
+    """A page of captures, newest first."""
+
+    captures: list[CaptureDocument]
+    next: str | None = Next
+
+
+class CaptureGroup(GroupDocument):
+    """Captures that start at the same moment."""
+
+    model_config = with_examples(GROUP)
+
+    captures: list[CaptureDocument] = Field(description="Captures that exist; deleted ones are left out.")

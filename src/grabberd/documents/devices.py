@@ -1,0 +1,182 @@
+"""Devices: their state, what they measure, and how their picture is illuminated."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from grabberd.acquisition import Outcome
+from grabberd.documents.calibrations import ActiveCalibration
+from grabberd.documents.document import Document
+from grabberd.documents.named_types import JsonObject, LackKind, Latency, ViewCounts
+from grabberd.documents.states import DeviceState, Rung
+from grabberd.errors import Cause
+from grabberd.reconstruction.accuracy.drift_check import RigVerdict
+
+
+class RingDocument(Document):
+    """The ring of a device."""
+
+    slots: int
+    bits: int
+    lines: str
+    threshold: int
+    waiting: int = Field(description="Slots that its slowest reader has not read yet.")
+    deepest: int = Field(description="Largest number of waiting slots since this ring was configured.")
+
+
+class ViewColumnsDocument(Document):
+    """The columns of the picture that belong to a view."""
+
+    first_column: int
+    end_column: int
+
+
+class DeviceLackDocument(Document):
+    """A reason why a device cannot measure."""
+
+    lacks: LackKind
+    message: str
+    hint: str
+    cause_code: Cause | None = Field(description="Machine-readable code of the cause.")
+
+
+class LackDocument(Document):
+    """A reason why a device cannot measure, with the device's name."""
+
+    device: str
+    lacks: LackKind
+    message: str
+    hint: str
+    cause_code: Cause | None = Field(description="Machine-readable code of the cause.")
+
+
+class WidthDocument(Document):
+    """Distance between two targets."""
+
+    targets: tuple[int, int]
+    width_mm: float | None = Field(description="Null if either target has no point.")
+    sigma_mm: float | None = Field(description="Standard deviation from pointing and line jitter.")
+
+
+class LiveDocument(Document):
+    """The newest measured field."""
+
+    n: int
+    blobs: int
+    views: ViewCounts | None = Field(description="Number of complete targets in each view.")
+    points: int
+    residual_px: float | None
+    widths: list[WidthDocument] = Field(
+        description="Distances between targets that face each other in the middle row, the outermost first."
+    )
+    latency_ms: Latency | None
+
+
+class RigDocument(Document):
+    """Agreement of camera and mirrors with the calibration, from the fields of the last seconds."""
+
+    verdict: RigVerdict
+    shift_px: float | None = Field(
+        description="Displacement of the views relative to each other, across the epipolar lines. A "
+        "displacement along these lines, or of both views alike, shows only in a check with the calibration "
+        "frame."
+    )
+    sigma_px: float | None = Field(
+        description="Expected size of the displacement on a rig that has not moved."
+    )
+    ratio: float | None = Field(description="Root mean square in units of σ; 1 on a rig that has not moved.")
+    residual_px: dict[str, dict[str, float | None]] = Field(
+        description="Root mean square of the image residuals, by view and axis."
+    )
+    targets: int
+    fields: int
+
+
+class DeviceDocument(Document):
+    """Present state of a device."""
+
+    name: str
+    state: DeviceState
+    since_utc: str
+    cause: str | None
+    hint: str | None = Field(description="What to do about the cause.")
+    cause_code: Cause | None = Field(
+        description="Machine-readable code of the cause, the same for every driver."
+    )
+    driver: str
+    stream: JsonObject | None
+    signal: str
+    rate_hz: float | None = Field(description="Fields per second; null while none arrive.")
+    fields: dict[Outcome, int]
+    openings: int
+    recoveries: dict[Rung, int] = Field(
+        description="Number of times each recovery step was taken since the daemon started."
+    )
+    last_failure: str | None = Field(description="Reason for the latest recovery step.")
+    last_failure_utc: str | None = Field(description="Time since when that has been the reason.")
+    ring: RingDocument
+    views: dict[str, ViewColumnsDocument]
+    calibration: ActiveCalibration | None
+    lacks: list[DeviceLackDocument] = Field(
+        description="What keeps the device from measuring, as /readyz reports it."
+    )
+    warnings: list[str] = Field(description="Warnings for people, in sentences.")
+    capture_id: str | None = Field(description="The capture that is being recorded.")
+    armed_capture_id: str | None = Field(description="The capture that is waiting for its trigger.")
+    group_id: str | None = Field(description="The group of that capture.")
+    rig: RigDocument | None = Field(description="Null before the first second of measuring.")
+    live: LiveDocument | None
+
+
+class DeviceList(Document):
+    """The devices of the configuration, in its sequence."""
+
+    devices: list[DeviceDocument]
+
+
+class ObjectDocument(Document):
+    """An object model; every list has the targets in the same sequence."""
+
+    name: str
+    target_diameter_mm: float
+    sigma_mm: float = Field(description="Standard deviation of the nominal coordinates.")
+    target: list[int]
+    x_mm: list[float]
+    y_mm: list[float]
+    z_mm: list[float]
+    row: list[int]
+    column: list[int]
+
+
+class ViewLightDocument(Document):
+    """Illumination of one view."""
+
+    histogram: list[int] = Field(description="Number of pixels of each grey value, 0 to 255.")
+    targets: int = Field(description="Number of complete targets at the threshold.")
+    diameter_px: float | None = Field(description="Mean diameter of the targets, in frame pixels.")
+    background: int = Field(description="Median grey value of the pixels outside the targets.")
+    brightest: int = Field(description="Grey value that one pixel in a thousand exceeds.")
+    clipped: float = Field(description="Fraction of the targets' pixels at the camera's white level.")
+
+
+class LightDocument(Document):
+    """Illumination of the newest field, view by view."""
+
+    threshold: int
+    views: dict[str, ViewLightDocument]
+
+
+class PulsationDocument(Document):
+    """Latest known pulsation rate of the liner before a device; all null where it is not known."""
+
+    rate_per_min: float | None = Field(description="Pulsations per minute.")
+    capture: str | None = Field(
+        description="The device's newest analysed capture, from which the rate was determined."
+    )
+    analysis: int | None = Field(description="Number of its analysis.")
+
+
+class ReadyDocument(Document):
+    """Every device can measure."""
+
+    status: Literal["ready"] = "ready"

@@ -1,0 +1,65 @@
+"""Messages on the MQTT topics; each leaves with `schema` before these keys."""
+
+from grabberd.acquisition import Outcome
+from grabberd.documents.document import Document
+from grabberd.documents.named_types import CaptureState, Verdict
+from grabberd.documents.states import DeviceState
+from grabberd.errors import Cause
+from grabberd.reconstruction.accuracy.drift_check import RigVerdict
+
+
+class OnlineMessage(Document):
+    """The daemon is connected, or, as its last will, no longer."""
+
+    online: bool
+    version: str
+
+
+class DeviceStateMessage(Document):
+    """State of a device in short."""
+
+    device: str
+    state: DeviceState
+    since_utc: str
+    cause: str | None
+    cause_code: Cause | None
+    signal: str
+    rate_hz: int | None
+    fields_lost: int
+    fields_damaged: int
+    fields_no_signal: int
+    fields_overrun: int
+    calibration_id: str | None
+    calibration_fits: bool | None
+    rig: RigVerdict | None
+    capture_id: str | None
+    disk_minutes_left: float | None
+
+
+class LedgerSummary(Document):
+    """A capture's ledger in words and in numbers."""
+
+    in_words: str
+    counts: dict[Outcome, int]
+
+
+class CaptureSummary(Document):
+    """A finished capture; a receiver recognises a repeated message by `capture_id`."""
+
+    capture_id: str
+    group_id: str | None
+    device: str
+    state: CaptureState
+    verdict: Verdict | None
+    ended_because: str | None
+    started_utc: str
+    duration_s: float
+    fields: int
+    ledger: LedgerSummary
+    bits: int
+    lines: str
+    labels: dict[str, str]
+    site: dict[str, str]
+    calibration_id: str | None
+    file: str
+    size_bytes: int

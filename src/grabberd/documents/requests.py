@@ -1,0 +1,269 @@
+"""Bodies of requests."""
+
+from typing import Annotated, Self
+
+from pydantic import Field, StringConstraints, model_validator
+
+from grabberd.config import ThresholdConfig
+from grabberd.documents.document import Document, with_examples
+from grabberd.documents.named_types import (
+    AllDevices,
+    Bits,
+    CalibrationFrameTreatment,
+    DeviceNames,
+    Handedness,
+    InterruptionPolicy,
+    JsonObject,
+    LabelChanges,
+    Labels,
+    LinesKind,
+    Note,
+    OverrunPolicy,
+    Weights,
+)
+
+CHECK_S = 10.0
+"""Length of a check's capture."""
+MOST_FIELDS = 10_000_000
+CaptureName = Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z_-]{1,80}$")]
+Parameter = Annotated[str, StringConstraints(pattern=r"^[0-9A-Za-z_.]{1,40}$")]
+
+_DEVICE = "Name of the device; not needed if there is only one."
+_FRAME = (
+    "Name of a calibration frame that comes with the program, or its document; not needed if there is only "
+    "one."
+)
+
+
+class CaptureOptions(Document):
+    """Options common to a capture and to a group of captures."""
+
+    armed: bool = Field(False, description="Wait for a trigger: POST captures/{capture_id}/trigger.")
+    fields: int | None = Field(
+        None, ge=1, le=MOST_FIELDS, description="Length in fields of 20 ms, including lost ones."
+    )
+    duration_s: float | None = Field(None, gt=0, le=200_000, description="Length in seconds.")
+    bits: Bits | None = Field(None, description="Bits per pixel; default: as configured.")
+    lines: LinesKind | None = Field(
+        None, description="'doubled' (default at 1 bit) or 'field' (default for grey)."
+    )
+    pre_trigger_fields: int = Field(
+        0,
+        ge=0,
+        le=4096,
+        description="Number of fields before the request, or before the trigger of an armed capture, to "
+        "include: those that the ring still holds, at most its number of slots.",
+    )
+    post_trigger_fields: int | None = Field(
+        None,
+        ge=1,
+        le=MOST_FIELDS,
+        description="Armed captures only: number of fields from the trigger on; default: until stopped.",
+    )
+    overrun: OverrunPolicy = Field(
+        "count",
+        description="What to do about fields that the ring loses because the computer is too busy: count "
+        "them, or stop there.",
+    )
+    on_interruption: InterruptionPolicy | None = Field(
+        None,
+        description="What to do when the device stops delivering: 'continue' with the gap in the ledger, or "
+        "'end'; default: as configured.",
+    )
+    note: Note = ""
+    labels: Labels = Field(default_factory=dict, description="Cow, teat, liner, …")
+
+    @model_validator(mode="after")
+    def _one_length(self) -> Self:
+        if self.armed and (self.fields is not None or self.duration_s is not None):
+            raise ValueError("an armed capture takes post_trigger_fields in place of fields or duration_s")
+        if not self.armed and self.post_trigger_fields is not None:
+            raise ValueError("post_trigger_fields requires an armed capture")
+        if self.fields is not None and self.duration_s is not None:
+            raise ValueError("give fields or duration_s, not both")
+        if self.fields is not None and self.pre_trigger_fields >= self.fields:
+            raise ValueError("pre_trigger_fields are included in fields, so there have to be fewer of them")
+        return self
+
+
+class NewCapture(CaptureOptions):
+    """A capture to start or arm: a number of fields, a number of seconds, or until it is stopped."""
+
+    model_config = with_examples(
+        {"fields": 64, "labels": {"cow": "112", "teat": "front left"}, "note": "new liners"},
+        {"armed": True, "pre_trigger_fields": 25, "post_trigger_fields": 500, "bits": 8},
+    )
+
+    device: str | None = Field(None, description=_DEVICE)
+
+
+class NewCaptureGroup(CaptureOptions):
+    """Captures of several devices to start at the same moment, all with the same length and bits."""
+
+    model_config = with_examples(
+        {"devices": "all", "duration_s": 60, "labels": {"cow": "112"}},
+        {
+            "devices": ["left", "right"],
+            "armed": True,
+            "pre_trigger_fields": 25,
+            "labels_of": {"left": {"teat": "front left"}, "right": {"teat": "front right"}},
+        },
+    )
+
+    devices: AllDevices | DeviceNames = Field("all", description="Names of the devices, or 'all'.")
+    labels_of: dict[str, Labels] = Field(
+        default_factory=dict, description="Labels of individual devices' captures, in addition to `labels`."
+    )
+
+
+class CapturePatch(Document):
+    """Changes to a capture's note, labels and pin; whatever is left out stays."""
+
+    model_config = with_examples({"pinned": True, "labels": {"cow": "113", "teat": None}})
+
+    note: Note | None = None
+    pinned: bool | None = Field(
+        None, description="A pinned capture is never deleted, neither on request nor by retention."
+    )
+    labels: LabelChanges | None = Field(
+        None, description="Labels to add to the present ones; null removes a label."
+    )
+
+
+class AnalysisRequest(Document):
+    """An analysis to run; missing inputs are not assumed, but reported as missing."""
+
+    model_config = with_examples(
+        {
+            "inputs": {
+                "reference": "nominal",
+                "material": {"E_mpa": 3, "wall_mm": 2.5, "poisson": 0.5, "F0_n": 60, "radius_mm": 12.5},
+                "vacuum": {
+                    "pulsation": {"kpa": 0, "sigma_kpa": 0.5},
+                    "liner": {"kpa": 42, "sigma_kpa": 0.5},
+                },
+                "plane": "symmetry",
+                "sought_kpa": 1,
+            },
+            "bursts": ["20260301T093100250Z-barn"],
+        }
+    )
+
+    inputs: JsonObject = Field(
+        default_factory=dict,
+        description="What is known in addition to the points, as in `grabberd analyse --inputs`: reference, "
+        "material, vacuum, plane, heights_mm, phases, sought_kpa, free_rows.",
+    )
+    bursts: list[CaptureName] = Field(
+        default_factory=list,
+        max_length=100,
+        description="Ids of further captures of the same liner, to be merged with it by phase.",
+    )
+    run: int | None = Field(
+        None, ge=1, le=2**53, description="Run whose points to analyse; default: the latest."
+    )
+    vacuum_log: str | None = Field(None, description="Text of a vacuum logger's CSV file.")
+
+
+class CalibrationOptions(Document):
+    """Options of the adjustment; the defaults are those of `grabberd calibrate`."""
+
+    weights: Weights | None = Field(
+        None, description="Weight each mean by its own σ (default), or all alike, the paper's option."
+    )
+    frame: CalibrationFrameTreatment | None = Field(
+        None, description="Weight the calibration frame's points by their σ (default), or hold them fixed."
+    )
+    shared: bool | list[Parameter] | None = Field(
+        None, description="Lens parameters that both views share: all, none (default), or these."
+    )
+    tied: bool | None = Field(None, description="Set b9 = b8, as in the paper's model.")
+    free: list[Parameter] | None = Field(
+        None, max_length=100, description="Parameters to adjust, e.g. 'b3' or 'left.b3'; default: all."
+    )
+    alpha: float | None = Field(None, gt=0, lt=1, description="Significance level of the tests.")
+    local_field: bool | None = Field(
+        None, description="True if a smooth field of residuals may be added to the model."
+    )
+    handedness: Handedness | None = Field(None, description="Handedness of both views; default: determined.")
+
+
+class CalibrationRequest(Document):
+    """A calibration to make from a capture of the calibration frame, or a complete one to store."""
+
+    model_config = with_examples(
+        {
+            "capture": "20260301T093000125Z-barn",
+            "calibration_frame": "paper-108",
+            "note": "after the lens was cleaned",
+        }
+    )
+
+    capture: str | None = Field(None, max_length=80, description="Id of a capture of the calibration frame.")
+    calibration_frame: str | JsonObject | None = Field(None, description=_FRAME)
+    options: CalibrationOptions | None = Field(None, description="Options of the adjustment.")
+    document: JsonObject | None = Field(None, description="A complete calibration, in place of a capture.")
+    device: str | None = Field(
+        None,
+        description="Device that the calibration belongs to; default: the capture's. Not needed if there is "
+        "only one.",
+    )
+    note: Note = ""
+
+    @model_validator(mode="after")
+    def _one_origin(self) -> Self:
+        if (self.capture is None) == (self.document is None):
+            raise ValueError("give either capture or document")
+        if self.document is not None and (self.options or self.calibration_frame):
+            raise ValueError("options and calibration_frame apply to a capture, not to a document")
+        return self
+
+
+class CalibrationChoice(Document):
+    """The calibration that a device shall measure with."""
+
+    model_config = with_examples({"id": "20260301T094211003Z"})
+
+    id: str = Field(max_length=200)
+    device: str | None = Field(None, description=_DEVICE)
+
+
+class RejectionRequest(Document):
+    """Rejection of a calibration, with its reason."""
+
+    model_config = with_examples({"note": "the frame was touched while it was captured"})
+
+    note: Note = ""
+
+
+class IdentificationRequest(Document):
+    """The calibration frame to look for."""
+
+    model_config = with_examples({"calibration_frame": "paper-108"})
+
+    calibration_frame: str | JsonObject | None = Field(
+        None, description="Its name or its document; not needed if there is only one."
+    )
+
+
+class CheckRequest(Document):
+    """Options of a check; all of them can be left out."""
+
+    model_config = with_examples({"duration_s": 10, "in_place": True})
+
+    calibration_frame: str | JsonObject | None = Field(None, description=_FRAME)
+    in_place: bool = Field(
+        False,
+        description="True if the calibration frame stands exactly where it stood during calibration; a "
+        "camera that has moved as a whole is then detected too.",
+    )
+    duration_s: float = Field(CHECK_S, ge=0.2, le=60, description="Length of the check's capture in seconds.")
+
+
+class SettingsRequest(Document):
+    """Settings of a device from now on."""
+
+    model_config = with_examples({"threshold": {"kind": "fixed", "value": 96}})
+
+    device: str | None = Field(None, description=_DEVICE)
+    threshold: ThresholdConfig | None = Field(description="null: as configured.")

@@ -1,0 +1,53 @@
+"""State and health of the daemon."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.document import Document
+from grabberd.errors import Cause
+
+
+class StorageDocument(Document):
+    """The disk that holds the captures."""
+
+    free_bytes: int | None
+    minutes_left: float | None = Field(
+        description="Minutes for which all devices together can still capture with their present rings."
+    )
+    problem: str | None = Field(description="Why the disk cannot be read.")
+    cause_code: Cause | None = Field(description="Machine-readable code of the problem.")
+    removed: int = Field(
+        description="Number of captures that retention has removed since the daemon started."
+    )
+    removed_bytes: int
+
+
+class MqttDocument(Document):
+    """Connection to the MQTT broker that receives device states and capture summaries."""
+
+    connected: bool
+    since_utc: str
+    problem: str | None = Field(description="The latest problem that has not been resolved.")
+    waiting_captures: int = Field(description="Finished captures that are not acknowledged yet.")
+    acknowledged_captures: int = Field(description="Captures acknowledged since the daemon started.")
+    missed_captures: int = Field(
+        description="Captures that were deleted before their summaries could be stored."
+    )
+
+
+class StateDocument(Document):
+    """State of the devices, the disk and the daemon at a glance."""
+
+    version: str
+    devices: dict[str, DeviceDocument]
+    storage: StorageDocument
+    mqtt: MqttDocument | None = Field(description="Null if the configuration names no broker.")
+
+
+class HealthDocument(Document):
+    """The daemon is serving."""
+
+    status: Literal["ok"] = "ok"
+    version: str

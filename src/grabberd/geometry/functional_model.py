@@ -1,0 +1,137 @@
+"""Functional model: from a point of the object to frame pixels (paper eqs. 4–7).
+
+    x = −f·u/w + dx,  y = −f·v/w + dy,  (u, v, w) = R·(X − X0),  column = x0 + x/px,  line = y0 − y/py
+
+x and y are in mm, reduced to the principal point, y up. The camera looks along −z, so points in front have
+w < 0; a point in or behind the plane of the projection centre gives NaN.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.geometry.distortion import basis, monomials
+from grabberd.geometry.rig import Rig
+from grabberd.geometry.view import PARAMETERS, View
+
+Array = NDArray[np.float64]
+
+
+class _Ideal(NamedTuple):
+    """Ideal points `xy_mm` (2, V, N), offsets `away_mm` (V, 3, N) from the centre, `closeness` −1/w (V,
+    N).
+    """
+
+    xy_mm: Array
+    away_mm: Array
+    closeness: Array
+
+
+class Image(NamedTuple):
+    """Ideal points mapped to the frame: `pixels` (2, V, N), and their slopes in px/mm.
+
+    `own` (2, V, N) is the derivative of a coordinate by its own ideal coordinate, `other` that by the other.
+    """
+
+    pixels: Array
+    own: Array
+    other: Array
+
+    def pixel_slopes(self, ideal_slopes: Array) -> Array:
+        """Convert slopes of the ideal coordinates (2, V, K, N) to slopes of the frame pixels."""
+        direct = self.own[:, :, np.newaxis] * ideal_slopes
+        direct += self.other[:, :, np.newaxis] * ideal_slopes[::-1]
+        return direct
+
+
+def project(view: View, xyz_mm: Array) -> Array:
+    """Project N object points (N, 3) to (N, 2) float64 frame pixels; NaN for points behind the camera."""
+    return project_all(single(view), xyz_mm)[:, 0].T
+
+
+def project_all(rig: Rig, xyz_mm: Array) -> Array:
+    """Project N points (N, 3) into every view: (2, V, N) float64 frame pixels (x, y); NaN behind a camera."""
+    return image(rig, _ideal(rig, xyz_mm).xy_mm).pixels
+
+
+def parameter_derivatives(view: View, xyz_mm: Array) -> Array:
+    """(N, 2, 18) float64, derivatives of `project` by the view's `PARAMETERS`, in px per their unit."""
+    return parameter_slopes(single(view), xyz_mm)[:, 0].transpose(2, 0, 1)
+
+
+def linearise(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
+    """Project N points (N, 3), with derivatives by X, Y, Z.
+
+    Returns:
+        (2, V, N) frame pixels and (2, V, 3, N) px/mm.
+    """
+    ideal = _ideal(rig, xyz_mm)
+    seen = image(rig, ideal.xy_mm)
+    return seen.pixels, seen.pixel_slopes(_object_slopes(rig, ideal))
+
+
+def parameter_slopes(rig: Rig, xyz_mm: Array) -> Array:
+    """(2, V, 18, N) float64, derivatives of the frame pixels by the `PARAMETERS` of their view."""
+    return linearise_parameters(rig, xyz_mm)[1]
+
+
+def linearise_parameters(rig: Rig, xyz_mm: Array) -> tuple[Array, Array]:
+    """Project N points (N, 3), with derivatives by the `PARAMETERS` of each view.
+
+    Returns:
+        (2, V, N) frame pixels and (2, V, 18, N); the derivatives by the projection centre are those by the
+        point itself with the opposite sign.
+    """
+    ideal = _ideal(rig, xyz_mm)
+    seen = image(rig, ideal.xy_mm)
+    slopes = np.zeros((2, len(rig.views), len(PARAMETERS), len(xyz_mm)))
+    slopes[:, :, :1] = seen.pixel_slopes((ideal.xy_mm / rig.f_mm)[:, :, np.newaxis])
+    slopes[0, :, 1] = slopes[1, :, 2] = 1.0
+    slopes[:, :, 3:6] = seen.pixel_slopes(_angle_slopes(rig, ideal))
+    slopes[:, :, 6:9] = -seen.pixel_slopes(_object_slopes(rig, ideal))
+    slopes[:, :, 9:] = basis(ideal.xy_mm) / rig.pixel_mm[:, :, np.newaxis]
+    return seen.pixels, slopes
+
+
+def image(rig: Rig, ideal_mm: Array) -> Image:
+    """Map ideal points (2, V, N) to frame pixels, with slopes (paper eqs. 4–7)."""
+    values = (rig.image @ monomials(ideal_mm)).reshape(len(rig.views), 4, 2, -1)
+    own, other, own_slope, other_slope = values.transpose(1, 2, 0, 3)
+    pixels = ideal_mm * own
+    pixels += ideal_mm[::-1] * other
+    pixels += rig.origin_px
+    return Image(pixels, own_slope, other_slope)
+
+
+@lru_cache(maxsize=64)
+def single(view: View) -> Rig:
+    """Make a rig of one view."""
+    return Rig.of_views([view])
+
+
+def _ideal(rig: Rig, xyz_mm: Array) -> _Ideal:
+    away = xyz_mm.T - rig.center_mm
+    camera = rig.rotation @ away
+    depth = camera[:, 2]
+    closeness = -1.0 / np.where(depth < 0.0, depth, np.nan)
+    return _Ideal(camera[:, :2].swapaxes(0, 1) * (rig.f_mm * closeness), away, closeness)
+
+
+def _object_slopes(rig: Rig, ideal: _Ideal) -> Array:
+    """(2, V, 3, N) derivatives of the ideal coordinates by X, Y, Z."""
+    return _perspective_slopes(rig, ideal, rig.rotation[..., np.newaxis])
+
+
+def _angle_slopes(rig: Rig, ideal: _Ideal) -> Array:
+    """(2, V, 3, N) derivatives of the ideal coordinates by ω, φ, κ."""
+    turned = rig.rotation_rates @ ideal.away_mm
+    return _perspective_slopes(rig, ideal, turned.transpose(1, 2, 0, 3))
+
+
+def _perspective_slopes(rig: Rig, ideal: _Ideal, camera_slopes: Array) -> Array:
+    """Apply the quotient rule of the perspective to the slopes (V, 3, K, N) of the camera coordinates."""
+    sideways = camera_slopes[:, :2].swapaxes(0, 1) * rig.f_mm[:, :, np.newaxis]
+    inward = ideal.xy_mm[:, :, np.newaxis] * camera_slopes[:, 2]
+    return (sideways + inward) * ideal.closeness[:, np.newaxis]

@@ -1,0 +1,69 @@
+"""Location with more than 1 bit by the compiled kernel: fitted discs and line shifts in one call."""
+
+import ctypes
+import math
+from functools import lru_cache
+
+import numpy as np
+
+from grabberd.field import PackedField
+from grabberd.kernel import DONE, MORE_ROOM, Kernel
+from grabberd.measurement.blobs import Blobs
+from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, blobs_of, fail
+from grabberd.measurement.compiled.location_structs import GreySettings
+from grabberd.measurement.locators.disc_image import edge_table
+from grabberd.measurement.locators.locator import GREY
+from grabberd.measurement.settings import LocationSettings
+
+BY_KERNEL = ("automatic", "template")
+
+
+def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:
+    """True if the kernel covers this field and these settings."""
+    return (
+        packed.bits in GREY
+        and settings.method in BY_KERNEL
+        and packed.y_step in (1, 2)
+        and packed.rows * packed.y_step > 1
+        and settings.noise_levels != 0
+    )
+
+
+def measure_grey(kernel: Kernel, packed: PackedField, settings: LocationSettings) -> Blobs:
+    """Measure as `location.measure` without windows, for fields that the kernel covers.
+
+    Raises:
+        MeasurementError: There is not enough memory, or the kernel refuses the picture.
+    """
+    data = np.ascontiguousarray(packed.data)
+    _, rows, stride = data.shape
+    picture = (packed.bits, rows, stride, packed.columns)
+    places = (packed.parity, packed.y0, packed.y_step, packed.threshold)
+    wanted, room = _settings(settings), ROOM
+    while True:
+        out = np.empty(COLUMNS * room)
+        status, count, reach_px, jitter_px = kernel.locate_grey(data, picture + places, wanted, out)
+        if status == DONE:
+            jitter = None if math.isnan(jitter_px) else jitter_px
+            return blobs_of(out.reshape(COLUMNS, room), count, reach_px, jitter)
+        if status != MORE_ROOM:
+            fail(status, packed)
+        room = count
+
+
+@lru_cache(maxsize=16)
+def _settings(settings: LocationSettings) -> GreySettings:
+    edge = np.stack(edge_table(), axis=1)
+    own = GreySettings(
+        settings.min_diameter_px,
+        settings.max_diameter_px,
+        settings.line_jitter_px,
+        settings.spread_px,
+        math.nan if settings.noise_levels is None else settings.noise_levels,
+        settings.line_shifts is not False,
+        settings.line_jitter_known,
+        ctypes.c_void_p(edge.ctypes.data),
+        len(edge),
+    )
+    own.edge_values_kept = edge  # the array at the address must stay alive
+    return own

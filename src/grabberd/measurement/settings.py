@@ -1,0 +1,70 @@
+"""Settings of target location, and the locators that they can name."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+AUTOMATIC = "automatic"
+LOCATORS: Mapping[str, str] = MappingProxyType(
+    {
+        "centroid": "locators.centroid:locate_by_centroid",
+        "weighted": "locators.weighted:locate_by_weighted",
+        "template": "locators.template:locate_by_template",
+        "edge": "locators.edge:locate_by_edge",
+        "correlation": "locators.correlation:locate_by_correlation",
+        "locale": "locale.locale:locate_by_locale",
+        "vernier": "locators.interpolation:locate_by_vernier",
+        "tian-huhns": "locators.interpolation:locate_by_tian_huhns",
+    }
+)
+"""Module and function of each locator, relative to this room. They are text, so that the locators kept for
+comparison (edge, correlation, vernier, tian-huhns) are not imported by a program that never uses them."""
+METHODS = (AUTOMATIC, *LOCATORS)
+"""Values of `LocationSettings.method`."""
+
+
+@dataclass(frozen=True, slots=True)
+class LocationSettings:
+    """Settings of target location.
+
+    Attributes:
+        method: One of `METHODS`; "automatic" picks the most accurate for the field's bits, "locale" at 1 bit
+            and "template" with more; "weighted" is nearly as accurate as "template" in half the time;
+            "centroid" weights all pixels equally at 1 bit, and by g − T with more bits (paper eqs. 1, 2).
+        min_diameter_px: Blobs smaller than a disc of this diameter, in frame pixels, are not targets.
+        max_diameter_px: Blobs larger than a disc of this diameter are not targets.
+        noise_levels: Standard deviation of a pixel in grey values; None takes it from each field's
+            background.
+        target_px: Diameter of the targets' discs in frame pixels; None takes it from the field's own blobs.
+        spread_px: Standard deviation of the spread function, frame pixels.
+        line_jitter_px: Expected standard deviation of a field line's shift in x, frame pixels; 0 if lines do
+            not shift.
+        line_jitter_known: True if that is known well enough not to be estimated from each field.
+        line_shifts: True to solve for the shifts and their standard deviation. None does so with more than 1
+            bit, where it removes a third of the error in space; at 1 bit it removes a thirtieth.
+
+    Raises:
+        ValueError: The method is unknown, or a limit is out of range.
+    """
+
+    method: str = "automatic"
+    min_diameter_px: float = 2.5
+    max_diameter_px: float = 15.0
+    noise_levels: float | None = None
+    target_px: float | None = None
+    spread_px: float = 0.8
+    line_jitter_px: float = 0.12
+    line_jitter_known: bool = False
+    line_shifts: bool | None = None
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise ValueError(f"unknown method {self.method!r}; choose from {', '.join(METHODS)}")
+        if not 0 <= self.min_diameter_px < self.max_diameter_px:
+            limits = f"min_diameter_px {self.min_diameter_px} and max_diameter_px {self.max_diameter_px}"
+            raise ValueError(f"no blob can meet {limits}")
+        if self.target_px is not None and not self.target_px > 0:
+            raise ValueError(f"target_px {self.target_px} is not positive")
+        if not (self.spread_px > 0 and self.line_jitter_px >= 0):
+            lengths = f"spread_px {self.spread_px} and line_jitter_px {self.line_jitter_px}"
+            raise ValueError(f"{lengths} are out of range (above 0; at least 0)")

@@ -1,0 +1,181 @@
+"""Search for targets near their expected positions by the compiled kernel: numpy's sightings, many times
+faster.
+
+One call predicts the images, finds the nearest blobs, intersects the rays and keeps those that meet; a second
+one checks that these agree with one another.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.errors import MeasurementError
+from grabberd.geometry import Rig
+from grabberd.kernel import DONE, Kernel
+from grabberd.reconstruction.correspondence.agreement import Agreement
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Expected
+from grabberd.reconstruction.correspondence.space_structs import World
+from grabberd.reconstruction.image_noise import ImageNoise
+from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.view_blobs import ViewBlobs
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_NUMBERS = 32
+"""Numbers per target: position, covariance, calibration covariance, image, residual, displacement,
+variance."""
+
+
+class Near(NamedTuple):
+    """Contents of a `Sighting` of K targets.
+
+    Attributes:
+        points: Their points.
+        target, left, right, expected: As in `Sighting`.
+        settled: (M, 3) positions of all targets of the model, and (M,) their standard deviations.
+        surprise: Root mean square distance from the predicted positions, in standard deviations; None if a
+            target was dropped.
+    """
+
+    points: Points
+    target: Indices
+    left: Indices
+    right: Indices
+    expected: Expected
+    settled: tuple[Array, Array]
+    surprise: float | None
+
+
+def world_of(rig: Rig, agreement: Agreement, noise: ImageNoise) -> World:
+    """Collect what the kernel needs about rig, object and noise."""
+    settings, field = agreement.settings, agreement.field
+    neighbours, apart_mm = agreement.pairs
+    arrays = {
+        "nominal_mm": agreement.model.xyz_mm,
+        "neighbours": neighbours.astype(np.int64),
+        "apart_mm": apart_mm,
+    }
+    numbers = {
+        "gate": settings.gate,
+        "stretch": settings.stretch,
+        "unmodelled_px": settings.unmodelled_px,
+        "noise_mm": field.noise_mm,
+        "blob_jitter_px": noise.blob_jitter_px,
+        "radius_lines": noise.radius_lines,
+    }
+    return World.of(rig, arrays, numbers)
+
+
+class Nearby:
+    """Search for one object's targets near their expected positions, as seen by one rig."""
+
+    def __init__(self, kernel: Kernel, rig: Rig, agreement: Agreement, noise: ImageNoise) -> None:
+        self._kernel = kernel
+        self._agreement = agreement
+        self._world = world_of(rig, agreement, noise)
+
+    def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Near:
+        """Search as `Correspondence.near`.
+
+        Raises:
+            MeasurementError: There is not enough memory.
+        """
+        room = len(self._agreement.model)
+        index, number = np.empty((3, room), np.int64), np.empty(_NUMBERS * room)
+        status, count, surprise = self._kernel.near(
+            self._world,
+            np.ascontiguousarray(places_mm),
+            np.ascontiguousarray(sigma_mm),
+            *_buffers(left),
+            *_buffers(right),
+            left.common_reach_px,
+            index,
+            number,
+        )
+        if status != DONE:
+            raise MeasurementError(
+                f"not enough memory for {len(left)} and {len(right)} blobs and {room} targets",
+                "free some memory, or add more",
+            )
+        return self._agreeing(_Found.of(index, number, count, room), surprise)
+
+    def _agreeing(self, found: "_Found", surprise: float) -> Near:
+        """Drop targets that the others contradict, the worst first (as `Agreement.consistent`)."""
+        model, all_stay = self._agreement.model, True
+        count = len(model)
+        expected, settled = np.empty((count, 3)), np.empty(10 * count)
+        while True:
+            weights, sigma_mm = self._say(found, expected)
+            worst = self._kernel.agree(self._world, weights, sigma_mm, *found.agreeing(), expected, settled)
+            if worst < 0:
+                break
+            found, all_stay = found.without(worst), False
+        places = settled[: 3 * count].reshape(count, 3), settled[9 * count :]
+        return Near(
+            found.points(model.target),
+            found.target,
+            found.left,
+            found.right,
+            Expected(expected, sigma_mm),
+            places,
+            surprise if all_stay else None,
+        )
+
+    def _say(self, found: "_Found", expected: Array) -> tuple[Array | bytes, Array]:
+        """Weights of the targets found; empty if a field by parts has already computed the expectation."""
+        field = self._agreement.field
+        if isinstance(field, DisplacementField):
+            say = field.say(found.target)
+            return say.weights.T, say.sigma_mm
+        seen, displacement_mm = np.zeros(len(expected), np.bool_), np.zeros_like(expected)
+        seen[found.target], displacement_mm[found.target] = True, found.displacement_mm
+        expected[:], sigma_mm = field.expect(seen, displacement_mm)
+        return b"", sigma_mm
+
+
+class _Found(NamedTuple):
+    """K targets, before they agree."""
+
+    target: Indices
+    left: Indices
+    right: Indices
+    xyz_mm: Array
+    covariance_mm2: Array
+    calibration_covariance_mm2: Array
+    image_px: Array
+    residual_px: Array
+    displacement_mm: Array
+    variance_mm2: Array
+
+    @classmethod
+    def of(cls, index: Indices, number: Array, count: int, room: int) -> "_Found":
+        target, left, right = index[:, :count]
+        return cls(
+            target,
+            left,
+            right,
+            number[: 3 * count].reshape(count, 3),
+            number[3 * room :][: 9 * count].reshape(count, 3, 3),
+            number[12 * room :][: 9 * count].reshape(count, 3, 3),
+            number[21 * room :][: 4 * count].reshape(count, 2, 2),
+            number[25 * room :][:count],
+            number[26 * room :][: 3 * count].reshape(count, 3),
+            number[29 * room :][: 3 * count].reshape(count, 3),
+        )
+
+    def agreeing(self) -> tuple[Indices, Array, Array, Array]:
+        return self.target, self.displacement_mm, self.variance_mm2, self.covariance_mm2
+
+    def without(self, worst: int) -> "_Found":
+        fewer: Any = (np.delete(one, worst, axis=0) for one in self)
+        return _Found(*fewer)
+
+    def points(self, ids: NDArray[np.int32]) -> Points:
+        return Points(ids[self.target], *self[3:8])
+
+
+def _buffers(blobs: ViewBlobs) -> tuple[Array, Array, Array | bytes]:
+    common = b"" if blobs.common_px is None else np.ascontiguousarray(blobs.common_px)
+    return np.ascontiguousarray(blobs.xy_px), np.ascontiguousarray(blobs.sigma_px), common

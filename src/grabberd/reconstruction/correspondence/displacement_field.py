@@ -1,0 +1,133 @@
+"""Displacement field: a smooth field of the targets' displacements from their nominal positions.
+
+The only assumption is that neighbouring targets move alike: the displacements are a Gaussian random field
+with a Matérn 5/2 covariance over the targets' nominal distances, the same in X, Y and Z. The targets seen
+then predict the others, with σ (kriging). This is the prior knowledge that decides correspondence where the
+epipolar geometry cannot.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.reconstruction.object_model import ObjectModel
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_KEPT = 32
+"""Number of sets of seen targets whose predictors are kept, some 100 kB each."""
+
+
+@dataclass(frozen=True, slots=True)
+class Smoothness:
+    """Prior knowledge of an object's deformation.
+
+    Attributes:
+        sigma_mm: Standard deviation of a displacement in each of X, Y, Z.
+        reach_mm: Correlation length: targets much nearer than this move alike.
+        noise_mm: Standard deviation of a measured displacement around the smooth field.
+    """
+
+    sigma_mm: float = 3.0
+    reach_mm: float = 30.0
+    noise_mm: float = 0.15
+
+
+class Expected(NamedTuple):
+    """Prediction of each target from the *other* seen targets, leaving out its own measurement.
+
+    Attributes:
+        displacement_mm: (M, 3) predicted displacements.
+        sigma_mm: (M,) their standard deviation in each coordinate, without the noise of the target's own
+            measurement.
+    """
+
+    displacement_mm: Array
+    sigma_mm: Array
+
+
+class Say(NamedTuple):
+    """Predictor of all M targets from K seen ones: `weights` (M, K) of their displacements, and `sigma_mm`
+    (M,).
+
+    The weights are stored column by column, as the kernel reads them.
+    """
+
+    weights: Array
+    sigma_mm: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DisplacementField:
+    """Field of an object of M targets.
+
+    Attributes:
+        nominal_mm: (M, 3) the targets' nominal positions.
+        precision: (M, M), inverse of the covariance of measured displacements, in 1/mm².
+        noise_mm: See `Smoothness`.
+        most_kept: Number of sets of seen targets whose predictors are kept.
+    """
+
+    nominal_mm: Array
+    precision: Array
+    noise_mm: float
+    most_kept: int = _KEPT
+    _kept: "dict[bytes, Say]" = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of(cls, model: ObjectModel, smoothness: Smoothness) -> "DisplacementField":
+        """Make the field of an object."""
+        return cls.through(model.xyz_mm, smoothness)
+
+    @classmethod
+    def through(
+        cls, nominal_mm: Array, smoothness: Smoothness, most_kept: int = _KEPT
+    ) -> "DisplacementField":
+        """Make the field of targets at nominal positions (M, 3)."""
+        apart = np.linalg.norm(nominal_mm[:, np.newaxis] - nominal_mm, axis=2) / smoothness.reach_mm
+        scaled = np.sqrt(5.0) * apart
+        covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
+        covariance[np.diag_indices(len(nominal_mm))] += smoothness.noise_mm**2
+        return cls(nominal_mm, np.linalg.inv(covariance), smoothness.noise_mm, most_kept)
+
+    def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
+        """Predict all targets: an unseen one from all seen ones, a seen one from all but itself.
+
+        Args:
+            seen: (M,) True for targets that have been measured.
+            displacement_mm: (M, 3) their displacements; rows of unseen ones are ignored.
+        """
+        say = self.say(np.flatnonzero(seen))
+        return Expected(say.weights @ displacement_mm[seen], say.sigma_mm)
+
+    def say(self, inside: Indices) -> Say:
+        """Make or recall the predictor of all targets from some (K,), ascending.
+
+        From field to field mostly the same targets are seen, so predictors are kept.
+        """
+        key = inside.tobytes()
+        say = self._kept.get(key)
+        if say is None:
+            if len(self._kept) >= self.most_kept:
+                self._kept.clear()
+            unseen = np.ones(len(self.precision), np.bool_)
+            unseen[inside] = False
+            say = self._kept[key] = self._say_of(inside, np.flatnonzero(unseen))
+        return say
+
+    def _say_of(self, inside: Indices, outside: Indices) -> "Say":
+        own = self.precision[inside[:, np.newaxis], inside]
+        cross = self.precision[outside[:, np.newaxis], inside]
+        hidden = np.linalg.inv(self.precision[outside[:, np.newaxis], outside])
+        guess = -(hidden @ cross)
+        pull = own + cross.T @ guess
+        weights, variance = np.empty((len(inside), len(self.precision))).T, np.empty(len(self.precision))
+        variance[inside], variance[outside] = 1.0 / np.diag(pull), np.diag(hidden)
+        weights[inside] = np.eye(len(inside)) - pull * variance[inside, np.newaxis]
+        weights[outside] = guess
+        sigma_mm = np.sqrt(np.maximum(variance - self.noise_mm**2, 0.0))
+        sigma_mm.setflags(write=False)
+        return Say(weights, sigma_mm)

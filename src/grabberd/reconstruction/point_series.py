@@ -1,0 +1,100 @@
+"""Point series: points of many fields as arrays, fields along one axis, targets along the other."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.reconstruction.points import Points
+
+Array = NDArray[np.float64]
+
+ALL = slice(None)
+"""All fields, or all targets."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PointSeries:
+    """Points of F fields and T targets; NaN where a target has no point in a field.
+
+    Attributes:
+        n: (F,) int64, field numbers, ascending, including fields without any point.
+        time_s: (F,) time since the first field.
+        target: (T,) int32, ids, ascending, of all targets with a point in any field.
+        xyz_mm: (F, T, 3), in the object's frame.
+        covariance_mm2: (F, T, 3, 3), see `Points`.
+        calibration_covariance_mm2: (F, T, 3, 3), see `Points`.
+        image_px: (F, T, 2, 2), [field, target, view, (x, y)].
+    """
+
+    n: NDArray[np.int64]
+    time_s: Array
+    target: NDArray[np.int32]
+    xyz_mm: Array
+    covariance_mm2: Array
+    calibration_covariance_mm2: Array
+    image_px: Array
+
+    @classmethod
+    def of(cls, measured: Iterable[tuple[int, int, Points]]) -> "PointSeries":
+        """Collect from field numbers, times in ns, and points, in order."""
+        numbers, times_ns, points = _columns(measured)
+        target = np.unique(np.concatenate([np.empty(0, np.int32), *(one.target for one in points)]))
+        filled = [_spread(one, target) for one in points]
+        return cls(
+            n=np.array(numbers, np.int64),
+            time_s=(np.array(times_ns, np.int64) - (times_ns[0] if times_ns else 0)) / 1e9,
+            target=target,
+            xyz_mm=_stacked(filled, 0, (len(target), 3)),
+            covariance_mm2=_stacked(filled, 1, (len(target), 3, 3)),
+            calibration_covariance_mm2=_stacked(filled, 2, (len(target), 3, 3)),
+            image_px=_stacked(filled, 3, (len(target), 2, 2)),
+        )
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """(F, T) True where a target has a point in a field."""
+        seen: NDArray[np.bool_] = np.isfinite(self.xyz_mm[:, :, 0])
+        return seen
+
+    @property
+    def parity(self) -> NDArray[np.intp]:
+        """(F,) 0 or 1: fields of equal parity show the same lines; parities alternate every 20 ms."""
+        return (self.n & 1).astype(np.intp)
+
+    def part(self, span: slice, chosen: slice | NDArray[np.intp] = ALL) -> "PointSeries":
+        """Select some fields, and some targets by index."""
+        return PointSeries(
+            self.n[span],
+            self.time_s[span],
+            self.target[chosen],
+            self.xyz_mm[span][:, chosen],
+            self.covariance_mm2[span][:, chosen],
+            self.calibration_covariance_mm2[span][:, chosen],
+            self.image_px[span][:, chosen],
+        )
+
+    def without(self, gone: NDArray[np.bool_]) -> "PointSeries":
+        """Remove some points (F, T)."""
+        kept = np.where(gone, np.nan, 1.0)[:, :, np.newaxis]
+        return replace(self, xyz_mm=self.xyz_mm * kept)
+
+
+def _columns(measured: Iterable[tuple[int, int, Points]]) -> tuple[list[int], list[int], list[Points]]:
+    rows = list(measured)
+    return [row[0] for row in rows], [row[1] for row in rows], [row[2] for row in rows]
+
+
+def _spread(points: Points, target: NDArray[np.int32]) -> tuple[Array, ...]:
+    """Spread every array of the points over all targets, NaN where there is no point."""
+    place = np.searchsorted(target, points.target)
+    arrays = (points.xyz_mm, points.covariance_mm2, points.calibration_covariance_mm2, points.image_px)
+    spread = tuple(np.full((len(target), *array.shape[1:]), np.nan) for array in arrays)
+    for wide, array in zip(spread, arrays, strict=True):
+        wide[place] = array
+    return spread
+
+
+def _stacked(filled: list[tuple[Array, ...]], which: int, shape: tuple[int, ...]) -> Array:
+    return np.stack([one[which] for one in filled]) if filled else np.empty((0, *shape))

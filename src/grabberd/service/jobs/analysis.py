@@ -1,0 +1,277 @@
+"""Analyses a capture's points: shape, strain, tension and pressure, as tables, maps and a report.
+
+What computes and draws is imported where it is used: the daemon declares the job, but never analyses.
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from grabberd import __version__
+from grabberd.acquisition import Ledger
+from grabberd.errors import ExtraMissing, InputError, NotReady
+from grabberd.reconstruction import ObjectModel
+from grabberd.service.clock import SystemClock, iso_utc
+from grabberd.service.jobs.progress import Progress, portion
+from grabberd.service.jobs.runner import JobSpec
+from grabberd.storage import CaptureReader
+from grabberd.storage.disk import storage_errors
+from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
+
+if TYPE_CHECKING:
+    from grabberd.processes.analysis.analyse import Analysis, FieldPoints
+    from grabberd.processes.analysis.tables import AnalysisTables
+
+SOURCE = "the HTTP request"
+"""Where the inputs of a job come from, as the report shows it."""
+_ANALYSED = 0.8
+"""Share of the work; the rest is drawing and writing."""
+
+
+@dataclass(frozen=True, slots=True)
+class AnalysisOutput:
+    """An analysis, the same as tables, and the document `about` what it was made from."""
+
+    analysis: "Analysis"
+    tables: "AnalysisTables"
+    about: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """Points, object model and origin of one capture."""
+
+    fields: "list[FieldPoints]"
+    model: ObjectModel
+    about: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnalysisJob(JobSpec):
+    """Analyses a capture and stores tables, maps and report as its next analysis, whole or not at all.
+
+    Attributes:
+        path: Path of the capture; this and the others as `analyse_file` takes them.
+        store: Folder of the `AnalysisStore`.
+    """
+
+    kind = "analyse"
+    path: Path
+    inputs: Mapping[str, Any]
+    store: Path
+    bursts: Sequence[Path] = ()
+    run_number: int | None = None
+    vacuum_log: str | None = None
+
+    def run(self, progress: Progress) -> dict[str, Any]:
+        """Analyses and stores.
+
+        Returns:
+            The number of the analysis, as `analysis`, and its record.
+
+        Raises:
+            GrabberdError: As `analyse_file`.
+        """
+        made = analyse_file(
+            portion(progress, 0.0, _ANALYSED),
+            path=self.path,
+            inputs=self.inputs,
+            bursts=self.bursts,
+            run=self.run_number,
+            vacuum_log=self.vacuum_log,
+            sources=dict.fromkeys([*self.inputs, *(["vacuum.log"] if self.vacuum_log else [])], SOURCE),
+        )
+        analyses = AnalysisStore(self.store)
+        with analyses.scratch() as folder:
+            record = _write_all(folder, made)
+            return {"analysis": analyses.publish(self.subject, folder), **record}
+
+
+def analyse_file(
+    progress: Progress,
+    *,
+    path: Path,
+    inputs: Mapping[str, Any],
+    bursts: Sequence[Path] = (),
+    run: int | None = None,
+    vacuum_log: str | None = None,
+    sources: Mapping[str, str] | None = None,
+) -> AnalysisOutput:
+    """Analyses the points of a capture; nothing is written.
+
+    Args:
+        progress: Called with the share that is done.
+        path: The capture.
+        inputs: What is known besides the points; see `grabberd.processes.analysis.inputs`.
+        bursts: Captures of the same liner that are combined with it by phase, each with its latest run.
+        run: The run whose points are analysed; None for the latest.
+        vacuum_log: Text of a vacuum logger's file, in place of the one in the inputs.
+        sources: Where each of the inputs comes from, by its name.
+
+    Raises:
+        CaptureFileError, NotFound: A capture or run does not exist.
+        NotReady: A capture was measured without an object model.
+        InputError: An input does not suit this capture.
+        AnalysisError: The points make no surface.
+    """
+    from grabberd.analysis import Grid
+    from grabberd.processes.analysis.analyse import analyse
+    from grabberd.processes.analysis.inputs import read_inputs
+    from grabberd.processes.analysis.tables import tables
+
+    captures = [_read(path, run), *(_read(burst, None) for burst in bursts)]
+    _check_same_model(captures)
+    grid = Grid.of(captures[0].model)
+    read = read_inputs(_with_log(inputs, vacuum_log), grid)
+    progress(0.0)
+    fields = [capture.fields for capture in captures]
+    analysis = analyse(fields, grid, read, lambda done, of: progress(done / max(of, 1)))
+    about = {
+        **captures[0].about,
+        "created_utc": iso_utc(SystemClock().utc_now()),
+        "version": __version__,
+        "bursts": [capture.about["id"] for capture in captures[1:]],
+        "sources": dict(sources or {}),
+    }
+    return AnalysisOutput(analysis, tables(analysis), about)
+
+
+def write_document(folder: Path, made: AnalysisOutput) -> dict[str, Any]:
+    """Writes `report.json` and returns its content.
+
+    Raises:
+        StorageError: The file cannot be written, or exists.
+    """
+    from grabberd.processes.analysis.analysis_document import analysis_document
+    from grabberd.reports import document_json
+
+    document = analysis_document(made.analysis, made.tables, made.about)
+    _write(folder / DOCUMENT, document_json(document))
+    return document
+
+
+def write_page(folder: Path, document: Mapping[str, Any]) -> Path:
+    """Writes `report.html`.
+
+    Raises:
+        ExtraMissing: matplotlib is not installed.
+        StorageError: The file cannot be written, or exists.
+    """
+    from grabberd.reports import analysis_html
+
+    return _write(folder / PAGE, analysis_html(document))
+
+
+def _write(path: Path, text: str) -> Path:
+    with storage_errors(path), path.open("x", encoding="utf-8") as file:
+        file.write(text)
+    return path
+
+
+def _read(path: Path, run: int | None) -> _Source:
+    from grabberd.analysis import TimedPoints
+    from grabberd.processes.analysis.analyse import FieldPoints
+
+    with CaptureReader(path) as reader:
+        info = reader.run(run)
+        if not info.made_with.get("object"):
+            raise NotReady(
+                f"run {info.run} of {path} was measured without an object model",
+                f"re-measure it with one: grabberd measure {path} --calibration … --object …",
+            )
+        first_ns = reader.first_time_ns or 0
+        fields = [
+            FieldPoints(n, TimedPoints((time_ns - first_ns) / 1e9, points))
+            for n, time_ns, points in reader.timed_points(info.run)
+        ]
+        return _Source(fields, ObjectModel.from_document(info.made_with["object"]), _origin(reader, info.run))
+
+
+def _origin(reader: CaptureReader, run: int) -> dict[str, Any]:
+    meta, info = reader.meta, reader.run(run)
+    return {
+        "id": meta.id,
+        "captured_utc": meta.created_utc,
+        "device": meta.device.get("name"),
+        "run": info.run,
+        "run_created_utc": info.created_utc,
+        "run_version": info.version,
+        "calibration": (info.made_with.get("calibration") or {}).get("id"),
+        "object": info.made_with["object"].get("name"),
+        "bits": meta.bits,
+        "site": meta.site,
+        "labels": meta.labels,
+        "note": meta.note,
+        "ledger": _ledger(reader.ledger),
+    }
+
+
+def _ledger(ledger: Ledger) -> dict[str, Any]:
+    lacking = [{**entry._asdict(), "outcome": str(entry.outcome)} for entry in ledger.entries]
+    return {"total": ledger.total, "received": ledger.received, "lacking": lacking}
+
+
+def _check_same_model(captures: Sequence[_Source]) -> None:
+    """Refuses bursts of another object model: they are combined target by target.
+
+    Raises:
+        InputError: A burst was measured with another one.
+    """
+    first = captures[0]
+    for other in captures[1:]:
+        same = first.model.target.tolist() == other.model.target.tolist()
+        if not same or abs(first.model.xyz_mm - other.model.xyz_mm).max() > 0:
+            raise InputError(
+                f"burst {other.about['id']} was measured with another object model,"
+                f" {other.about['object']}, than {first.about['id']}",
+                "measure both with the same object file",
+            )
+
+
+def _with_log(inputs: Mapping[str, Any], vacuum_log: str | None) -> Mapping[str, Any]:
+    if vacuum_log is None:
+        return inputs
+    vacuum = inputs.get("vacuum")
+    if not isinstance(vacuum, Mapping):
+        raise InputError(
+            "there is a vacuum log, but the inputs of the analysis have no vacuum",
+            "state there where the log applies: vacuum: {pulsation: log, liner: log, offset: …}",
+        )
+    return {**inputs, "vacuum": {**vacuum, "log": vacuum_log}}
+
+
+def _write_all(folder: Path, made: AnalysisOutput) -> dict[str, Any]:
+    """Writes every file of a stored analysis; returns its record."""
+    from grabberd.processes.analysis.maps import map_units, target_maps
+    from grabberd.storage.export.analysis_export import write_csv
+    from grabberd.storage.export.analysis_maps import write_maps
+
+    write_csv(folder, made.tables)
+    write_maps(folder, target_maps(made.tables, made.analysis.grid), map_units(made.tables))
+    document = write_document(folder, made)
+    record = {
+        **{key: document[key] for key in ("created_utc", "version", "problems")},
+        "device": made.about["device"],
+        "run": made.about["run"],
+        "bursts": made.about["bursts"],
+        "lacks": document["inputs"]["lacks"],
+        "inputs": document["inputs"]["given"],
+        "summary": {one["name"]: one["values"][0] for one in document["tables"]["summary"]["columns"]},
+        **_drawn(folder, document),
+    }
+    with storage_errors(folder / RECORD):
+        (folder / RECORD).write_text(json.dumps(record, ensure_ascii=False), encoding="utf-8")
+    return record
+
+
+def _drawn(folder: Path, document: Mapping[str, Any]) -> dict[str, str | None]:
+    """Draws the page and returns why there is none: a bug in a picture must not cost the analysis."""
+    try:
+        write_page(folder, document)
+    except ExtraMissing as error:
+        return {"missing_extra": error.extra, "page_problem": None}
+    except Exception as error:
+        return {"missing_extra": None, "page_problem": f"{type(error).__name__}: {error}"}
+    return {"missing_extra": None, "page_problem": None}

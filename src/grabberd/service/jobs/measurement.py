@@ -1,0 +1,74 @@
+"""Re-measures a sealed capture: the points become a further run in its file."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from grabberd import __version__
+from grabberd.errors import MeasurementError, NotReady
+from grabberd.processes.measure import MeasuredField, measure_fields
+from grabberd.reconstruction.points import Points
+from grabberd.service.clock import SystemClock, iso_utc
+from grabberd.service.jobs.progress import Progress, counted
+from grabberd.service.jobs.runner import JobSpec
+from grabberd.service.setup import measure_setup
+from grabberd.storage import CaptureReader, append_run
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasurementJob(JobSpec):
+    """Re-measures a capture; fields and result are those of `measure_file`."""
+
+    kind = "measure"
+    path: Path
+    made_with: Mapping[str, Any]
+
+    def run(self, progress: Progress) -> dict[str, int]:
+        """Runs `measure_file`."""
+        return measure_file(progress, path=self.path, made_with=self.made_with)
+
+
+def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]) -> dict[str, int]:
+    """Measures every good field and appends the points as a new run, whole or not at all.
+
+    Args:
+        progress: Called with the share that is done.
+        path: A sealed capture.
+        made_with: The documents `calibration`, `object` and `settings`.
+
+    Returns:
+        The number of the `run`, and of its `fields` and `points`.
+
+    Raises:
+        NotReady: The calibration or the object model is missing.
+        MeasurementError: No field has a point.
+        CaptureFileError: The file cannot be read.
+    """
+    if not made_with.get("calibration") or not made_with.get("object"):
+        raise NotReady("measuring needs a calibration and an object model", "name both in the configuration")
+    setup = measure_setup(made_with, made_with["settings"])
+    counts = Counter({"fields": 0, "points": 0})
+    with CaptureReader(path) as reader:
+        fields = counted(reader.received(), reader.field_count, progress)
+        points = _counted_points(measure_fields(fields, setup), counts)
+        created = iso_utc(SystemClock().utc_now())
+        run = append_run(path, "measure", created, __version__, made_with, points)
+    return {"run": run, **counts}
+
+
+def _counted_points(measured: Iterable[MeasuredField], counts: Counter[str]) -> Iterator[tuple[int, Points]]:
+    """Yields each field's points and counts them.
+
+    Raises:
+        MeasurementError: There were none; raised at the end, when `append_run` can still drop the run.
+    """
+    for one in measured:
+        counts.update(fields=1, points=len(one.points))
+        yield one.n, one.points
+    if not counts["points"]:
+        raise MeasurementError(
+            f"no target of the object model was found in any of {counts['fields']} fields; no run was added",
+            "check that calibration and object model belong to this capture's rig and object",
+        )

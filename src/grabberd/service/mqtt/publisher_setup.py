@@ -1,0 +1,103 @@
+"""Checks the MQTT configuration and creates the publisher.
+
+The MQTT library is an optional extra, so it is imported only where a broker is configured.
+"""
+
+import importlib.util
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+from urllib.parse import quote
+
+from grabberd.config import Config
+from grabberd.documents.state import MqttDocument, StateDocument
+from grabberd.errors import ConfigError, ExtraMissing, Problem
+from grabberd.service.archive.archive import Archive
+from grabberd.service.clock import Clock
+
+
+class MqttPublisher(Protocol):
+    """The publisher as the service sees it, without importing the MQTT library."""
+
+    def start(self) -> None:
+        """Starts publishing; returns at once."""
+        ...
+
+    def capture_ended(self) -> None:
+        """Publishes the summary of a capture that has just ended."""
+        ...
+
+    def stop(self) -> None:
+        """Disconnects cleanly."""
+        ...
+
+    def document(self) -> MqttDocument:
+        """The connection to the broker, and the captures that wait for it."""
+        ...
+
+
+def check_mqtt(config: Config, file: Path) -> None:
+    """Checks that the daemon can publish as its configuration says.
+
+    Raises:
+        ConfigError: The barn has no name, aiomqtt is not installed, or a certificate cannot be used.
+    """
+    if config.mqtt is None:
+        return
+    problems = [Problem(str(file), key, words) for key, words in _problems(config) if words]
+    if problems:
+        raise ConfigError(problems)
+
+
+def create_publisher(
+    config: Config, archive: Archive, state: Callable[[], StateDocument], clock: Clock
+) -> MqttPublisher | None:
+    """Creates the publisher of a checked configuration; None if no broker is configured.
+
+    Args:
+        config: The configuration.
+        archive: The captures.
+        state: Returns the state of the service.
+        clock: Dates the messages.
+    """
+    if config.mqtt is None:
+        return None
+    from grabberd.service.mqtt.broker import Broker, tls_context  # noqa: PLC0415 - an optional extra
+    from grabberd.service.mqtt.messages import Topics  # noqa: PLC0415
+    from grabberd.service.mqtt.publisher import Publisher  # noqa: PLC0415
+    from grabberd.service.mqtt.summary_queue import SummaryQueue  # noqa: PLC0415
+    from grabberd.storage.state.outbox import Outbox  # noqa: PLC0415
+
+    mqtt, barn = config.mqtt, config.site["barn"]
+    context = None if mqtt.tls is None else tls_context(mqtt.tls)
+    broker = Broker(mqtt, mqtt.client_id or f"grabberd-{quote(barn, safe='')}", context)
+    outbox = Outbox(config.state_directory / "state.sqlite")
+    summaries = SummaryQueue(archive, outbox, mqtt.queue_captures)
+    return Publisher(broker, Topics(mqtt.topic_prefix, barn), state, summaries, clock, mqtt.every_s)
+
+
+def _problems(config: Config) -> list[tuple[str, str | None]]:
+    """Pairs each key that can be wrong with its problem, or with None."""
+    named = bool(config.site.get("barn", "").strip())
+    missing = importlib.util.find_spec("aiomqtt") is None
+    error = ExtraMissing("mqtt", "mqtt")
+    return [
+        (
+            "site.barn",
+            None if named else "mqtt needs it: barns without a name would share their topics",
+        ),
+        ("mqtt", f"{error.message}; {error.hint}" if missing else None),
+        ("mqtt.tls", None if missing else _tls_problem(config)),
+    ]
+
+
+def _tls_problem(config: Config) -> str | None:
+    if config.mqtt is None or config.mqtt.tls is None:
+        return None
+    from grabberd.service.mqtt.broker import tls_context  # noqa: PLC0415 - an optional extra
+
+    try:
+        tls_context(config.mqtt.tls)
+    except OSError as error:
+        return f"a certificate or key cannot be used: {getattr(error, 'reason', None) or error.strerror}"
+    return None

@@ -1,0 +1,64 @@
+"""Readiness of a device: can it measure, and what is missing? Nothing else."""
+
+from typing import Literal, NamedTuple
+
+from grabberd.acquisition import Signal
+from grabberd.errors import Cause
+from grabberd.service.device.device_state import STREAMING, DeviceState
+from grabberd.service.device.status_board import DeviceStatus
+from grabberd.service.instrument import Instrument
+
+
+class Lack(NamedTuple):
+    """Something that keeps a device from measuring.
+
+    Attributes:
+        device: Name of the device.
+        lacks: Kind of what is missing.
+        message: Description in a sentence.
+        hint: What an operator can do about it.
+        code: Machine-readable cause.
+    """
+
+    device: str
+    lacks: Literal["device", "signal", "calibration"]
+    message: str
+    hint: str
+    code: Cause | None
+
+
+_Reason = tuple[Literal["device", "signal", "calibration"], str, str, Cause | None]
+
+
+def lacks_of(instrument: Instrument) -> list[Lack]:
+    """List of all that a device lacks; empty if points can be measured."""
+    status = instrument.board.now
+    reasons = (_device(status), _signal(status), _calibration(instrument))
+    return [Lack(instrument.name, *reason) for reason in reasons if reason]
+
+
+def _device(status: DeviceStatus) -> _Reason | None:
+    if status.state in STREAMING:
+        return None
+    message = f"it is {status.state}" + (f": {status.cause}" if status.cause else "")
+    return "device", message, status.hint or "wait; the daemon goes on trying", status.code
+
+
+def _signal(status: DeviceStatus) -> _Reason | None:
+    if status.state is not DeviceState.NO_SIGNAL and status.signal is not Signal.ABSENT:
+        return None
+    message = status.cause or "the camera gives no signal"
+    return "signal", message, status.hint or "check camera and cable", status.code or Cause.NO_SIGNAL
+
+
+def _calibration(instrument: Instrument) -> _Reason | None:
+    documents = instrument.setup.documents
+    if not documents.get("calibration"):
+        message, hint = "it has no calibration", "calibrate, or activate a calibration"
+        return "calibration", message, hint, Cause.NO_CALIBRATION
+    if not documents.get("object"):
+        return "calibration", "it has no object model", "name one in the configuration", Cause.NO_OBJECT
+    if instrument.misfit:
+        hint = "check camera and standard, or calibrate with these pictures"
+        return "calibration", instrument.misfit, hint, Cause.CALIBRATION_MISFIT
+    return None

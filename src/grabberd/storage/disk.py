@@ -1,0 +1,93 @@
+"""Files and folders on a disk: written for good, and errors as an operator can act on them."""
+
+import os
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from grabberd.errors import StorageError
+
+OWNER_ONLY, READ_ONLY = 0o600, 0o444
+"""Permissions of files."""
+SCRATCH = ".part-"
+"""Beginning of the names of folders that are being written."""
+
+
+@contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Turns errors of SQLite and of the system while writing into `StorageError`."""
+    try:
+        yield
+    except (sqlite3.OperationalError, OSError) as error:
+        raise StorageError(
+            f"{path.name} cannot be written: {error}",
+            "make room or fix the disk; what was written before is kept and readable",
+        ) from error
+
+
+def new_folder(directory: Path) -> None:
+    """Makes a folder for results; an empty one that exists already is accepted.
+
+    Raises:
+        StorageError: It cannot be made, or is not empty.
+    """
+    with storage_errors(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        if any(directory.iterdir()):
+            raise StorageError(
+                f"the folder {directory} is not empty", "name a new one; nothing is overwritten"
+            )
+
+
+@contextmanager
+def scratch_folder(directory: Path, prefix: str = SCRATCH) -> Iterator[Path]:
+    """A hidden folder in an existing one, which is removed afterwards unless it was renamed.
+
+    It is on the same disk as what stays, so that a rename publishes what was written, whole or not at all.
+
+    Raises:
+        StorageError: It cannot be made.
+    """
+    with storage_errors(directory):
+        scratch = Path(tempfile.mkdtemp(prefix=prefix, dir=directory))
+    try:
+        yield scratch
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def clear_scratch(directory: Path) -> None:
+    """Creates `directory` if necessary, and removes the scratch folders that a crash left in it.
+
+    Raises:
+        StorageError: It cannot be written.
+    """
+    with storage_errors(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        for left in directory.glob(f"{SCRATCH}*"):
+            shutil.rmtree(left)
+
+
+def write_synced(path: Path, content: bytes, mode: int) -> None:
+    """Writes a new file with these permissions and returns when it is on the disk."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def sync_directory(directory: Path) -> None:
+    """Returns when the folder's names are on the disk.
+
+    Renaming a file that was synchronised is not enough: the new name is an entry of the folder, which the
+    system writes when it likes.
+    """
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

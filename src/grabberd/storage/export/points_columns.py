@@ -1,0 +1,83 @@
+"""The columns of exported points and of data sets, and how a field's points fill them."""
+
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+
+from grabberd.processes.columns import LABELS, WORD, Column, Rows
+from grabberd.reconstruction.points import Points
+from grabberd.storage.capture.metadata import CaptureMeta
+from grabberd.storage.capture.reader import END, CaptureReader
+
+_NUMBER = Column(
+    "n", "", "i4", "number of the field: n nominal 20 ms steps after the first, lost ones included"
+)
+_UTC = Column("time_utc", "", "M8[ms]", "middle of the field's exposure; empty for a recording played again")
+_POSITION = (
+    Column("time_s", "s", "f8", "the same, from the first field of the capture on", csv_format=".6f"),
+    Column("target", "", "i4", "id of the target, the same through the capture"),
+    # All digits, so that CSV reads back bit for bit.
+    *(Column(f"{a}_mm", "mm", "f8", f"{a.upper()} in the object's frame", csv_format="") for a in "xyz"),
+)
+_FROM_CALIBRATION = "from the calibration: common to all fields, reduced by no averaging"
+
+
+def _measure(name: str, unit: str, meaning: str) -> Column:
+    """Single precision and six digits: a capture file holds no more of it."""
+    return Column(name, unit, "f4", meaning, csv_format=".6g")
+
+
+_QUALITY = (
+    *(_measure(f"sigma_{axis}_mm", "mm", f"σ of {axis}_mm from pointing and line jitter") for axis in "xyz"),
+    *(
+        _measure(f"calibration_sigma_{axis}_mm", "mm", f"σ of {axis}_mm {_FROM_CALIBRATION}")
+        for axis in "xyz"
+    ),
+    _measure("residual_px", "px", "root mean square of what the intersection leaves in the images"),
+)
+_IMAGES = tuple(
+    _measure(f"{view}_{axis}_px", "px", f"{axis} of its image in the {view} view, in frame pixels")
+    for view in ("left", "right")
+    for axis in "xy"
+)
+
+POINT_COLUMNS = (_NUMBER, _UTC, *_POSITION, *_QUALITY, *_IMAGES)
+CLOUD_COLUMNS = (_NUMBER, *_POSITION, *_QUALITY)
+"""Columns of a point cloud, for programs that know neither the time of day nor pictures."""
+DATASET_COLUMNS = (
+    *POINT_COLUMNS,
+    Column("capture", "", WORD, "id of the capture"),
+    Column("device", "", WORD, "name of the grabber"),
+    Column("calibration", "", WORD, "id of the calibration the points were measured with"),
+    Column("labels", "", LABELS, "the capture's labels as they were recorded"),
+)
+
+
+def rows_of(n: int, time_s: float, moment: datetime | None, points: Points) -> Rows:
+    """One field's points by the names of `POINT_COLUMNS`."""
+    sigma = np.sqrt(np.diagonal(points.covariance_mm2, axis1=1, axis2=2))
+    calibration = np.sqrt(np.diagonal(points.calibration_covariance_mm2, axis1=1, axis2=2))
+    utc = np.datetime64("NaT", "ms") if moment is None else np.datetime64(moment.replace(tzinfo=None), "ms")
+    images = points.image_px.reshape(len(points), 4)
+    values = (n, utc, time_s, points.target, *points.xyz_mm.T, *sigma.T, *calibration.T)
+    values = (*values, points.residual_px, *images.T)
+    return {
+        column.name: np.broadcast_to(np.asarray(value, column.dtype), len(points))
+        for column, value in zip(POINT_COLUMNS, values, strict=True)
+    }
+
+
+def rows_by_field(reader: CaptureReader, run: int, first_n: int = 0, end_n: int = END) -> Iterator[Rows]:
+    """The points of a run, field by field."""
+    first_ns = reader.first_time_ns or 0
+    for n, time_ns, points in reader.timed_points(run, first_n, end_n):
+        yield rows_of(n, (time_ns - first_ns) / 1e9, moment_of(time_ns, reader.meta), points)
+
+
+def moment_of(time_ns: int, meta: CaptureMeta) -> datetime | None:
+    """The time of day in UTC; None for a recording played again, whose clock has passed."""
+    if not meta.device.get("stream", {}).get("live", True):
+        return None
+    since = timedelta(microseconds=(time_ns - meta.start_ns) / 1000)
+    return (datetime.fromisoformat(meta.created_utc) + since).astimezone(UTC)

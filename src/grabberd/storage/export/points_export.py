@@ -1,0 +1,161 @@
+"""Points of a capture as CSV, PLY and Parquet: streams and files, some fields at a time."""
+
+import json
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from itertools import islice
+from pathlib import Path
+from typing import IO, Any
+
+from grabberd import __version__
+from grabberd.errors import NotFound
+from grabberd.processes.columns import joined
+from grabberd.storage.capture.reader import END, CaptureReader
+from grabberd.storage.disk import new_folder, storage_errors
+from grabberd.storage.export.csv_file import csv_text
+from grabberd.storage.export.parquet_file import check_parquet, write_parquet
+from grabberd.storage.export.ply_file import ply_head, ply_vertex, ply_vertices
+from grabberd.storage.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_field
+
+FIELDS_A_GROUP = 500
+"""Fields in a row group of Parquet, and so in memory at once: ten seconds of them."""
+
+
+def points_csv(path: Path, run: int | None = None) -> Generator[str, None, None]:
+    """Text of a CSV file; errors are raised at once, before the first text.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+    """
+    reader, number = open_run(path, run)
+    return _csv(reader, number)
+
+
+def points_ply(path: Path, run: int | None = None, field: int | None = None) -> Generator[bytes, None, None]:
+    """A PLY file (binary, little-endian): one cloud of all points of a run, or of one field's.
+
+    Raises:
+        CaptureFileError, NotFound: No such file, run, or points of that field; raised at once.
+    """
+    reader, number = open_run(path, run)
+    first_n, end_n = (0, END) if field is None else (field, field + 1)
+    # The head of the file comes first and has the number of points; a capture that is being recorded gets
+    # more of them meanwhile, beyond the end that belongs to this number.
+    count, end_n = reader.point_span(number, first_n, end_n)
+    if field is not None and count == 0:
+        reader.close()
+        hint = "its ledger says which fields did not come; points?first_n=… shows those that have points"
+        raise NotFound(f"run {number} of capture {reader.meta.id} has no points of field {field}", hint)
+    return _ply(reader, number, first_n, end_n, count)
+
+
+def points_parquet(path: Path, run: int | None, file: IO[bytes]) -> int:
+    """Writes a Parquet file into an open file, which need not be seekable; returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+        ExtraMissing: pyarrow is not installed.
+    """
+    check_parquet()
+    reader, number = open_run(path, run)
+    with reader:
+        fields = rows_by_field(reader, number)
+        groups = iter(lambda: list(islice(fields, FIELDS_A_GROUP)), [])
+        parts = (joined(POINT_COLUMNS, group) for group in groups)
+        metadata = {"grabberd": json.dumps(_about(reader, number), ensure_ascii=False)}
+        return write_parquet(file, POINT_COLUMNS, parts, metadata)
+
+
+def open_run(path: Path, run: int | None) -> tuple[CaptureReader, int]:
+    """A reader, which the caller closes, and the number of the run that is meant.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+    """
+    reader = CaptureReader(path)
+    try:
+        return reader, reader.run(run).run
+    except Exception:
+        reader.close()
+        raise
+
+
+def export_csv(path: Path, directory: Path, run: int | None = None) -> int:
+    """Writes `points.csv` into a folder; returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound: No such file or run.
+        StorageError: The folder cannot be written, or is not empty.
+    """
+    text = points_csv(path, run)
+    rows = -1
+    with _new_file(directory, "points.csv") as file:
+        for part in text:
+            file.write(part.encode())
+            rows += part.count("\n")
+    return rows
+
+
+def export_ply(path: Path, directory: Path, run: int | None = None, field: int | None = None) -> int:
+    """Writes `points.ply` into a folder, of all fields or of one; returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound, StorageError: See `points_ply` and `export_csv`.
+    """
+    parts = points_ply(path, run, field)
+    with _new_file(directory, "points.ply") as file:
+        file.write(next(parts))
+        return sum(file.write(part) for part in parts) // ply_vertex(CLOUD_COLUMNS).itemsize
+
+
+def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
+    """Writes `points.parquet` into a folder; returns the number of points.
+
+    Raises:
+        CaptureFileError, NotFound, ExtraMissing, StorageError: See `points_parquet` and `export_csv`.
+    """
+    check_parquet()
+    reader, number = open_run(path, run)
+    reader.close()
+    with _new_file(directory, "points.parquet") as file:
+        return points_parquet(path, number, file)
+
+
+def _csv(reader: CaptureReader, run: int) -> Generator[str, None, None]:
+    with reader:
+        yield from csv_text(POINT_COLUMNS, rows_by_field(reader, run))
+
+
+def _ply(
+    reader: CaptureReader, run: int, first_n: int, end_n: int, count: int
+) -> Generator[bytes, None, None]:
+    comments = (
+        f"grabberd {__version__}, capture {reader.meta.id}, run {run}",
+        "x y z and their sigma in mm, time_s in s, residual in px",
+    )
+    with reader:
+        yield ply_head(CLOUD_COLUMNS, count, comments)
+        for rows in rows_by_field(reader, run, first_n, end_n):
+            yield ply_vertices(CLOUD_COLUMNS, rows)
+
+
+def _about(reader: CaptureReader, run: int) -> dict[str, Any]:
+    meta, info = reader.meta, reader.run(run)
+    return {
+        "capture": meta.id,
+        "created_utc": meta.created_utc,
+        "run": run,
+        "run_created_utc": info.created_utc,
+        "version": info.version,
+        "calibration": (info.made_with["calibration"] or {}).get("id"),
+        "site": meta.site,
+        "labels": meta.labels,
+        "note": meta.note,
+    }
+
+
+@contextmanager
+def _new_file(directory: Path, name: str) -> Iterator[IO[bytes]]:
+    new_folder(directory)
+    with storage_errors(directory), (directory / name).open("wb") as file:
+        yield file

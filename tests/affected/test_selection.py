@@ -1,0 +1,101 @@
+"""The nearest tests run, and no longer than they may."""
+
+from pathlib import Path
+
+import pytest
+from tests.affected.imports import Imports
+from tests.affected.selection import Selection, select
+
+FILES = {
+    "src/grabberd/geometry/__init__.py": "from grabberd.geometry.view import View",
+    "src/grabberd/geometry/view.py": "",
+    "src/grabberd/analysis/wall.py": "from grabberd.geometry import View",
+    "src/grabberd/service/service.py": "from grabberd.analysis.wall import Wall",
+    "drivers/grabberd_fake/world.py": "",
+    "tests/conftest.py": "",
+    "tests/geometry/test_rotation.py": "",
+    "tests/analysis/shapes.py": "from grabberd.geometry import View",
+    "tests/analysis/test_shapes.py": "from analysis.shapes import round",
+    "tests/analysis/test_wall.py": "from grabberd.analysis.wall import Wall",
+    "tests/service/conftest.py": "from grabberd.service.service import Service",
+    "tests/service/test_service.py": "",
+    "tests/drivers/fake/test_world.py": "",
+    "tests/contract/test_driver_contract.py": "",
+    "tests/web/modules/test_modules.py": "",
+    "tests/vm/test_usb.py": "from grabberd.geometry.view import View",
+}
+VIEW = "src/grabberd/geometry/view.py"
+NEAREST_FIRST = [
+    "tests/geometry/test_rotation.py",
+    "tests/analysis/test_shapes.py",
+    "tests/analysis/test_wall.py",
+    "tests/service/test_service.py",
+]
+
+
+@pytest.fixture
+def imports(tmp_path: Path) -> Imports:
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return Imports(tmp_path)
+
+
+def selected(
+    imports: Imports, *changes: str, limit_s: float = 1e3, took_s: dict[str, float] | None = None
+) -> Selection:
+    return select([Path(change) for change in changes], imports, took_s or {}, limit_s)
+
+
+def names(paths: tuple[Path, ...]) -> list[str]:
+    return [path.as_posix() for path in paths]
+
+
+def test_the_changed_files_room_comes_first_then_whoever_is_fewest_imports_away(imports: Imports) -> None:
+    assert names(selected(imports, VIEW).near) == NEAREST_FIRST
+
+
+def test_what_there_is_no_time_for_is_named(imports: Imports) -> None:
+    took_s = dict.fromkeys(NEAREST_FIRST, 2.0) | {NEAREST_FIRST[1]: 50.0}
+    selection = selected(imports, VIEW, limit_s=4.5, took_s=took_s)
+    assert names(selection.near) == [NEAREST_FIRST[0], NEAREST_FIRST[2]]
+    assert names(selection.left_out) == [NEAREST_FIRST[1], NEAREST_FIRST[3]]
+
+
+def test_with_time_enough_nothing_that_is_reached_is_left_out(imports: Imports) -> None:
+    assert selected(imports, VIEW).left_out == ()
+
+
+def test_a_changed_test_runs_whatever_it_takes(imports: Imports) -> None:
+    selection = selected(imports, "tests/analysis/test_wall.py", limit_s=0.0)
+    assert names(selection.changed) == ["tests/analysis/test_wall.py"]
+    assert selection.near == ()
+
+
+@pytest.mark.parametrize(
+    ("change", "near"),
+    [
+        ("tests/analysis/shapes.py", ["tests/analysis/test_shapes.py"]),
+        ("tests/service/conftest.py", ["tests/service/test_service.py"]),
+        ("src/grabberd/geometry/__init__.py", NEAREST_FIRST),
+        ("src/grabberd/web/static/js/main.js", ["tests/web/modules/test_modules.py"]),
+        (
+            "drivers/grabberd_fake/world.py",
+            ["tests/contract/test_driver_contract.py", "tests/drivers/fake/test_world.py"],
+        ),
+        ("src/grabberd/geometry/deleted.py", ["tests/geometry/test_rotation.py"]),
+    ],
+)
+def test_helpers_facades_and_files_that_nobody_imports_have_tests_too(
+    imports: Imports, change: str, near: list[str]
+) -> None:
+    assert names(selected(imports, change).near) == near
+
+
+def test_a_file_that_no_test_is_known_for_is_named(imports: Imports) -> None:
+    assert names(selected(imports, "LICENSE").unknown) == ["LICENSE"]
+
+
+def test_what_every_test_depends_on_concerns_the_whole_suite(imports: Imports) -> None:
+    assert selected(imports, "pyproject.toml").whole
+    assert not selected(imports, VIEW).whole

@@ -1,0 +1,87 @@
+"""Every document is closed and frozen, its examples are valid, and this room loads no code that runs."""
+
+import importlib
+import pkgutil
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+from pydantic import BaseModel, ValidationError
+
+import grabberd.documents
+from grabberd.documents.captures import CaptureDocument
+from grabberd.documents.document import Document
+from grabberd.documents.examples import CAPTURE
+from grabberd.documents.requests import NewCapture
+
+for module in pkgutil.iter_modules(grabberd.documents.__path__):
+    importlib.import_module(f"grabberd.documents.{module.name}")
+
+
+def documents(base: type[Document] = Document) -> Iterator[type[Document]]:
+    for one in base.__subclasses__():
+        yield one
+        yield from documents(one)
+
+
+def with_examples() -> list[type[BaseModel]]:
+    return [one for one in documents() if "json_schema_extra" in one.__dict__["model_config"]]
+
+
+@pytest.mark.parametrize("model", with_examples())
+def test_an_example_is_one(model: type[Document]) -> None:
+    extra = model.model_config["json_schema_extra"]
+    assert isinstance(extra, dict)
+    examples = extra["examples"]
+    assert isinstance(examples, list)
+    for example in examples:
+        model.model_validate(example)
+
+
+@pytest.mark.parametrize("model", sorted(set(documents()), key=str))
+def test_every_document_is_closed_frozen_and_described(model: type[Document]) -> None:
+    assert model.model_config["extra"] == "forbid"
+    assert model.model_config["frozen"]
+    assert (model.__doc__ or "").strip().endswith(".")
+
+
+def test_no_two_documents_have_one_name() -> None:
+    names = [model.__name__ for model in set(documents())]
+    assert len(set(names)) == len(names)
+
+
+def test_a_document_refuses_a_key_that_it_does_not_know() -> None:
+    with pytest.raises(ValidationError, match="unexpected"):
+        CaptureDocument.model_validate({**CAPTURE, "unexpected": 1})
+
+
+def test_a_disarmed_capture_is_the_same_but_for_its_end() -> None:
+    before = CaptureDocument.model_validate({**CAPTURE, "state": "armed"})
+    after = before.disarmed
+    assert (after.state, after.ended_because) == ("disarmed", "stopped before it was triggered")
+    assert after.id == before.id
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"fields": 3, "duration_s": 1},
+        {"armed": True, "fields": 3},
+        {"post_trigger_fields": 3},
+        {"fields": 3, "pre_trigger_fields": 3},
+    ],
+)
+def test_a_capture_has_one_length(wrong: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        NewCapture.model_validate(wrong)
+
+
+def test_they_load_neither_the_service_nor_the_server() -> None:
+    code = (
+        "import grabberd.documents.mqtt, grabberd.documents.requests, grabberd.documents.problems, sys\n"
+        "found = {name for name in sys.modules if name.startswith(('grabberd.service', 'grabberd.api', "
+        "'grabberd.storage', 'fastapi', 'starlette'))}\n"
+        "assert not found, found"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -1,0 +1,113 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+from geometry.rigs import aimed, calibration, places, views
+from grabberd.geometry import (
+    PARAMETERS,
+    Rig,
+    View,
+    distortion,
+    linearise,
+    parameter_derivatives,
+    project,
+    project_all,
+    rotation_matrix,
+)
+
+STEPS = (1e-4, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3, *(1e-5,) * 9)
+STRAIGHT = View("left", 0, 720, 0.01, 0.005, 1, 8.0, 100.0, 200.0, 0.0, 0.0, 0.0, 0.0, 0.0, 240.0)
+
+
+def object_derivatives(view, xyz):
+    return linearise(Rig.of_views([view]), xyz)[1][:, 0].transpose(2, 0, 1)
+
+
+def by_the_book(view, place):
+    """Equations (4)–(7) for one point."""
+    u, v, w = (
+        np.diag([view.handedness, 1, 1])
+        @ rotation_matrix(view.omega_rad, view.phi_rad, view.kappa_rad)
+        @ (place - view.center_mm)
+    )
+    ideal = np.array([-view.f_mm * u / w, -view.f_mm * v / w])
+    x, y = ideal + distortion(view.b, ideal[np.newaxis])[0]
+    return view.x0_px + x / view.pixel_x_mm, view.y0_px - y / view.pixel_y_mm
+
+
+@given(views(), places())
+def test_it_is_equations_4_to_7(view, xyz):
+    assert np.allclose(project(view, xyz), [by_the_book(view, place) for place in xyz], atol=1e-9)
+
+
+def test_a_point_on_the_axis_falls_on_the_principal_point():
+    assert np.array_equal(project(STRAIGHT, np.zeros((1, 3))), [[100.0, 200.0]])
+
+
+def test_columns_grow_to_the_right_and_lines_downward():
+    right, up = project(STRAIGHT, np.array([[3.0, 0.0, 0.0], [0.0, 3.0, 0.0]]))
+    assert np.allclose(right, [100 + 8 * 3 / 240 / 0.01, 200])
+    assert np.allclose(up, [100, 200 - 8 * 3 / 240 / 0.005])
+
+
+def test_a_left_handed_view_is_mirrored_before_the_distortion():
+    lens = (0.0, 0.002, *(0.0,) * 7)
+    mirrored = project(replace(STRAIGHT, handedness=-1, b=lens), np.array([[3.0, 1.0, 0.0]]))
+    seen = project(replace(STRAIGHT, b=lens), np.array([[-3.0, 1.0, 0.0]]))
+    assert np.allclose(mirrored, seen)
+
+
+@pytest.mark.parametrize("z_mm", [240.0, 241.0])
+def test_what_is_not_in_front_of_the_camera_gives_nan_and_disturbs_no_other_point(z_mm):
+    pixels = project(STRAIGHT, np.array([[1.0, 1.0, z_mm], [0.0, 0.0, 0.0]]))
+    assert np.isnan(pixels[0]).all()
+    assert np.array_equal(pixels[1], [100.0, 200.0])
+
+
+def test_no_points_give_no_pixels():
+    assert project(STRAIGHT, np.empty((0, 3))).shape == (0, 2)
+    assert object_derivatives(STRAIGHT, np.empty((0, 3))).shape == (0, 2, 3)
+    assert parameter_derivatives(STRAIGHT, np.empty((0, 3))).shape == (0, 2, 18)
+
+
+@given(views(), places())
+def test_derivatives_by_the_object_are_those_of_finite_differences(view, xyz):
+    analytic = object_derivatives(view, xyz)
+    for axis in range(3):
+        step = np.zeros(3)
+        step[axis] = 1e-3
+        numeric = (project(view, xyz + step) - project(view, xyz - step)) / 2e-3
+        assert np.allclose(analytic[:, :, axis], numeric, rtol=1e-6, atol=1e-6)
+
+
+@settings(max_examples=50)
+@given(views(), places())
+def test_derivatives_by_the_parameters_are_those_of_finite_differences(view, xyz):
+    analytic = parameter_derivatives(view, xyz)
+    values = view.vector()
+    for index, (name, size) in enumerate(zip(PARAMETERS, STEPS, strict=True)):
+        step = np.zeros(18)
+        step[index] = size
+        above, below = (project(view.with_vector(values + sign * step), xyz) for sign in (1, -1))
+        numeric = (above - below) / (2 * size)
+        scale = max(1.0, np.abs(numeric).max())
+        assert np.allclose(analytic[:, :, index], numeric, atol=2e-6 * scale), name
+
+
+def test_a_rig_computes_what_its_views_compute_alone():
+    both = calibration().views
+    xyz = np.random.default_rng(1).uniform(-20, 20, (50, 3))
+    together = project_all(Rig.of_views(both), xyz)
+    for index, view in enumerate(both):
+        assert np.allclose(together[:, index].T, project(view, xyz), rtol=0, atol=1e-10)
+
+
+def test_the_reference_rig_sees_the_origin_in_the_middle_of_both_halves_at_a_quarter_millimetre_a_pixel():
+    for handedness in (1, -1):
+        for name, middle in (("left", 179.5), ("right", 539.5)):
+            view = aimed(name, handedness, (0.0,) * 9)
+            assert np.allclose(project(view, np.zeros((1, 3))), [[middle, 287.5]], atol=1e-9)
+            down = object_derivatives(view, np.zeros((1, 3)))[0, 1, 0]
+            assert 3.5 < down < 4.1

@@ -1,0 +1,68 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from geometry.rigs import aimed, places, views
+from grabberd.geometry import correct, distortion, project, rays
+from grabberd.geometry.inverse_model import TOLERANCE_MM
+
+FOLDED = replace(aimed("left"), b=(0.0, 0.0, -0.05, *(0.0,) * 6))
+
+
+@given(views(), places())
+def test_the_ray_of_a_projected_point_leads_back_to_it(view, xyz):
+    center, directions = rays(view, project(view, xyz))
+    reach = ((xyz - center) * directions).sum(axis=1)
+    assert (reach > 0).all()
+    assert np.abs(center + reach[:, np.newaxis] * directions - xyz).max() < 1e-9
+
+
+@given(views(), places())
+def test_the_picture_of_a_point_on_the_ray_is_where_the_ray_came_from(view, xyz):
+    pixels = project(view, xyz)
+    center, directions = rays(view, pixels)
+    assert np.abs(project(view, center + 200.0 * directions) - pixels).max() < 1e-9
+
+
+@given(views(), places())
+def test_distortion_added_to_the_corrected_point_gives_the_observed_one(view, xyz):
+    pixels = project(view, xyz)
+    ideal = correct(view, pixels)
+    x, y = (ideal + distortion(view.b, ideal)).T
+    observed = np.column_stack([view.x0_px + x / view.pixel_x_mm, view.y0_px - y / view.pixel_y_mm])
+    assert np.abs(observed - pixels).max() * view.pixel_x_mm < TOLERANCE_MM
+
+
+def test_one_step_would_not_be_enough():
+    view = aimed("left")
+    pixels = np.array([[40.0, 30.0]])
+    observed = (pixels - [view.x0_px, view.y0_px]) * [view.pixel_x_mm, -view.pixel_y_mm]
+    one_step = observed - distortion(view.b, observed)
+    assert np.abs(correct(view, pixels) - one_step).max() > 1e-4
+
+
+def test_directions_have_unit_length_and_the_center_is_the_views():
+    center, directions = rays(aimed("right"), np.array([[400.0, 20.0], [700.0, 500.0]]))
+    assert np.array_equal(center, aimed("right").center_mm)
+    assert np.allclose((directions**2).sum(axis=1), 1.0, atol=1e-14)
+
+
+def test_what_lies_beyond_the_fold_of_the_distortion_is_nan_and_disturbs_no_other_point():
+    fold_mm = 1 / np.sqrt(3 * 0.05)
+    beyond = FOLDED.x0_px - 1.05 * fold_mm * (1 - 0.05 * fold_mm**2) / FOLDED.pixel_x_mm
+    ideal = correct(FOLDED, np.array([[beyond, FOLDED.y0_px], [FOLDED.x0_px - 20, FOLDED.y0_px]]))
+    assert np.isnan(ideal[0]).all()
+    assert np.isfinite(ideal[1]).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_no_place_has_no_ray(bad):
+    _, directions = rays(aimed("left"), np.array([[bad, 100.0], [200.0, 100.0]]))
+    assert np.isnan(directions[0]).all()
+    assert np.isfinite(directions[1]).all()
+
+
+def test_no_points_give_no_rays():
+    assert rays(aimed("left"), np.empty((0, 2)))[1].shape == (0, 3)

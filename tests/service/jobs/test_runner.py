@@ -1,0 +1,150 @@
+"""Jobs: one process, one after the other."""
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+from slots import ManualClock
+
+from grabberd.errors import Conflict, InputError, NotFound
+from grabberd.service.jobs.progress import REPORTS, Progress, counted, portion
+from grabberd.service.jobs.runner import NICENESS, JobRunner, JobSpec, JobState
+
+PATIENCE_S = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestJob(JobSpec):
+    """A job of the tests, about nothing."""
+
+    __test__ = False
+    kind = "test"
+    subject: str = ""
+
+    def run(self, progress: Progress) -> Any:
+        return None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Add(TestJob):
+    kind = "add"
+    one: int
+    other: int
+
+    def run(self, progress: Progress) -> int:
+        progress(0.5)
+        return self.one + self.other
+
+
+class Niceness(TestJob):
+    def run(self, progress: Progress) -> int:
+        return os.nice(0)
+
+
+class Refuse(TestJob):
+    def run(self, progress: Progress) -> None:
+        raise InputError("the file is empty", "name another one")
+
+
+class BreakDown(TestJob):
+    def run(self, progress: Progress) -> None:
+        raise ZeroDivisionError("by nothing")
+
+
+class Die(TestJob):
+    def run(self, progress: Progress) -> None:
+        os._exit(1)
+
+
+class Hang(TestJob):
+    def run(self, progress: Progress) -> None:
+        progress(0.1)
+        time.sleep(PATIENCE_S)
+
+
+@pytest.fixture
+def jobs() -> Iterator[JobRunner]:
+    runner = JobRunner(ManualClock())
+    runner.start()
+    yield runner
+    runner.stop()
+
+
+def test_a_job_gives_its_result(jobs: JobRunner) -> None:
+    job = jobs.submit(Add(subject="numbers", one=2, other=3))
+    assert (job.kind, job.subject, job.state) == ("add", "numbers", JobState.QUEUED)
+    done = jobs.wait(job.id, PATIENCE_S)
+    assert (done.state, done.result, done.progress, done.problem) == (JobState.DONE, 5, 1.0, None)
+
+
+def test_jobs_run_niced_so_that_they_never_disturb_a_capture(jobs: JobRunner) -> None:
+    done = jobs.wait(jobs.submit(Niceness()).id, PATIENCE_S)
+    assert done.result == min(19, os.nice(0) + NICENESS)
+
+
+def test_what_a_job_refuses_it_says_with_its_hint(jobs: JobRunner) -> None:
+    failed = jobs.wait(jobs.submit(Refuse()).id, PATIENCE_S)
+    assert failed.state is JobState.FAILED
+    assert failed.problem == {"message": "the file is empty", "hint": "name another one"}
+
+
+def test_a_fault_of_the_program_fails_one_job_only(jobs: JobRunner) -> None:
+    failed = jobs.wait(jobs.submit(BreakDown()).id, PATIENCE_S)
+    assert failed.state is JobState.FAILED
+    assert "ZeroDivisionError" in (failed.problem or {})["message"]
+    assert jobs.wait(jobs.submit(Add(one=1, other=1)).id, PATIENCE_S).result == 2
+
+
+def test_a_process_that_dies_fails_its_job_and_is_replaced(jobs: JobRunner) -> None:
+    assert jobs.wait(jobs.submit(Die()).id, PATIENCE_S).state is JobState.FAILED
+    assert jobs.wait(jobs.submit(Add(one=1, other=1)).id, PATIENCE_S).result == 2
+
+
+def test_a_running_and_a_waiting_job_can_be_cancelled(jobs: JobRunner) -> None:
+    running = jobs.submit(Hang())
+    waiting = jobs.submit(Add(one=1, other=1))
+    assert jobs.cancel(waiting.id).state is JobState.CANCELLED
+    assert jobs.cancel(running.id).state is JobState.CANCELLED
+    assert jobs.wait(jobs.submit(Add(one=4, other=4)).id, PATIENCE_S).result == 8
+    assert jobs.get(waiting.id).state is JobState.CANCELLED
+
+
+def test_a_job_that_has_ended_stays_as_it_is(jobs: JobRunner) -> None:
+    done = jobs.wait(jobs.submit(Add(one=2, other=3)).id, PATIENCE_S)
+    assert jobs.cancel(done.id) == done
+
+
+def test_jobs_are_listed_newest_first_and_unknown_ones_refused(jobs: JobRunner) -> None:
+    ids = [jobs.submit(Add(one=1, other=n)).id for n in range(3)]
+    assert [job.id for job in jobs.list()] == ids[::-1]
+    with pytest.raises(NotFound):
+        jobs.get("job-99")
+
+
+def test_a_job_from_before_a_restart_is_no_other_one_after_it() -> None:
+    clock = ManualClock()
+    before = JobRunner(clock).submit(Add(one=1, other=1))
+    clock.advance(1.0)
+    assert JobRunner(clock).submit(Add(one=1, other=1)).id != before.id
+
+
+def test_a_subject_is_busy_until_its_jobs_have_ended(jobs: JobRunner) -> None:
+    job = jobs.submit(Hang(subject="c1"))
+    assert jobs.busy_subjects() == {"c1"}
+    with pytest.raises(Conflict, match=f"{job.id} .test. is working on capture c1"):
+        jobs.check_idle("c1")
+    jobs.cancel(job.id)
+    assert jobs.busy_subjects() == set()
+    jobs.check_idle("c1")
+
+
+@pytest.mark.parametrize("count", [0, 1, 16, 10_000])
+def test_progress_is_reported_as_finely_as_it_is_shown(count: int) -> None:
+    shares: list[float] = []
+    assert list(counted(range(count), count, portion(shares.append, 0.5, 1.0))) == list(range(count))
+    assert len(shares) == min(count, REPORTS)
+    assert shares == sorted(shares)
+    assert all(0.5 <= share < 1.0 for share in shares)
