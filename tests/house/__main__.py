@@ -1,6 +1,6 @@
 """`python -m tests.house [--write]`: the house counted, and checked against docs/architecture.md.
 
-With `--write`, the drawing of the rooms goes into docs/architecture.md, sizes and hops into docs/reference/house.md.
+With `--write`, docs/architecture.md gets the drawing of the rooms, docs/reference/house.md the counts.
 """
 
 import sys
@@ -16,8 +16,8 @@ HEAD = """# The source in numbers
 
 <!-- made by `make house`; do not edit -->
 
-Files and lines of the program, its drivers included. Hops are the program's own files of which at least one function runs;
-[architecture](../architecture.md) walks through them.
+Files and lines of the program, its drivers included. Hops are the program's own files of which at least one
+function runs; [architecture](../architecture.md) walks through them.
 """
 
 

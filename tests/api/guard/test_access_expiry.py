@@ -16,7 +16,7 @@ def test_it_is_refused_with_its_reason_and_its_day(tmp_path: Path) -> None:
     answer = gated.client().get("/api/v1/state", headers={"Authorization": f"Bearer {secret}"})
     assert is_problem(answer, 401, "token-expired")
     assert "visitor" in answer.json()["detail"]
-    assert "good until 20" in answer.json()["detail"]
+    assert "expired at 20" in answer.json()["detail"]
     assert 'error="invalid_token"' in answer.headers["WWW-Authenticate"]
 
 

@@ -1,0 +1,64 @@
+"""The source keeps to its own rules: words, openings of docstrings, sizes, layers, drawings."""
+
+import ast
+import re
+
+from tests.house.docstrings import riddles
+from tests.house.drawing import ARCHITECTURE, layers, threads, written
+from tests.house.glossary import Ban, bans, breaches
+from tests.house.sizes import _components, cycles, too_long
+from tests.house.source import modules, words
+
+
+def test_no_name_contains_a_banned_word() -> None:
+    assert [str(breach) for breach in breaches()] == []
+
+
+def test_a_word_is_found_in_any_form_of_a_name() -> None:
+    assert words("start_capture") == words("StartCapture") == words("START_CAPTURE") == ["start", "capture"]
+
+
+def test_the_glossary_bans_synonyms_everywhere_and_reserved_words_outside_their_files() -> None:
+    assert bans()["intake"] == Ban("intake", "field pipeline")
+    assert not bans()["intake"].allows("service/device/field_pipeline.py")
+    assert bans()["session"].allows("service/access.py")
+    assert not bans()["session"].allows("service/capture/recording.py")
+
+
+def test_every_docstring_opens_with_a_verb_or_a_noun_phrase() -> None:
+    assert [str(one) for one in riddles()] == []
+
+
+def test_no_module_imports_another_in_a_circle() -> None:
+    assert cycles() == []
+
+
+def test_a_circle_would_be_found() -> None:
+    assert sorted(map(sorted, _components({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}}))) == [
+        ["a", "b", "c"],
+        ["d"],
+    ]
+
+
+def test_no_file_is_longer_than_a_reader_takes_in() -> None:
+    assert too_long() == {}
+
+
+def test_every_module_parses_and_belongs_to_a_room() -> None:
+    rooms = {room for layer in layers() for room in layer} | {"config"}
+    for name, path in modules().items():
+        ast.parse(path.read_text(encoding="utf-8"))
+        room = name.split(".")[1] if name.startswith("grabberd.") else None
+        assert room is None or room in rooms
+
+
+def test_the_drawing_of_the_rooms_is_that_of_the_layers() -> None:
+    assert written() == ARCHITECTURE.read_text(encoding="utf-8"), "run `make house`"
+
+
+def test_every_thread_of_the_daemon_is_in_the_drawing() -> None:
+    drawn = set(re.findall(r"^\| (`[^|]*|[^|]*`[^|]*)\|", ARCHITECTURE.read_text(encoding="utf-8"), re.M))
+    # The job process watches its parent by a thread of its own, which is not the daemon's.
+    for name, module in threads():
+        if not module.startswith("grabberd.service.reprocess"):
+            assert any(name in row for row in drawn), f"{module} starts the thread {name}"
