@@ -25,7 +25,7 @@ class Topic(NamedTuple):
 
 
 ONLINE = Topic("online", True, "whether the daemon is connected; `false` is its last will")
-STATE = Topic("devices/{device}/state", True, "how a device is")
+STATE = Topic("devices/{device}/state", True, "the state of a device")
 CAPTURE = Topic("captures", False, "the summary of a capture that has ended")
 TOPICS = (ONLINE, STATE, CAPTURE)
 
