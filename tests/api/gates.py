@@ -9,8 +9,7 @@ from starlette.responses import JSONResponse
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from grabberd.api.guard.authentication import Authenticator
-from grabberd.api.guard.failed_attempts import Attempts
+from grabberd.api.guard.authentication import Attempts, Authenticator
 from grabberd.api.guard.front import Front
 from grabberd.api.guard.gate import Gate
 from grabberd.documents.roles import Role

@@ -15,7 +15,7 @@ import pytest
 import grabberd.kernel
 from grabberd.kernel import DONE, KERNEL, REFUSED, load
 from grabberd.measurement.compiled.location_structs import GreySettings, Settings
-from grabberd.reconstruction.correspondence.space_structs import World
+from grabberd.reconstruction.correspondence.compiled_search import World
 
 HERE = Path(__file__).parent
 SOURCES = Path(grabberd.kernel.__file__).parent

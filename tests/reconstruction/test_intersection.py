@@ -7,6 +7,7 @@ from hypothesis import given
 from geometry.rigs import calibration, places
 from grabberd.geometry import Calibration, LocalField, Rig, project
 from grabberd.reconstruction import ImageNoise, Points, ViewBlobs, intersect
+from grabberd.reconstruction.intersection import DIAGONAL, FIRST, SECOND, inverse_symmetric
 from reconstruction.liners import SIGMA_PX
 
 NOISE = ImageNoise(0.12, 2, 2.9)
@@ -190,3 +191,15 @@ def test_parameters_and_local_fields_share_alike():
     only = replace(both, covariance=np.zeros((36, 36)))
     shares = [solve(one, *pictures(one, CORNERS)).calibration_covariance_mm2 for one in (known, only, both)]
     assert np.allclose(shares[0] + shares[1], shares[2], rtol=1e-9)
+
+
+def test_inverses_are_those_of_the_full_matrices():
+    rng = np.random.default_rng(1)
+    root = rng.normal(size=(20, 3, 4))
+    full = root @ root.transpose(0, 2, 1)
+    six = full[:, FIRST, SECOND].T
+    np.testing.assert_allclose(inverse_symmetric(six).transpose(2, 0, 1), np.linalg.inv(full), rtol=1e-9)
+
+
+def test_the_diagonal_is_where_it_is_said_to_be():
+    assert [(FIRST[index], SECOND[index]) for index in DIAGONAL] == [(0, 0), (1, 1), (2, 2)]

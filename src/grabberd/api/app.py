@@ -12,8 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from grabberd import __version__
 from grabberd.api import problems
 from grabberd.api.docs.openapi import describe
-from grabberd.api.guard.authentication import Authenticator
-from grabberd.api.guard.failed_attempts import Attempts
+from grabberd.api.guard.authentication import Attempts, Authenticator
 from grabberd.api.guard.front import Front
 from grabberd.api.guard.gate import Gate
 from grabberd.api.guard.limits import Streams

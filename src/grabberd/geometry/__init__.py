@@ -10,7 +10,6 @@ adjustments.
 from grabberd.geometry.calibration import SCHEMA, Calibration
 from grabberd.geometry.distortion import distortion
 from grabberd.geometry.document_reader import Reading
-from grabberd.geometry.epipolar import Approach, approach
 from grabberd.geometry.functional_model import (
     linearise,
     linearise_parameters,
@@ -20,12 +19,11 @@ from grabberd.geometry.functional_model import (
     project_all,
 )
 from grabberd.geometry.glass import Plate, project_through, seen_through
-from grabberd.geometry.inverse_model import correct, correct_all, directions_all, rays
+from grabberd.geometry.inverse_model import Approach, approach, correct, correct_all, directions_all, rays
 from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.nominal_rig import NominalRig
 from grabberd.geometry.rig import Rig
-from grabberd.geometry.rotation import rotation_angles, rotation_derivatives, rotation_matrix
-from grabberd.geometry.view import PARAMETERS, View
+from grabberd.geometry.view import PARAMETERS, View, rotation_angles, rotation_derivatives, rotation_matrix
 
 __all__ = [
     "PARAMETERS",

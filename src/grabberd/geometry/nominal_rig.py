@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.errors import InputError
-from grabberd.geometry.rotation import rotation_angles
-from grabberd.geometry.view import View
+from grabberd.geometry.view import View, rotation_angles
 
 _MOST_CONTRADICTION = 1.4
 """Ratio of stated to computed convergence: three numbers, each good to ten per cent, agree within it."""

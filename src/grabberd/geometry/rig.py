@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from grabberd.geometry.calibration import Calibration
 from grabberd.geometry.distortion import polynomials
 from grabberd.geometry.local_field import LocalField
-from grabberd.geometry.rotation import rotation_derivatives, rotation_matrix
-from grabberd.geometry.view import PARAMETERS, View
+from grabberd.geometry.view import PARAMETERS, View, rotation_derivatives, rotation_matrix
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,11 @@ from field to field (`tracking`); `intersection` computes where the rays of both
 from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
 from grabberd.reconstruction.correspondence.displacement_field import Smoothness
-from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.tracking.track import Track
-from grabberd.reconstruction.tracking.tracker import Tracker, TrackingSettings
-from grabberd.reconstruction.view_blobs import ViewBlobs
+from grabberd.reconstruction.tracking.tracker import Track, Tracker, TrackingSettings
+from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 __all__ = [
     "Correspondence",

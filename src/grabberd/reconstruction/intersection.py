@@ -6,10 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig, approach, correct_all, directions_all, linearise, parameter_slopes
-from grabberd.geometry.symmetric import FIRST, SECOND, inverse_symmetric
-from grabberd.reconstruction.image_noise import Common, ImageNoise, Whitening
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.view_blobs import ViewBlobs
+from grabberd.reconstruction.view_blobs import Common, ImageNoise, ViewBlobs, Whitening
 
 Array = NDArray[np.float64]
 
@@ -19,6 +17,12 @@ _MOST_STEPS = 10
 
 _EACH = np.eye(4).reshape(2, 2, 4, 1)
 """Coordinate, view, error: each error moves one image coordinate."""
+FIRST, SECOND = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)
+"""Row and column of each of the six elements."""
+DIAGONAL = (0, 3, 5)
+"""Indices of the diagonal elements among the six."""
+_SQUARE = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+_COFACTORS = np.array([(3, 2, 1, 0, 1, 0), (5, 4, 4, 5, 2, 3), (4, 1, 2, 2, 0, 1), (4, 5, 3, 2, 4, 1)])
 
 
 class _Adjusted(NamedTuple):
@@ -136,3 +140,12 @@ def _calibration_errors(rig: Rig, observed: Array, xyz: Array) -> list[Array]:
 def _stack(left: Array, right: Array) -> Array:
     """Stack (N, 2) of either view to (2, 2, N): coordinate, view, point."""
     return np.array([left.T, right.T]).swapaxes(0, 1)
+
+
+def inverse_symmetric(six: Array) -> Array:
+    """Invert N symmetric matrices given by their six elements (6, N), as (3, 3, N); rank is not checked."""
+    first, second, third, fourth = six[_COFACTORS]
+    cofactors = first * second - third * fourth
+    determinant = (six[:3] * cofactors[:3]).sum(axis=0)
+    inverse: Array = (cofactors / determinant)[_SQUARE]
+    return inverse

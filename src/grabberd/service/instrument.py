@@ -18,10 +18,9 @@ from grabberd.service.capture.group_start import DiskRoom
 from grabberd.service.capture.recording import Recording
 from grabberd.service.clock import Clock
 from grabberd.service.device.capture_thread import CaptureThread
-from grabberd.service.device.fair_lock import FairLock
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import StatusBoard
-from grabberd.service.device.worker import Worker
+from grabberd.service.device.worker import FairLock, Worker
 from grabberd.service.setup import DeviceSetup, check_rig, check_stream
 
 

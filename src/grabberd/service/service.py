@@ -22,7 +22,7 @@ from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCap
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
 from grabberd.service.clock import Clock, SystemClock, iso_utc
-from grabberd.service.device.fair_lock import FairLock
+from grabberd.service.device.worker import FairLock
 from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import Instrument
 from grabberd.service.jobs.calibration import Calibrator, calibrate_file

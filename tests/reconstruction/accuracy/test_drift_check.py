@@ -9,8 +9,13 @@ import pytest
 from geometry.rigs import calibration
 from grabberd.geometry import Rig, rotation_angles, rotation_matrix
 from grabberd.reconstruction import Correspondence, CorrespondenceSettings, ImageNoise
-from grabberd.reconstruction.accuracy.drift_check import WINDOW, DriftCheck, RigVerdict
-from grabberd.reconstruction.accuracy.parallax import parallax, parallax_of_calibration
+from grabberd.reconstruction.accuracy.drift_check import (
+    WINDOW,
+    DriftCheck,
+    RigVerdict,
+    parallax,
+    parallax_of_calibration,
+)
 from reconstruction.liners import model, see, wall
 
 PX_RAD = 0.0084 / 8.0

@@ -3,7 +3,7 @@ import numpy as np
 from geometry.rigs import calibration
 from grabberd.geometry import Rig
 from grabberd.reconstruction import ImageNoise
-from grabberd.reconstruction.correspondence.hypotheses import hypotheses
+from grabberd.reconstruction.correspondence.agreement import hypotheses
 from reconstruction.liners import model, see, wall
 
 RIG, MODEL = Rig.of(calibration()), model()

@@ -2,8 +2,13 @@ import numpy as np
 import pytest
 
 from grabberd.reconstruction import Smoothness
-from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
-from grabberd.reconstruction.correspondence.tiled_field import MOST_AT_ONCE, PART, TiledField, field_of
+from grabberd.reconstruction.correspondence.displacement_field import (
+    MOST_AT_ONCE,
+    PART,
+    DisplacementField,
+    TiledField,
+    field_of,
+)
 from reconstruction.liners import model
 from reconstruction.many import grid
 

@@ -7,8 +7,8 @@ import pytest
 from slots import PERIOD_NS, STREAM, ManualClock, Source, damaged, slot, without_signal
 
 from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot, StreamInfo
-from grabberd.service.capture.backlog import Backlog
 from grabberd.service.capture.recorder import GRACE_NS, Recorder
+from grabberd.service.capture.writer_thread import Backlog
 
 
 def recorder(

@@ -1,7 +1,6 @@
 """Admission of every request before a route sees it.
 
-`gate` is the middleware that applies the checks one after the other: host name and origin (`hosts`), token
-or session (`authentication`, throttled by `failed_attempts`), role (`roles`), size and time (`limits`). A
-check that fails raises a `Refusal`. `front` holds how the daemon is reached; `connections` limits the
-connections that requests come in on.
+`gate` is the middleware that applies the checks one after the other: host name and origin, token or session
+(`authentication`), role (`roles`), size and time (`limits`). A check that fails raises a `Refusal`. `front`
+holds how the daemon is reached; `connections` limits the connections that requests come in on.
 """

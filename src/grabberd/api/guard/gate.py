@@ -1,20 +1,30 @@
-"""The middleware that admits or refuses every request; plain ASGI, so that streams are not buffered."""
+"""The middleware that admits or refuses every request; plain ASGI, so that streams are not buffered.
 
+A foreign page can make a browser in the barn send any request to the daemon, and can point a name of its own
+at the daemon's address (DNS rebinding). Therefore host name and origin are checked for every request, with or
+without tokens. The port is not checked: a tunnel changes it, and a page cannot choose the host in front of
+it.
+"""
+
+import ipaddress
+import re
 import time
 from collections.abc import Awaitable, Callable
 
-from starlette.datastructures import MutableHeaders
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd.api.guard.authentication import Authenticator, check_role
 from grabberd.api.guard.front import Front
-from grabberd.api.guard.hosts import check_host, check_page, check_page_is_named
 from grabberd.api.guard.limits import LimitedBody, check_length
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.guard.roles import least_role
 from grabberd.documents.roles import Role
 from grabberd.service.access import Identity
 
+_HOST = re.compile(r"(?P<name>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(:[0-9]{1,5})?")
+UNSAFE = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+FOREIGN_SITES = frozenset({"cross-site", "same-site"})
 RECHECK_S = 10.0
 """Longest time that a stream outlives the token it was opened with."""
 POLICY_VIOLATION = 1008
@@ -25,6 +35,84 @@ HEADERS = {
     "Referrer-Policy": "same-origin",
 }
 """Headers that keep pages of other sites from showing or embedding the daemon's responses."""
+
+
+def check_host(scope: Scope, front: Front) -> None:
+    """Checks that a request uses one of the daemon's names, or the address on which it came in.
+
+    Raises:
+        Refusal: 421, it uses another name.
+    """
+    given = Headers(scope=scope).getlist("host")
+    match = _HOST.fullmatch(given[0]) if len(given) == 1 else None
+    name = match["name"].strip("[]").rstrip(".").lower() if match else ""
+    if name not in front.hosts and not _is_own_address(name, scope):
+        raise Refusal(
+            421,
+            "foreign-host",
+            f"this daemon does not have the name {', '.join(given)[:100]!r}",
+            "use its address, or add the name to http.hosts in its configuration",
+        )
+
+
+def _is_own_address(name: str, scope: Scope) -> bool:
+    """True if the name is the address the connection came in on; an address cannot be rebound."""
+    server = scope.get("server")
+    if not name or not server:
+        return False
+    try:
+        return _address(name) == _address(str(server[0]))
+    except ValueError:
+        return False
+
+
+def _address(text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    address = ipaddress.ip_address(text.partition("%")[0])
+    return getattr(address, "ipv4_mapped", None) or address
+
+
+def check_page(scope: Scope, front: Front) -> None:
+    """Checks that a request comes from one of the daemon's own pages, or from no page.
+
+    Raises:
+        Refusal: 403, it comes from a foreign page.
+    """
+    headers = Headers(scope=scope)
+    origin = headers.get("origin")
+    if origin is not None and not _is_own_page(origin, headers, front):
+        raise _foreign(f"the page {origin[:100]!r}")
+    if headers.get("sec-fetch-site") in FOREIGN_SITES and not _follows_a_link(scope, headers):
+        raise _foreign("a page of another site")
+
+
+def check_page_is_named(scope: Scope) -> None:
+    """Checks that a request with a session cookie that changes something names its origin.
+
+    Raises:
+        Refusal: 403, it does not, so a foreign page may have sent it.
+    """
+    changes = scope["type"] == "websocket" or scope["method"] in UNSAFE
+    if changes and "origin" not in Headers(scope=scope):
+        raise _foreign("a page that does not name its origin")
+
+
+def _is_own_page(origin: str, headers: Headers, front: Front) -> bool:
+    # A proxy may terminate TLS in front of plain HTTP; a daemon with TLS serves no plain pages.
+    schemes = ("https",) if front.tls else ("https", "http")
+    return origin.lower() in {f"{scheme}://{headers['host'].lower()}" for scheme in schemes}
+
+
+def _follows_a_link(scope: Scope, headers: Headers) -> bool:
+    return scope.get("method") in ("GET", "HEAD") and headers.get("sec-fetch-mode") == "navigate"
+
+
+def _foreign(who: str) -> Refusal:
+    return Refusal(
+        403,
+        "foreign-page",
+        f"{who} may not use this daemon",
+        "open the daemon's own page; scripts must not send Origin",
+    )
 
 
 class Gate:

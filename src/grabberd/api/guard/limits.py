@@ -11,7 +11,7 @@ from fastapi.requests import HTTPConnection
 from starlette.datastructures import Headers
 from starlette.types import Message, Receive, Scope
 
-from grabberd.api.guard.failed_attempts import client_of
+from grabberd.api.guard.authentication import client_of
 from grabberd.api.guard.refusals import Refusal
 from grabberd.config import HttpLimits
 

@@ -17,7 +17,7 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.acquisition import Outcome, Signal
 from grabberd.documents.states import DeviceState, Rung
-from grabberd.service.device.latency import BOUNDS_S
+from grabberd.service.device.worker import BOUNDS_S
 from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 

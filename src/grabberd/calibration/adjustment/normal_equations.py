@@ -9,7 +9,7 @@ from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.adjustment.unknowns import Unknowns
 from grabberd.errors import MeasurementError
 from grabberd.geometry import PARAMETERS, Rig, View, linearise_parameters
-from grabberd.geometry.symmetric import DIAGONAL, FIRST, SECOND, inverse_symmetric
+from grabberd.reconstruction.intersection import DIAGONAL, FIRST, SECOND, inverse_symmetric
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

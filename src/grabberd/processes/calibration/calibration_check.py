@@ -15,7 +15,7 @@ from grabberd.measurement import LocationSettings
 from grabberd.processes.calibration.calibrate import located
 from grabberd.reconstruction import ImageNoise, ObjectModel, Points, ViewBlobs, intersect
 from grabberd.reconstruction.accuracy.accuracy import Axes
-from grabberd.reconstruction.accuracy.parallax import parallax
+from grabberd.reconstruction.accuracy.drift_check import parallax
 from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion, rigid_motion
 
 Array = NDArray[np.float64]

@@ -1,19 +1,21 @@
-"""Agreement of hypotheses with one another, because neighbouring targets move alike."""
+"""Hypotheses: pairs of blobs that may be a target, as far as rays and object model allow; and their agreement
+with one another, because neighbouring targets move alike.
+"""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.reconstruction.correspondence.displacement_field import Expected, Smoothness
-from grabberd.reconstruction.correspondence.hypotheses import Hypotheses
-from grabberd.reconstruction.correspondence.tiled_field import field_of
+from grabberd.geometry import Rig, approach, rays
+from grabberd.reconstruction.correspondence.displacement_field import Expected, Smoothness, field_of
+from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
-
 _MOST_STARTS = 3
 _LEAST_SUPPORT = 3
 """Neighbours that must agree with a hypothesis for growth to start from it."""
@@ -23,6 +25,76 @@ _TORN = 1e6
 """χ² of a hypothesis that would tear the grid: it is dropped before any other."""
 _SUREST_FIRST = (0.4, 0.6, 1.0)
 """Shares of `trust`, in order: growth crosses a gap only when no nearer target is left."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hypotheses:
+    """H hypotheses, by ascending target: a left and a right blob are the images of a target.
+
+    Attributes:
+        target: (H,) indices into the object model.
+        left: (H,) indices of blobs in the left view.
+        right: (H,) indices of blobs in the right view.
+        displacement_mm: (H, 3) meeting point of the blobs' rays, relative to the target's nominal position.
+        variance_mm2: (H, 3) variance of that point in X, Y and Z.
+    """
+
+    target: Indices
+    left: Indices
+    right: Indices
+    displacement_mm: Array
+    variance_mm2: Array
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    def select(self, chosen: NDArray[np.bool_] | Indices) -> "Hypotheses":
+        """Select hypotheses by a mask or index array."""
+        return Hypotheses(
+            self.target[chosen],
+            self.left[chosen],
+            self.right[chosen],
+            self.displacement_mm[chosen],
+            self.variance_mm2[chosen],
+        )
+
+
+def hypotheses(
+    rig: Rig,
+    model: ObjectModel,
+    blobs: tuple[ViewBlobs, ViewBlobs],
+    noise: ImageNoise,
+    gate: float,
+    farthest_mm: float,
+) -> Hypotheses:
+    """List every pair of blobs whose rays meet, for every target nominally near their meeting point.
+
+    Args:
+        rig: Left and right view.
+        model: The object.
+        blobs: Blobs of the left and the right view, with all their uncertainty in σ.
+        noise: Line jitter, and the scale at the object.
+        gate: Greatest distance between rays, in standard deviations.
+        farthest_mm: Greatest distance of a target from its nominal position.
+    """
+    line_mm = 0.5 * model.target_diameter_mm / noise.radius_lines
+    left, right = _pairs(rig, *blobs, gate * line_mm)
+    number = np.arange(len(left), dtype=np.int32)
+    met = intersect(rig, number, blobs[0].select(left), blobs[1].select(right), noise)
+    apart = met.xyz_mm - model.xyz_mm[:, np.newaxis]
+    target, pair = np.nonzero((apart * apart).sum(axis=2) <= farthest_mm**2)
+    variance = np.diagonal(met.covariance_mm2, axis1=1, axis2=2)
+    return Hypotheses(target, left[pair], right[pair], apart[target, pair], variance[pair])
+
+
+def _pairs(rig: Rig, left: ViewBlobs, right: ViewBlobs, gate_mm: float) -> tuple[Indices, Indices]:
+    """Indices of pairs whose rays pass each other within `gate_mm` per pixel of σ in y."""
+    left_center, from_left = rays(rig.views[0], left.xy_px)
+    right_center, from_right = rays(rig.views[1], right.xy_px)
+    met = approach(left_center, from_left[:, np.newaxis], right_center, from_right)
+    sigma_px = np.hypot(left.sigma_px[:, np.newaxis, 1], right.sigma_px[:, 1])
+    in_left, in_right = np.nonzero(np.abs(met.distance_mm) <= gate_mm * sigma_px)
+    return in_left, in_right
 
 
 @dataclass(frozen=True, slots=True)

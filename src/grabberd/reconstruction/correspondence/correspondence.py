@@ -13,17 +13,19 @@ from numpy.typing import NDArray
 
 from grabberd.geometry import Rig
 from grabberd.kernel import KERNEL, Kernel
-from grabberd.reconstruction.correspondence.agreement import Agreement, CorrespondenceSettings
-from grabberd.reconstruction.correspondence.compiled_search import Nearby
+from grabberd.reconstruction.correspondence.agreement import (
+    Agreement,
+    CorrespondenceSettings,
+    Hypotheses,
+    hypotheses,
+)
+from grabberd.reconstruction.correspondence.compiled_search import Nearby, takes
 from grabberd.reconstruction.correspondence.displacement_field import Expected
-from grabberd.reconstruction.correspondence.hypotheses import Hypotheses, hypotheses
 from grabberd.reconstruction.correspondence.prediction import Prediction
-from grabberd.reconstruction.correspondence.space_structs import takes
-from grabberd.reconstruction.image_noise import ImageNoise
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
-from grabberd.reconstruction.view_blobs import ViewBlobs
+from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

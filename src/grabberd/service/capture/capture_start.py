@@ -5,11 +5,11 @@ from dataclasses import asdict
 from grabberd import __version__
 from grabberd.acquisition import Signal, Slot
 from grabberd.errors import InputError, NotReady
-from grabberd.service.capture.backlog import Backlog
 from grabberd.service.capture.capture_request import ArmedCapture, Moment, NewCapture
 from grabberd.service.capture.device_captures import DeviceCaptures
 from grabberd.service.capture.recorder import Recorder
 from grabberd.service.capture.recording import Recording
+from grabberd.service.capture.writer_thread import Backlog
 from grabberd.service.clock import iso_utc
 from grabberd.storage import CaptureMeta, CaptureWriter
 

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot, StreamInfo
 from grabberd.errors import RingOverrun
-from grabberd.service.capture.backlog import Backlog
+from grabberd.service.capture.writer_thread import Backlog
 from grabberd.service.clock import Clock
 
 GRACE_NS = 1_000_000_000

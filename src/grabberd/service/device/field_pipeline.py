@@ -21,8 +21,7 @@ from grabberd.acquisition import (
 from grabberd.config import DeviceConfig
 from grabberd.field import NumberedField, double_lines, quantise
 from grabberd.service.device.configured_ring import ConfiguredRing, default_lines
-from grabberd.service.device.newest_field import NewestField
-from grabberd.service.device.threshold_keeper import ThresholdKeeper
+from grabberd.service.device.threshold_keeper import NewestField, ThresholdKeeper
 
 ARRIVALS = 4096
 """Number of fields whose arrival is remembered: 82 s at 50 Hz."""

@@ -2,25 +2,115 @@
 
 import logging
 import threading
-from collections.abc import Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from grabberd.acquisition import Outcome, Policy
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
 from grabberd.service.clock import Clock
-from grabberd.service.device.fair_lock import FairLock
 from grabberd.service.device.field_pipeline import ARRIVALS, FieldPipeline
-from grabberd.service.device.latency import Latency
 from grabberd.service.device.rig_health import RigHealth
 
+PATIENCE_S = 0.05
+"""Longest wait for the lock: a field that takes another worker long costs this one no more than that."""
+T = TypeVar("T")
+KEPT = 32768
+"""Ten minutes at 50 Hz, rounded up to a power of two."""
+BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28)
+"""Upper bounds of the histogram's classes; 32 slots of the ring last 0.64 s."""
 log = logging.getLogger(__name__)
-
 IDLE_S = 0.1
 """Longest wait for a field or a calibration before it checks for a capture, a new setup or a stop."""
 AFTER_FAULT_S = 1.0
 """Pause after a fault of the program: one that returns at once must not take the processor."""
+
+
+class FairLock:
+    """Lets one worker at a time measure a field.
+
+    In one process only one thread runs Python at a time, and whoever has waited for a device, a lock or the
+    disk has to queue for the interpreter again. Four workers that catch up at once would leave a capture
+    thread too little of it.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+
+    @property
+    def is_held(self) -> bool:
+        """True if a worker holds the lock."""
+        return self._lock.locked()
+
+    def one_by_one(self, fields: Iterator[T]) -> Generator[T]:
+        """The same fields; the lock is held from when one has come until the next is asked for.
+
+        It is not held while the next field is waited for: that would keep the others from theirs.
+        """
+        for field in fields:
+            acquired = self._lock.acquire(timeout=PATIENCE_S)
+            try:
+                yield field
+            finally:
+                if acquired:
+                    self._lock.release()
+
+
+class Histogram(NamedTuple):
+    """All latencies since the start.
+
+    Attributes:
+        counts: Number of latencies in each class of `BOUNDS_S`, and beyond the last.
+        sum_s: Their sum.
+    """
+
+    counts: tuple[int, ...]
+    sum_s: float
+
+
+class Latency:
+    """The latest ten minutes of latencies at 50 Hz, and a histogram of all."""
+
+    def __init__(self) -> None:
+        self._kept: NDArray[np.int64] = np.zeros(KEPT, np.int64)
+        self._count = 0
+        self._classes = [0] * (len(BOUNDS_S) + 1)
+        self._sum_ns = 0
+        self._lock = threading.Lock()
+
+    def add(self, latency_ns: int) -> None:
+        """Adds one field's latency."""
+        with self._lock:
+            self._kept[self._count % KEPT] = latency_ns
+            self._count += 1
+            self._classes[bisect_left(BOUNDS_S, latency_ns / 1e9)] += 1
+            self._sum_ns += latency_ns
+
+    @property
+    def histogram(self) -> Histogram:
+        """Histogram of all latencies since the start."""
+        with self._lock:
+            return Histogram(tuple(self._classes), self._sum_ns / 1e9)
+
+    def milliseconds(self, latest: int = KEPT) -> NDArray[np.float64]:
+        """(N,) float64, the newest latencies, at most `latest`, in no particular order."""
+        with self._lock:
+            count = min(self._count, latest, KEPT)
+            index = (self._count - 1 - np.arange(count)) % KEPT
+            return self._kept[index] / 1e6
+
+    def percentiles_ms(self, latest: int = KEPT) -> dict[str, float] | None:
+        """p50, p99 and max of the newest; None if there are none."""
+        values = self.milliseconds(latest)
+        if not len(values):
+            return None
+        p50, p99 = np.percentile(values, (50, 99))
+        return {"p50": float(p50), "p99": float(p99), "max": float(values.max())}
 
 
 class MeasurableRecording(Protocol):

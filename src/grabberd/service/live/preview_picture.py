@@ -5,7 +5,7 @@ import threading
 import cv2
 
 from grabberd.errors import NotReady
-from grabberd.service.device.newest_field import Shown
+from grabberd.service.device.threshold_keeper import Shown
 from grabberd.service.instrument import Instrument
 
 FIELD_WITHIN_S = 0.5

@@ -7,10 +7,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from grabberd.storage.capture.metadata import CaptureMeta
 from grabberd.storage.capture.reader import FIELDS_AT_ONCE
 from grabberd.storage.capture.rows import FIELD_COLUMNS
-from grabberd.storage.capture.schema import connect, reading_errors
+from grabberd.storage.capture.schema import CaptureMeta, connect, reading_errors
 
 _OF_META = ("id", "created_utc", "start_ns", "device", "config", "site", "labels", "note")
 

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError, LaterVersion
-from grabberd.storage.capture.metadata import SEALED, write_meta
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import DAMAGED, JOURNAL, connect, reading_errors
+from grabberd.storage.capture.schema import DAMAGED, JOURNAL, SEALED, connect, reading_errors, write_meta
 from grabberd.storage.capture.writer import FAILED, RUNNING, publish, write_ledger
 from grabberd.storage.disk import storage_errors
 

@@ -11,7 +11,6 @@ from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import decode_points
-from grabberd.storage.capture.metadata import CaptureMeta, read_meta
 from grabberd.storage.capture.rows import (
     FIELD_COLUMNS,
     RecordedField,
@@ -20,7 +19,7 @@ from grabberd.storage.capture.rows import (
     recorded_field,
     run_info,
 )
-from grabberd.storage.capture.schema import DAMAGE, connect, reading_errors
+from grabberd.storage.capture.schema import DAMAGE, CaptureMeta, connect, read_meta, reading_errors
 
 FIELDS_AT_ONCE = 50
 """Fields read under one lock: a reader in the middle of a statement keeps the writer from committing, which

@@ -12,8 +12,16 @@ from grabberd.errors import StorageError
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
-from grabberd.storage.capture.metadata import SEALED, CaptureMeta, read_meta, write_all_meta, write_meta
-from grabberd.storage.capture.schema import JOURNAL, create, sealed_path
+from grabberd.storage.capture.schema import (
+    JOURNAL,
+    SEALED,
+    CaptureMeta,
+    create,
+    read_meta,
+    sealed_path,
+    write_all_meta,
+    write_meta,
+)
 from grabberd.storage.disk import storage_errors, sync_directory
 
 RUNNING = "running"

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from api.gates import Gated, Ticks, is_problem
-from grabberd.api.guard.failed_attempts import ADDRESSES, FREE_ATTEMPTS, LONGEST_WAIT_S, Attempts, client_of
+from grabberd.api.guard.authentication import ADDRESSES, FREE_ATTEMPTS, LONGEST_WAIT_S, Attempts, client_of
 from grabberd.api.guard.refusals import Refusal
 from grabberd.documents.roles import Role
 
