@@ -1,4 +1,4 @@
-"""Prints what is true of the simulated grabber."""
+"""Prints calibration, object models and truth of the simulated grabber."""
 
 import argparse
 import json
@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(line)
     except (ValueError, GrabberdError) as error:
         parser.exit(2, f"{parser.prog}: {error}\n")
-    except BrokenPipeError:  # whoever read along has seen enough
+    except BrokenPipeError:  # `| head` has seen enough; a closed stderr keeps Python's own complaint quiet
         sys.stderr.close()
     return 0
 
@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     scene.add_argument("scene", choices=SCENES)
     for command in (calibration, scene):
         command.add_argument("--options", type=_options, default={}, help="the driver's options, JSON")
-    _add_truth(commands.add_parser("truth", help="what is true at every field of a capture, CSV"))
+    _add_truth(commands.add_parser("truth", help="the truth at every field of a capture, CSV"))
     return parser
 
 

@@ -1,4 +1,4 @@
-"""Pictures of discs: what of each target lies where on the picture, as ellipses."""
+"""Images of discs as ellipses in the picture."""
 
 import math
 from collections.abc import Sequence
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grabberd_fake.optics import Array, View
 from grabberd_fake.targets import Targets
 
+# The first harmonics of the boundary make the ellipse; eight points keep higher ones from aliasing into it.
 _BOUNDARY = 8
 _ANGLES = np.arange(_BOUNDARY) * (2 * np.pi / _BOUNDARY)
 _COSINES, _SINES = np.cos(_ANGLES), np.sin(_ANGLES)
@@ -17,7 +18,7 @@ _COSINES, _SINES = np.cos(_ANGLES), np.sin(_ANGLES)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ellipses:
-    """N ellipses in frame pixels: center + a cos t + b sin t, each of an own weight.
+    """N ellipses in frame pixels: center + a cos t + b sin t, each with its own weight.
 
     Attributes:
         center: (N, 2); `a`, `b`: (N, 2) conjugate half axes.
@@ -33,7 +34,7 @@ class Ellipses:
         return len(self.center)
 
     def select(self, which: NDArray[np.bool_] | NDArray[np.intp]) -> "Ellipses":
-        """Those that a mask or index array chooses."""
+        """The ellipses chosen by a mask or index array."""
         return Ellipses(self.center[which], self.a[which], self.b[which], self.weight[which])
 
     @classmethod
@@ -48,14 +49,15 @@ class Ellipses:
 
 
 def disc_images(view: View, targets: Targets, diameter_mm: float) -> Ellipses:
-    """The discs' pictures with their perspective eccentricity, to second order of their size.
+    """Images of the discs with their perspective eccentricity, to second order of their size.
 
-    The middle of a disc's boundary lies half as far from its centre's picture as the ellipse's centre.
+    The mean of a disc's boundary lies half as far from the image of its centre as the ellipse's centre does.
     """
     around = _rim(targets, diameter_mm / 2)
     count = len(targets.xyz_mm)
     points = view.ideal_image(around.reshape(-1, 3)).reshape(count, _BOUNDARY + 1, 2)
     rim, middle = points[:, 1:], points[:, 0]
+    # The same displacement for the whole disc: mirror errors vary over 60 px and more, a disc covers a few.
     center = 2 * rim.mean(axis=1) - middle
     a = np.einsum("nkx,k->nx", rim, _COSINES * (2 / _BOUNDARY))
     b = np.einsum("nkx,k->nx", rim, _SINES * (2 / _BOUNDARY))
@@ -74,6 +76,7 @@ def _rim(targets: Targets, radius_mm: float) -> Array:
 def _in_plane(normal: Array) -> tuple[Array, Array]:
     """Two unit vectors (N, 3) that span the plane of each unit normal (N, 3)."""
     x, y, z = normal.T
+    # Without branches or a singular direction (Duff et al., Building an orthonormal basis, revisited, 2017).
     sign = np.copysign(1.0, z)
     scale = -1.0 / (sign + z)
     cross = x * y * scale
@@ -82,7 +85,7 @@ def _in_plane(normal: Array) -> tuple[Array, Array]:
 
 
 def facing(view: View, targets: Targets, grazing_limit_deg: float) -> NDArray[np.bool_]:
-    """(N,) whether a view looks at the front of a disc, less obliquely than the limit."""
+    """(N,) True for discs whose front a view sees less obliquely than the limit."""
     sight = view.center_mm() - targets.xyz_mm
     along = np.einsum("nx,nx->n", sight, targets.normal)
     limit = math.cos(math.radians(grazing_limit_deg))
@@ -91,13 +94,13 @@ def facing(view: View, targets: Targets, grazing_limit_deg: float) -> NDArray[np
 
 
 def smeared(ellipses: Ellipses, start: Array, end: Array, step_px: float) -> Ellipses:
-    """The ellipses over an exposure, as many copies of each as its way needs.
+    """The ellipses over an exposure, as copies along the path of each.
 
     Args:
-        ellipses: in the middle of the exposure.
-        start: (N, 2) where the targets' centres appear when it begins, relative to the middle.
-        end: (N, 2) likewise when it ends.
-        step_px: the longest way for one copy. The way is a parabola through start, middle and end.
+        ellipses: ellipses in the middle of the exposure.
+        start: (N, 2) positions of the centres at its beginning, relative to the middle.
+        end: (N, 2) positions at its end, likewise.
+        step_px: greatest distance between copies. The path is a parabola through start, middle and end.
     """
     way = np.hypot(*start.T) + np.hypot(*end.T)
     copies = np.maximum(np.ceil(way / step_px), 1).astype(np.intp)

@@ -1,4 +1,4 @@
-"""The simulated rig and scenes as the documents that the program reads: calibration and object model."""
+"""The simulated rig and scenes as calibration documents and object models of the program."""
 
 import math
 from typing import Any
@@ -9,12 +9,13 @@ from grabberd_fake.rig import build_views
 from grabberd_fake.scenes import build_scene
 
 CREATED_UTC = "2026-01-01T00:00:00Z"
+# The nominal shape of a liner is known far less well than a certified object.
 _SIGMA_MM = {"liner": 0.3}
 _CERTIFIED_SIGMA_MM = 0.01
 
 
 def calibration_document(options: FakeOptions) -> dict[str, Any]:
-    """The exact calibration of the simulated rig, but for the mirrors' local errors.
+    """The exact calibration of the simulated rig, without the mirrors' local errors.
 
     A virtual camera is the real one reflected in its half's mirrors, from the camera outwards.
     """
@@ -65,8 +66,9 @@ def _angles(rotation: Array) -> tuple[float, float, float]:
 
 
 def object_document(options: FakeOptions) -> str:
-    """The scene's object model as YAML; of the liner, its open state."""
+    """The scene's object model as YAML; for the liner, its open state."""
     scene = build_scene(options)
+    # Adding zero turns −0.0 into 0.0, which would otherwise be written with its sign.
     nominal = scene.nominal().xyz_mm.round(4) + 0.0
     targets = zip(scene.ids, nominal, scene.row, scene.column, strict=True)
     head = [

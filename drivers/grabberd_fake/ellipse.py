@@ -4,6 +4,7 @@ import numpy as np
 
 from grabberd_fake.optics import Array
 
+# The trapezoidal rule over a period of a smooth function converges exponentially: exact to rounding.
 _SAMPLES = 128
 _ANGLES = np.arange(_SAMPLES) * (2 * np.pi / _SAMPLES)
 
@@ -15,8 +16,8 @@ def perimeter(p: Array, q: Array) -> Array:
 
 
 def widened(p: Array) -> Array:
-    """(N,) the other semi-axis of ellipses of perimeter 2π whose one semi-axis is p (N,), 0.25 < p <= 1."""
-    q = 2.0 - p
+    """(N,) second semi-axis of ellipses of perimeter 2π with first semi-axis p (N,), 0.25 < p <= 1."""
+    q = 2.0 - p  # first guess: near the circle the semi-axes' mean stays 1; Newton's method does the rest
     for _ in range(8):
         step = (perimeter(p, q) - 2 * np.pi) / _perimeter_by_q(p, q)
         q = q - step

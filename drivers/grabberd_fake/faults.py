@@ -1,8 +1,8 @@
 """Scripted faults of a grabber.
 
-A fault holds for a window of camera fields, counted from the first field after the first `open`, or after the
-script's cue; the script runs once, however often the grabber is opened again. A new kind is a dataclass and a
-line in `KINDS`.
+A fault applies to a window of camera fields, counted from the first field after the first `open`, or after
+the script's cue; the script runs once, however often the grabber is reopened. To add a kind, add a dataclass
+and a line in `KINDS`.
 """
 
 import math
@@ -13,7 +13,7 @@ from typing import ClassVar
 from grabberd_fake.reading import choice, flag, integer, number
 
 PERIOD_NS = 20_000_000
-"""From field to field."""
+"""Time from field to field."""
 
 FOREVER_S = 1e9
 
@@ -23,20 +23,21 @@ class Fault:
     """One entry of the script.
 
     Attributes:
-        at_s: seconds from the first field, or
-        at_field: fields from the first field. Exactly one of the two is given.
+        at_s: start in seconds from the first field.
+        at_field: start in fields from the first field; exactly one of the two has to be given.
     """
 
     at_s: float | None = number(None, 0, FOREVER_S, optional=True)
     at_field: int | None = integer(None, 0, 2**32, optional=True)
     delivers: ClassVar[bool] = True
-    """Its fields reach the driver's buffers."""
+    """True if its fields reach the driver's buffers."""
     counted: ClassVar[bool] = True
-    """The driver's sequence counts its fields."""
+    """True if the driver's sequence counts its fields."""
 
     @property
     def first(self) -> int:
-        """Number of the first field it holds for."""
+        """Number of the first affected field."""
+        # A decimal such as 0.06 s is not exact in binary: without the slack it could start a field too late.
         return self.at_field if self.at_field is not None else math.ceil((self.at_s or 0.0) * 50 - 1e-9)
 
     @property
@@ -56,7 +57,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Counted(Fault):
-    """A fault of a number of fields; `count` of them."""
+    """A fault that lasts for `count` fields."""
 
     count: int = integer(1, 1, 1_000_000)
 
@@ -79,18 +80,18 @@ class Lasting(Fault):
 
 
 STEPS = ("restart", "reopen", "reset")
-"""What can be done about a grabber, the gentlest first; each does what those before it do."""
+"""Recovery steps, the gentlest first; each includes those before it."""
 
 
 @dataclass(frozen=True)
 class Recoverable(Lasting):
-    """A fault that lasts for `duration_s`, or `until` it is cleared by a step or a harder one."""
+    """A fault that lasts for `duration_s`, or `until` a recovery step or a harder one clears it."""
 
     until: str = choice("time", *STEPS)
 
     @property
     def fields(self) -> int:
-        """The duration in fields; far more than there are where it has to be cleared."""
+        """The duration in fields; practically endless if a step has to clear it."""
         return super().fields if self.until == "time" else math.ceil(FOREVER_S * 50)
 
     def is_cleared_by(self, step: str) -> bool:
@@ -100,14 +101,14 @@ class Recoverable(Lasting):
 
 @dataclass(frozen=True)
 class Lose(Counted):
-    """Fields that never come; the driver's sequence shows the gap."""
+    """Fields that never arrive; the driver's sequence shows the gap."""
 
     delivers: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
 class LoseSilently(Counted):
-    """Fields that never come, without a gap in the sequence: only time tells."""
+    """Fields that never arrive, without a gap in the sequence: only timestamps show the loss."""
 
     delivers: ClassVar[bool] = False
     counted: ClassVar[bool] = False
@@ -115,7 +116,7 @@ class LoseSilently(Counted):
 
 @dataclass(frozen=True)
 class Repeat(Counted):
-    """The picture of the field before comes again, pixel for pixel, as if it were new."""
+    """The previous field's picture is delivered again, pixel for pixel, as if it were new."""
 
 
 @dataclass(frozen=True)
@@ -127,14 +128,14 @@ class Damage(Counted):
 
 @dataclass(frozen=True)
 class Short(Counted):
-    """From `row` on the rows are those of the field before, and nothing says so."""
+    """From `row` on the rows are those of the previous field, without any flag."""
 
     row: int = integer(144, 1, 287)
 
 
 @dataclass(frozen=True)
 class Shift(Counted):
-    """From `row` on the data are shifted by `shift_px`, round the ends of the lines, and nothing says so."""
+    """From `row` on the data are shifted by `shift_px`, wrapping at the ends of lines, without any flag."""
 
     row: int = integer(144, 1, 287)
     shift_px: int = integer(40, -719, 719)
@@ -157,17 +158,17 @@ class Timestamp(Lasting):
 
 @dataclass(frozen=True)
 class Wrap(Counted):
-    """The driver's sequence passes 2³² so many fields after each `open` or `restart`."""
+    """The driver's sequence wraps at 2³², that many fields after each `open` or `restart`."""
 
 
 @dataclass(frozen=True)
 class Storm(Lasting):
-    """Whoever asks for a field is sent away at once, with nothing and no error; fields wait meanwhile."""
+    """Requests for a field return at once with nothing and no error, while fields are waiting."""
 
 
 @dataclass(frozen=True)
 class DeadInput(Lasting):
-    """The camera's cable is out, `signal()` says so, and nothing comes."""
+    """The camera's cable is out, `signal()` reports it, and no fields arrive."""
 
     delivers: ClassVar[bool] = False
     counted: ClassVar[bool] = False
@@ -175,7 +176,7 @@ class DeadInput(Lasting):
 
 @dataclass(frozen=True)
 class Stall(Recoverable):
-    """Nothing comes, and no error; the driver's sequence does not move."""
+    """No fields arrive and no error is raised; the driver's sequence stands still."""
 
     delivers: ClassVar[bool] = False
     counted: ClassVar[bool] = False
@@ -183,7 +184,7 @@ class Stall(Recoverable):
 
 @dataclass(frozen=True)
 class Fail(Recoverable):
-    """The stream fails with an error while the device stays there."""
+    """The stream fails with an error while the device remains present."""
 
     until: str = choice("restart", "time", "reopen", "reset")
     delivers: ClassVar[bool] = False
@@ -192,19 +193,19 @@ class Fail(Recoverable):
 
 @dataclass(frozen=True)
 class Refuse(Lasting):
-    """Whoever opens the device is refused: another program has it, or rights or bandwidth are missing."""
+    """Opening the device is refused: another program has it, or rights or bandwidth are missing."""
 
     why: str = choice("busy", "rights", "bandwidth")
 
 
 @dataclass(frozen=True)
 class Standard(Lasting):
-    """The camera's standard changes: opened anew, 240 rows a field are granted, at 50 Hz as before."""
+    """The camera's standard changes: when reopened, 240 rows a field are granted, at 50 Hz as before."""
 
 
 @dataclass(frozen=True)
 class Unplug(Fault):
-    """The device goes away; `back_after_s` later it can be opened again, `elsewhere`: as another node."""
+    """The device disappears and returns after `back_after_s`, as another node if `elsewhere`."""
 
     back_after_s: float = number(1.0, 0.02, FOREVER_S)
     elsewhere: bool = flag(False)
@@ -222,8 +223,8 @@ class NoSignal(Lasting):
     """The camera's cable is out: fields of `picture` come at full rate.
 
     Attributes:
-        picture: what the grabber makes up.
-        told: `signal()` says so.
+        picture: picture that the grabber generates.
+        told: True if `signal()` reports the loss.
     """
 
     picture: str = choice("blue", "black", "noise", "bars")
@@ -248,4 +249,4 @@ KINDS: dict[str, type[Fault]] = {
     "unplug": Unplug,
     "no_signal": NoSignal,
 }
-"""The script's `kind` → what it means."""
+"""Fault classes by the script's `kind`."""

@@ -1,4 +1,4 @@
-"""The faults of one grabber, asked field by field."""
+"""The faults of one grabber, looked up by field number."""
 
 from collections.abc import Iterator, Sequence
 from typing import TypeVar
@@ -9,14 +9,14 @@ F = TypeVar("F", bound=Fault)
 
 
 class Script:
-    """The faults of a grabber, asked by field number."""
+    """The faults of a grabber, looked up by field number."""
 
     def __init__(self, faults: Sequence[Fault]) -> None:
         self._faults = tuple(faults)
         self._cleared_at: dict[Fault, int] = {}
 
     def at(self, number: int, kind: type[F]) -> F | None:
-        """The fault of this kind that holds for a field."""
+        """The fault of this kind that affects a field, or None."""
         found = (fault for fault in self._faults if isinstance(fault, kind) and self._holds(fault, number))
         return next(found, None)
 
@@ -25,7 +25,7 @@ class Script:
         return all(fault.delivers or not self._holds(fault, number) for fault in self._faults)
 
     def clear(self, step: str, number: int) -> None:
-        """Ends the faults that this step helps against, from a field on."""
+        """Ends the faults that this recovery step clears, from a field on."""
         for fault in self._faults:
             if isinstance(fault, Recoverable) and fault.is_cleared_by(step) and self._holds(fault, number):
                 self._cleared_at[fault] = number
@@ -50,11 +50,11 @@ class Script:
             reached = max(reached, last)
 
     def wraps_after(self) -> int:
-        """After how many fields of a stream its sequence begins anew at zero; 0: it begins there."""
+        """Number of fields of a stream after which its sequence wraps to zero; 0: it starts there."""
         return next((fault.first for fault in self._faults if isinstance(fault, Wrap)), 0)
 
     def node(self, number: int) -> int:
-        """Under which number the device is there: how often it has come back as another node."""
+        """Number of the device's node: how often it has come back as another one."""
         moves = (fault for fault in self._faults if isinstance(fault, Unplug) and fault.elsewhere)
         return sum(fault.first + fault.fields <= number for fault in moves)
 

@@ -1,13 +1,13 @@
 """The simulated grabber, seen through the driver contract."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
-from grabberd_fake.clock import Clock, JumpingClock, RealClock
 from grabberd_fake.faults import (
     PERIOD_NS,
     DeadInput,
@@ -27,19 +27,59 @@ from grabberd_fake.stream import ARRIVAL_NS, Stream
 from grabberd_fake.world import World
 
 _NTSC_ROWS = 240
+# A field number that no run reaches, and that arithmetic with numbers still fits into 64 bits.
 _NEVER = 2**62
 _REFUSALS = {
     "busy": ("another program has it", "end that program", Cause.DEVICE_BUSY),
     "rights": ("it may not be opened", "add the user to the group that owns it", Cause.NO_RIGHTS),
     "bandwidth": ("the bus has no room for its stream", "plug it into a bus of its own", Cause.NO_BANDWIDTH),
 }
-_REPLUG = "plug the grabber in again; it is tried again by itself"
+_REPLUG = "plug the grabber in again; grabberd retries automatically"
+
+
+class Clock(Protocol):
+    """CLOCK_MONOTONIC or a simulated substitute."""
+
+    def now_ns(self) -> int:
+        """Current time in ns."""
+        ...
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        """Returns at `time_ns`; at once if it has passed."""
+        ...
+
+
+class RealClock:
+    """The machine's monotonic clock."""
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC."""
+        return time.monotonic_ns()
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        """Sleeps."""
+        time.sleep(max(time_ns - self.now_ns(), 0) / 1e9)
+
+
+class JumpingClock:
+    """A clock that advances only when somebody sleeps, by jumping to the end of the sleep."""
+
+    def __init__(self, now_ns: int = 0) -> None:
+        self._now_ns = now_ns
+
+    def now_ns(self) -> int:
+        """Present time of the clock, in ns."""
+        return self._now_ns
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        """Jumps forward, never back."""
+        self._now_ns = max(self._now_ns, time_ns)
 
 
 class FakeGrabber:
     """A camera before a simulated scene, ALTERNATE, 50 fields a second; `FakeOptions` lists its options.
 
-    Without options it is the reference rig before the pulsating liner, at real pace. `NOT_SIMULATED` says
+    Without options it is the reference rig before the pulsating liner, at real pace. `NOT_SIMULATED` lists
     what it leaves out.
     """
 
@@ -47,12 +87,12 @@ class FakeGrabber:
         """Checks the options; nothing is opened.
 
         Args:
-            clock: what the world runs on; the machine's monotonic clock by default. With `pace: free` it
-                gives the start only, and time passes with every field that is read.
+            clock: clock of the simulated world; the machine's monotonic clock by default. With `pace: free`
+                it gives only the start, and time advances with every field that is read.
             options: see `FakeOptions`.
 
         Raises:
-            ValueError: a line for every key that is unknown or whose value is not allowed.
+            ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         self.options = FakeOptions.read(options)
         self._clock = clock or RealClock()
@@ -78,11 +118,11 @@ class FakeGrabber:
 
     @contextmanager
     def dequeue(self, timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
-        """The next field; nothing if none comes in time.
+        """The next field; empty if none arrives in time.
 
         Raises:
             DeviceLost: the script unplugs it, or it is not open.
-            StreamFailed: the script says so.
+            StreamFailed: the script makes the stream fail.
         """
         stream = self._wait(timeout_s)
         fields = [] if stream is None else [stream.take()]
@@ -90,6 +130,8 @@ class FakeGrabber:
             yield fields
         finally:
             if stream is not None and self._stream is stream:
+                # Fields that arrived while the caller held this buffer are queued before it is free again:
+                # a slow reader has to lose fields as it would with real buffers.
                 stream.catch_up(self._clock.now_ns())
                 stream.give_back()
 
@@ -103,11 +145,11 @@ class FakeGrabber:
         return Signal.ABSENT if absent else Signal.PRESENT
 
     def restart(self) -> StreamInfo:
-        """Streams anew from the next top field.
+        """Restarts the stream from the next top field.
 
         Raises:
             DeviceLost: it is not open, or the script has it unplugged.
-            StreamFailed: the script has it not start.
+            StreamFailed: the script makes it fail.
             DeviceRefused: the script has changed the standard.
         """
         if self._stream is None:
@@ -120,7 +162,7 @@ class FakeGrabber:
         return self._info()
 
     def reset(self) -> None:
-        """Does what pulling the plug would.
+        """Resets the device as pulling its plug would.
 
         Raises:
             DeviceAbsent: the script has it unplugged.
@@ -132,11 +174,13 @@ class FakeGrabber:
         self._clear_faults("reset")
 
     def close(self) -> None:
-        """Lets go of the buffers."""
+        """Releases the buffers."""
         self._stream = None
 
     def _start(self, check: Callable[[], None]) -> None:
-        self._world = self._world or World(self.options)  # takes its time, so before the first field is due
+        self._world = self._world or World(
+            self.options
+        )  # takes long, so it comes before the first field is due
         first = self._next_top_field()
         if self._origin is None and self.options.cue is None:
             self._origin = first
@@ -145,7 +189,7 @@ class FakeGrabber:
         self._stream = Stream(self._world, self._script, self._begins_with(), first, buffers, rows)
 
     def _begins_with(self) -> int:
-        """The camera's field with which the script begins; one that never comes before its cue."""
+        """Camera field with which the script begins; `_NEVER` before its cue."""
         cue = self.options.cue
         if self._origin is None and cue is not None and Path(cue).exists():
             self._origin = self._field_now() + 1
@@ -161,11 +205,11 @@ class FakeGrabber:
         return -(-self._clock.now_ns() // (2 * PERIOD_NS)) * 2
 
     def _field_now(self) -> int:
-        """The camera's field that was due last."""
+        """Camera field that arrived last."""
         return (self._clock.now_ns() - ARRIVAL_NS) // PERIOD_NS
 
     def _number_now(self) -> int:
-        """The same as the script counts; before its first field it is there already, before its cue not."""
+        """Current field as the script counts: 0 before its first field, −1 before its cue."""
         origin = self._begins_with()
         return -1 if origin == _NEVER else max(self._field_now() - origin, 0)
 
@@ -174,8 +218,8 @@ class FakeGrabber:
         refuse = self._script.at(self._number_now(), Refuse)
         if refuse is not None:
             self._let_pass(refuse)
-            words, hint, cause = _REFUSALS[refuse.why]
-            raise DeviceRefused(f"the simulated grabber is refused: {words}", hint, cause)
+            reason, hint, cause = _REFUSALS[refuse.why]
+            raise DeviceRefused(f"the simulated grabber is refused: {reason}", hint, cause)
 
     def _refuse_if_unplugged(self) -> None:
         unplug = self._script.at(self._number_now(), Unplug)
@@ -184,7 +228,7 @@ class FakeGrabber:
             raise DeviceAbsent("there is no simulated grabber: the script has it unplugged", _REPLUG)
 
     def _let_pass(self, fault: Fault) -> None:
-        """At free pace time passes for whoever waits, and trying again is waiting."""
+        """At free pace, let time jump to the fault's end: a retry there is what waiting is in real time."""
         if self.options.pace == "free":
             self._clock.sleep_until_ns(self._arrival_ns(fault.first + fault.fields))
 
@@ -192,7 +236,7 @@ class FakeGrabber:
         return (self._begins_with() + number) * PERIOD_NS + ARRIVAL_NS
 
     def _wait(self, timeout_s: float) -> "Stream | None":
-        """The stream when it has a field waiting, None when the time is over."""
+        """The stream once a field is waiting, or None after the timeout."""
         if self._stream is None:
             raise DeviceLost("the simulated grabber is not open", "open it first")
         deadline_ns = self._clock.now_ns() + round(timeout_s * 1e9)

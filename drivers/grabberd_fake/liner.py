@@ -1,13 +1,13 @@
 """The liner: a tube that collapses elliptically about the middle of its length, once a pulsation.
 
-Its mathematics stands here and in `ellipse` alone. The middle surface of the wall is
+Its mathematics is confined to this module and `ellipse`. The middle surface of the wall is
 
     S(x, s, t) = (x, y(s, d), axis_z + z(s, d)),        d(x, t) = deflection · profile(x) · closure(t)
 
 where s is the arc length round the wall from the line that faces the cameras and (y, z) runs along an ellipse
 of semi-axis radius − d towards the cameras and of the open liner's perimeter. The targets lie on the outer
-face, half a wall (and their own thickness) off along the normal, at constant x and s: their intervals along
-the middle surface never change round the wall.
+face, half a wall (and their own thickness) off along the normal, at constant x and s: their distances round
+the middle surface never change.
 """
 
 from functools import lru_cache
@@ -21,6 +21,7 @@ from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.optics import Array
 from grabberd_fake.targets import Targets, grid_numbers
 
+# Flatter sections than .7 of the radius are refused by `LinerOptions`: the table need not go further.
 _STEPS = 2048
 _FLATTEST = 0.7
 
@@ -29,7 +30,7 @@ class Wall(NamedTuple):
     """The middle surface at N places.
 
     Attributes:
-        xyz_mm: (N, 3) the places.
+        xyz_mm: (N, 3) points, object's frame.
         along_s: (N, 3) unit tangent round the wall; `along_x`: (N, 3) tangent ∂S/∂x.
         normal: (N, 3) unit normal, outward.
     """
@@ -56,12 +57,12 @@ class Liner:
         self._profile, self._profile_by_x = profile(self._x_mm, options.length_mm)
 
     def targets(self, time_ns: int) -> Targets:
-        """Places on the outer face and normals."""
+        """Points on the outer face, and normals."""
         wall = self.wall(time_ns)
         return Targets(wall.xyz_mm + wall.normal * self._options.targets_over_middle_mm, wall.normal)
 
     def nominal(self) -> Targets:
-        """The open liner: what the object model holds."""
+        """The open liner, as in the object model."""
         wall = self._wall(0.0)
         return Targets(wall.xyz_mm + wall.normal * self._options.targets_over_middle_mm, wall.normal)
 
@@ -117,7 +118,7 @@ def _smooth(part: float) -> float:
 class Sections:
     """The family of cross-sections of one perimeter, tabulated over the deflection at some arc lengths.
 
-    Linear interpolation over `_STEPS` steps leaves less than a micrometre's tenth.
+    Linear interpolation over `_STEPS` steps is exact to a tenth of a micrometre.
     """
 
     def __init__(self, radius_mm: float, arcs_mm: tuple[float, ...]) -> None:
@@ -129,7 +130,7 @@ class Sections:
 
         Args:
             deflection_mm: (N,) from 0 to .7 of the radius.
-            column: (N,) which of the arc lengths.
+            column: (N,) indices of the arc lengths.
         """
         place = deflection_mm * (_STEPS / _FLATTEST / self._radius_mm)
         step = np.minimum(place.astype(np.intp), _STEPS - 1)

@@ -1,4 +1,4 @@
-"""Options of the liner: its shape and movement, what its wall is made of, the vacuum on both sides of it."""
+"""Options of the liner: shape, movement, material of the wall, and the vacuum on both sides of it."""
 
 import math
 from collections.abc import Iterator
@@ -14,8 +14,8 @@ class MaterialOptions:
     Attributes:
         law: `neo_hookean` (incompressible, shear modulus E/3) or `linear` (Hooke in plane stress, in
             the stretches less one).
-        e_mpa: Young's modulus; `poisson`: Poisson's ratio, also of the bending.
-        pretension_n: axial force with which the liner is mounted: F/(2πR) in the open wall, no hoop tension.
+        e_mpa: Young's modulus; `poisson`: Poisson's ratio, for stretching and bending.
+        pretension_n: axial mounting force: tension F/(2πR) in the open wall, without hoop tension.
     """
 
     law: str = choice("neo_hookean", "linear")
@@ -54,13 +54,13 @@ class LinerOptions:
     """The pulsating liner.
 
     Attributes:
-        radius_mm: of the wall's middle surface, open; `wall_mm`: thickness; `length_mm`: between its ends.
+        radius_mm: radius of the open wall's middle surface; `wall_mm`: thickness; `length_mm`: length.
         axis_z_mm: height of its axis in the object's frame.
-        deflection_mm: how far the middle of its length flattens towards the axis when closed.
-        period_s: one pulsation.
+        deflection_mm: deflection towards the axis in the middle of its length when closed.
+        period_s: length of one pulsation.
         opening: proportion of the period that wall phase a takes; `open`: b; `closing`: c; d the rest.
-        rows: targets along X; `columns`: round the wall; `pitch_mm`: along the middle surface.
-        target_thickness_mm: how far over the outer face the targets' centres lie.
+        rows: number of targets along X; `columns`: round the wall; `pitch_mm`: along the middle surface.
+        target_thickness_mm: height of the targets' centres over the outer face.
         material: see `MaterialOptions`; `vacuum`: see `VacuumOptions`.
     """
 

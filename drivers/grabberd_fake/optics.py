@@ -1,9 +1,8 @@
 """One real camera and plane mirrors: where a point of the object appears in the picture.
 
-Nothing here knows of virtual cameras: a point is reflected in every mirror its light meets, the one nearest
-    to the
-object first, and the real camera sees the last of these images. Frame pixels are those of the whole program,
-see `View.image`.
+Nothing here knows of virtual cameras: a point is reflected in every mirror that its light meets, the one
+nearest to the object first, and the real camera sees the last of these images. Frame pixels are those of the
+whole program, see `View.image`.
 """
 
 from collections.abc import Callable
@@ -80,11 +79,11 @@ class View:
     """One half of the picture: the camera through this half's mirrors.
 
     Attributes:
-        name: "left" or "right"; `first_column`: of its half.
+        name: "left" or "right"; `first_column`: first column of its half.
         camera: the real camera, the same for both.
-        mirrors: in the order in which light from the object meets them.
-        displacement: (N, 2) pixels → (N, 2) pixels that the mirrors' local errors add there.
-        line_offset: what a frame line that a row stands for lies above the middle of those it collects.
+        mirrors: mirrors in the order in which light from the object meets them.
+        displacement: (N, 2) pixels → (N, 2) displacements there by the mirrors' local errors.
+        line_offset: offset in lines of a row's nominal frame line from the middle of the lines it collects.
     """
 
     name: str
@@ -95,13 +94,13 @@ class View:
     line_offset: float
 
     def reflected(self, xyz_mm: Array) -> Array:
-        """(N, 3) where the camera sees the points (N, 3) behind the mirrors."""
+        """(N, 3) mirror images of the points (N, 3), as the camera sees them."""
         for mirror in self.mirrors:
             xyz_mm = mirror.reflect(xyz_mm)
         return xyz_mm
 
     def center_mm(self) -> Array:
-        """(3,) where the camera is seen from the object: it, reflected in the mirrors the other way round."""
+        """(3,) virtual camera centre: the real one reflected in the mirrors in reverse order."""
         center = self.camera.center_mm
         for mirror in reversed(self.mirrors):
             center = mirror.reflect(center)
@@ -128,7 +127,7 @@ class View:
 
     @cached_property
     def _into_camera(self) -> tuple[Array, Array]:
-        """(3, 3) and (3, 1): all reflections and the camera's axes are affine: four points tell all."""
+        """(3, 3) and (3, 1): reflections and camera axes as one affine map, determined by four points."""
         corners = np.vstack([np.zeros(3), np.eye(3)])
         origin, *units = (self.reflected(corners) - self.camera.center_mm) @ self.camera.axes.T
         return np.stack([unit - origin for unit in units], axis=1), origin[:, np.newaxis]
@@ -139,6 +138,6 @@ class View:
         return ideal + self.displacement(ideal)
 
     def holds(self, xy_px: Array) -> NDArray[np.bool_]:
-        """(N,) which of the (N, 2) frame pixels lie in this view's half; NaN does not."""
+        """(N,) True for frame pixels (N, 2) in this view's half; False for NaN."""
         x, y = xy_px[:, 0] - self.first_column, xy_px[:, 1]
         return (x >= -0.5) & (x < HALF - 0.5) & (y >= -0.5) & (y < LINES - 0.5)

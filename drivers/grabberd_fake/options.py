@@ -3,8 +3,8 @@
     FakeGrabber(scene="liner", rig={"reflections": 1}, picture={"noise": 0.05}, faults=[{"at_s": 1, "kind":
     "lose"}])
 
-All of them have defaults: without any it is the reference rig before the pulsating liner. `rig`, `camera` and
-`liner` determine the truth; `picture` what the camera makes of it.
+All options have defaults, which give the reference rig before the pulsating liner. `rig`, `camera` and
+`liner` determine the truth; `picture` determines how the camera renders it.
 """
 
 from collections.abc import Iterator, Mapping
@@ -62,16 +62,16 @@ class RigOptions:
     """Camera and mirrors.
 
     Attributes:
-        base_mm: distance of the virtual projection centres, nominal.
-        distance_mm: their height above the object's origin, nominal.
-        reflections: mirrors a view: 2 (handedness +1) or 1 (handedness -1).
-        fold_mm: with two mirrors, how far before the camera the inner one folds the middle ray.
-        mirror_tilt_mrad: standard deviation of each mirror's misalignment about each axis.
-        mirror_shift_mm: of its misplacement along its normal.
-        camera_tilt_mrad: of the camera's misalignment about each axis.
-        camera_shift_mm: of its misplacement along each axis.
+        base_mm: nominal distance of the virtual projection centres.
+        distance_mm: nominal height of the projection centres above the object's origin.
+        reflections: mirrors per view: 2 (handedness +1) or 1 (handedness -1).
+        fold_mm: with two mirrors, distance before the camera at which the inner one folds the middle ray.
+        mirror_tilt_mrad: σ of each mirror's misalignment about each axis.
+        mirror_shift_mm: σ of each mirror's displacement along its normal.
+        camera_tilt_mrad: σ of the camera's misalignment about each axis.
+        camera_shift_mm: σ of the camera's displacement along each axis.
         mirror_error_px: rms over a half picture of the mirrors' local unmodelled displacements.
-        seed: of the misalignments and of the mirrors' error: it makes one particular rig.
+        seed: seed of misalignments and mirror errors; each seed is one particular rig.
     """
 
     base_mm: float = number(128.0, 20, 400)
@@ -91,9 +91,9 @@ class PictureOptions:
     """The camera's picture of the scene. Grey values are those of the 8-bit picture before gamma and gain.
 
     Attributes:
-        background: grey value between the targets; `contrast`: by how much targets are brighter.
-        noise: standard deviation of each pixel's noise in units of `contrast`, drawn anew for every field.
-        jitter_px: standard deviation of the shift that each field line has in common, over both halves.
+        background: grey value between the targets; `contrast`: difference of the targets' grey value.
+        noise: σ of each pixel's noise in units of `contrast`, independent for every field.
+        jitter_px: σ of each field line's shift, which both halves share.
         spread_x_px: Gaussian spread (σ) of lens, sensor and video along a line, columns.
         spread_y_px: across the lines, frame lines.
         field_integration: row k of parity p collects sensor lines 2k+p and 2k+p+1; otherwise 2k+p alone.
@@ -139,24 +139,24 @@ class PointOption:
 
 
 SCENES = ("liner", "calibration_frame", "accuracy_object", "blank", "points")
-"""What can stand before the camera."""
+"""Objects before the camera."""
 
 
 @dataclass(frozen=True, slots=True)
 class FakeOptions:
-    """All of them.
+    """All options of the simulated grabber.
 
     Attributes:
-        scene: one of `SCENES`.
+        scene: object before the camera, one of `SCENES`.
         liner: see `LinerOptions`; `points`: the targets of the scene `points`.
         target_diameter_mm: diameter of the discs.
-        grazing_limit_deg: a target is seen up to this angle between its normal and the line of sight.
+        grazing_limit_deg: greatest angle between a visible target's normal and the line of sight.
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
-        pace: `real`: fields come at 50 Hz of the clock; `free`: as fast as they are read, times 20 ms apart.
-        buffers: fields that wait while nobody dequeues; with all full, new ones are lost.
-        seed: of noise and jitter.
-        faults: the script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
-        cue: the script begins when a file of this path is there; null: with the first field.
+        pace: `real`: fields arrive at 50 Hz of the clock; `free`: as fast as they are read, 20 ms apart.
+        buffers: number of fields that can wait for a reader; once all are full, new fields are lost.
+        seed: seed of noise and jitter.
+        faults: fault script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
+        cue: path of a file whose appearance starts the script; null: it starts with the first field.
     """
 
     scene: str = choice(*SCENES)
@@ -175,10 +175,10 @@ class FakeOptions:
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "FakeOptions":
-        """From what a configuration's `options` hold.
+        """Reads the `options` of a configuration.
 
         Raises:
-            ValueError: a line for every key that is unknown or whose value is not allowed.
+            ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         return read(cls, values, "")
 

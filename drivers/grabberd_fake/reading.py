@@ -1,8 +1,7 @@
-"""Options out of a nested mapping: every key, type and range is checked, and everything wrong is said at
-once.
+"""Options from a nested mapping: every key, type and range is checked, and all problems are reported at once.
 
-A dataclass's fields declare what they allow through `number`, `integer`, `choice`, `flag` and `ruled`; `read`
-makes an instance of it from what a YAML file holds.
+A dataclass's fields declare their allowed values through `number`, `integer`, `choice`, `flag` and `ruled`;
+`read` makes an instance of it from the content of a YAML file.
 """
 
 import math
@@ -55,6 +54,7 @@ class Choice(Rule):
 
     def read(self, key: str, value: Any, problems: list[str]) -> Any:
         """The value itself."""
+        # Compare types too: True == 1 in Python, but not in a configuration.
         for allowed in self.allowed:
             if type(value) is type(allowed) and value == allowed:
                 return allowed
@@ -100,7 +100,7 @@ class ListOf(Rule):
 
 
 class OneOfKinds(Rule):
-    """A mapping whose `kind` says which dataclass the rest of it becomes."""
+    """A mapping whose `kind` selects the dataclass that the rest of it becomes."""
 
     def __init__(self, kinds: Mapping[str, type]) -> None:
         self.kinds = kinds
@@ -150,12 +150,12 @@ def read(made_into: type[T], values: Mapping[str, Any], owner: str) -> T:
     """An instance of a dataclass from a mapping.
 
     Args:
-        made_into: the dataclass; its `check()`, where it has one, yields what is wrong across keys.
-        values: as YAML gives them.
-        owner: stands before every key in messages.
+        made_into: the dataclass; its `check()`, if any, yields problems that involve several keys.
+        values: mapping as read from YAML.
+        owner: prefix of every key in messages.
 
     Raises:
-        ValueError: a line for each key that is unknown, missing, of a wrong type or out of range.
+        ValueError: a key is unknown, missing, of a wrong type or out of range; one line for each.
     """
     problems: list[str] = []
     made = _read(made_into, values, owner, problems)

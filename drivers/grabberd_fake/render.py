@@ -1,11 +1,10 @@
-"""Ellipses into grey values: spread, pixels, field integration and line jitter, exactly but for their
-quadrature.
+"""Ellipses into grey values: spread, pixels, field integration and line jitter, exact up to quadrature.
 
 An ellipse is a stack of chords. At the height h sin t over its centre a chord is 2 w cos t wide, so with dy =
-h cos t dt the integral over the stack is that of a smooth function of period π, and a few equidistant t give
-it to rounding. A chord's profile along the line is the difference of two edges, spread and integrated over
-the pixel; its weights down the rows are the spread integrated over the lines that a row collects. Both come
-out of tables.
+h cos t dt the integral over the stack is that of a smooth function of period π, for which a few equidistant t
+are exact to rounding. A chord's profile along the line is the difference of two edges, spread and integrated
+over the pixel; its weights down the rows are the spread integrated over the lines that a row collects. Both
+are looked up in tables.
 """
 
 import math
@@ -16,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_fake.discs import Ellipses
-from grabberd_fake.normal import normal_distribution, normal_integral
 from grabberd_fake.optics import HALF, LINES, Array
 from grabberd_fake.options import PictureOptions
 
 ROWS = LINES // 2
 SCALE = 32
-"""The canvas counts in units of 1/32 grey value."""
+"""Canvas units per grey value: 16 bits then hold 1000 grey values, and rounding stays far below the noise."""
 LARGEST_PX = 20.0
-"""Half the width of the largest disc that is drawn."""
+"""Half the width of the largest disc that is drawn; the padding of the canvas has to hold it."""
+# Tables in steps of 1/256 px; a Gaussian beyond four σ is below 1e-4; Lagrange's weights reach two columns.
 _PER_PX = 256
 _REACH = 4.0
 _PAD = 40
@@ -35,7 +34,7 @@ Canvas = NDArray[np.int16]
 
 
 class _Windows(NamedTuple):
-    """The pieces of canvas that M ellipses touch: `row`, `column` (M,) of their corners, and their size."""
+    """Pieces of the canvas that M ellipses touch: `row`, `column` (M,) of their corners, and their size."""
 
     row: NDArray[np.intp]
     column: NDArray[np.intp]
@@ -58,13 +57,13 @@ class Renderer:
 
         Args:
             halves: left and right ellipses, frame pixels; each is clipped to its half.
-            parity: of the field.
-            shift_px: (288,) by how much each row lies too far right, in both halves: line jitter.
+            parity: parity of the field.
+            shift_px: (288,) shift of each row to the right, in both halves: line jitter.
         """
         self._padded[:] = 0
         both = Ellipses.joined(halves)
         half = np.repeat(np.arange(2), [len(ellipses) for ellipses in halves])
-        drawable = np.hypot(both.a, both.b).max(axis=1) < LARGEST_PX  # False for what has no image (NaN)
+        drawable = np.hypot(both.a, both.b).max(axis=1) < LARGEST_PX  # False also for NaN: no image
         self._add(both.select(drawable), half[drawable], parity, _shift_taps(shift_px))
         return self._padded.reshape(-1, 2, HALF + 2 * _PAD)[_PAD:-_PAD, :, _PAD:-_PAD]
 
@@ -84,7 +83,7 @@ class Renderer:
         _add_windows(self._padded, values, windows)
 
     def _window_size(self, ellipses: Ellipses) -> tuple[int, int]:
-        """Rows and columns that the largest of the ellipses touches wherever it lies."""
+        """Rows and columns that the largest ellipse can touch at any position."""
         wide, high = np.hypot(ellipses.a, ellipses.b).max(axis=0, initial=0.0)
         return 2 * math.ceil((high + self._margin_y) / 2), 2 * math.ceil(wide + self._margin_x + _TAPS)
 
@@ -112,7 +111,7 @@ class Renderer:
 
 
 def _near_their_half(center: Array, half: NDArray[np.intp], rows: int, columns: int) -> NDArray[np.bool_]:
-    """(N,) whose windows lie on the padded canvas; the others are out of sight."""
+    """(N,) True for ellipses whose windows lie on the padded canvas; the others are out of sight."""
     x, row = center[:, 0] - HALF * half, center[:, 1] / 2
     beyond_x, beyond_row = _PAD - columns // 2 - 1, _PAD - rows // 2 - 1
     inside = (x > -beyond_x) & (x < HALF + beyond_x - 1)
@@ -134,7 +133,7 @@ def _looked_up(table: Single, place: Array) -> Single:
 
 @lru_cache(maxsize=64)
 def _edge_table(spread: float, columns: int) -> Single:
-    """(columns · 256 + 1, columns): what pixel j collects right of an edge at i/256 px."""
+    """(columns · 256 + 1, columns): light that pixel j collects from right of an edge at i/256 px."""
     edge = np.arange(columns * _PER_PX + 1)[:, np.newaxis] / _PER_PX
     left = np.arange(columns) - 0.5 - edge
     collected = normal_integral((left + 1) / spread) - normal_integral(left / spread)
@@ -143,7 +142,7 @@ def _edge_table(spread: float, columns: int) -> Single:
 
 @lru_cache(maxsize=64)
 def _row_table(spread: float, lines_a_row: float, rows: int) -> Single:
-    """(2 · rows · 256 + 1, rows): what row k (at 2k) collects of light at i/256 frame lines."""
+    """(2 · rows · 256 + 1, rows): share of light at i/256 frame lines that row k (at 2k) collects."""
     light = np.arange(2 * rows * _PER_PX + 1)[:, np.newaxis] / _PER_PX
     above = 2.0 * np.arange(rows) - lines_a_row / 2 - light
     share = normal_distribution((above + lines_a_row) / spread) - normal_distribution(above / spread)
@@ -151,7 +150,7 @@ def _row_table(spread: float, lines_a_row: float, rows: int) -> Single:
 
 
 def _shift_taps(shift_px: Array) -> Single:
-    """(padded rows, 5): Lagrange's weights of the columns −2 … 2 that shift a row to the right."""
+    """(padded rows, 5): Lagrange weights of the columns −2 … 2 that shift a row to the right."""
     s = np.zeros(ROWS + 2 * _PAD)
     s[_PAD:-_PAD] = np.clip(-shift_px, -_TAPS, _TAPS)
     if not s.any():
@@ -179,8 +178,33 @@ def _jittered(values: Single, taps: Single) -> Single:
 
 
 def _add_windows(canvas: Canvas, values: Single, windows: _Windows) -> None:
+    # One by one: windows of neighbouring discs overlap, which a single fancy-indexed += would not add up.
     rounded = np.rint(values).astype(np.int16)
     rows, columns = windows.rows, windows.columns
     for window, row, column in zip(rounded, windows.row.tolist(), windows.column.tolist(), strict=True):
         piece = canvas[row : row + rows, column : column + columns]
         piece += window
+
+
+# The standard library has the normal distribution for single numbers only; tables serve whole arrays.
+_END = 6.0
+_GRID = np.linspace(-_END, _END, 6145)
+_DISTRIBUTION = np.array([0.5 * math.erfc(-z / math.sqrt(2)) for z in _GRID])
+
+
+def normal_distribution(z: Array) -> Array:
+    """Φ(z), to 1e-7."""
+    below: Array = np.interp(z, _GRID, _DISTRIBUTION)
+    return below
+
+
+def normal_integral(z: Array) -> Array:
+    """∫ Φ from −∞ to z, to 1e-6: z Φ(z) + φ(z)."""
+    integral: Array = z * normal_distribution(z) + np.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)
+    return integral
+
+
+@lru_cache(maxsize=1)
+def normal_quantiles() -> NDArray[np.float64]:
+    """(65536,) the quantiles of (i + ½)/65536: indexed by random 16-bit numbers, normal noise."""
+    return np.interp((np.arange(65536) + 0.5) / 65536, _DISTRIBUTION, _GRID)

@@ -1,20 +1,20 @@
-"""Position of camera and mirrors: the reference rig from its base and distance, and what a workshop makes of
-it.
+"""Position of camera and mirrors: the reference rig from its base and distance, with misalignments.
 
 Nominally everything lies in the plane of Y and Z: the camera on the Z axis, looking down; for each half of
-    the
-picture one or two mirrors. They are placed so that the virtual centre is at (0, ∓base/2, distance) and the
-middle ray of the half goes through the object's origin.
+the picture one or two mirrors. They are placed so that the virtual centre is at (0, ∓base/2, distance) and
+the middle ray of the half passes through the object's origin. The mirrors have the local unevenness of cheap
+ones: smooth displacements that no global parameter describes (paper, 4).
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake.mirror_error import LocalError
-from grabberd_fake.optics import HALF, Array, Camera, Mirror, View
+from grabberd_fake.optics import HALF, LINES, Array, Camera, Mirror, View
 from grabberd_fake.options import CameraOptions, FakeOptions, RigOptions
 
 _SIDES = {"left": -1.0, "right": 1.0}
@@ -31,6 +31,7 @@ class Placed(NamedTuple):
 def build_views(options: FakeOptions) -> tuple[View, View]:
     """Left and right view of the rig, with its misalignments."""
     rig = options.rig
+    # Misalignments and local errors draw from streams of their own: changing one leaves the other as it was.
     rng = np.random.default_rng([rig.seed, 1])
     height_mm, mirrors = _nominal(rig, options.camera)
     camera = _mounted(options, height_mm, rng)
@@ -94,7 +95,7 @@ def _misaligned(mirror: Placed, rig: RigOptions, rng: np.random.Generator) -> Mi
 
 
 def _small_rotation(turn_rad: Array) -> NDArray[np.float64]:
-    """The rotation by a rotation vector (3,), Rodrigues."""
+    """The rotation by a rotation vector (3,) (Rodrigues' formula)."""
     angle = float(np.linalg.norm(turn_rad))
     if angle == 0.0:
         return np.eye(3)
@@ -102,3 +103,44 @@ def _small_rotation(turn_rad: Array) -> NDArray[np.float64]:
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     turned: NDArray[np.float64] = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
     return turned
+
+
+_WAVES = 12
+_SHORTEST_PX, _LONGEST_PX = 60.0, 180.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LocalError:
+    """A sum of plane waves; each coordinate has mean zero and the given rms over a half picture.
+
+    Attributes:
+        wave: (2, W) rad per pixel; `phase`: (W,) rad; `amplitude`: (W, 2) px; `mean`: (2,) px, taken off.
+    """
+
+    wave: Array
+    phase: Array
+    amplitude: Array
+    mean: Array
+
+    @classmethod
+    def draw(cls, rms_px: float, first_column: int, seed: Sequence[int]) -> "LocalError":
+        """Random error of the half that begins at `first_column`."""
+        rng = np.random.default_rng(seed)
+        number = 2 * np.pi / rng.uniform(_SHORTEST_PX, _LONGEST_PX, _WAVES)
+        heading = rng.uniform(0, 2 * np.pi, _WAVES)
+        wave = number * np.stack([np.cos(heading), np.sin(heading)])
+        raw = cls(wave, rng.uniform(0, 2 * np.pi, _WAVES), rng.normal(0, 1, (_WAVES, 2)), np.zeros(2))
+        sample = raw(_half_picture(first_column))
+        scale = rms_px / sample.std(axis=0)
+        return cls(raw.wave, raw.phase, raw.amplitude * scale, sample.mean(axis=0) * scale)
+
+    def __call__(self, xy_px: Array) -> Array:
+        """(N, 2) displacements at the frame pixels (N, 2)."""
+        return np.cos(xy_px @ self.wave + self.phase) @ self.amplitude - self.mean
+
+
+def _half_picture(first_column: int) -> Array:
+    columns, lines = np.meshgrid(
+        np.arange(first_column, first_column + HALF, 6.0), np.arange(0.0, LINES, 6.0)
+    )
+    return np.column_stack([columns.ravel(), lines.ravel()])

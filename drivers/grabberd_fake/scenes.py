@@ -16,8 +16,8 @@ class Scene(Protocol):
     """N targets in time.
 
     Attributes:
-        ids: (N,) int32, ascending; `row`, `column`: (N,) int32, their places in the target grid.
-        moves: whether `targets` depends on the time.
+        ids: (N,) int32, ascending; `row`, `column`: (N,) int32, positions in the target grid.
+        moves: True if `targets` depends on the time.
     """
 
     ids: NDArray[np.int32]
@@ -51,11 +51,11 @@ class Still:
         return cls(targets, *grid_numbers(rows, columns), np.arange(1, rows * columns + 1, dtype=np.int32))
 
     def targets(self, time_ns: int) -> Targets:
-        """Always the same."""
+        """Targets at any time."""
         return self._targets
 
     def nominal(self) -> Targets:
-        """The same."""
+        """Targets of the object model."""
         return self._targets
 
 
@@ -73,6 +73,7 @@ def build_scene(options: FakeOptions) -> Scene:
     return own_points(())
 
 
+# Steps without self-similarity, see `calibration_frame`.
 _FRAME_ROW_MM = (-3.0, 2.0, 4.0, -4.0, 1.0, -2.0, 3.5, -3.5, 0.0, 4.0, -1.0, -4.0)
 _FRAME_COLUMN_MM = (-4.0, 2.5, -1.0, 4.0, -2.5, 3.5, -4.0, 1.0, 4.0)
 

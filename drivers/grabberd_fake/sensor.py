@@ -6,16 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake.normal import normal_quantiles
 from grabberd_fake.optics import COLUMNS, HALF
 from grabberd_fake.options import PictureOptions
-from grabberd_fake.render import ROWS, SCALE, Canvas
+from grabberd_fake.render import ROWS, SCALE, Canvas, normal_quantiles
 
+# Gains in steps of 1/64, so that the cached response tables are reused.
 _GAIN_STEPS = 64
 
 
 class Sensor:
-    """The camera's electronics. With automatic gain it remembers; otherwise each field stands for itself."""
+    """The camera's electronics. Fields are independent of each other except with automatic gain."""
 
     def __init__(self, picture: PictureOptions) -> None:
         self._picture = picture
@@ -28,6 +28,7 @@ class Sensor:
 
     def expose(self, canvas: Canvas, rng: np.random.Generator, out: NDArray[np.uint8]) -> None:
         """Writes the field's luma into `out` (288, 720); `canvas` (288, 2, 360) is `Renderer.draw`'s."""
+        # 16 random bits per pixel index a table of normal quantiles: faster than drawing normal numbers.
         random = rng.bit_generator.random_raw(ROWS * COLUMNS // 4).view(np.uint16)
         np.take(self._noise, random.reshape(ROWS, COLUMNS), out=self._drawn, mode="clip")
         self._add_light(canvas)

@@ -1,8 +1,9 @@
 """Differential geometry of a surface on a doubly periodic grid, all derivatives spectral.
 
-Places are a periodic part plus one that is linear in the two coordinates (a tube that repeats itself along
+Points are a periodic part plus one that is linear in the two coordinates (a tube that repeats itself along
 its length). A derivative is a multiplication in the Fourier series over the whole grid, exact to rounding for
-what the grid resolves; tensors are differentiated covariantly, with Christoffel symbols. Lengths in mm.
+everything that the grid resolves; tensors are differentiated covariantly, with Christoffel symbols. Lengths
+are in mm.
 """
 
 from functools import cached_property
@@ -16,16 +17,16 @@ class Sheet:
     """A surface over coordinates u = (u0, u1).
 
     Attributes:
-        shape: (n, m) of the grid; `periods_mm`: what each coordinate runs through.
+        shape: (n, m) of the grid; `periods_mm`: period of each coordinate.
     """
 
     def __init__(self, periodic_mm: Array, secular: Array, periods_mm: tuple[float, float]) -> None:
         """The surface.
 
         Args:
-            periodic_mm: (n, m, 3) the periodic part of the places, on u_a = index · period / count.
-            secular: (2, 3) what the linear part adds to ∂S/∂u.
-            periods_mm: of the two coordinates.
+            periodic_mm: (n, m, 3) periodic part of the points, at u_a = index · period / count.
+            secular: (2, 3) contribution of the linear part to ∂S/∂u.
+            periods_mm: periods of the two coordinates.
         """
         self.shape = periodic_mm.shape[:2]
         self.periods_mm = periods_mm
@@ -36,7 +37,7 @@ class Sheet:
         count = self.shape[along]
         waves = np.fft.rfftfreq(count, self.periods_mm[along] / count) * 2j * np.pi
         if count % 2 == 0:
-            waves[-1] = 0.0  # the sine of the highest wave is not on the grid
+            waves[-1] = 0.0  # the sine of the highest wave vanishes on the grid
         shape = [1] * values.ndim
         shape[along] = len(waves)
         spectrum = np.fft.rfft(values, axis=along) * waves.reshape(shape)
@@ -44,7 +45,7 @@ class Sheet:
         return slope
 
     def gradient(self, values: Array) -> Array:
-        """(2, n, m, …) both derivatives."""
+        """(2, n, m, …) derivatives along both coordinates."""
         return np.stack([self.derivative(values, along) for along in (0, 1)])
 
     @cached_property
@@ -103,7 +104,7 @@ class Sheet:
         return whole
 
     def at(self, values: Array, u0: Array, u1: Array) -> Array:
-        """(r, c, …) a periodic (n, m, …) quantity at all u0 (r,) by u1 (c,): its Fourier series."""
+        """(r, c, …) values of a periodic (n, m, …) quantity at u0 (r,) by u1 (c,), by its Fourier series."""
         first, second = (
             _interpolation(u, self.shape[along], self.periods_mm[along]) for along, u in enumerate((u0, u1))
         )

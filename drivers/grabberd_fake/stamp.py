@@ -1,9 +1,7 @@
-"""Field number and parity in the top left corner of a picture, so that a test can tell order and loss from
-pixels.
+"""Field number and parity in the top left corner of a picture, for tests of order and loss.
 
-Forty cells of 4 columns by 8 field rows, white for 1: a 1 and a 0 to know it by, 32 bits of the field number
-    with the
-highest first, the parity, and five bits of check sum.
+Forty cells of 4 columns by 8 field rows, white for 1: a 1 and a 0 as marker, 32 bits of the field number with
+the highest first, the parity, and five bits of check sum.
 """
 
 from typing import NamedTuple
@@ -14,7 +12,7 @@ from numpy.typing import NDArray
 _CELL, _ROWS, _BITS = 4, 8, 40
 _SUM_BITS = 5
 COLUMNS = _CELL * _BITS
-"""Columns that the stamp takes, from the left; `ROWS` from the top."""
+"""Columns of the stamp, from the left; `ROWS` from the top."""
 ROWS = _ROWS
 
 
@@ -34,10 +32,11 @@ def write_stamp(luma: NDArray[np.uint8], stamp: Stamp) -> None:
 
 
 def read_stamp(luma: NDArray[np.uint8]) -> Stamp | None:
-    """The stamp of a picture (rows, columns) uint8, or None where there is none that can be read.
+    """The stamp of a picture (rows, columns) uint8, or None if there is no legible one.
 
-    Grey or thresholded, of intact or doubled lines.
+    The picture may be grey or thresholded, with intact or doubled lines.
     """
+    # The middle of each cell only: resampling and doubled lines blur its edges.
     cells = luma[2 : _ROWS - 2, :COLUMNS].reshape(-1, _BITS, _CELL)[:, :, 1:3].mean(axis=(0, 2))
     if cells[0] - cells[1] < 1:
         return None

@@ -14,18 +14,19 @@ from grabberd_fake.render import ROWS
 from grabberd_fake.world import World
 
 ARRIVAL_NS = PERIOD_NS // 2
-"""From the middle of a field's exposure until the driver has it."""
+"""Delay from the middle of a field's exposure to its arrival in the driver."""
 
+# Luma of Rec. 601 blue and black, and of the eight colour bars.
 _NO_SIGNAL_LUMA = {"blue": 41, "black": 16}
 _BARS_LUMA = np.array([235, 210, 170, 145, 106, 81, 41, 16], np.uint8)
 
 
 class Stream:
-    """The driver's buffers between one open and close: which fields wait in them, and what they hold.
+    """The driver's buffers between one open and close.
 
     Attributes:
-        rows: of each field.
-        origin: the camera's field with which the script begins.
+        rows: rows of each field.
+        origin: camera field with which the script begins.
     """
 
     def __init__(
@@ -40,7 +41,7 @@ class Stream:
         self._lumas = deque(np.empty((ROWS, COLUMNS), np.uint8) for _ in range(buffers))
 
     def catch_up(self, now_ns: int) -> None:
-        """Fills the free buffers with what has arrived; what finds none is lost."""
+        """Fills free buffers with the fields that have arrived; without a free buffer a field is lost."""
         newest = (now_ns - ARRIVAL_NS) // PERIOD_NS
         while self._next <= newest and self._free:
             if self._script.delivers(self._next - self.origin):
@@ -58,7 +59,10 @@ class Stream:
         return self._next * PERIOD_NS + ARRIVAL_NS
 
     def take(self) -> GrabbedField:
-        """The oldest field that waits; its buffer stays taken until `give_back`. It is drawn only now."""
+        """The oldest waiting field; its buffer stays taken until `give_back`.
+
+        The picture is drawn only now: one that is lost or skipped costs nothing.
+        """
         field = self._waiting.popleft()
         number = field - self.origin
         luma = self._lumas[0]
@@ -69,7 +73,7 @@ class Stream:
         return GrabbedField(picture, self._time_ns(field), self._sequence(field), damage)
 
     def give_back(self) -> None:
-        """A buffer is free again."""
+        """Marks a buffer as free again."""
         self._free += 1
 
     def _sequence(self, field: int) -> int:

@@ -29,11 +29,11 @@ def truth_at(options: FakeOptions | Mapping[str, Any], time_ns: int) -> Truth:
     """Truth of the targets at a time.
 
     Args:
-        options: as `FakeGrabber` takes them.
-        time_ns: a field's time, or any other on the same clock.
+        options: options of `FakeGrabber`.
+        time_ns: time of a field, or any other time on the same clock.
 
     Raises:
-        ValueError: the options cannot be used.
+        ValueError: the options are invalid.
     """
     return _world(options if isinstance(options, FakeOptions) else FakeOptions.read(options)).truth(time_ns)
 
@@ -44,12 +44,12 @@ def _world(options: FakeOptions) -> World:
 
 
 def capture_truth(path: Path) -> Iterator[str]:
-    """CSV lines, the header first: every target's place at every field of a capture.
+    """CSV lines, the header first: position of every target at every field of a capture.
 
-    The column `visible` is 1 where both views can see it.
+    The column `visible` is 1 if both views can see the target.
 
     Raises:
-        CaptureFileError: it is no capture, or one that another driver made.
+        CaptureFileError: the file is no capture, or was made by another driver.
     """
     options, fields = _read_capture(path)
     yield CSV_HEADER
@@ -64,12 +64,12 @@ def capture_truth(path: Path) -> Iterator[str]:
 def capture_wall_truth(path: Path) -> Iterator[str]:
     """CSV lines, the header first: the wall under every target at every field of a capture.
 
-    The places are those of the wall's middle surface; 1 is along the tube and 2 round it, the strain counts
-    from the open liner. See `WallTruth`.
+    Positions are on the wall's middle surface; 1 is along the tube and 2 round it; strain is relative to the
+    open liner. See `WallTruth`.
 
     Raises:
-        CaptureFileError: it is no capture, or one that another driver made.
-        ValueError: it shows another scene.
+        CaptureFileError: the file is no capture, or was made by another driver.
+        ValueError: the capture shows another scene.
     """
     options, fields = _read_capture(path)
     yield WALL_CSV_HEADER
@@ -90,16 +90,16 @@ def _wall_rows(truth: WallTruth) -> Iterator[str]:
 def capture_vacuum_log(
     path: Path, offset_s: float = 0.0, noise_kpa: float = 0.0, rate_hz: float = 1000.0
 ) -> Iterator[str]:
-    """CSV lines, the header first: what a logger of its own clock wrote from one cycle before to one after.
+    """CSV lines, the header first: file of a logger with its own clock, from one cycle before to one after.
 
-    `offset_s` is what has to be added to its times for seconds since the capture's first field.
+    Adding `offset_s` to its times gives seconds since the capture's first field.
 
     Raises:
-        CaptureFileError: it is no capture, or one that another driver made, or one without fields.
+        CaptureFileError: the file is no capture, has no fields, or was made by another driver.
     """
     options, fields = _read_capture(path)
     if not fields:
-        raise CaptureFileError(f"{path}: it has no fields", "name a capture with fields")
+        raise CaptureFileError(f"{path} has no fields", "choose a capture with fields")
     period_ns = round(options.liner.period_s * 1e9)
     start_ns, end_ns = fields[0][1] - period_ns, fields[-1][1] + period_ns
     shifted_s = offset_s + options.liner.period_s
@@ -114,7 +114,7 @@ def _read_capture(path: Path) -> tuple[FakeOptions, list[tuple[int, int]]]:
                 "SELECT n, time_ns FROM fields WHERE time_ns IS NOT NULL ORDER BY n"
             ).fetchall()
     except sqlite3.Error as error:
-        raise CaptureFileError(f"{path}: not a capture file: {error}", "name a sealed .grab file") from error
+        raise CaptureFileError(f"{path}: not a capture file: {error}", "give a sealed .grab file") from error
     return _options_of(path, json.loads(row[0]) if row else {}), fields
 
 

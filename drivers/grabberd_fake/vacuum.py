@@ -1,4 +1,4 @@
-"""The vacuum on both sides of the liner's wall, and a logger that writes it down on a clock of its own."""
+"""The vacuum on both sides of the liner's wall, and a logger of it with its own clock."""
 
 import math
 from collections.abc import Iterator
@@ -51,18 +51,18 @@ def vacuum_log(
     """CSV lines of a logger, the header first.
 
     Args:
-        options: the liner's.
-        start_ns: the camera's time at which it begins to write.
-        end_ns: at which it ends.
-        offset_s: what has to be added to the logger's time for seconds since `start_ns`.
+        options: options of the liner.
+        start_ns: camera time of the first reading.
+        end_ns: camera time of the last reading.
+        offset_s: offset that turns logger time into seconds since `start_ns` when added.
         noise_kpa: standard deviation of each reading.
-        rate_hz: readings a second.
-        seed: of the noise.
+        rate_hz: readings per second.
+        seed: seed of the noise.
     """
     yield LOG_HEADER
     count = math.floor((end_ns - start_ns) / 1e9 * rate_hz) + 1
     since_s = np.arange(count) / rate_hz
     chamber = pulsation_kpa(options, start_ns / 1e9 + since_s)
     noise = np.random.default_rng(seed).normal(0.0, noise_kpa, (count, 2))
-    for time_s, told, (first, second) in zip(since_s - offset_s, chamber, noise, strict=True):
-        yield f"{time_s:.6f},{told + first:.4f},{options.vacuum.liner_kpa + second:.4f}"
+    for time_s, kpa, (first, second) in zip(since_s - offset_s, chamber, noise, strict=True):
+        yield f"{time_s:.6f},{kpa + first:.4f},{options.vacuum.liner_kpa + second:.4f}"

@@ -1,8 +1,8 @@
 """Response of the wall to deformation: tension and bending moment, as tensors of its middle surface.
 
 Components are contravariant in the coordinates of the material (along the tube, round the wall), (2, 2, …).
-`reference` is the metric of the open, mounted liner, `metric` the present one. Lengths in mm, stress in MPa,
-so tension comes in N/mm and moment in N.
+`reference` is the metric of the open, mounted liner, `metric` the present one. Lengths are in mm and stress
+in MPa, so tension is in N/mm and moment in N.
 """
 
 import math
@@ -15,7 +15,7 @@ from grabberd_fake.sheet import determinant, inverse
 
 
 def tension(options: LinerOptions, reference: Array, metric: Array) -> Array:
-    """Force per present length: the law sees the stretch out of the free liner, mounting included."""
+    """Force per present length; the law takes the stretch from the free liner, mounting included."""
     along, around = pre_stretch(options)
     squares = np.array([[along**2, along * around], [along * around, around**2]])
     free = reference / squares.reshape(2, 2, *(1,) * (metric.ndim - 2))
@@ -37,11 +37,12 @@ def strain(reference: Array, metric: Array) -> Array:
 
 
 def pre_stretch(options: LinerOptions) -> tuple[float, float]:
-    """Stretches along and round the liner that its mounting brings: F/(2πR) along, nothing round it."""
+    """Stretches along and round the liner due to its mounting: tension F/(2πR) along, none round it."""
     material = options.material
     wanted = material.pretension_n / (2 * math.pi * options.radius_mm * material.e_mpa * options.wall_mm)
     if material.law == "linear":
         return 1 + wanted, 1 - material.poisson * wanted
+    # Newton's method on the neo-Hookean law of uniaxial tension; it has converged long before 40 steps.
     stretch = 1.0 + wanted
     for _ in range(40):
         stretch -= (stretch**2 - 1 / stretch - 3 * wanted) / (2 * stretch + 1 / stretch**2)

@@ -1,12 +1,12 @@
 """Truth of the liner's wall: strain, curvature, tension, moment and pressure at its middle surface.
 
-The wall stands on a grid round the whole tube and along its whole length, and is differentiated there as the
-Fourier series that it is: the collapse is one period of a cosine along the length. The targets' places are
-read off that series. No target, spline or fitted surface has part in it. The grid is good to .001 kPa for
-deflections up to half the radius, to .02 kPa up to .56 of it.
+The wall is sampled on a grid round the whole tube and along its whole length, and differentiated there as a
+Fourier series, which it is: the collapse is one period of a cosine along the length. Values at the targets
+are interpolated by that series. No target, spline or fitted surface is involved. The grid is accurate to .001
+kPa for deflections up to half the radius, and to .02 kPa up to .56 of it.
 
-The pressure is what equilibrium across the wall demands of the prescribed movement; no teat is simulated, and
-along the wall the movement asks for friction that nothing gives.
+The pressure is the one that equilibrium across the wall requires for the prescribed movement; no teat is
+simulated, and along the wall the movement would require friction that does not exist.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from grabberd_fake.vacuum import pulsation_kpa
 from grabberd_fake.wall_law import moment, strain, tension
 
 GRID = (64, 256)
-"""Places along the tube and round it."""
+"""Grid points along the tube and round it."""
 
 
 class WallTruth(NamedTuple):
@@ -69,13 +69,13 @@ def truth_of_wall(
     """Truth of the liner's wall at a time.
 
     Args:
-        options: as `FakeGrabber` takes them; the scene has to be `liner`.
-        time_ns: a field's time, or any other on the same clock.
-        reference_ns: the time that the strain counts from; the open liner by default. Tension and moment
-            always come from the open, mounted liner.
+        options: options of `FakeGrabber`; the scene has to be `liner`.
+        time_ns: time of a field, or any other time on the same clock.
+        reference_ns: time of the strain's reference state; the open liner by default. Tension and moment are
+            always relative to the open, mounted liner.
 
     Raises:
-        ValueError: the options cannot be used, or are of another scene.
+        ValueError: the options are invalid, or the scene is another one.
     """
     options = options if isinstance(options, FakeOptions) else FakeOptions.read(options)
     if options.scene != "liner":
@@ -161,11 +161,12 @@ def wall_sheet(options: LinerOptions, closed: float, grid: tuple[int, int] = GRI
     """The middle surface on a grid (n, m) of x = index · length / n and s = index · perimeter / m.
 
     Returns:
-        (n, m, 3) the places without their x, and the surface.
+        (n, m, 3) the points without their x, and the surface.
     """
     radius, length = options.radius_mm, options.length_mm
     x_mm, arc = (np.arange(count) / count for count in grid)
     depth = options.deflection_mm / radius * closed * np.cos(np.pi * x_mm) ** 2
+    # The profile is symmetric: half of the sections would be computed twice.
     p, back = np.unique(1.0 - depth, return_inverse=True)
     arcs, q = np.tile(2 * np.pi * arc, len(p)), ellipse.widened(p).repeat(grid[1])
     p = p.repeat(grid[1])

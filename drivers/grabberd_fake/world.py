@@ -1,9 +1,8 @@
-"""The simulated world: what the camera sees at any time, and what is true of it.
+"""The simulated world: picture and truth at any time.
 
 The camera runs freely on the clock: field k is exposed around k · 20 ms, and the even ones are top fields. So
-    a
-field's picture and its truth follow from the options and its time alone, whoever looks on and whatever was
-lost (with automatic gain, the picture also from the fields before).
+a field's picture and truth depend only on the options and its time, not on what was read or lost before
+(except that with automatic gain, the picture depends on earlier fields).
 """
 
 from typing import NamedTuple
@@ -22,6 +21,7 @@ from grabberd_fake.sensor import Sensor
 from grabberd_fake.stamp import Stamp, write_stamp
 from grabberd_fake.targets import Targets
 
+# Copies so close blur into one another under a spread of .8 px.
 _COPY_EVERY_PX = 0.25
 
 
@@ -31,11 +31,11 @@ class Truth(NamedTuple):
     Attributes:
         ids: (N,) int32, ascending.
         xyz_mm: (N, 3), object's frame; `normals`: (N, 3) unit vectors, outward.
-        left_px: (N, 2) frame pixels of the middle of each target's picture in the left view, where a perfect
-            locator that takes row k of parity p as y = 2k + p finds it: perspective eccentricity and the
-            mirrors' local errors included, line jitter not. `right_px` likewise. Also for targets that are
-            not seen.
-        visible_left: (N,) bool, faces the view and lies in its half of the picture; `visible_right` likewise.
+        left_px: (N, 2) frame pixels of the centre of each target's image in the left view, as found by a
+            perfect locator that takes row k of parity p as y = 2k + p: with perspective eccentricity and the
+            mirrors' local errors, without line jitter; hidden targets included. `right_px` likewise.
+        visible_left: (N,) bool, True for targets that face the view and lie in its half of the picture;
+            `visible_right` likewise.
     """
 
     ids: NDArray[np.int32]
@@ -48,7 +48,7 @@ class Truth(NamedTuple):
 
 
 class World:
-    """Scene, optics and camera of some options."""
+    """Scene, optics and camera."""
 
     def __init__(self, options: FakeOptions) -> None:
         self._options = options

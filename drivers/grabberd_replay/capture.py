@@ -12,10 +12,10 @@ from grabberd_replay.recording import Batch, Format
 
 
 class CaptureRecording:
-    """The fields of a capture, one a batch; damaged ones are delivered as damaged.
+    """The fields of a capture, one per batch; damaged ones are delivered as damaged.
 
     Raises:
-        CaptureFileError: no capture, damaged, or without any field.
+        CaptureFileError: the file is no capture, is damaged, or has no fields.
     """
 
     def __init__(self, path: Path) -> None:
@@ -23,7 +23,7 @@ class CaptureRecording:
         first = next(self._reader.fields(), None)
         if first is None:
             self._reader.close()
-            raise CaptureFileError(f"{path} has no fields", "play a capture that recorded something")
+            raise CaptureFileError(f"{path} has no fields", "choose a capture with fields")
         meta, packed = self._reader.meta, first.numbered.packed
         stream: dict[str, Any] = dict(meta.device.get("stream") or {})
         self.format = Format(

@@ -1,7 +1,7 @@
-"""Kind of a video file, told by its first bytes and never by its name.
+"""Kind of a video file, recognised by its first bytes and never by its name.
 
-FFmpeg opens much more than videos (text as a picture of it, playlists that name other files): only what is
-listed here is given to it.
+FFmpeg opens much more than videos (text as a picture of it, playlists that name other files): only the
+containers listed here are passed to it.
 """
 
 import re
@@ -15,9 +15,9 @@ class Container(NamedTuple):
     """A kind of video file.
 
     Attributes:
-        name: as people call it.
-        head: what such a file begins with.
-        counts: its head says how many pictures there are, unless whoever wrote it was cut off.
+        name: common name.
+        head: pattern of the file's first bytes.
+        counts: True if its header has the number of pictures, unless its writer was cut off.
     """
 
     name: str
@@ -38,14 +38,15 @@ CONTAINERS = (
 
 KINDS = ", ".join(container.name for container in CONTAINERS)
 
+# An MPEG transport stream has no magic number, but a sync byte in every packet of 188 bytes: it takes two.
 _HEAD_BYTES = 189
 
 
 def container_of(path: Path) -> Container | None:
-    """The kind of video that a file begins like; None if it is none of them.
+    """The container of a file by its first bytes; None if it is no known one.
 
     Raises:
-        DeviceRefused: it cannot be read at all.
+        DeviceRefused: the file cannot be read.
     """
     try:
         with path.open("rb") as file:

@@ -1,7 +1,7 @@
 """The pictures of a video file, one after another, by the FFmpeg that is inside OpenCV.
 
-Grey values are the video's own luma wherever it can be had: uncompressed pictures are taken as they stand in
-the file, decoded ones without their colours. Only what has no luma of 8 bits is computed from colours.
+Grey values are the video's own luma wherever possible: uncompressed pictures are read directly from the file,
+decoded ones without their colours. Only for videos without 8-bit luma is it computed from colours.
 """
 
 import os
@@ -21,9 +21,10 @@ from grabberd.errors import DeviceRefused, PictureError
 Picture = NDArray[np.uint8]
 
 _ENVIRONMENT = {
-    "OPENCV_FFMPEG_LOGLEVEL": "-8",  # nothing on stderr: what a person has to know, an error says
-    "OPENCV_FFMPEG_CAPTURE_OPTIONS": "fflags;discardcorrupt",  # the half of a picture is none
+    "OPENCV_FFMPEG_LOGLEVEL": "-8",  # nothing on stderr: errors report all that matters
+    "OPENCV_FFMPEG_CAPTURE_OPTIONS": "fflags;discardcorrupt",  # drop incomplete pictures
 }
+# A second of identical pictures does not come from a camera, whose noise differs from picture to picture.
 _STILL_AT_MOST = 25
 _LUMA_HINT = "convert it once: ffmpeg -i {name} -vf extractplanes=y,setfield=prog -c:v ffv1 luma.mkv"
 
@@ -52,11 +53,11 @@ class Header(NamedTuple):
     """Properties of a video as its header states them.
 
     Attributes:
-        lines, columns: of a picture.
-        pictures_per_s: None if it does not say, or nothing that can be.
-        pictures: how many there should be; 0 if it does not say.
-        codec: four letters, "" for an uncompressed video.
-        pixels: four letters, how its grey values and colours are stored.
+        lines, columns: size of a picture.
+        pictures_per_s: picture rate; None if missing or impossible.
+        pictures: number of pictures; 0 if missing.
+        codec: four-letter code of the codec, "" for an uncompressed video.
+        pixels: four-letter code of the pixel format.
     """
 
     lines: int
@@ -71,9 +72,9 @@ class Header(NamedTuple):
 
 
 class Way(NamedTuple):
-    """A way to the grey values: how OpenCV is set for it, and what is made of what it gives."""
+    """A way to obtain grey values: description, OpenCV setting, and conversion of what OpenCV returns."""
 
-    words: str
+    description: str
     setting: tuple[int, float]
     luma: Callable[[Picture], Picture]
 
@@ -82,8 +83,8 @@ class Decoder:
     """An opened video file.
 
     Raises:
-        DeviceRefused: it has no video that can be read, or one whose pictures OpenCV does not give.
-        PictureError: not one picture can be read.
+        DeviceRefused: the file has no readable video, or OpenCV does not deliver its pictures.
+        PictureError: no picture can be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -96,18 +97,18 @@ class Decoder:
     @property
     def luma(self) -> str:
         """Description of how the grey values are obtained."""
-        return self._way.words
+        return self._way.description
 
     @property
     def uncompressed(self) -> bool:
-        """Pictures are taken as they stand in the file."""
+        """True if pictures are read directly from the file."""
         return self._way.setting[0] == cv2.CAP_PROP_FORMAT
 
     def pictures(self) -> Iterator[tuple[float, Picture]]:
-        """Every picture's time in s and grey values; ends where no further one can be read.
+        """Time in s and grey values of every picture, until the first that cannot be read.
 
         Raises:
-            PictureError: a picture is not of the first one's size.
+            PictureError: a picture's size differs from the first one's.
         """
         for time_s, raw in _read(self._path, self._way.setting):
             luma = self._way.luma(raw)
@@ -126,8 +127,8 @@ class Decoder:
             return Way("as it stands in the file", (cv2.CAP_PROP_FORMAT, -1), luma)
         if layout and layout.step == 1:
             return Way("as it was coded", (cv2.CAP_PROP_CONVERT_RGB, 0), lambda picture: picture)
-        words = f"computed from the colours of {self.header.pixels!r} by Rec. 601"
-        return Way(words, (cv2.CAP_PROP_CONVERT_RGB, 1), _from_colours)
+        description = f"computed from the colours of {self.header.pixels!r} by Rec. 601"
+        return Way(description, (cv2.CAP_PROP_CONVERT_RGB, 1), _from_colours)
 
     def _stands_in_the_file(self, layout: Layout) -> bool:
         if self.header.codec:
@@ -137,7 +138,7 @@ class Decoder:
 
     def _from_packet(self, layout: Layout, packet: Picture) -> Picture:
         if packet.size != self._pixels * layout.bytes_per_pixel:
-            return packet  # of another size, which is told as that of any picture
+            return packet  # the caller reports the wrong size as that of any picture
         last = layout.first + layout.step * self._pixels
         return packet.ravel()[layout.first : last : layout.step].reshape(self._shape)
 
@@ -150,21 +151,21 @@ class Decoder:
         return self.header.lines * self.header.columns
 
     def _check_that_pictures_change(self) -> None:
-        """Some versions of OpenCV cannot convert what is marked as interlaced, and give old memory instead.
+        """Check for versions of OpenCV that return stale memory instead of pictures marked as interlaced.
 
-        Nothing tells so but that it never changes, while pictures of a camera always do.
+        The only symptom is that the pictures never change, while those of a camera always do.
         """
         pictures = self.pictures()
         first = next(pictures, None)
         if first is None:
             raise PictureError(
-                f"{self._path}: not one picture can be read of a video of {self.header}",
+                f"{self._path}: no picture of a video of {self.header} can be read",
                 "copy it again, or record it again",
             )
         others = islice(pictures, _STILL_AT_MOST - 1)
         if not self.uncompressed and all(np.array_equal(first[1], other) for _, other in others):
             raise DeviceRefused(
-                f"{self._path}: its first pictures are the same bit for bit, as where OpenCV "
+                f"{self._path}: its first pictures are identical bit for bit, as happens if OpenCV "
                 f"{cv2.__version__} cannot read an interlaced video (codec {self.header.codec})",
                 _LUMA_HINT.format(name=self._path.name),
             )
@@ -217,7 +218,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
     try:
         if not capture.isOpened():
             raise DeviceRefused(
-                f"{path} has no video that can be read: it is truncated or damaged, has sound alone, or a "
+                f"{path} has no readable video: it is truncated or damaged, has only sound, or uses a "
                 "codec that OpenCV does not know",
                 f"copy it again, or {_LUMA_HINT.format(name=path.name)}",
             )
@@ -228,7 +229,7 @@ def _opened(path: Path) -> Iterator[cv2.VideoCapture]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """OpenCV says nothing on stderr meanwhile."""
+    """Silence OpenCV's messages on stderr."""
     logging: Any = getattr(cv2.utils, "logging", cv2)
     level = logging.getLogLevel()
     logging.setLogLevel(0)

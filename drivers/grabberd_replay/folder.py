@@ -18,7 +18,7 @@ class FolderRecording:
     """The pictures of a folder in the order of their names, a field every 1 / rate_hz from time zero.
 
     Raises:
-        DeviceRefused: there is no picture, or its height does not tell what it is.
+        DeviceRefused: there are no pictures, or their kind cannot be told from their height.
         PictureError: the first picture cannot be read.
     """
 
@@ -34,7 +34,7 @@ class FolderRecording:
         )
 
     def batches(self) -> Iterator[Batch]:
-        """One picture's fields at a time."""
+        """Fields of one picture at a time."""
         missing = missing_names(self._paths)
         for number, path in enumerate(self._paths):
             if path.name in missing:
@@ -42,7 +42,7 @@ class FolderRecording:
             yield self._splitter.batch(read_png(path, self._header)[1], number)
 
     def close(self) -> None:
-        """Nothing is kept open."""
+        """Does nothing: no file is kept open."""
 
 
 def in_order(directory: Path) -> list[Path]:
@@ -54,7 +54,7 @@ def in_order(directory: Path) -> list[Path]:
     paths = [path for path in directory.iterdir() if path.suffix.lower() == ".png"]
     if not paths:
         raise DeviceRefused(
-            f"{directory} has no PNG pictures", "name a folder of PNG files or a capture file"
+            f"{directory} has no PNG pictures", "give a folder of PNG files or a capture file"
         )
     return sorted(paths, key=lambda path: [_piece(piece) for piece in re.split(r"(\d+)", path.name)])
 
@@ -64,10 +64,10 @@ def _piece(text: str) -> tuple[int, str]:
 
 
 def missing_names(paths: Sequence[Path]) -> dict[str, str]:
-    """Missing pictures of numbered names: for a picture's name, the name missing right before it.
+    """Gaps in numbered names: for each picture after a gap, the missing name right before it.
 
-    The step from number to number is the smallest that occurs; names without numbers, or with different texts
-    about them, tell nothing.
+    The regular step is the smallest one that occurs. Names without numbers, or with differing texts round
+    them, show no gaps.
     """
     matches = [_NUMBER.match(path.name) for path in paths]
     found = [match.groups() for match in matches if match]
@@ -91,5 +91,5 @@ def _missing(path: Path, header: Header) -> PictureError:
 
 
 def colours_of(header: Header) -> dict[str, str]:
-    """Remark that grey was computed from colours, if it was."""
+    """Stream detail for pictures whose grey values were computed from colours."""
     return {"colours": "converted to luma by Rec. 601"} if header.coloured else {}

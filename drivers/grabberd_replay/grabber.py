@@ -36,18 +36,18 @@ class ReplayGrabber:
     """Plays a capture file, a video file or a folder of PNG pictures.
 
     Args:
-        path: of the file or the folder.
-        pictures: what the pictures are: "frames" (woven), "fields", "doubled", or "auto" by their height. A
-            capture file and a folder with a `fields.csv` know it themselves.
-        field_order: which field of a frame is the older: "top_first" (PAL) or "bottom_first".
-        first_parity: "top" or "bottom", of the first field where pictures are fields or doubled.
-        rate_hz: fields a second, where a folder does not know or a video is wrong; by default 50, or what the
-            video says.
-        pace: "free" as fast as they are read, "real" when they are due.
-        clock: for the real pace; the computer's by default.
+        path: path of the file or folder.
+        pictures: kind of the pictures: "frames" (woven), "fields", "doubled", or "auto", by their height;
+            ignored for a capture file or a folder with a `fields.csv`.
+        field_order: order of the fields of a frame: "top_first" (PAL) or "bottom_first".
+        first_parity: parity of the first field, "top" or "bottom", if pictures are fields or doubled.
+        rate_hz: fields per second, for a folder without times or a video with a wrong rate; by default 50,
+            or the video's own rate.
+        pace: "free": as fast as fields are read; "real": when they are due.
+        clock: clock for the real pace; the computer's by default.
 
     Raises:
-        ValueError: an option is not one of these.
+        ValueError: an option has a value that is not allowed.
     """
 
     def __init__(
@@ -92,12 +92,12 @@ class ReplayGrabber:
 
     @contextmanager
     def dequeue(self, timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
-        """The next picture's fields; empty where they are not due within `timeout_s`.
+        """The next picture's fields; empty if they are not due within `timeout_s`.
 
         Raises:
             DeviceLost: it is not open.
-            StreamEnded: the recording has no further field.
-            PictureError: the next picture cannot be read; also whenever it is asked for again.
+            StreamEnded: the recording has no more fields.
+            PictureError: the next picture cannot be read; every further call raises it again.
         """
         batch = self._peek()
         if not self._wait_until_due(batch, timeout_s):
@@ -107,11 +107,11 @@ class ReplayGrabber:
         yield batch
 
     def signal(self) -> Signal:
-        """A recording has none."""
+        """Always unknown: a recording has no signal."""
         return Signal.UNKNOWN
 
     def restart(self) -> StreamInfo:
-        """Goes on with the recording: nothing waits in buffers.
+        """Continues the recording where it is: there are no buffers to flush.
 
         Raises:
             DeviceLost: it is not open.
@@ -121,7 +121,7 @@ class ReplayGrabber:
         return self._info(self._recording)
 
     def reset(self) -> None:
-        """A recording has nothing to reset.
+        """Refuses: a recording has nothing to reset.
 
         Raises:
             DeviceRefused: always.
@@ -129,7 +129,7 @@ class ReplayGrabber:
         raise DeviceRefused(f"the recording {self._path} is no device", "open it again")
 
     def close(self) -> None:
-        """Lets go of the recording."""
+        """Closes the recording."""
         if self._recording is not None:
             self._recording.close()
         self._recording, self._batches, self._failure = None, iter(()), None
@@ -169,7 +169,7 @@ class ReplayGrabber:
             rate_hz=form.rate_hz,
             field_order=form.field_order,
             pixel_format=form.pixel_format,
-            buffers=2,
+            buffers=2,  # a woven frame's two fields are all that is ever held
             live=False,
             counts_losses=form.counts_losses,
             tells_signal=False,
@@ -192,7 +192,7 @@ class ReplayGrabber:
         try:
             return next(self._batches)
         except StopIteration:
-            hint = "open it again to play it again"
+            hint = "reopen it to play it again"
             self._failure = StreamEnded(f"the recording {self._path} has ended", hint)
         except GrabberdError as error:
             self._failure = error
@@ -203,6 +203,7 @@ class ReplayGrabber:
         if self._pace is Pace.FREE:
             return True
         now_ns, last_ns = self._clock.now_ns(), batch[-1].time_ns
+        # The recording's clock and this computer's are related by the first picture that is due.
         if self._shift_ns is None:
             self._shift_ns = now_ns - last_ns
         wait_s = (last_ns + self._shift_ns - now_ns) / 1e9

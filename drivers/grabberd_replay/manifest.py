@@ -1,4 +1,4 @@
-"""A folder of pictures that grabberd exported: its `fields.csv` says what each picture is and when it was."""
+"""A folder of pictures that grabberd exported, with kind and time of each picture in its `fields.csv`."""
 
 import csv
 from collections.abc import Iterator, Mapping
@@ -37,7 +37,7 @@ class ManifestRecording:
     """The fields that a manifest lists, with their own times, parities and gaps.
 
     Raises:
-        DeviceRefused: the manifest lists nothing, or a row of it cannot be understood.
+        DeviceRefused: the manifest is empty, or one of its rows is malformed.
         PictureError: the first picture cannot be read.
     """
 
@@ -71,13 +71,13 @@ class ManifestRecording:
             yield (GrabbedField(self._field(luma, row), row.time_ns, row.sequence, damage),)
 
     def close(self) -> None:
-        """Nothing is kept open."""
+        """Does nothing: no file is kept open."""
 
     def _field(self, luma: NDArray[np.uint8], row: Row) -> Field:
         return Field(luma[row.parity :: 2] if self._woven else luma, row.parity, row.y0, row.y_step)
 
     def _is_woven(self) -> bool:
-        """Frames are listed once for each of their fields, or are higher than any field."""
+        """True if pictures are frames: listed once for each of their fields, or higher than any field."""
         return self._header.lines >= 480 or any(a.file == b.file for a, b in pairwise(self._rows))
 
     @property
@@ -91,7 +91,7 @@ def read_manifest(path: Path) -> list[Row]:
     """The rows of a manifest.
 
     Raises:
-        DeviceRefused: there are none, or one cannot be understood; the text names its line.
+        DeviceRefused: there are no rows, or one is malformed; the message names its line.
     """
     hint = "export the capture again"
     with path.open(newline="", encoding="utf-8") as file:
@@ -113,7 +113,7 @@ def _row(path: Path, line: int, values: Mapping[str, str]) -> Row:
             y0=int(values["y0"]),
             y_step=int(values["y_step"]),
             outcome=Outcome(values["outcome"]),
-            file=Path(values["file"]).name,
+            file=Path(values["file"]).name,  # never out of the manifest's own folder
         )
     except (KeyError, TypeError, ValueError) as error:
         raise DeviceRefused(

@@ -1,4 +1,4 @@
-"""From whole pictures to the fields in them."""
+"""Splitting of whole pictures into their fields."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -38,10 +38,10 @@ def recognise(path: Path, pictures: Pictures, lines: int) -> Pictures:
     """Kind of pictures of this height in `path`.
 
     Raises:
-        DeviceRefused: their height does not tell, or frames have an odd number of lines.
+        DeviceRefused: the kind cannot be told from the height, or frames have an odd number of lines.
     """
     found = _by_height(lines) if pictures is Pictures.AUTO else pictures
-    hint = "say by the option 'pictures' what they are, or scale them"
+    hint = "give their kind by the option 'pictures', or scale them"
     if found is None:
         raise DeviceRefused(
             f"{path}: {lines} lines are neither a frame (576, 480) nor a field (288, 240); "
@@ -62,13 +62,13 @@ def _by_height(lines: int) -> Pictures | None:
 
 
 class Splitter(NamedTuple):
-    """Makes fields of pictures that tell nothing of their own parity and time.
+    """Splitter of pictures without parity and time of their own.
 
     Attributes:
-        pictures: what they are, recognised.
-        order: which field of a frame is the older.
-        first_parity: of the first field, where pictures are fields or doubled.
-        rate_hz: fields a second, the first at time zero.
+        pictures: kind of the pictures, not AUTO.
+        order: order of the fields of a frame.
+        first_parity: parity of the first field, if pictures are fields or doubled.
+        rate_hz: fields per second, the first at time zero.
     """
 
     pictures: Pictures
@@ -87,7 +87,7 @@ class Splitter(NamedTuple):
     def format(
         self, lines: int, columns: int, details: dict[str, str], remarks: tuple[str, ...] = ()
     ) -> Format:
-        """Recording properties of pictures of this size."""
+        """Format of a recording with pictures of this size."""
         return Format(
             columns=columns,
             field_rows=lines // self.pictures.fields,
@@ -124,10 +124,10 @@ def parity_named(name: str) -> int:
 
 
 def older_parity(order: FieldOrder) -> int:
-    """Parity of a frame that was exposed first.
+    """Parity of the field of a frame that was exposed first.
 
     Raises:
-        ValueError: frames have no such order.
+        ValueError: the order is not one of frames.
     """
     if order not in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST):
         raise ValueError(f"field_order of frames is 'top_first' or 'bottom_first', not {str(order)!r}")

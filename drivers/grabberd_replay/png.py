@@ -1,4 +1,4 @@
-"""PNG pictures from outside: read whole or refused by name."""
+"""Untrusted PNG pictures: each is read whole or refused by name."""
 
 import struct
 import zlib
@@ -27,15 +27,15 @@ class Header(NamedTuple):
 
 
 def read_png(path: Path, expected: Header | None = None) -> tuple[Header, NDArray[np.uint8]]:
-    """Header and grey values of a picture; colours become luma by Rec. 601, as a grabber would make of them.
+    """Header and grey values of a picture; colours become luma by Rec. 601, as in a grabber.
 
     Args:
-        path: of the picture.
-        expected: what it should be, in size and colours.
+        path: path of the picture.
+        expected: header that the picture should have.
 
     Raises:
-        PictureError: it is missing, no PNG, truncated, damaged, of more than 8 bits, or not what was
-            expected.
+        PictureError: the picture is missing, no PNG, truncated, damaged, has more than 8 bits, or differs
+            from `expected`.
     """
     data = _bytes(path, expected)
     header = _header(path, data, expected)
@@ -81,7 +81,7 @@ def _header(path: Path, data: bytes, expected: Header | None) -> Header:
 
 
 def _check_chunks(path: Path, data: bytes, header: Header) -> None:
-    """Walks the chunks to the last one, since a decoder fills up a truncated picture without a word."""
+    """Walks the chunks to the last one, since a decoder silently fills up a truncated picture."""
     at = 8
     while at + 12 <= len(data):
         (length,) = struct.unpack_from(">I", data, at)

@@ -33,12 +33,12 @@ class Recording(Protocol):
         """Every picture's fields in order of time.
 
         Raises:
-            PictureError, CaptureFileError: the next one cannot be read; the ones before it were given.
+            PictureError, CaptureFileError: the next picture cannot be read; those before it were delivered.
         """
         ...
 
     def close(self) -> None:
-        """Lets go of it; safe twice."""
+        """Closes the recording; may be called twice."""
         ...
 
 

@@ -11,15 +11,16 @@ from grabberd_replay.pictures import PAL_HZ, Pictures, Splitter, recognise
 from grabberd_replay.recording import Batch
 
 _PAL_SIZES = ((720, 576), (720, 288))
+# Codecs that return the pixels they were given; all others displace edges, and so targets.
 _LOSSLESS = ("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB")
 
 
 class VideoRecording:
-    """The pictures of a video at their own times; one that is missing is missing again.
+    """The pictures of a video at their own times; gaps in the recording remain gaps.
 
     Raises:
-        DeviceRefused: there is no video that can be read, or its height does not tell what its pictures are.
-        PictureError: not one picture can be read.
+        DeviceRefused: there is no readable video, or the pictures' kind cannot be told from their height.
+        PictureError: no picture can be read.
     """
 
     def __init__(
@@ -36,6 +37,7 @@ class VideoRecording:
         header = self._decoder.header
         self._pictures_per_s = header.pictures_per_s
         self._expected = header.pictures if header.pictures_per_s else 0
+        # Without a count in the container FFmpeg estimates one from its length: a second of slack.
         self._may_lack = 0 if container.counts else round(header.pictures_per_s or 0)
         pictures = recognise(path, pictures, header.lines)
         own_hz = header.pictures_per_s * pictures.fields if header.pictures_per_s else PAL_HZ
@@ -52,10 +54,10 @@ class VideoRecording:
         )
 
     def batches(self) -> Iterator[Batch]:
-        """One picture's fields at a time.
+        """Fields of one picture at a time.
 
         Raises:
-            PictureError: the video ends before its head says so, changes its size, or has no even pace.
+            PictureError: the video ends before its header says, changes its size, or has no constant rate.
         """
         number = -1
         for number, luma in self._numbered():
@@ -68,10 +70,10 @@ class VideoRecording:
             )
 
     def close(self) -> None:
-        """Whoever reads holds the file open, nobody else."""
+        """Does nothing: the file is open only while `batches` is being read."""
 
     def _numbered(self) -> Iterator[tuple[int, Picture]]:
-        """Pictures with their number, which is their time from the first one on in steps of the rate."""
+        """Pictures with their number: time since the first picture, in steps of the rate."""
         begin_s: float | None = None
         last = -1
         for time_s, luma in self._decoder.pictures():
@@ -81,13 +83,13 @@ class VideoRecording:
                 raise PictureError(
                     f"{self._path}: the picture at {time_s:.3f} s comes too soon for "
                     f"{self._pictures_per_s:g} pictures a second",
-                    "its rate varies: convert it to a constant one; what came before it is kept",
+                    "its rate varies: convert it to a constant rate; what came before it is kept",
                 )
             yield number, luma
             last = number
 
     def _number(self, since_s: float, last: int) -> int:
-        """Decoders give some pictures without a time, which shows as none since the first: those are next."""
+        """Number of a picture; one without a time of its own, which reads as zero, follows the last."""
         if self._pictures_per_s is None or (since_s <= 0.0 and last >= 0):
             return last + 1
         return round(since_s * self._pictures_per_s)
@@ -102,16 +104,16 @@ def _remarks(decoder: Decoder, rate_hz: float) -> Iterator[str]:
     header, codec = decoder.header, _codec(decoder)
     if not decoder.uncompressed and codec.upper() not in _LOSSLESS:
         yield (
-            f"Its codec {codec} is a lossy one as a rule: targets are displaced by more than their sigma "
+            f"Its codec {codec} is usually lossy: targets are displaced by more than their sigma "
             "says. Record uncompressed, or with FFV1 or HuffYUV."
         )
     if (header.columns, header.lines) not in _PAL_SIZES:
         yield (
             f"Its size {header} is not PAL's 720x576, or 720x288 a field: if it was scaled, lines of both "
-            "fields are mixed, and no option brings them apart."
+            "fields are mixed, and no option separates them."
         )
     if abs(rate_hz - PAL_HZ) > 0.01 * PAL_HZ:
         yield (
-            f"It has {rate_hz:g} fields a second where PAL has {PAL_HZ:g}: a deinterlaced video is played "
-            "with pictures 'doubled', a wrong rate is put right by rate_hz."
+            f"It has {rate_hz:g} fields a second where PAL has {PAL_HZ:g}: play a deinterlaced video "
+            "with pictures 'doubled', and correct a wrong rate with rate_hz."
         )

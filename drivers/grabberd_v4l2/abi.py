@@ -1,10 +1,11 @@
-"""The kernel's V4L2 structures and constants as far as they are used, laid out as this machine's C does.
+"""The V4L2 structures and constants that this driver uses, in the memory layout of this machine's C.
 
-Names are those of `linux/videodev2.h` without `v4l2_`. Times are 64 bits wide on every machine: a 32-bit one
-needs Linux 5.6, whose kernel takes both widths and tells them by the size in the call's number.
+Names are those of `linux/videodev2.h` without `v4l2_`. Times are 64 bits wide on every machine: a 32-bit
+machine needs Linux 5.6, whose kernel accepts both widths and tells them apart by the size in the call number.
 """
 
 import ctypes as c
+from enum import IntEnum
 
 _LONG = c.c_size_t
 """As wide as the kernel's `unsigned long` and as a pointer."""
@@ -26,6 +27,25 @@ CAP_DEVICE_CAPS = 0x80000000
 
 FIELD_ANY, FIELD_NONE, FIELD_TOP, FIELD_BOTTOM, FIELD_INTERLACED = range(5)
 FIELD_SEQ_TB, FIELD_SEQ_BT, FIELD_ALTERNATE, FIELD_INTERLACED_TB, FIELD_INTERLACED_BT = range(5, 10)
+
+
+class Arrangement(IntEnum):
+    """V4L2_FIELD_*: arrangement of fields in buffers; profiles use the names in lower case.
+
+    Woven: the lines of two fields alternate in one buffer. Stacked: one field lies below the other.
+    """
+
+    ANY = FIELD_ANY
+    NONE = FIELD_NONE
+    TOP = FIELD_TOP
+    BOTTOM = FIELD_BOTTOM
+    INTERLACED = FIELD_INTERLACED
+    SEQ_TB = FIELD_SEQ_TB
+    SEQ_BT = FIELD_SEQ_BT
+    ALTERNATE = FIELD_ALTERNATE
+    INTERLACED_TB = FIELD_INTERLACED_TB
+    INTERLACED_BT = FIELD_INTERLACED_BT
+
 
 BUF_FLAG_QUEUED = 0x00000002
 BUF_FLAG_DONE = 0x00000004
@@ -130,6 +150,8 @@ class PixFormat(c.Structure):
     )
 
 
+# The unions are written out with their widest member, since it decides size and alignment of the whole
+# structure, and the size is part of the call number.
 class _Fmt(c.Union):
     _fields_ = (("pix", PixFormat), ("raw", c.c_uint8 * 200), ("aligned_like_a_pointer", _LONG))
 

@@ -1,4 +1,4 @@
-"""Queries that a video node answers, even while it streams for another program."""
+"""Queries that work on any video node, even while it streams for another program."""
 
 from collections.abc import Iterator
 from contextlib import closing
@@ -8,7 +8,7 @@ from operator import or_
 from pathlib import Path
 
 from grabberd_v4l2 import abi
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS
 from grabberd_v4l2.kernel import Kernel
 from grabberd_v4l2.node import Node
@@ -33,14 +33,14 @@ class Answers:
     """Properties that a node reports.
 
     Attributes:
-        kernel_driver: e.g. "bttv"; `card`: the device's own name.
-        captures: whether it delivers pictures at all; the other answers of one that does not are empty.
-        inputs: names of its sockets.
-        standards: families such as "PAL" that its inputs can have.
-        at_50_hz: whether one of them has 50 fields a second.
-        standard_now: the one that is set, "" where it does not tell.
-        formats: its pixel formats that can be read; `other_formats`: all others.
-        field_orders: those that it grants.
+        kernel_driver: name of the kernel driver, e.g. "bttv"; `card`: the device's own name.
+        captures: True if the node delivers pictures; if False, all further attributes are empty.
+        inputs: names of its inputs.
+        standards: families of standards that its inputs support, such as "PAL".
+        at_50_hz: True if one of them has 50 fields per second.
+        standard_now: the selected standard, "" if unknown.
+        formats: supported pixel formats that grabberd reads; `other_formats`: all others.
+        field_orders: field orders that it grants.
     """
 
     kernel_driver: str
@@ -59,7 +59,7 @@ def ask(kernel: Kernel, path: Path) -> Answers:
     """Asks a node.
 
     Raises:
-        OSError: it cannot be opened, or goes away meanwhile.
+        OSError: the node cannot be opened, or disappears meanwhile.
     """
     with closing(Node(kernel, path)) as node:
         own = node.capability()
@@ -91,7 +91,7 @@ def _families(standards: int) -> tuple[str, ...]:
 
 
 def _standard_now(node: Node) -> int:
-    """0 where the socket in use knows no standards."""
+    """Bits of the selected standard; 0 if the selected input has no standards."""
     try:
         return node.standard()
     except OSError:
@@ -109,7 +109,7 @@ def _field_orders(node: Node, formats: tuple[str, ...]) -> Iterator[Arrangement]
 
 
 def _grants(node: Node, lines: int, fourcc: str, wanted: Arrangement) -> bool:
-    """A driver refuses an arrangement with an error, or by granting another."""
+    """True if TRY_FMT returns the arrangement; drivers refuse one by an error or by returning another."""
     try:
         return bool(node.tried_format(COLUMNS, lines, fourcc, wanted).field == wanted)
     except OSError:

@@ -1,4 +1,4 @@
-"""The kernel's buffers: mapped once, and each of them always known to be there or here."""
+"""The kernel's buffers: mapped once, with their owner, kernel or us, always known."""
 
 import contextlib
 
@@ -11,20 +11,21 @@ from grabberd_v4l2.kernel import Pages
 from grabberd_v4l2.node import Node
 
 FEWEST = 2
+"""With a single buffer the driver has none to fill while that one is being read."""
 
 
 class Buffers:
-    """Buffers of a node, made and mapped, none of them queued yet.
+    """Buffers of a node, allocated and mapped, initially not queued.
 
-    One that the kernel will not take back is kept and offered again, so that the queue never runs dry unseen.
+    A buffer that the kernel refuses is kept and offered again, so that the queue cannot run dry unnoticed.
     """
 
     def __init__(self, node: Node, count: int, picture_bytes: int) -> None:
-        """Has them made and maps them.
+        """Allocates the buffers and maps them.
 
         Raises:
-            DeviceRefused: fewer than `FEWEST`, or too small for a picture.
-            OSError: as the kernel answers; `release` undoes what was done.
+            DeviceRefused: the driver grants fewer than `FEWEST`, or they are too small for a picture.
+            OSError: the kernel refused a call; buffers allocated so far are released.
         """
         self._node = node
         self._pages: list[Pages] = []
@@ -56,7 +57,7 @@ class Buffers:
         return len(self._pages) - len(self._idle) - len(self._taken)
 
     def queue_idle(self) -> OSError | None:
-        """Offers the kernel all that it should have; why it refuses, if it does."""
+        """Queues all idle buffers; returns the kernel's last refusal, if any."""
         refusal = None
         for index in sorted(self._idle):
             try:
@@ -72,21 +73,21 @@ class Buffers:
         return self._pages[index].array
 
     def give_back(self, index: int) -> None:
-        """A buffer may be filled again; if the kernel refuses, it is offered again with the next."""
+        """Returns a buffer to be refilled; if the kernel refuses it, it is offered again with the next."""
         if index in self._taken:
             self._taken.discard(index)
             self._idle.add(index)
             self.queue_idle()
 
     def find_lost(self) -> None:
-        """After a failed dequeue: buffers that the kernel let go of without saying which."""
+        """Finds buffers that the kernel released without naming them, after a failed dequeue."""
         ours = self._idle | self._taken
         held = abi.BUF_FLAG_QUEUED | abi.BUF_FLAG_DONE
         lost = (i for i in range(len(self)) if i not in ours and not self._node.buffer(i).flags & held)
         self._idle.update(lost)
 
     def release(self) -> None:
-        """Unmaps and frees them all; safe twice, and on a node that is gone."""
+        """Unmaps and frees all buffers; may be called twice, and on a node that is gone."""
         for pages in self._pages:
             pages.unmap()
         self._pages.clear()
@@ -98,5 +99,5 @@ class Buffers:
 
 def _refused(node: Node, what: str) -> DeviceRefused:
     return DeviceRefused(
-        f"{node.path} {what}", "ask for another number (option 'buffers', 8 to 16) or another format"
+        f"{node.path} {what}", "choose another number (option 'buffers', 8 to 16) or another format"
     )

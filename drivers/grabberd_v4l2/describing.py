@@ -5,13 +5,14 @@ from pathlib import Path
 
 from grabberd.acquisition.device import FieldOrder, StreamInfo
 from grabberd.acquisition.discovery import Verdict
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.layout import Layout
 from grabberd_v4l2.profiles import Profile
 from grabberd_v4l2.sysfs import Roots, video_nodes
 from grabberd_v4l2.times import FieldTimes
 from grabberd_v4l2.usb import remarks_on
 
+# At 25 frames a second eight buffers are a third of a second of delay in this process.
 _MANY_BUFFERS = 8
 
 
@@ -23,7 +24,7 @@ def stream_info(
     path: Path,
     remarks: tuple[str, ...],
 ) -> StreamInfo:
-    """The stream in the program's words; `remarks` come first, of what is around it."""
+    """Description of the stream; `remarks` on its surroundings come before its own."""
     granted = layout.granted
     one_a_buffer = layout.order in (FieldOrder.ALTERNATE, FieldOrder.ONE_PARITY)
     return StreamInfo(
@@ -64,4 +65,4 @@ def _doubts(profile: Profile) -> Iterator[str]:
 
 def _few(buffers: int) -> Iterator[str]:
     if buffers < _MANY_BUFFERS:
-        yield f"the driver has only {buffers} buffers: a busy computer will lose fields"
+        yield f"the driver has only {buffers} buffers: fields will be lost while the computer is busy"

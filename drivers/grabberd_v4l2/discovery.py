@@ -1,4 +1,4 @@
-"""The frame grabbers that the kernel knows, with what to think of them and how to name them."""
+"""Discovery of frame grabbers, with verdicts on them and the options that identify them."""
 
 import errno
 import os
@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.acquisition.discovery import FoundDevice, Verdict
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.answers import Answers, ask
-from grabberd_v4l2.arrangement import Arrangement
 from grabberd_v4l2.formats import FORMATS
 from grabberd_v4l2.kernel import LinuxKernel
 from grabberd_v4l2.profiles import Profile, Profiles
@@ -21,7 +21,7 @@ Ask = Callable[[Path], Answers]
 
 
 class _Seen(NamedTuple):
-    """A node and its answers; `refusal` says why there are none."""
+    """A node and its answers; `refusal` is the reason if there are none."""
 
     node: VideoNode
     answers: Answers
@@ -31,7 +31,7 @@ class _Seen(NamedTuple):
 def discover(
     roots: Roots = SYSTEM, asked: Ask | None = None, profiles: Profiles | None = None
 ) -> tuple[FoundDevice, ...]:
-    """All nodes that deliver pictures, by number; one that cannot be asked is listed with the reason."""
+    """All nodes that deliver pictures, by number; one that cannot be queried is listed with the reason."""
     answer = asked or (lambda path: ask(LinuxKernel(), path))
     known = profiles or Profiles.load()
     nodes = video_nodes(roots)
@@ -40,7 +40,7 @@ def discover(
 
 
 def _seen(node: VideoNode, asked: Ask) -> _Seen:
-    """One that cannot be asked has pictures if it is its device's first: the others are often metadata."""
+    """Query a node; if that fails, assume pictures on a device's first node, since others carry metadata."""
     try:
         return _Seen(node, asked(node.path))
     except OSError as error:
@@ -68,12 +68,12 @@ def _faults(seen: _Seen) -> Iterator[str]:
         return
     answers = seen.answers
     if not answers.standards:
-        yield "It knows no video standard: it is a camera, or a stick that makes pictures of its own."
+        yield "It has no video standards: it is a camera, or a stick that converts the pictures itself."
     elif not answers.at_50_hz:
-        yield f"It knows no standard of 50 fields a second such as PAL, but {', '.join(answers.standards)}."
+        yield f"It has no standard of 50 fields a second such as PAL, only {', '.join(answers.standards)}."
     if not answers.formats:
         known = ", ".join(answers.other_formats) or "none"
-        yield f"It has no format that grabberd reads ({', '.join(FORMATS)}), but {known}."
+        yield f"It has no format that grabberd reads ({', '.join(FORMATS)}), only {known}."
 
 
 def _verdict(profile: Profile, node: VideoNode, faults: tuple[str, ...]) -> Verdict:
@@ -86,26 +86,26 @@ def _remarks(seen: _Seen, nodes: Sequence[VideoNode], profile: Profile) -> Itera
         yield seen.refusal
     yield from (_sentence(remark) for remark in (*profile.remarks, profile.advice) if remark)
     if (now := seen.answers.standard_now) in AT_60_HZ:
-        yield f"It is set to {now} now, as some drivers start up; grabberd sets PAL when it opens it."
+        yield f"It is set to {now} now, the default of some drivers; grabberd selects PAL when it opens it."
     yield from remarks_on(seen.node, nodes)
     if seen.node.by_path is None:
         yield (
-            "udev has made no link for it under /dev/v4l/by-path: its node may have another number after a "
-            "restart or a replug."
+            "udev has no link for it under /dev/v4l/by-path: its node may have another number after a "
+            "reboot or after replugging."
         )
 
 
 def _refusal(node: VideoNode, error: OSError) -> str:
     if error.errno in (errno.EACCES, errno.EPERM):
         return (
-            f"It could not be asked: no right to open {node.path}. Add yourself to the group video ('sudo "
-            f"usermod -aG video $USER', then log in again)."
+            f"It could not be queried: no permission to open {node.path}. Add yourself to the group video "
+            f"('sudo usermod -aG video $USER', then log in again)."
         )
-    return f"It could not be asked: {os.strerror(error.errno or 0)}."
+    return f"It could not be queried: {os.strerror(error.errno or 0)}."
 
 
 def _ways(node: VideoNode, nodes: Sequence[VideoNode]) -> Iterator[dict[str, str]]:
-    """Ways in which the configuration can identify the device, the most durable first."""
+    """Options by which a configuration can identify the device, the most durable first."""
     if node.by_path is not None:
         yield {"device": str(node.by_path)}
     if node.usb is not None and node.index == 0:
@@ -115,6 +115,7 @@ def _ways(node: VideoNode, nodes: Sequence[VideoNode]) -> Iterator[dict[str, str
         elif node.usb.serial:
             yield usb | {"serial": node.usb.serial}
         yield usb | {"port": node.usb.port}
+    # Cheap dongles share one by-id name, so it comes after the port, which tells them apart.
     if node.by_id is not None:
         yield {"device": str(node.by_id)}
     yield {"device": str(node.path)}
@@ -127,7 +128,7 @@ def _equal_ones(node: VideoNode, nodes: Sequence[VideoNode]) -> int:
 
 
 def _facts(node: VideoNode, answers: Answers) -> Iterator[tuple[str, str]]:
-    """Known facts only."""
+    """Names and values of the known facts."""
     usb = node.usb
     facts = {
         "node": str(node.path),

@@ -1,4 +1,4 @@
-"""Meaning of the kernel's error numbers, and what a person can do about them."""
+"""Meaning of the kernel's error numbers, with hints for the operator."""
 
 import errno
 import os
@@ -10,11 +10,11 @@ from typing import NamedTuple
 from grabberd.errors import Cause, DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 
 GONE = frozenset({errno.ENODEV, errno.ENXIO, errno.ENOENT})
-"""What calls answer on a device that is not there."""
+"""Error numbers of calls on a device that is not there."""
 
 
 class _Meaning(NamedTuple):
-    """Meaning of an error number; without a cause the device misbehaves."""
+    """Meaning of an error number; without a cause the device is malfunctioning."""
 
     cause: Cause | None
     what: str
@@ -27,14 +27,14 @@ class _Meaning(NamedTuple):
 
 _RIGHTS = _Meaning(
     Cause.NO_RIGHTS,
-    "may not be opened with these rights",
-    "add the user that grabberd runs as to the group 'video', or install the driver's udev rule; then log in "
-    "or start the service again",
+    "may not be opened by this user",
+    "add grabberd's user to the group 'video', or install the driver's udev rule; then log in again, or "
+    "restart the service",
 )
 _HUNG = _Meaning(
     None,
-    "does not answer as it should",
-    "it is tried again; if it stays so, unplug it and plug it in",
+    "does not respond properly",
+    "grabberd retries; if this persists, unplug it and plug it in again",
 )
 _MEANINGS = {
     errno.EBUSY: _Meaning(
@@ -47,47 +47,48 @@ _MEANINGS = {
     errno.EISDIR: _Meaning(Cause.DEVICE_REFUSED, "is a directory", "name a node such as /dev/video0"),
     errno.ENOTTY: _Meaning(
         Cause.DEVICE_REFUSED,
-        "is no video device, or one that cannot do what is needed",
-        "'grabberd devices' lists those there are",
+        "is no video device, or lacks a required function",
+        "'grabberd devices' lists the available devices",
     ),
     errno.ENOSPC: _Meaning(
         Cause.NO_BANDWIDTH,
         "finds no bandwidth left on its USB bus",
-        "PAL takes 20.7 MB/s: only one dongle a USB 2.0 bus, none at USB 1.1 speed; plug it into another bus",
+        "PAL takes 20.7 MB/s: one dongle per USB 2.0 bus, none at USB 1.1 speed; plug it into another bus",
     ),
     errno.ENOMEM: _Meaning(
         Cause.DEVICE_REFUSED,
         "gets no memory for its buffers",
-        "ask for fewer: option 'buffers'; 8 are enough",
+        "reduce the option 'buffers'; 8 are enough",
     ),
+    # What a USB dongle with hung firmware answers; a reset of its port often revives it.
     errno.EIO: _HUNG,
     errno.EPIPE: _HUNG,
     errno.EPROTO: _HUNG,
     errno.ETIMEDOUT: _HUNG,
 }
 _OTHERWISE = _Meaning(
-    Cause.DEVICE_REFUSED, "refuses what is asked of it", "'v4l2-ctl -d {path} --all' and 'dmesg' tell more"
+    Cause.DEVICE_REFUSED, "refuses a request", "'v4l2-ctl -d {path} --all' and 'dmesg' tell more"
 )
 
 
 def failure(error: OSError, path: Path, gone: type[DeviceError]) -> DeviceError:
-    """The kernel's answer in this program's words.
+    """The device error for a kernel error.
 
     Args:
-        error: its `filename`, where it has one, is the call that failed.
-        path: the node.
-        gone: what to make of a device that is not there.
+        error: kernel error; its `filename`, if any, is the name of the failed call.
+        path: path of the node.
+        gone: class of the error for a device that is not there.
     """
     answer = f"{error.filename or 'open'}: {os.strerror(error.errno or 0)}"
     if error.errno in GONE:
-        return gone(f"{path} is not there ({answer})", "plug the grabber in; it is tried again by itself")
+        return gone(f"{path} is not there ({answer})", "plug the grabber in; grabberd retries automatically")
     meaning = _MEANINGS.get(error.errno or 0, _OTHERWISE)
     return meaning.error(f"{path} {meaning.what} ({answer})", path)
 
 
 @contextmanager
 def opening(path: Path) -> Iterator[None]:
-    """While a device is being opened: one that is not there is absent."""
+    """Translate errors while a device is being opened: a missing one is absent."""
     try:
         yield
     except OSError as error:
@@ -96,9 +97,11 @@ def opening(path: Path) -> Iterator[None]:
 
 @contextmanager
 def restarting(path: Path) -> Iterator[None]:
-    """While an open device's stream is started again: one that is not there is lost, all else has failed."""
+    """Translate errors while a stream restarts: a missing device is lost, all other errors are failures."""
     try:
         yield
     except OSError as error:
-        told = failure(error, path, DeviceLost)
-        raise told if isinstance(told, DeviceLost) else StreamFailed(told.message, told.hint) from error
+        raised = failure(error, path, DeviceLost)
+        if isinstance(raised, DeviceLost):
+            raise raised from error
+        raise StreamFailed(raised.message, raised.hint) from error

@@ -10,8 +10,8 @@ class PixelFormat(NamedTuple):
     """Memory layout of a pixel format.
 
     Attributes:
-        word: one pixel, whose low byte is its luma; the high one, if any, is chroma.
-        planes: size of the whole picture in planes of luma.
+        word: type of one pixel; its low byte is the luma, its high byte, if any, chroma.
+        planes: size of the whole picture in units of its luma plane.
     """
 
     word: DTypeLike
@@ -27,7 +27,7 @@ FORMATS = {
 """The formats that can be read, the preferred ones first.
 
 All of them have the same 8-bit luma, so the order is that of effort: GREY carries nothing else, NV12 half as
-much again, YUYV and UYVY twice as much, and theirs has to be brought together, which takes longer for UYVY.
+much again, YUYV and UYVY twice as much, and their luma has to be extracted, which takes longer for UYVY.
 """
 
 
@@ -39,18 +39,18 @@ def luma(
     bytes_per_line: int,
     rows: slice = slice(None),
 ) -> NDArray[np.uint8]:
-    """Grey values of some lines, their pixels side by side.
+    """Grey values of some lines, with contiguous pixels.
 
-    It is a view into the buffer where they lie so (GREY, NV12), otherwise a copy without the chroma: thinning
-    out a field once takes a fifth of what strided pixels cost in doubling its lines.
+    The result is a view into the buffer if its pixels are contiguous (GREY, NV12), otherwise a copy without
+    the chroma: one copy takes a fifth of the extra time that doubling lines of strided pixels would take.
 
     Args:
         buffer: (n,) uint8, at least `needed_bytes`.
         fourcc: one of `FORMATS`.
-        lines: of the picture.
-        columns: pixels a line.
-        bytes_per_line: from one line to the next.
-        rows: which lines.
+        lines: lines of the picture.
+        columns: pixels per line.
+        bytes_per_line: distance of two lines in bytes.
+        rows: the lines to extract.
 
     Returns:
         (rows, columns) uint8.
@@ -68,7 +68,7 @@ def luma(
 
 
 def bytes_per_pixel(fourcc: str) -> int:
-    """In the plane that has the luma."""
+    """Bytes per pixel in the plane that contains the luma."""
     return np.dtype(FORMATS[fourcc].word).itemsize
 
 

@@ -25,12 +25,12 @@ from grabberd_v4l2.times import FieldTimes, Stamp
 from grabberd_v4l2.usb import reset_of
 from grabberd_v4l2.watch import Watch
 
-_PAL = "connect a PAL camera; the device is tried again by itself"
+_PAL = "connect a PAL camera; grabberd retries automatically"
 
 
 @dataclass(frozen=True, slots=True)
 class _Running:
-    """A node that streams, and how to read what comes."""
+    """A streaming node with everything needed to read its buffers."""
 
     stream: Stream
     layout: Layout
@@ -47,12 +47,12 @@ class V4l2Grabber:
         """Checks the options; nothing is opened.
 
         Args:
-            kernel: the system calls; this computer's own by default.
-            roots: where /sys and /dev are.
+            kernel: system calls; this computer's own by default.
+            roots: locations of /sys and /dev.
             options: see `V4l2Options`.
 
         Raises:
-            ValueError: a line for every option that is unknown or whose value is not allowed.
+            ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         self.options = V4l2Options.read(options)
         self._kernel = kernel or LinuxKernel()
@@ -65,9 +65,9 @@ class V4l2Grabber:
         """Finds the device, sets it up and starts it.
 
         Raises:
-            DeviceAbsent: it is not there.
-            DeviceRefused: it is open already, of no use, in use by others, or grants nothing that is of use.
-            StreamFailed: it does not answer as it should; a reset may help.
+            DeviceAbsent: the device is not there.
+            DeviceRefused: the device is open already, unsuitable, in use, or grants no usable stream.
+            StreamFailed: the device does not respond properly; a reset may help.
         """
         if self._node is not None:
             raise DeviceRefused(f"{self._node.path} is open already", "close it first")
@@ -84,33 +84,33 @@ class V4l2Grabber:
 
     @contextmanager
     def dequeue(self, timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
-        """The fields of the next buffer, the older first; nothing if none comes in time.
+        """The fields of the next buffer, the older first; empty if none arrives in time.
 
         Raises:
-            DeviceLost: it is not open, or went away.
-            StreamFailed: it streams no more, or at 60 Hz.
-            DeviceRefused: what comes has no parity.
+            DeviceLost: the device is not open, or has disappeared.
+            StreamFailed: the stream has ended, or is at 60 Hz.
+            DeviceRefused: a buffer does not tell the parity of its field.
         """
         running = self._streaming()
         running.watch.look_again()
         if running.watch.trouble:
-            raise StreamFailed(running.watch.trouble, "it is started again at 50 Hz")
+            raise StreamFailed(running.watch.trouble, "grabberd restarts it at 50 Hz")
         with running.stream.dequeue(timeout_s) as filled:
             if running.stream.source_changed():
                 running.watch.look()
             yield [] if filled is None else _fields(running, filled)
 
     def signal(self) -> Signal:
-        """Signal as the card reports it, if it is known to report one; unknown while closed."""
+        """Signal status reported by the card; unknown if it reports none or is closed."""
         return Signal.UNKNOWN if self._running is None else self._running.watch.look()
 
     def restart(self) -> StreamInfo:
-        """Stops, sets everything up anew and starts again, on the same descriptor.
+        """Stops the stream, negotiates it again and restarts it, on the same descriptor.
 
         Raises:
-            DeviceLost: it is not open, or went away.
-            StreamFailed: it does not start.
-            DeviceRefused: what is granted now is not what was granted before.
+            DeviceLost: the device is not open, or has disappeared.
+            StreamFailed: the stream does not start.
+            DeviceRefused: the granted stream differs from the previous one.
         """
         if self._node is None:
             raise _not_open()
@@ -120,7 +120,7 @@ class V4l2Grabber:
         if running.layout != self._layout:
             running.stream.stop()
             raise DeviceRefused(
-                f"{self._node.path} grants something else than before", "close it and open it again"
+                f"{self._node.path} grants another stream than before", "close it and open it again"
             )
         self._running = running
         return running.info
@@ -129,15 +129,15 @@ class V4l2Grabber:
         """Resets the closed device's USB port.
 
         Raises:
-            DeviceAbsent: it is not there.
-            DeviceRefused: it is open, not on USB, or libusb or the rights are missing.
+            DeviceAbsent: the device is not there.
+            DeviceRefused: the device is open or not on USB, or libusb or permissions are missing.
         """
         if self._node is not None:
             raise DeviceRefused(f"{self._node.path} is open", "close it first")
         reset_of(self.options.identity, self._roots)
 
     def close(self) -> None:
-        """Stops, unmaps, frees and lets go; safe twice and after an `open` that failed."""
+        """Stops the stream and releases everything; may be called twice and after an `open` that failed."""
         self._stop()
         node, self._node = self._node, None
         if node is not None:
@@ -153,6 +153,7 @@ class V4l2Grabber:
         capability = capture_node(node)
         profiles = Profiles.load(self.options.profiles)
         profile = profiles.of(capability.driver)
+        # Everything is set before buffers exist: drivers refuse a new standard or format while they have any.
         granted = negotiate(node, capability, self.options, profile)
         watch = _settled(node, profile)
         remarks = (*profiles.remarks, *remarks_on_place(node.path, self._roots))
@@ -194,7 +195,7 @@ def _fields(running: _Running, filled: Filled) -> list[GrabbedField]:
     except DeviceRefused:
         if damage is None:
             raise
-        return []  # a field of unknown parity is lost; the gap in time will tell
+        return []  # a damaged field without parity counts as lost: the gap in time shows it
     times = running.times.of(stamp, laid)
     return [
         GrabbedField(Field.intact(field.luma, field.parity), time.time_ns, time.sequence, damage)

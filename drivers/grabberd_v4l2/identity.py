@@ -1,4 +1,4 @@
-"""Identity of a grabber, and the node it is found under today."""
+"""Identity of a grabber, and its present video node."""
 
 import re
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ PORT = re.compile(r"\d+-\d+(\.\d+)*")
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """A grabber by what it is, or by where it is plugged in; never both.
+    """A grabber by its path or by its USB identity; never both.
 
     Attributes:
-        device: a node or a link to one, best out of /dev/v4l/by-path.
-        usb: "VENDOR:PRODUCT", four hexadecimal digits each; `serial` and `port` tell equal ones apart.
+        device: a node or a link to one, preferably in /dev/v4l/by-path.
+        usb: "VENDOR:PRODUCT", four hexadecimal digits each; `serial` and `port` tell identical ones apart.
     """
 
     device: Path | None = None
@@ -33,10 +33,10 @@ class Identity:
         serial: str | None = None,
         port: str | None = None,
     ) -> "Identity":
-        """The identity that a configuration gives.
+        """The identity in a configuration.
 
         Raises:
-            ValueError: it gives none, two, or one that cannot be.
+            ValueError: no identity, two, or a malformed one is given.
         """
         _check_texts({"usb": usb, "serial": serial, "port": port})
         if (device is None) == (usb is None):
@@ -64,11 +64,11 @@ class Identity:
 
 
 def find_node(identity: Identity, roots: Roots = SYSTEM) -> Path:
-    """The node that the grabber has now; to be asked at every open, as the number may have changed.
+    """The grabber's present node; to be looked up at every open, since its number may have changed.
 
     Raises:
-        DeviceAbsent: it is not there; the hint says what is there instead.
-        DeviceRefused: several are meant; the message lists them.
+        DeviceAbsent: the grabber is not there; the hint lists those that are.
+        DeviceRefused: several devices match; the message lists them.
     """
     if identity.device is not None:
         return _find_path(identity.device, roots)
@@ -97,12 +97,12 @@ def _find_path(device: Path, roots: Roots) -> Path:
 
 
 def _absent_usb(identity: Identity, roots: Roots) -> DeviceAbsent:
-    """A device without a node is another matter than no device."""
+    """The error for a missing device, or for one that is plugged in but has no node."""
     if bare := [place for place in usb_places(roots) if identity.matches(place)]:
         return DeviceAbsent(
-            f"{bare[0]} is plugged in, but no driver of the kernel has made a video node for it",
-            "wait a second if it was just plugged in; else 'dmesg' says what the kernel thinks of it, and "
-            "which module it would need (stk1160, usbtv, em28xx, uvcvideo)",
+            f"{bare[0]} is plugged in, but no kernel driver has made a video node for it",
+            "wait a second if it was just plugged in; otherwise look in 'dmesg' for the module that it needs "
+            "(stk1160, usbtv, em28xx, uvcvideo)",
         )
     return DeviceAbsent(f"no grabber is {identity}", f"plug it in; {_instead(roots)}")
 
@@ -110,8 +110,8 @@ def _absent_usb(identity: Identity, roots: Roots) -> DeviceAbsent:
 def _instead(roots: Roots) -> str:
     nodes = main_nodes(roots)
     if not nodes:
-        return "this computer has no video node at all now"
-    return f"there is now: {', '.join(map(str, nodes))}; 'grabberd devices' says how to name them"
+        return "this computer has no video nodes at present"
+    return f"present are: {', '.join(map(str, nodes))}; 'grabberd devices' prints how to identify them"
 
 
 def _port(node: VideoNode) -> str:
@@ -121,14 +121,16 @@ def _port(node: VideoNode) -> str:
 def _check_texts(options: dict[str, object]) -> None:
     for name, value in options.items():
         if value is not None and not isinstance(value, str):
-            raise ValueError(f"{name}: put {value!r} between quotation marks, it is a text")
+            raise ValueError(f"{name}: put {value!r} in quotation marks, it has to be a string")
 
 
 def _check_path(device: str | Path, serial: str | None, port: str | None) -> None:
     if serial is not None or port is not None:
-        raise ValueError("serial and port belong to usb: VENDOR:PRODUCT, a path names one grabber already")
+        raise ValueError(
+            "serial and port belong to usb: VENDOR:PRODUCT; a path identifies one grabber by itself"
+        )
     if not Path(device).is_absolute():
-        raise ValueError(f"device: {device} is no path from the root, such as /dev/video0")
+        raise ValueError(f"device: {device} is no absolute path, such as /dev/video0")
 
 
 def _checked_usb(usb: str) -> str:

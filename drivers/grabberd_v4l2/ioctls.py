@@ -1,4 +1,4 @@
-"""The numbers of the calls, computed from the sizes of their arguments as the kernel's `_IOC` does."""
+"""Call numbers, computed from the sizes of their arguments like the kernel's `_IOC`."""
 
 import ctypes
 
@@ -46,4 +46,4 @@ DQEVENT = _read(89, abi.Event)
 SUBSCRIBE_EVENT = _write(90, abi.EventSubscription)
 
 NAMES = {number: name for name, number in globals().items() if name.isupper() and not name.startswith("_")}
-"""Names of the calls by their numbers."""
+"""Names of the calls by number, for error messages."""

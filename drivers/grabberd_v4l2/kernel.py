@@ -1,4 +1,4 @@
-"""The system calls that this driver makes, behind a door of their own."""
+"""The system calls of this driver, behind an interface that tests can replace."""
 
 import ctypes
 import fcntl
@@ -25,19 +25,19 @@ class Pages(Protocol):
         ...
 
     def unmap(self) -> None:
-        """Gives it back to the kernel, safe twice; a view that somebody kept shows zeros from now on."""
+        """Returns the memory to the kernel; may be called twice; remaining views show zeros from now on."""
         ...
 
 
 class Kernel(Protocol):
-    """Every call raises `OSError` as the kernel answers; none waits, but for `poll` and `sleep`."""
+    """System calls; each raises `OSError` with the kernel's error, and only `poll` and `sleep` block."""
 
     def open(self, path: Path) -> int:
-        """A descriptor, never blocking."""
+        """A non-blocking descriptor."""
         ...
 
     def close(self, fd: int) -> None:
-        """Lets go of a descriptor."""
+        """Closes a descriptor."""
         ...
 
     def ioctl(self, fd: int, request: int, argument: Any) -> None:
@@ -57,7 +57,7 @@ class Kernel(Protocol):
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Waits."""
+        """Sleeps."""
         ...
 
 
@@ -69,11 +69,11 @@ class LinuxKernel:
         return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
     def close(self, fd: int) -> None:
-        """Lets go of a descriptor."""
+        """Closes a descriptor."""
         os.close(fd)
 
     def ioctl(self, fd: int, request: int, argument: Any) -> None:
-        """A call; interrupted ones are made again."""
+        """Makes a call, and repeats it if a signal interrupts it."""
         while True:
             try:
                 fcntl.ioctl(fd, request, argument, True)
@@ -87,6 +87,7 @@ class LinuxKernel:
 
     def poll(self, fd: int, timeout_s: float) -> int:
         """Waits for a buffer or an event."""
+        # Never select(): it cannot take descriptors above 1023, nor tell a hang-up from an event.
         poller = select.poll()
         poller.register(fd, POLL_IN | POLL_PRI)
         ready = poller.poll(max(timeout_s, 0.0) * 1e3)
@@ -97,7 +98,7 @@ class LinuxKernel:
         return time.monotonic_ns()
 
     def sleep(self, seconds: float) -> None:
-        """Waits."""
+        """Sleeps."""
         time.sleep(seconds)
 
 
@@ -117,10 +118,10 @@ _MAP_FAILED = ctypes.c_void_p(-1).value
 
 
 class _MappedPages:
-    """Memory whose place outlives its mapping for as long as an array looks at it.
+    """Mapped memory whose address range outlives the mapping as long as an array refers to it.
 
-    Python's own `mmap` cannot be closed while an array looks at it, and a device whose buffers are mapped
-    does not come back. So `unmap` puts empty memory in the buffer's place, in one step.
+    Python's own `mmap` cannot be closed while an array refers to it, and a device with mapped buffers does
+    not come back after an unplug. So `unmap` replaces the buffer with empty memory, in one atomic step.
     """
 
     def __init__(self, fd: int, length: int, offset: int) -> None:
@@ -136,7 +137,7 @@ class _MappedPages:
         return self._array
 
     def unmap(self) -> None:
-        """The device's memory is released at once, its place when the last view of it is."""
+        """Releases the device's memory at once; the address range follows with its last view."""
         if self._array is not None:
             flags = mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS | _MAP_FIXED
             _map(self._address, self._length, mmap.PROT_READ, flags, -1, 0)
@@ -144,7 +145,7 @@ class _MappedPages:
 
 
 class _Memory:
-    """Owner of a place in memory: the base of every array that looks at it."""
+    """Owner of an address range: the base of every array in it."""
 
     def __init__(self, address: int, length: int) -> None:
         self._place = address, length

@@ -1,4 +1,4 @@
-"""From a buffer to the fields in it."""
+"""Layout of the fields in a buffer."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused
 from grabberd.field import BOTTOM, TOP
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import luma
-from grabberd_v4l2.granted import Granted
 from grabberd_v4l2.profiles import Profile
 
 FIELD_ROWS = 288
@@ -31,13 +30,41 @@ _OLDER = {
 _NAMES = {TOP: "top", BOTTOM: "bottom"}
 
 
+@dataclass(frozen=True, slots=True)
+class Granted:
+    """The stream that the kernel driver granted, read back after everything was requested.
+
+    Attributes:
+        columns: pixels per line; `lines`: lines per buffer, 576 of a frame or 288 of one field.
+        bytes_per_line: distance of two lines in the first plane.
+        size_bytes: size of a whole picture in a buffer.
+        fourcc: pixel format, e.g. "YUYV".
+        field: V4L2_FIELD_*, never ANY.
+        standard: video standard, e.g. "PAL".
+        kernel_driver: kernel driver, e.g. "bttv"; `card`: the device's own name; `bus_info`: its location.
+        buffers: number of buffers in the kernel's queue.
+    """
+
+    columns: int
+    lines: int
+    bytes_per_line: int
+    size_bytes: int
+    fourcc: str
+    field: int
+    standard: str
+    kernel_driver: str
+    card: str
+    bus_info: str
+    buffers: int
+
+
 class LaidField(NamedTuple):
     """A field in a buffer.
 
     Attributes:
-        luma: (field_rows, columns) uint8, often a view.
+        luma: (field_rows, columns) uint8, often a view into the buffer.
         parity: `TOP` or `BOTTOM`.
-        age_steps: field periods that it is older than the newest in the buffer: 0 or 1.
+        age_steps: age relative to the newest field in the buffer, in field periods: 0 or 1.
     """
 
     luma: NDArray[np.uint8]
@@ -56,11 +83,11 @@ class Layout:
     """Position of the fields in every buffer of a stream.
 
     Attributes:
-        granted: the stream.
-        order: how its fields come.
-        rate_hz: fields a second.
-        field_rows: rows of a field.
-        remarks: what a person has to know of it.
+        granted: the granted stream.
+        order: order in which its fields arrive.
+        rate_hz: fields per second.
+        field_rows: rows per field.
+        remarks: remarks for the operator.
     """
 
     granted: Granted
@@ -69,31 +96,33 @@ class Layout:
     field_rows: int
     remarks: tuple[str, ...]
     _parts: Mapping[int, tuple[_Part, ...]]
-    """By the field that a buffer says it has; ANY where that does not matter."""
+    """Parts by the buffer's own field entry; under ANY if that entry is irrelevant."""
 
     @classmethod
     def of(cls, granted: Granted, profile: Profile, older: int | None = None) -> "Layout":
         """The layout of a 50 Hz stream.
 
         Args:
-            granted: what the kernel's driver said last.
-            profile: what is known of that driver.
-            older: the parity that was exposed first, where neither driver nor profile is to be believed.
+            granted: the granted stream.
+            profile: profile of the kernel driver.
+            older: parity of the older field, overriding driver and profile.
 
         Raises:
-            DeviceRefused: there are no whole fields in such buffers.
+            DeviceRefused: such buffers contain no whole fields.
         """
         arrangement = _believed(granted, profile)
         if arrangement is Arrangement.ALTERNATE:
             return cls._alternate(granted)
         if arrangement in _SINGLE:
             return cls._single(granted, _SINGLE[arrangement])
+        # The installer's word comes first, then the arrangement, which some drivers state wrongly; plain
+        # INTERLACED leaves it to the profile: usbtv's older field is the bottom one.
         first = _first_not_none(older, _OLDER.get(arrangement), profile.older_parity, TOP)
         return cls._frames(granted, arrangement, first)
 
     @property
     def columns(self) -> int:
-        """Pixels a row."""
+        """Pixels per row."""
         return self.granted.columns
 
     def fields(self, buffer: NDArray[np.uint8], buffer_field: int) -> tuple[LaidField, ...]:
@@ -101,10 +130,10 @@ class Layout:
 
         Args:
             buffer: (n,) uint8.
-            buffer_field: what the driver says is in it (`v4l2_buffer.field`); decides where it is one field.
+            buffer_field: the driver's field entry (`v4l2_buffer.field`); decides if a buffer has one field.
 
         Raises:
-            DeviceRefused: it has to say which field it is, and does not.
+            DeviceRefused: a buffer of one field does not tell its parity.
             ValueError: the buffer is too short.
         """
         parts = self._parts.get(buffer_field) or self._parts.get(Arrangement.ANY)
@@ -144,17 +173,17 @@ class Layout:
 
 
 def _believed(granted: Granted, profile: Profile) -> Arrangement:
-    """The arrangement that buffers really have.
+    """The actual arrangement of the buffers.
 
     Raises:
-        DeviceRefused: nothing is known that would make two fields of them.
+        DeviceRefused: the buffers cannot be split into fields.
     """
     arrangement = Arrangement(granted.field)
     if arrangement is Arrangement.NONE and profile.none_is_woven:
         return Arrangement.INTERLACED
     if arrangement in (Arrangement.NONE, Arrangement.ANY):
         what = f"its pictures have no fields (V4L2_FIELD_{arrangement.name})"
-        advice = "use a grabber that delivers both fields of every frame; 'grabberd devices' tells"
+        advice = "use a grabber that delivers both fields of every frame; see 'grabberd devices'"
         raise _refused(granted, what, profile.advice or advice)
     return arrangement
 
@@ -168,14 +197,14 @@ def _places(arrangement: Arrangement, rows: int) -> dict[int, slice]:
 
 
 def _height(granted: Granted, rows: int) -> tuple[int, tuple[str, ...]]:
-    """Rows of a field, and a remark where some of them are missing.
+    """Rows of a field, with a remark if some are missing.
 
     Raises:
-        DeviceRefused: more rows than a field has: they are interpolated.
+        DeviceRefused: there are more rows than a field has, so they are interpolated.
     """
     if rows > FIELD_ROWS:
         what = f"{rows} rows a field are more than the {FIELD_ROWS} that the camera has: the driver scales"
-        raise _refused(granted, what, "switch its scaler off, or ask for woven frames of 576 lines")
+        raise _refused(granted, what, "switch its scaler off, or request woven frames of 576 lines")
     remark = f"a field has only {rows} of {FIELD_ROWS} rows: the driver cuts or scales the picture"
     return rows, (remark,) if rows < FIELD_ROWS else ()
 
@@ -185,8 +214,8 @@ def _first_not_none(*values: int | None) -> int:
 
 
 def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:
-    what = f"a buffer of alternating fields does not say which one it has (field {buffer_field})"
-    return _refused(granted, what, "ask for woven frames: put 'interlaced' first in the field orders")
+    what = f"a buffer of alternating fields does not tell its parity (field {buffer_field})"
+    return _refused(granted, what, "request woven frames: put 'interlaced' first in the field orders")
 
 
 def _refused(granted: Granted, what: str, hint: str) -> DeviceRefused:

@@ -1,6 +1,4 @@
-"""Asking a card for a stream: input, standard, format and field order, each read back before it is
-believed.
-"""
+"""Negotiation of a stream: input, standard, format and field order, each read back after it is set."""
 
 import errno
 from collections.abc import Sequence
@@ -9,18 +7,19 @@ from itertools import product
 from grabberd.acquisition.discovery import Verdict
 from grabberd.errors import DeviceRefused
 from grabberd_v4l2 import abi, standards
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS, bytes_per_pixel, needed_bytes
-from grabberd_v4l2.granted import Granted
+from grabberd_v4l2.layout import Granted
 from grabberd_v4l2.node import Capability, Node
 from grabberd_v4l2.options import V4l2Options
 from grabberd_v4l2.profiles import Profile
 
 COLUMNS = 720
+# Only lines have to be whole: cards that sample square pixels (768 columns) or fewer ones are usable.
 FEWEST_COLUMNS, MOST_COLUMNS = 640, 1024
 FRAME_LINES = 576
 _ONE_FIELD = (Arrangement.TOP, Arrangement.BOTTOM, Arrangement.ALTERNATE)
-_LIST = "'grabberd devices' lists the grabbers that there are"
+_LIST = "'grabberd devices' lists the available grabbers"
 _OTHER_KINDS = {
     abi.CAP_META_CAPTURE: "metadata",
     abi.CAP_VBI_CAPTURE | abi.CAP_SLICED_VBI_CAPTURE: "teletext (VBI)",
@@ -33,7 +32,7 @@ def capture_node(node: Node) -> Capability:
     """Capabilities of the node; raises if it cannot stream pictures.
 
     Raises:
-        DeviceRefused: they cannot.
+        DeviceRefused: the node cannot stream pictures.
     """
     capability = node.capability()
     if not capability.flags & abi.CAP_VIDEO_CAPTURE:
@@ -47,17 +46,17 @@ def capture_node(node: Node) -> Capability:
 
 def _what_else(flags: int) -> str:
     if flags & abi.CAP_VIDEO_CAPTURE_MPLANE:
-        return "gives its pictures in several planes only, as no analog grabber does"
+        return "delivers pictures only in several planes, as no analog grabber does"
     kinds = [name for bits, name in _OTHER_KINDS.items() if flags & bits]
-    return f"is no node for pictures: it is for {', '.join(kinds) or 'something else'}"
+    return f"has no pictures: its node is for {', '.join(kinds) or 'something else'}"
 
 
 def negotiate(node: Node, capability: Capability, options: V4l2Options, profile: Profile) -> Granted:
-    """Sets everything that comes before the buffers; what the card then believes, with no buffers yet.
+    """Sets input, standard and format, and reads them back; no buffers are allocated yet.
 
     Raises:
-        DeviceRefused: the card is of no use, or grants nothing that is.
-        OSError: as the kernel answers.
+        DeviceRefused: the card is unsuitable, or grants no usable stream.
+        OSError: a call failed.
     """
     if profile.verdict is Verdict.UNUSABLE:
         raise DeviceRefused(f"{node.path} ({capability.card}): {'; '.join(profile.remarks)}", profile.advice)
@@ -81,26 +80,26 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
 
 
 def picture_bytes(granted: Granted) -> int:
-    """Bytes that a whole picture fills of its buffer."""
+    """Bytes of a whole picture in its buffer."""
     return needed_bytes(granted.fourcc, granted.lines, granted.columns, granted.bytes_per_line)
 
 
 def _set_input(node: Node, options: V4l2Options) -> None:
     inputs = node.inputs()
     if not inputs:
-        raise DeviceRefused(f"{node.path} has no inputs: it is no grabber", _LIST)
+        raise DeviceRefused(f"{node.path} has no inputs, so it is no grabber", _LIST)
     wanted = _best(inputs, options) if options.input is None else _named(node, inputs, str(options.input))
     node.set_input(wanted.index)
     granted = node.input()
     if granted.index != wanted.index:
         raise DeviceRefused(
-            f"{node.path} stays at input {_called(granted)} where {_called(wanted)} was asked for",
+            f"{node.path} stays at input {_called(granted)} although {_called(wanted)} was requested",
             "choose another input, or none",
         )
 
 
 def _best(inputs: Sequence[abi.Input], options: V4l2Options) -> abi.Input:
-    """The first for a camera of this standard; failing that, the first that is no tuner."""
+    """First input for a camera of this standard, or else the first that is no tuner."""
     for_cameras = [one for one in inputs if one.type != abi.INPUT_TYPE_TUNER]
     analog = [one for one in for_cameras if one.std & standards.bits(options.standard)]
     return (analog or for_cameras or inputs)[0]
@@ -138,22 +137,24 @@ def _set_standard(node: Node, options: V4l2Options) -> int:
     granted = node.standard()
     if not standards.is_50_hz(granted):
         raise DeviceRefused(
-            f"{node.path} was set to {options.standard} and is at {standards.name(granted)}",
-            "the card cannot be had at 50 Hz; use another grabber",
+            f"{node.path} was set to {options.standard} but is at {standards.name(granted)}",
+            "the card does not run at 50 Hz; use another grabber",
         )
     return granted
 
 
 def _set_format(node: Node, options: V4l2Options, profile: Profile) -> abi.PixFormat:
-    """The first wish that is granted to the letter; else the first answer that is of use all the same."""
+    """First request that is granted exactly, or else the first usable answer."""
+    # Never FIELD_ANY: with it several drivers silently deliver one field at half height.
     formats = _common_formats(node, options.format)
     orders = profile.field_orders if options.arrangement is None else (options.arrangement,)
     answers = []
     for order, fourcc in product(orders, formats):
         answer = _granted(node, _lines(order), fourcc, order)
-        if answer is not None and _is_our_size(answer) and _said(answer) == (fourcc, order):
+        if answer is not None and _is_our_size(answer) and _format_of(answer) == (fourcc, order):
             return answer
         answers.append(answer)
+    # Later requests have changed the card's state: a usable answer has to be requested once more.
     if options.arrangement is None:
         for answer in filter(None, answers):
             if _is_of_use(answer, options, profile) and _is_granted_again(node, answer):
@@ -167,7 +168,7 @@ def _common_formats(node: Node, wanted: Sequence[str]) -> Sequence[str]:
     if not common:
         raise DeviceRefused(
             f"{node.path} delivers {', '.join(offered) or 'no format at all'}, none of {', '.join(wanted)}",
-            f"option 'format' may name {', '.join(FORMATS)}; a card with none of them is of no use",
+            f"option 'format' allows {', '.join(FORMATS)}; a card with none of them cannot be used",
         )
     return common
 
@@ -184,19 +185,19 @@ def _granted(node: Node, lines: int, fourcc: str, order: int) -> abi.PixFormat |
 
 
 def _is_granted_again(node: Node, answer: abi.PixFormat) -> bool:
-    again = _granted(node, answer.height, *_said(answer))
-    return again is not None and _said(again) == _said(answer) and _is_our_size(again)
+    again = _granted(node, answer.height, *_format_of(answer))
+    return again is not None and _format_of(again) == _format_of(answer) and _is_our_size(again)
 
 
 def _is_of_use(answer: abi.PixFormat, options: V4l2Options, profile: Profile) -> bool:
-    fourcc, order = _said(answer)
+    fourcc, order = _format_of(answer)
     fields = [a for a in Arrangement if a is not Arrangement.ANY]
     if not profile.none_is_woven:
         fields.remove(Arrangement.NONE)
     return fourcc in options.format and order in fields and _is_our_size(answer)
 
 
-def _said(answer: abi.PixFormat) -> tuple[str, int]:
+def _format_of(answer: abi.PixFormat) -> tuple[str, int]:
     return abi.fourcc_name(answer.pixelformat), int(answer.field)
 
 
@@ -211,18 +212,18 @@ def _is_our_size(answer: abi.PixFormat) -> bool:
 def _nothing_granted(
     node: Node, orders: Sequence[int], formats: Sequence[str], answers: Sequence[abi.PixFormat]
 ) -> DeviceRefused:
-    asked = ", ".join(_order_name(order) for order in orders)
-    got = "; ".join(dict.fromkeys(map(_in_words, answers))) or "nothing but refusals"
+    requested = ", ".join(_order_name(order) for order in orders)
+    got = "; ".join(dict.fromkeys(map(_in_words, answers))) or "none of them"
     return DeviceRefused(
-        f"{node.path} was asked for {COLUMNS}×{FRAME_LINES} (a field: {FRAME_LINES // 2}) in field order "
-        f"{asked}, format {', '.join(formats)}; it grants {got}",
-        "leave out the options 'field_order' and 'format'; if that is not enough, this card cannot deliver "
+        f"{node.path}: requested {COLUMNS}×{FRAME_LINES} (a field: {FRAME_LINES // 2}) in field order "
+        f"{requested}, format {', '.join(formats)}; it grants {got}",
+        "remove the options 'field_order' and 'format'; if that does not help, this card cannot deliver "
         "whole PAL fields",
     )
 
 
 def _in_words(answer: abi.PixFormat) -> str:
-    fourcc, order = _said(answer)
+    fourcc, order = _format_of(answer)
     return f"{answer.width}×{answer.height} {fourcc} {_order_name(order)}"
 
 

@@ -1,4 +1,4 @@
-"""An open video node and the calls it answers; every one raises `OSError` as the kernel does."""
+"""An open video node and its calls; each raises `OSError` with the kernel's error."""
 
 import errno
 from collections.abc import Iterator
@@ -9,6 +9,7 @@ from grabberd_v4l2 import abi, ioctls
 from grabberd_v4l2.kernel import Kernel, Pages
 
 T = TypeVar("T")
+# No card has as many inputs or formats: a driver that never ends its list must not hang the thread.
 _ENDLESS = 256
 
 
@@ -25,7 +26,7 @@ class Node:
     """A descriptor of a video node.
 
     Attributes:
-        path: where it was opened.
+        path: path of the node.
     """
 
     def __init__(self, kernel: Kernel, path: Path) -> None:
@@ -34,7 +35,7 @@ class Node:
         self._fd: int | None = kernel.open(path)
 
     def close(self) -> None:
-        """Lets go of it; safe twice."""
+        """Closes the descriptor; may be called twice."""
         fd, self._fd = self._fd, None
         if fd is not None:
             self._kernel.close(fd)
@@ -45,10 +46,11 @@ class Node:
 
     def capability(self) -> Capability:
         """Query the capabilities of the node."""
-        asked = self._call(ioctls.QUERYCAP, abi.Capability())
-        own = asked.capabilities & abi.CAP_DEVICE_CAPS
-        flags = asked.device_caps if own else asked.capabilities
-        return Capability(_text(asked.driver), _text(asked.card), _text(asked.bus_info), flags)
+        found = self._call(ioctls.QUERYCAP, abi.Capability())
+        # `capabilities` are those of the whole device, `device_caps` those of this node, on newer kernels.
+        own = found.capabilities & abi.CAP_DEVICE_CAPS
+        flags = found.device_caps if own else found.capabilities
+        return Capability(_text(found.driver), _text(found.card), _text(found.bus_info), flags)
 
     def inputs(self) -> tuple[abi.Input, ...]:
         """The card's inputs."""
@@ -68,7 +70,7 @@ class Node:
         return tuple(self._enumerated(ioctls.ENUMSTD, lambda index: abi.Standard(index=index)))
 
     def standard(self) -> int:
-        """The standard set."""
+        """The selected standard."""
         return int(self._call(ioctls.G_STD, abi.StandardSet()).value)
 
     def set_standard(self, standard: int) -> None:
@@ -80,22 +82,22 @@ class Node:
         return int(self._call(ioctls.QUERYSTD, abi.StandardSet()).value)
 
     def pixel_formats(self) -> tuple[str, ...]:
-        """Names of the pixel formats that the node delivers, its own preference first."""
+        """Names of the pixel formats that the node delivers, in its own order of preference."""
         described = self._enumerated(
             ioctls.ENUM_FMT, lambda index: abi.FmtDesc(index=index, type=abi.CAPTURE)
         )
         return tuple(abi.fourcc_name(one.pixelformat) for one in described)
 
     def set_format(self, columns: int, lines: int, fourcc: str, field: int) -> None:
-        """Request a picture format; read what was granted by `format`."""
-        self._call(ioctls.S_FMT, _asked(columns, lines, fourcc, field))
+        """Request a picture format; `format` reads the granted one."""
+        self._call(ioctls.S_FMT, _format(columns, lines, fourcc, field))
 
     def tried_format(self, columns: int, lines: int, fourcc: str, field: int) -> abi.PixFormat:
         """Format that would be granted, without setting it."""
-        return _picture(self._call(ioctls.TRY_FMT, _asked(columns, lines, fourcc, field)))
+        return _picture(self._call(ioctls.TRY_FMT, _format(columns, lines, fourcc, field)))
 
     def format(self) -> abi.PixFormat:
-        """The picture format that is set."""
+        """The granted picture format."""
         return _picture(self._call(ioctls.G_FMT, abi.Format(type=abi.CAPTURE)))
 
     def request_buffers(self, count: int) -> int:
@@ -116,19 +118,19 @@ class Node:
         self._call(ioctls.QBUF, _mapped(index))
 
     def dequeue(self) -> abi.Buffer:
-        """Takes the oldest filled buffer; `BlockingIOError` if there is none."""
+        """Take the oldest filled buffer; `BlockingIOError` if there is none."""
         return self._call(ioctls.DQBUF, _mapped(0))
 
     def stream_on(self) -> None:
-        """Pictures begin to come."""
+        """Start the stream."""
         self._call(ioctls.STREAMON, abi.Integer(abi.CAPTURE))
 
     def stream_off(self) -> None:
-        """No picture comes any more, and no buffer is queued."""
+        """Stop the stream; the kernel then releases all queued buffers."""
         self._call(ioctls.STREAMOFF, abi.Integer(abi.CAPTURE))
 
     def subscribe(self, event: int) -> None:
-        """Asks to be told."""
+        """Subscribe to an event."""
         self._call(ioctls.SUBSCRIBE_EVENT, abi.EventSubscription(type=event))
 
     def event(self) -> abi.Event:
@@ -136,7 +138,7 @@ class Node:
         return self._call(ioctls.DQEVENT, abi.Event())
 
     def pause(self, seconds: float) -> None:
-        """Waits."""
+        """Sleep."""
         self._kernel.sleep(seconds)
 
     def now_ns(self) -> int:
@@ -144,7 +146,7 @@ class Node:
         return self._kernel.now_ns()
 
     def _enumerated(self, request: int, at: Any) -> Iterator[Any]:
-        """All that a card has of something; nothing where it knows no such thing."""
+        """Items of an enumeration; none if the card does not support it."""
         for index in range(_ENDLESS):
             try:
                 yield self._call(request, at(index))
@@ -154,7 +156,7 @@ class Node:
                 raise
 
     def _call(self, request: int, argument: T) -> T:
-        """The argument as the kernel leaves it; an error names the call."""
+        """Make a call; returns its argument as the kernel filled it. An error names the call."""
         try:
             self._kernel.ioctl(self._open_fd(), request, argument)
         except OSError as error:
@@ -167,7 +169,7 @@ class Node:
         return self._fd
 
 
-def _asked(columns: int, lines: int, fourcc: str, field: int) -> abi.Format:
+def _format(columns: int, lines: int, fourcc: str, field: int) -> abi.Format:
     wanted = abi.Format(type=abi.CAPTURE)
     pix = wanted.fmt.pix
     pix.width, pix.height, pix.pixelformat, pix.field = columns, lines, abi.fourcc(fourcc), field

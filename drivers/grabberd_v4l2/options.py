@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from grabberd.field import BOTTOM, TOP
 from grabberd_v4l2 import standards
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.formats import FORMATS
 from grabberd_v4l2.identity import Identity
 from grabberd_v4l2.profiles import DIRECTORY
@@ -21,18 +21,18 @@ FIELD_ORDERS = tuple(a.name.lower() for a in Arrangement if a not in (Arrangemen
 
 
 class V4l2Options(BaseModel):
-    """All of them; without any it is no grabber in particular, so `device` or `usb` must be given.
+    """All options; one of `device` and `usb` is required.
 
     Attributes:
-        device: node, or a link to it, best out of /dev/v4l/by-path.
-        usb: "VENDOR:PRODUCT"; `serial` and `port` tell equal ones apart.
-        input: the socket, by name or number; by default the first that is no tuner.
-        standard: see `standards.NAMES`.
-        format: pixel formats, the preferred first; one, or a list.
-        field_order: the one to have; by default what is best with this card.
-        older_field: "top" or "bottom": the field of a frame exposed first, where the card's profile is wrong.
-        exposure_ms: of the camera's shutter; without it that of a camera that has none is assumed.
-        buffers: asked of the kernel.
+        device: node or link to it, preferably in /dev/v4l/by-path.
+        usb: "VENDOR:PRODUCT"; `serial` and `port` tell identical ones apart.
+        input: input by name or number; by default the first that is no tuner.
+        standard: video standard, see `standards.NAMES`.
+        format: pixel formats, the preferred first; one or a list.
+        field_order: field order to request; by default the best for this card.
+        older_field: "top" or "bottom": older field of a frame, if the card's profile is wrong.
+        exposure_ms: exposure time of the camera's shutter; by default a camera without shutter is assumed.
+        buffers: number of buffers to request of the kernel.
         profiles: directory of the installer's own card profiles.
     """
 
@@ -53,22 +53,22 @@ class V4l2Options(BaseModel):
 
     @property
     def identity(self) -> Identity:
-        """Identity of the grabber, as the options give it."""
+        """Identity of the grabber."""
         return Identity.from_options(self.device, self.usb, self.serial, self.port)
 
     @property
     def arrangement(self) -> Arrangement | None:
-        """The field order to have."""
+        """Field order to request, or None."""
         return None if self.field_order is None else Arrangement[self.field_order.upper()]
 
     @property
     def older(self) -> int | None:
-        """The parity that was exposed first."""
+        """Parity of the older field, or None."""
         return None if self.older_field is None else {"top": TOP, "bottom": BOTTOM}[self.older_field]
 
     @property
     def exposure_ns(self) -> int | None:
-        """The camera's exposure."""
+        """Exposure time of the camera, or None."""
         return None if self.exposure_ms is None else round(self.exposure_ms * 1e6)
 
     @field_validator("standard")
@@ -82,7 +82,7 @@ class V4l2Options(BaseModel):
     def _known_formats(cls, given: Any) -> Any:
         wanted = (given,) if isinstance(given, str) else given
         if not isinstance(wanted, list | tuple) or not wanted or any(one not in FORMATS for one in wanted):
-            raise ValueError(f"{given!r} is not one, or a list, of {', '.join(FORMATS)}")
+            raise ValueError(f"{given!r} is neither one nor a list of {', '.join(FORMATS)}")
         return tuple(wanted)
 
     @field_validator("field_order")
@@ -94,10 +94,10 @@ class V4l2Options(BaseModel):
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> "V4l2Options":
-        """From what a configuration's `options` hold.
+        """Reads the `options` of a configuration.
 
         Raises:
-            ValueError: a line for every option that is unknown or whose value is not allowed.
+            ValueError: an option is unknown or not allowed; the message has a line for each.
         """
         names = {key: values.get(key) for key in ("device", "usb", "serial", "port")}
         problems = list(_problems(lambda: Identity.from_options(**names)))

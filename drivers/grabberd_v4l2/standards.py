@@ -18,14 +18,14 @@ NAMES = {
     "PAL-NC": 0x0400,
     "SECAM": 0xFF0000,
 }
-"""All that can be asked for; "PAL" is whichever of B to K the card likes best."""
+"""Standards that can be requested; "PAL" lets the card choose one of B to K."""
 
 
 def bits(name: str) -> int:
     """The kernel's bits of a standard; "PAL-B/G" is "PAL-BG".
 
     Raises:
-        ValueError: it is none of `NAMES`.
+        ValueError: the name is not in `NAMES`.
     """
     known = NAMES.get(name.upper().replace("/", ""))
     if known is None:

@@ -1,4 +1,4 @@
-"""Filled buffers as they come, and what the kernel says beside them."""
+"""Stream of filled buffers, with the kernel's events and errors."""
 
 import contextlib
 import errno
@@ -17,20 +17,22 @@ from grabberd_v4l2.kernel import POLL_ERR, POLL_HUP, POLL_IN, POLL_NVAL, POLL_PR
 from grabberd_v4l2.node import Node
 
 _IO_ERRORS = 3
+"""EIO of a dequeue may be temporary, as after a lost USB packet; more in a row are a failure."""
 _PAUSE_S = 0.001
+"""Pause after a poll that woke for nothing, so that such a driver does not take a whole core."""
 _EVENTS = (abi.EVENT_SOURCE_CHANGE, abi.EVENT_EOS)
 _MOST_EVENTS = 256
-_AGAIN = "it is started again; if that does not help, the device is opened again and reset"
+_AGAIN = "grabberd restarts it; if that does not help, it reopens and resets the device"
 
 
 class Filled(NamedTuple):
     """A buffer as the kernel filled it.
 
     Attributes:
-        picture: (bytes,) all of its memory, valid until it is given back.
-        bytes_used: how much of it is of this picture.
+        picture: (bytes,) all of its memory, valid until the buffer is given back.
+        bytes_used: number of bytes that this picture fills.
         flags: BUF_FLAG_*; `field`: FIELD_*; `sequence`: the driver's count.
-        time_ns: the driver's timestamp; `arrival_ns`: CLOCK_MONOTONIC when it was taken here.
+        time_ns: the driver's timestamp; `arrival_ns`: CLOCK_MONOTONIC when it was dequeued.
     """
 
     picture: NDArray[np.uint8]
@@ -46,15 +48,15 @@ class Stream:
     """A node that streams into mapped buffers.
 
     Attributes:
-        buffers: their number.
+        buffers: number of buffers.
     """
 
     def __init__(self, node: Node, count: int, picture_bytes: int) -> None:
-        """Makes, queues and starts.
+        """Allocates and queues the buffers, and starts the stream.
 
         Raises:
             DeviceRefused: the buffers are too few or too small.
-            OSError: as the kernel answers; nothing is left behind.
+            OSError: a call failed; everything is released again.
         """
         self._node = node
         self._io_errors = 0
@@ -72,28 +74,28 @@ class Stream:
         if refusal is not None:
             raise refusal
         for event in _EVENTS:
-            with contextlib.suppress(OSError):  # hardly a card has any
+            with contextlib.suppress(OSError):  # hardly any card supports events
                 self._node.subscribe(event)
         self._node.stream_on()
 
     def stop(self) -> None:
-        """Stops, unmaps and frees; safe twice, and on a node that is gone."""
+        """Stops the stream and releases its buffers; may be called twice, and on a node that is gone."""
         with contextlib.suppress(OSError):
             self._node.stream_off()
         self._buffers.release()
 
     def source_changed(self) -> bool:
-        """True if the kernel signalled it since the last call."""
+        """True if the kernel has signalled a change of the source since the last call."""
         changed, self._source_changed = self._source_changed, False
         return changed
 
     @contextmanager
     def dequeue(self, timeout_s: float) -> Iterator[Filled | None]:
-        """The oldest filled buffer, or None when the time is over; leaving the block gives it back.
+        """The oldest filled buffer, or None after the timeout; leaving the block gives it back.
 
         Raises:
             DeviceLost: the node is gone.
-            StreamFailed: it is there, but no more pictures will come.
+            StreamFailed: the node is there, but delivers no more pictures.
         """
         taken = self._wait(timeout_s)
         try:
@@ -111,7 +113,7 @@ class Stream:
             taken = self._take() if ready & POLL_IN else None
             if taken is not None or self._node.now_ns() >= deadline_ns:
                 return taken
-            if ready:  # woken for nothing: such a driver may go on like that
+            if ready:  # woken for nothing, which such a driver may do again and again
                 self._node.pause(_PAUSE_S)
 
     def _keep_queue_filled(self) -> None:
@@ -121,7 +123,7 @@ class Stream:
         if refusal.errno in GONE:
             raise self._failed(refusal)
         raise StreamFailed(
-            f"{self._node.path} takes back no buffers, {self._buffers.queued} of {self.buffers} are left "
+            f"{self._node.path} accepts no buffers, {self._buffers.queued} of {self.buffers} are left "
             f"({refusal.strerror})",
             _AGAIN,
         )
@@ -135,6 +137,7 @@ class Stream:
         return ready
 
     def _broken(self, ready: int) -> DeviceError:
+        # ERR alone may also mean that the queue has failed while the device is there: a harmless call tells.
         gone = bool(ready & (POLL_HUP | POLL_NVAL))
         if not gone:
             try:
@@ -143,12 +146,12 @@ class Stream:
                 gone = error.errno in GONE
         if gone:
             return DeviceLost(
-                f"{self._node.path} went away", "plug the grabber in; it is tried again by itself"
+                f"{self._node.path} has disappeared", "plug the grabber in; grabberd retries automatically"
             )
         return StreamFailed(f"{self._node.path} has stopped streaming with an error", _AGAIN)
 
     def _drain_events(self) -> None:
-        """An event that is left lying would wake every poll from now on."""
+        """Read all pending events: one that is left would wake every poll from now on."""
         for _ in range(_MOST_EVENTS):
             try:
                 event = self._node.event()
@@ -166,13 +169,13 @@ class Stream:
             return None
         if buffer.index >= self.buffers:
             raise StreamFailed(
-                f"{self._node.path} fills a buffer {buffer.index} that it does not have", _AGAIN
+                f"{self._node.path} returns buffer {buffer.index}, which does not exist", _AGAIN
             )
         self._io_errors = 0
         return buffer.index, self._filled(buffer)
 
     def _after_failed_dequeue(self, error: OSError) -> None:
-        """One EIO may be a hiccup; the buffer that it cost is offered again."""
+        """Tolerate a few EIO in a row; a buffer lost to one is queued again."""
         self._io_errors += 1
         if error.errno != errno.EIO or self._io_errors > _IO_ERRORS:
             raise self._failed(error)
@@ -183,8 +186,8 @@ class Stream:
             raise self._failed(worse) from error
 
     def _failed(self, error: OSError) -> DeviceError:
-        told = failure(error, self._node.path, DeviceLost)
-        return told if isinstance(told, DeviceLost) else StreamFailed(told.message, _AGAIN)
+        found = failure(error, self._node.path, DeviceLost)
+        return found if isinstance(found, DeviceLost) else StreamFailed(found.message, _AGAIN)
 
     def _filled(self, buffer: abi.Buffer) -> Filled:
         time_ns = buffer.timestamp.tv_sec * 1_000_000_000 + buffer.timestamp.tv_usec * 1_000

@@ -1,4 +1,4 @@
-"""Facts about video nodes and USB that need no open device: /sys and the links in /dev."""
+"""Facts about video nodes and USB devices from /sys and the links in /dev, without opening a device."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,20 +14,20 @@ class Roots(NamedTuple):
 
 
 SYSTEM = Roots()
-"""This computer's own."""
+"""Root folders of this computer."""
 
 
 @dataclass(frozen=True, slots=True)
 class UsbPlace:
-    """A USB device where it is plugged in.
+    """A USB device and its location.
 
     Attributes:
         vendor_product: e.g. "05e1:0408", in lower case.
-        serial: as the device tells it; most cheap ones have none.
-        port: bus and the hubs' ports, e.g. "1-2.3": the same for as long as the cable stays where it is.
-        bus: number of the bus; `address`: on it, another one after every reset.
-        speed_mbit_s: as negotiated: 1.5, 12, 480, 5000 …
-        name: manufacturer and product as the device tells them, or "".
+        serial: the device's serial number; most cheap ones have none.
+        port: bus and the hubs' ports, e.g. "1-2.3": unchanged as long as the cable is not moved.
+        bus: number of the bus; `address`: address on it, which changes with every reset.
+        speed_mbit_s: negotiated speed: 1.5, 12, 480, 5000 …
+        name: the device's own manufacturer and product strings, or "".
     """
 
     vendor_product: str
@@ -48,12 +48,12 @@ class VideoNode:
     """A video node of the kernel.
 
     Attributes:
-        path: e.g. /dev/video0; its number may be another one after a restart or a replug.
-        index: among the nodes of one device; 0 is its picture.
-        card: the name that the kernel's driver gives it.
-        kernel_driver: e.g. "stk1160", or "" where the kernel does not tell.
-        by_path: the link that names it by where it is plugged in; `by_id`: by what it is.
-        usb: where it is plugged in, None for what is not on USB.
+        path: path, e.g. /dev/video0; its number may change after a reboot or after replugging.
+        index: index among the nodes of one device; 0 has the pictures.
+        card: name given by the kernel driver.
+        kernel_driver: name of the driver, e.g. "stk1160", or "" if unknown.
+        by_path: link that identifies it by its location; `by_id`: by its identity.
+        usb: the USB device, or None for other buses.
     """
 
     path: Path
@@ -75,6 +75,7 @@ def video_nodes(roots: Roots = SYSTEM) -> tuple[VideoNode, ...]:
     if not folder.is_dir():
         return ()
     by_path, by_id = (_links(roots.dev / "v4l" / kind) for kind in ("by-path", "by-id"))
+    # By length first: video10 comes after video9.
     entries = sorted(folder.glob("video*"), key=lambda entry: (len(entry.name), entry.name))
     return tuple(_video_node(entry, roots, by_path, by_id) for entry in entries)
 
@@ -104,7 +105,7 @@ def _video_node(entry: Path, roots: Roots, by_path: dict[Path, Path], by_id: dic
 
 
 def _links(folder: Path) -> dict[Path, Path]:
-    """Name of each node in a folder of links; the first of several."""
+    """Link to each node in a folder of links; the first by name of several."""
     links = sorted(folder.iterdir(), reverse=True) if folder.is_dir() else []
     return {_real(link): link for link in links}
 
@@ -118,7 +119,7 @@ def _real(path: Path) -> Path:
 
 
 def _usb_place(device: Path) -> UsbPlace | None:
-    """The USB device of this folder, None where it is none or vanishes while it is read."""
+    """The USB device of this folder; None if it is none or vanishes while it is read."""
     if not (device / "idVendor").is_file():
         return None
     words = {name: _text(device / name) for name in _ATTRIBUTES}
@@ -131,7 +132,7 @@ def _usb_place(device: Path) -> UsbPlace | None:
         bus=int(words["busnum"]),
         address=int(words["devnum"]),
         speed_mbit_s=float(words["speed"]),
-        name=" ".join(_told(words)),
+        name=" ".join(_own_names(words)),
     )
 
 
@@ -139,7 +140,7 @@ _NEEDED = ("idVendor", "idProduct", "busnum", "devnum", "speed")
 _ATTRIBUTES = (*_NEEDED, "serial", "manufacturer", "product")
 
 
-def _told(words: dict[str, str]) -> Iterator[str]:
+def _own_names(words: dict[str, str]) -> Iterator[str]:
     return (words[name] for name in ("manufacturer", "product") if words[name])
 
 

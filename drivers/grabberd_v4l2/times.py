@@ -1,9 +1,9 @@
 """Exposure times and sequence numbers of the fields in a buffer.
 
-Drivers stamp a buffer in software when the last field in it is over. A camera without a shutter exposes a
-field while it reads the one before, so the exposure ends as the read-out begins: its middle lies 1.5 field
+Drivers stamp a buffer in software at the end of its last field. A camera without a shutter exposes a field
+while it reads out the one before, so the exposure ends as the read-out begins: its middle lies 1.5 field
 periods before the stamp. A shutter shortens the exposure at its beginning and moves its middle by up to half
-a period; as long as nobody tells the exposure, that is part of the standard deviation.
+a period; unless the exposure is given, that is part of the standard deviation.
 """
 
 import math
@@ -16,7 +16,8 @@ from grabberd_v4l2.layout import LaidField, Layout
 from grabberd_v4l2.profiles import Profile
 
 PERIOD_NS = 20_000_000
-"""From field to field."""
+"""Time from field to field."""
+# Scheduling and USB batches of up to 8 ms delay a buffer's arrival in this process.
 _ARRIVAL_SIGMA_NS = 5_000_000
 _WRAP = 2**32
 
@@ -26,9 +27,9 @@ class Stamp(NamedTuple):
 
     Attributes:
         time_ns: the driver's timestamp.
-        flags: of the buffer; they tell the timestamp's clock.
+        flags: flags of the buffer, which include the timestamp's clock.
         sequence: the driver's count, modulo 2³².
-        arrival_ns: when it was dequeued, CLOCK_MONOTONIC.
+        arrival_ns: time of its dequeuing, CLOCK_MONOTONIC.
     """
 
     time_ns: int
@@ -41,9 +42,9 @@ class FieldTime(NamedTuple):
     """A field's time and place.
 
     Attributes:
-        time_ns: middle of its exposure.
-        sequence: the driver's own count without its wrap. Frames of two fields count two; where fields come
-            one a buffer it is what the driver says, be it a number of fields or of frames.
+        time_ns: middle of the field's exposure.
+        sequence: the driver's own count, unwrapped. Frames of two fields count two; with one field per buffer
+            it is the driver's number, whether it counts fields or frames.
     """
 
     time_ns: int
@@ -54,12 +55,12 @@ class FieldTimes:
     """From the stamps of buffers to times and counts of fields.
 
     Args:
-        layout: of the buffers.
-        profile: says whether the driver's timestamps are to be believed.
-        exposure_ns: of the camera, if it is known.
+        layout: layout of the buffers.
+        profile: profile of the driver, with the trust in its timestamps.
+        exposure_ns: exposure time of the camera, if known.
 
     Raises:
-        ValueError: an exposure that is longer than a field.
+        ValueError: the exposure is longer than a field.
     """
 
     def __init__(self, layout: Layout, profile: Profile, exposure_ns: int | None = None) -> None:
@@ -70,7 +71,7 @@ class FieldTimes:
         self._per_buffer = 2 if layout.order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1
         self._believed = profile.trusts_time
         self._half_exposure_ns = (PERIOD_NS if exposure_ns is None else exposure_ns) // 2
-        # Anything from none to a whole period is as likely: the middle is off by up to half of it.
+        # Any exposure up to a whole period is equally likely, which moves the middle by up to half of it.
         unknown_ns = PERIOD_NS / 2 / math.sqrt(3) if exposure_ns is None else 0.0
         stamp_ns = profile.time_sigma_ms * 1e6 if profile.trusts_time else _ARRIVAL_SIGMA_NS
         self._sigma_ns = round(math.hypot(unknown_ns, stamp_ns))
@@ -83,21 +84,21 @@ class FieldTimes:
         return self._sigma_ns
 
     def restarted(self) -> None:
-        """The driver's count begins anew."""
+        """Forgets the driver's count, which starts again."""
         self._count, self._last_ns = None, None
 
     def handed_back(self, stamp: Stamp) -> bool:
         """True if a buffer was returned without a field of the camera; call it for each buffer, in order.
 
-        A driver that gives up waiting for the camera flags all its buffers and returns them at one time; the
-        first of them stands for the field that did not come.
+        A driver that gives up waiting for the camera flags all its buffers and returns them at once; the
+        first of them stands for the missing field.
         """
         before_ns, self._last_ns = self._last_ns, stamp.time_ns
         flagged = bool(stamp.flags & abi.BUF_FLAG_ERROR)
         return flagged and before_ns is not None and abs(stamp.time_ns - before_ns) < PERIOD_NS // 2
 
     def of(self, stamp: Stamp, fields: Sequence[LaidField]) -> tuple[FieldTime, ...]:
-        """Times of the fields of one buffer; buffers are given in order."""
+        """Times of the fields of one buffer; to be called in the order of the buffers."""
         newest_ns, last = self._newest_ns(stamp), self._counted(stamp.sequence) * self._per_buffer
         return tuple(
             FieldTime(newest_ns - field.age_steps * PERIOD_NS, last + self._per_buffer - 1 - field.age_steps)
@@ -108,12 +109,13 @@ class FieldTimes:
         """Middle of the exposure of a buffer's newest field."""
         if not self._believed or not _is_monotonic(stamp.flags):
             return stamp.arrival_ns - PERIOD_NS - self._half_exposure_ns
+        # SOE: the stamp is the start of exposure, as from UVC devices, not the end of the last field.
         if stamp.flags & abi.BUF_FLAG_TSTAMP_SRC_MASK == abi.BUF_FLAG_TSTAMP_SRC_SOE:
             return stamp.time_ns + (self._per_buffer - 1) * PERIOD_NS + self._half_exposure_ns
         return stamp.time_ns - PERIOD_NS - self._half_exposure_ns
 
     def _counted(self, sequence: int) -> int:
-        """The driver's count without its wrap; a count that falls back falls back here too."""
+        """The driver's count, unwrapped; if the driver counts backward, so does the result."""
         if self._count is None:
             self._count = sequence
         self._count += (sequence - self._count + _WRAP // 2) % _WRAP - _WRAP // 2

@@ -1,6 +1,6 @@
-"""USB: what a bus can carry, and the reset that revives a hung grabber.
+"""USB: bandwidth warnings, and the reset that revives a hung grabber.
 
-/sys tells all there is to know; only the reset needs libusb. Without that library everything else works.
+All facts come from /sys; only the reset needs libusb. Without that library everything else works.
 """
 
 import errno
@@ -12,17 +12,17 @@ from grabberd_v4l2.identity import Identity, find_node
 from grabberd_v4l2.sysfs import SYSTEM, Roots, UsbPlace, VideoNode, usb_places, video_nodes
 
 HIGH_SPEED_MBIT_S = 480.0
-"""USB 2.0."""
+"""Speed of USB 2.0."""
 
 RULE = "72-grabberd.rules"
 """The udev rule in the driver's folder `udev`."""
 
 GONE = (errno.ENODEV, errno.ENOENT)
-"""What is said of a device that comes back from its reset as another one; the next open finds it."""
+"""Error numbers of a reset after which the device has returned as another one; the next open finds it."""
 
 
 def libusb() -> Any | None:
-    """The system's libusb for pyusb, None where it is not installed or does not start."""
+    """The system's libusb for pyusb, or None if it is not installed or does not start."""
     from usb.backend import libusb1  # type: ignore[import-untyped] # noqa: PLC0415 - loads a library that may be missing
 
     return libusb1.get_backend()
@@ -31,13 +31,13 @@ def libusb() -> Any | None:
 def reset_of(
     identity: Identity, roots: Roots = SYSTEM, find_backend: Callable[[], Any | None] = libusb
 ) -> None:
-    """Resets a grabber as pulling its plug would; it is back, under whatever node, in about half a second.
+    """Resets a grabber as pulling its plug would; it returns, maybe as another node, in about half a second.
 
-    Nobody may have its node open.
+    No program may have its node open.
 
     Raises:
-        DeviceAbsent: it is not there.
-        DeviceRefused: it is not on USB, libusb is missing, or the rights are.
+        DeviceAbsent: the grabber is not there.
+        DeviceRefused: the grabber is not on USB, or libusb or permissions are missing.
     """
     place = _place_of(identity, roots)
     device = _device_at(place, find_backend())
@@ -54,14 +54,14 @@ def remarks_on(node: VideoNode, nodes: Iterable[VideoNode]) -> Iterator[str]:
         return
     if node.usb.speed_mbit_s < HIGH_SPEED_MBIT_S:
         yield (
-            f"It runs at {node.usb.speed_mbit_s:g} Mbit/s (USB 1.1), PAL takes 166: plug it straight into a "
-            f"USB 2.0 port, with another cable."
+            f"It runs at {node.usb.speed_mbit_s:g} Mbit/s (USB 1.1), but PAL takes 166: plug it directly "
+            f"into a USB 2.0 port, with another cable."
         )
     others = [other for other in nodes if _share_a_bus(node, other)]
     if others:
         yield (
             f"It shares USB bus {node.usb.bus} with {' and '.join(str(other.path) for other in others)}: PAL "
-            f"takes 20.7 MB/s, and a USB 2.0 bus carries that once. Plug one into a port of another bus."
+            f"takes 20.7 MB/s, which a USB 2.0 bus carries only once. Plug one into a port of another bus."
         )
 
 
@@ -79,7 +79,7 @@ def _place_of(identity: Identity, roots: Roots) -> UsbPlace:
     if place is None:
         raise DeviceRefused(
             f"{identity} cannot be reset by software: it is not on USB",
-            "restart the computer; switching it off for ten seconds resets a card that even this leaves hung",
+            "reboot the computer; if the card still hangs, switch the computer off for ten seconds",
         )
     return place
 
@@ -102,27 +102,27 @@ def _device_at(place: UsbPlace, backend: Any | None) -> Any:
     if backend is None:
         raise DeviceRefused(
             f"{place} cannot be reset: the library libusb-1.0 is missing, or does not start",
-            "install it (Debian: apt install libusb-1.0-0), and let the service use AF_NETLINK; all but the "
-            "reset works without it",
+            "install it (Debian: apt install libusb-1.0-0), and allow the service AF_NETLINK; everything but "
+            "the reset works without it",
         )
     vendor, product = (int(word, 16) for word in place.vendor_product.split(":"))
     device = usb.core.find(
         backend=backend, bus=place.bus, address=place.address, idVendor=vendor, idProduct=product
     )
     if device is None:
-        raise DeviceAbsent(f"{place} has just gone", "plug it in")
+        raise DeviceAbsent(f"{place} has just disappeared", "plug it in")
     return device
 
 
 def _refusal(place: UsbPlace, error: OSError) -> DeviceError:
     if error.errno in (errno.EACCES, errno.EPERM):
         return DeviceRefused(
-            f"{place} cannot be reset: no right to write to /dev/bus/usb/{place.bus:03}/{place.address:03}",
+            f"{place} cannot be reset: no permission for /dev/bus/usb/{place.bus:03}/{place.address:03}",
             f"install the udev rule {RULE} into /etc/udev/rules.d, run 'udevadm control --reload', plug the "
             f"grabber in again, and run grabberd in the group video",
         )
     return DeviceRefused(
         f"{place} could not be reset: {error.strerror or error}",
-        "pull its plug and put it back; a service that may not open USB devices at all fails like this, too: "
-        "it needs DeviceAllow=char-usb_device rw",
+        "unplug it and plug it in again; a service without permission to open USB devices fails like this, "
+        "too: it needs DeviceAllow=char-usb_device rw",
     )

@@ -1,4 +1,4 @@
-"""Signal status of a streaming card, polled about once a second."""
+"""Signal and standard of a streaming card, polled about once a second."""
 
 from typing import NamedTuple
 
@@ -8,24 +8,25 @@ from grabberd_v4l2.node import Node
 from grabberd_v4l2.profiles import SignalSource
 
 _NO_SIGNAL = abi.IN_ST_NO_POWER | abi.IN_ST_NO_SIGNAL | abi.IN_ST_NO_H_LOCK
+# Time for a decoder to lock.
 _RECHECK_NS = 250_000_000
 
 
 class _Look(NamedTuple):
-    """Signal, and what is wrong with the standard."""
+    """Signal status, and the problem with the standard, if any."""
 
     signal: Signal
     trouble: str | None
 
 
 class Watch:
-    """Asks for signal and standard where the card is known to tell.
+    """Queries signal and standard, if the card is known to report them.
 
-    A wrong standard is believed when it is seen twice: decoders guess while they lock.
+    A wrong standard has to be seen twice, since decoders guess while they lock.
 
     Attributes:
-        trouble: why the stream is of no use any more, or None.
-        tells: whether the card said anything of the signal when it was last asked.
+        trouble: reason why the stream has become unusable, or None.
+        tells: True if the card reported a signal status when last queried.
     """
 
     def __init__(self, node: Node, source: SignalSource) -> None:
@@ -48,12 +49,12 @@ class Watch:
         return signal
 
     def look_again(self) -> None:
-        """To be called often: asks only while a wrong standard waits to be confirmed."""
+        """Queries again only while a wrong standard waits to be confirmed, so it may be called often."""
         if self._suspect_ns is not None and self._node.now_ns() - self._suspect_ns >= _RECHECK_NS:
             self.look()
 
     def settle(self) -> str | None:
-        """Waits a moment for a decoder that sees a wrong standard; what is wrong if it goes on doing so."""
+        """Waits a moment for the decoder to lock; returns the problem if it still sees a wrong standard."""
         self.look()
         while self._suspect_ns is not None and self.trouble is None:
             self._node.pause(_RECHECK_NS / 5e9)
@@ -84,7 +85,7 @@ class Watch:
         return f"another program has set the card to {standards.name(standard)}"
 
     def _wrong_camera(self, signal: Signal) -> str | None:
-        """Without a signal many cards guess 60 Hz."""
+        """The problem with the camera's standard; only with a signal, without one many cards guess 60 Hz."""
         if signal is not Signal.PRESENT:
             return None
         try:

@@ -21,8 +21,8 @@ from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE
 from grabberd_fake import FakeGrabber, FakeOptions, truth_at
-from grabberd_fake.clock import JumpingClock
 from grabberd_fake.documents import calibration_document, object_document
+from grabberd_fake.grabber import JumpingClock
 
 FIELDS = 64
 START_NS = 10_000_000_000

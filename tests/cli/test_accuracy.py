@@ -103,7 +103,7 @@ def test_an_8_bit_capture_is_compared_with_any_number_of_bits(grey: Path, truth:
 def test_a_1_bit_capture_is_not(binary: Path, truth: Path) -> None:
     result = run("accuracy", binary, "--calibration", CALIBRATION, "--truth", truth, "--bits", "4")
     assert isinstance(result.exception, InputError)
-    assert "cannot be quantised anew" in str(result.exception)
+    assert "cannot be requantised" in str(result.exception)
 
 
 @pytest.mark.parametrize("bits", ["0", "9", "one", "1;2"])

@@ -113,7 +113,7 @@ def test_scripts_are_told_what_was_found_what_lacks_and_where_it_is(analysed: tu
     assert abs(found["summary"]["period_s"] - PERIOD_S) < 4 * found["summary"]["sigma_period_s"]
     assert (found["id"], found["run"], found["summary"]["missing"]) == ("milking", 1, 2)
     assert found["lacks"] == []
-    assert "2 in all, and nothing stands in for them: 2 after field 19" in found["problems"][0]
+    assert "2 fields are missing and were not filled in: 2 after field 19" in found["problems"][0]
     assert {Path(path).name for path in found["files"]} == written(out)
 
 
@@ -338,8 +338,8 @@ def test_a_material_that_lacks_something_names_it(resting: Path, tmp_path: Path)
     [
         ({"colour": "red"}, "colour"),
         ({"reference": "closed"}, "reference"),
-        ({"reference": {"phase": 0.4}}, "there is none"),
-        ({"reference": {"field": 7}}, "field 7, which has no points"),
+        ({"reference": {"phase": 0.4}}, "does not exist"),
+        ({"reference": {"field": 7}}, "field 7 has no points"),
         ({"plane": {"point_mm": [0, 0, 0], "normal": [0, 0, 0]}}, "plane.normal"),
         ({"phases": 1}, "phases"),
         ({"sought_kpa": 0}, "sought_kpa"),

@@ -127,7 +127,7 @@ def test_the_threshold_is_chosen_once_and_for_the_bits(at_rest):
 def test_fields_of_fewer_bits_or_doubled_lines_cannot_be_quantised_anew(bits, doubled):
     field = double_lines(GREY) if doubled else GREY
     taken = NumberedField(0, 0, 0, quantise(field, bits, 100))
-    with pytest.raises(InputError, match="cannot be quantised anew") as refusal:
+    with pytest.raises(InputError, match="cannot be requantised") as refusal:
         list(requantised([taken], 1, doubled=False))
     assert "--bits 8" in refusal.value.hint
 

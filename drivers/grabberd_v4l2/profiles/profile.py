@@ -1,4 +1,4 @@
-"""The profile of a driver of the kernel, and where profiles come from."""
+"""Profiles of kernel drivers, built in or the installer's own."""
 
 from collections.abc import Iterable, Mapping
 from enum import StrEnum
@@ -12,12 +12,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_valida
 
 from grabberd.acquisition.discovery import Verdict
 from grabberd.field import BOTTOM, TOP
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 
 DIRECTORY = Path("/etc/grabberd/profiles.d")
-"""Where an installer's own profiles are."""
+"""Directory of the installer's own profiles."""
 DEFAULT = "default"
-"""The profile of drivers that nothing is known of."""
+"""Profile of unknown drivers."""
 
 _BUILT_IN = files(__package__)
 _PARITIES = {"top": TOP, "bottom": BOTTOM}
@@ -35,19 +35,19 @@ class Profile(BaseModel):
     """Profile of a kernel driver; its fields are the keys of its file.
 
     Attributes:
-        driver: its name as VIDIOC_QUERYCAP tells it, and the name of the file.
-        also: other names of it.
-        older: "top" or "bottom": the field of a woven frame that was exposed first.
-        field_orders: arrangements to ask for, the best first; others are not asked for.
-        none_is_woven: it says NONE of frames that are woven of two fields.
-        trusts_sequence: its count grows when a field is lost.
-        trusts_time: it stamps buffers when their last field is over.
-        time_sigma_ms: standard deviation of that.
-        trusts_flags: damaged pictures bear a flag, so others are whole; else only their content tells.
-        signal_source: where it says that there is no camera.
-        verdict: what to think of it in a word.
-        remarks: why, in sentences.
-        advice: what to do where it is not good enough.
+        driver: name of the driver in VIDIOC_QUERYCAP, and name of the file.
+        also: other names of the driver.
+        older: "top" or "bottom": field of a woven frame that was exposed first.
+        field_orders: arrangements to request, the best first; others are never requested.
+        none_is_woven: True if the driver reports NONE for frames that are woven of two fields.
+        trusts_sequence: True if the driver's count grows when a field is lost.
+        trusts_time: True if the driver stamps buffers at the end of their last field.
+        time_sigma_ms: standard deviation of the stamps.
+        trusts_flags: True if damaged pictures are flagged; otherwise only their content shows damage.
+        signal_source: query that reports a missing camera.
+        verdict: verdict on the driver.
+        remarks: reasons for the verdict, as sentences.
+        advice: advice if the driver is not good enough.
         usb_ids: "VID:PID" of devices that it drives.
     """
 
@@ -76,7 +76,7 @@ class Profile(BaseModel):
     @field_validator("field_orders", mode="before")
     @classmethod
     def _named(cls, names: Any) -> Any:
-        """Arrangements by their names, never ANY: several drivers then give one field at half height."""
+        """Arrangements by name, never ANY, with which several drivers give one field at half height."""
         known = {a.name.lower(): a for a in Arrangement if a is not Arrangement.ANY}
         if not isinstance(names, list | tuple):
             raise ValueError("a list of field orders is expected")
@@ -90,8 +90,8 @@ class Profiles(NamedTuple):
     """All profiles.
 
     Attributes:
-        by_driver: by every name of a driver.
-        remarks: which of the installer's files are broken, and what is wrong with them.
+        by_driver: profiles by each name of a driver.
+        remarks: problems of the installer's files that were not used.
     """
 
     by_driver: Mapping[str, Profile]
@@ -99,9 +99,9 @@ class Profiles(NamedTuple):
 
     @classmethod
     def load(cls, directory: Path = DIRECTORY) -> "Profiles":
-        """The built-in ones, each overridden key by key by the installer's file of the same driver.
+        """Load the built-in profiles, overridden key by key by the installer's file of the same driver.
 
-        A file that cannot be used is left out and named in `remarks`.
+        An invalid file is skipped and named in `remarks`.
         """
         documents = {document["driver"]: document for document in map(_read, _yaml_files(_BUILT_IN))}
         remarks = []
@@ -117,13 +117,13 @@ class Profiles(NamedTuple):
         return cls({name: p for p in profiles for name in (p.driver, *p.also)}, tuple(remarks))
 
     def of(self, kernel_driver: str) -> Profile:
-        """The profile of a driver; the default one, under its name, where nothing is known of it."""
+        """The profile of a driver; for an unknown one, the default profile under its name."""
         known = self.by_driver.get(kernel_driver)
         return known or self.by_driver[DEFAULT].model_copy(update={"driver": kernel_driver})
 
 
 def _merged(documents: Mapping[str, dict[str, Any]], own: dict[str, Any]) -> dict[str, Any]:
-    """The document of the same driver, under whichever of its names, with the installer's own values."""
+    """The document of the same driver, under any of its names, overridden by the installer's values."""
     named = {name: d["driver"] for d in documents.values() for name in d.get("also", ())}
     driver = named.get(own["driver"], own["driver"])
     return {**documents.get(driver, documents[DEFAULT]), **own, "driver": driver}
@@ -138,7 +138,7 @@ def _yaml_files(directory: Traversable) -> Iterable[Traversable]:
 def _read(file: Traversable) -> dict[str, Any]:
     document = yaml.safe_load(file.read_text(encoding="utf-8"))
     if not isinstance(document, dict) or not isinstance(document.get("driver"), str):
-        raise ValueError("it has no key 'driver' that names a driver of the kernel")
+        raise ValueError("it has no key 'driver' with the name of a kernel driver")
     return document
 
 

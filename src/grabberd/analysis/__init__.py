@@ -5,7 +5,6 @@ from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap, Shares
 from grabberd.analysis.load.pressure_model import PressureModel
 from grabberd.analysis.load.touch import FreeWall, Touch, first_touch, free_wall, since_touch
-from grabberd.analysis.pulsation.gaps import Gap, gaps
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average
 from grabberd.analysis.pulsation.phases import Phases, iso_phases, wall_phases
@@ -56,7 +55,6 @@ __all__ = [
     "Estimate",
     "Forms",
     "FreeWall",
-    "Gap",
     "Grid",
     "Height",
     "Hits",
@@ -105,7 +103,6 @@ __all__ = [
     "fit_surface",
     "free_shape",
     "free_wall",
-    "gaps",
     "grey_at",
     "index",
     "iso_phases",

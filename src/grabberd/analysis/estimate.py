@@ -10,8 +10,8 @@ class Estimate(NamedTuple):
     """Values and their σ.
 
     Attributes:
-        value: any shape; the unit stands in the name of the field or function that gives it.
-        sigma: (same shape) one standard deviation, in the same unit; NaN where the value is.
+        value: values of any shape; the unit is in the name of the field or function that returns them.
+        sigma: (same shape) one standard deviation, in the same unit; NaN where the value is NaN.
     """
 
     value: NDArray[np.float64]

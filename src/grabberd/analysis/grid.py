@@ -1,4 +1,4 @@
-"""The target grid: which place of the material a target marks, and which targets are neighbours."""
+"""The target grid: material coordinates of the targets, and their neighbours."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import ObjectModel
 
+# Curvature needs three points in each direction.
 _LEAST = 3
 
 
@@ -20,14 +21,14 @@ class Grid:
 
     Attributes:
         target: (N,) int32, ids, ascending; `row`, `column`: (N,) int32, from 0.
-        nominal_mm: (N, 3) places in the object model.
+        nominal_mm: (N, 3) positions in the object model.
         u_mm: (N,) material coordinates; `v_mm`: (N,).
-        u_pitch_mm: mean distance of nominal neighbours in adjoining rows; `v_pitch_mm`: columns.
-        outward: 1.0 where X_u × X_v points outward (towards the cameras, +z, on the nominal object), or −1.0.
-        triangles: (K, 3) indices of targets: two triangles for each cell of four, counter-clockwise as seen
-            from outside.
-        homologous: whether a target is the same point of the material in every field; where not, the grid
-            says only where there are targets, and u, v are no coordinates of the material.
+        u_pitch_mm: mean distance of nominal neighbours in adjoining rows; `v_pitch_mm`: in columns.
+        outward: 1.0 if X_u × X_v points outward (towards the cameras, +z, on the nominal object), else −1.0.
+        triangles: (K, 3) indices of targets: two triangles for each cell of four, counter-clockwise seen from
+            outside.
+        homologous: True if a target is the same point of the material in every field; if False, the grid only
+            shows where targets may be, and u, v are no material coordinates.
     """
 
     target: NDArray[np.int32]
@@ -60,7 +61,7 @@ class Grid:
         if not len(cells):
             raise AnalysisError(
                 f"the object model {model.name!r} has no four targets that are neighbours",
-                "give every target of the object file its row and column of the target grid",
+                "give every target of the object file its row and column in the target grid",
             )
         outward = _outward(model.xyz_mm, cells)
         return cls(
@@ -78,10 +79,10 @@ class Grid:
         )
 
     def indices(self, target: NDArray[np.int32]) -> NDArray[np.intp]:
-        """(M,) where these ids stand in the grid.
+        """(M,) indices of these ids in the grid.
 
         Raises:
-            AnalysisError: an id that the object model does not have.
+            AnalysisError: an id is missing from the object model.
         """
         unknown = np.setdiff1d(target, self.target)
         if len(unknown):

@@ -9,6 +9,7 @@ import sys
 
 from grabberd.errors import ConfigError, GrabberdError
 
+# From sysexits.h. The systemd unit does not restart on 78: restarting cannot fix a bad configuration.
 EX_IOERR = 74
 EX_CONFIG = 78
 

@@ -77,7 +77,7 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
             results = [_of_points(reader.timed_points(run), known, settings)]
         else:
             setup = _setup(reader, calibration, object_model, line_jitter, method)
-            results = list(_anew(reader, setup, wanted, lines, known, settings))
+            results = list(_remeasured(reader, setup, wanted, lines, known, settings))
     if json:
         print_json(document(results))
     else:
@@ -90,7 +90,7 @@ def _of_points(points: MeasuredPoints, truth: "Truth", settings: "InvestigationS
     return investigate(points, truth, settings)
 
 
-def _anew(
+def _remeasured(
     reader: "CaptureReader",
     setup: "MeasureSetup",
     wanted: list[int],
@@ -104,8 +104,8 @@ def _anew(
 
     with Progress(console=progress_console, transient=True) as progress:
         for bits in wanted or [settings.bits]:
-            words = f"measuring, {bits} {'bit' if bits == 1 else 'bits'}"
-            fields = progress.track(reader.received(), total=reader.field_count, description=words)
+            label = f"measuring, {bits} {'bit' if bits == 1 else 'bits'}"
+            fields = progress.track(reader.received(), total=reader.field_count, description=label)
             if wanted:
                 fields = requantised(fields, bits, doubled=(lines or _usual(bits)) == "doubled")
             points = ((one.n, one.time_ns, one.points) for one in measure_fields(fields, setup))

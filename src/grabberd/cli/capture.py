@@ -119,10 +119,10 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     if json:
         print_json(document)
     else:
-        _say(out, document)
+        _summarise(out, document)
 
 
-def _say(out: Path, document: dict[str, Any]) -> None:
+def _summarise(out: Path, document: dict[str, Any]) -> None:
     words = document["ledger"]["in_words"]
     if document["ended_because"] != "length reached":
         words += f"; {document['ended_because']}"
@@ -140,7 +140,7 @@ def _capture_group(
         print_json(group)
         return
     for document in group["captures"]:
-        _say(file_of(out, document["device"]), document)
+        _summarise(file_of(out, document["device"]), document)
 
 
 def _lengths(fields: int | None, duration_s: float | None, *, armed: bool) -> dict[str, Any]:
@@ -187,6 +187,7 @@ def _capture_here(
         f"{part} was left by an interrupted capture; 'grabberd storage seal {part}' recovers it"
         for part in interrupted_captures(out.parent)
     )
+    # As in `grabberd serve`: at Python's default of 5 ms the capture thread would lose fields.
     sys.setswitchinterval(0.001)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # end the capture as Ctrl-C does
     chosen = with_device(config, file, device)
@@ -246,6 +247,8 @@ def _follow(recording: "Recording", order: dict[str, Any], rate_hz: float) -> No
     )
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("", total=wanted)
+        # Ctrl-C only asks the recording to stop; the loop goes on until its file is sealed, so that a second
+        # Ctrl-C cannot leave a file without its ledger.
         while not recording.sealed.is_set():
             with contextlib.suppress(KeyboardInterrupt):
                 progress.update(task, completed=recording.recorder.ledger.total)
@@ -256,6 +259,7 @@ def _follow(recording: "Recording", order: dict[str, Any], rate_hz: float) -> No
 
 def _keep(recording: "Recording", out: Path) -> None:
     """Rename the file, complete or not, then raise the failure that made it incomplete."""
+    # First the file, then the error: what was recorded is kept even if the recording failed.
     recording.path.rename(out)
     if recording.failure is not None:
         raise recording.failure

@@ -21,7 +21,7 @@ from grabberd.cli.options import (
 from grabberd.errors import GrabberdError, InputError
 
 NOT_FITTING = 3
-"""Exit code if the verdict is not 'fits'."""
+"""Exit code if the verdict is not 'fits', distinct from 1 (failure) and 2 (invalid command line)."""
 POLL_S = 0.2
 
 

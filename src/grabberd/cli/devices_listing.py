@@ -38,12 +38,12 @@ def print_listing(drivers: Sequence[str], settings: Config, found: Sequence[Foun
     for device in found:
         _print_device(device, configured_as(settings, device))
     if not found:
-        _say(NOTHING_FOUND)
+        _print_plain(NOTHING_FOUND)
     _print_configured(settings, found)
-    _say(f"Installed drivers: {', '.join(drivers)}.")
+    _print_plain(f"Installed drivers: {', '.join(drivers)}.")
     new = [one for one in found if one.verdict is not Verdict.UNUSABLE and not configured_as(settings, one)]
     if new:
-        _say("\nTo use it, add this to the configuration:" if len(new) == 1 else _TO_USE_THEM)
+        _print_plain("\nTo use it, add this to the configuration:" if len(new) == 1 else _TO_USE_THEM)
         typer.echo("\n" + yaml_of(new, settings.devices), nl=False)
 
 
@@ -109,10 +109,11 @@ def _print_configured(settings: Config, found: Sequence[FoundDevice]) -> None:
     console.print(table)
 
 
-def _say(words: str) -> None:
-    console.print(words, highlight=False, markup=False)
+def _print_plain(text: str) -> None:
+    # Text from devices may contain anything: without markup, brackets stay brackets.
+    console.print(text, highlight=False, markup=False)
 
 
-def _one_line(words: str) -> str:
+def _one_line(text: str) -> str:
     """Reduce a name reported by a device, which may contain anything, to one printable line."""
-    return " ".join("".join(char if char.isprintable() else " " for char in words).split())
+    return " ".join("".join(char if char.isprintable() else " " for char in text).split())

@@ -49,6 +49,7 @@ def diagnostics(
     try:
         token = token_file or _key_of_the_machine(config, url)
         download(url, f"/api/v1/diagnostics?words={'true' if words else 'false'}", out, token)
+    # Support also needs the computer's facts if the daemon does not run, so this is no failure.
     except NotReady as error:
         warn([f"{error.message}: the file describes this computer, not the daemon"])
         _write(out, bundle(machine_parts()))

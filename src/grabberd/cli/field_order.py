@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from grabberd.processes.field_order import FieldOrderFinding, Order
 
 WATCHED_S = 4.0
+"""200 fields: several times the least that the check needs, with time to move, pause and move again."""
 SILENCE_S = 1.0
 PATIENCE = 3
 """Consecutive silences after which the check gives up."""

@@ -65,8 +65,8 @@ def with_device(config: Config, file: Path | None, device: str | None) -> Config
 
 def warn(warnings: Iterable[str]) -> None:
     """Print remarks beside the results, on standard error."""
-    for words in warnings:
-        typer.echo(f"note: {words}", err=True)
+    for warning in warnings:
+        typer.echo(f"note: {warning}", err=True)
 
 
 def print_json(document: Any) -> None:

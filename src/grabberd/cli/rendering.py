@@ -205,12 +205,12 @@ class Rendering:
             tracked = progress.track(pictures, total=len(fields), description="drawing")
             path = write_animation(self.out, name, tracked, per_s)
         without = [n for n in fields if n not in self.points]
-        self._say([path], {"pictures": len(fields), "per_s": per_s, "fields_without_points": without})
+        self._report([path], {"pictures": len(fields), "per_s": per_s, "fields_without_points": without})
 
     def _write(self, pictures: dict[str, Picture], result: dict[str, Any]) -> None:
-        self._say(write_pictures(self.out, pictures), result)
+        self._report(write_pictures(self.out, pictures), result)
 
-    def _say(self, paths: list[Path], result: dict[str, Any]) -> None:
+    def _report(self, paths: list[Path], result: dict[str, Any]) -> None:
         if self.as_json:
             print_json({"files": [str(path) for path in paths], **result})
             return

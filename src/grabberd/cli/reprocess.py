@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from grabberd.service.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
 
 INTERRUPTED = 130
+"""128 + SIGINT, as shells report a command ended by Ctrl-C."""
 RATE_OVER_S = 600
+"""Seconds over which the rate, and so the remaining time, is estimated."""
 
 
 def register(app: typer.Typer) -> None:

@@ -1,4 +1,4 @@
-"""The paper's processes (its data flow diagrams): the pure rooms strung together over iterables of fields.
+"""The paper's processes (its data flow diagrams): pure steps chained over iterables of fields.
 
 No files, no threads, no clocks: the live worker, the command line, the jobs and the archive all call these.
 """

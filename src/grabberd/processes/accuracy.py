@@ -1,4 +1,4 @@
-"""The accuracy investigation (paper 4): the points of a capture against the truth, from every side."""
+"""The accuracy investigation (paper 4): the points of a capture compared with the truth."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -35,7 +35,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 PAPER_LIMIT_MM = 0.2
-"""What the paper requires of its system."""
+"""Length-measuring error that the paper allows its system."""
 _MOST_BITS = 8
 
 
@@ -45,9 +45,9 @@ class InvestigationSettings:
 
     Attributes:
         fit: turn and shift the points onto the truth first, one motion for all fields; never scale.
-        limit_mm: greatest length-measuring error that is allowed.
-        bits: bits a pixel of the fields that the points come from.
-        smoothing: how they are smoothed over time; its `bits` are these.
+        limit_mm: greatest allowed length-measuring error.
+        bits: bits per pixel of the fields from which the points were measured.
+        smoothing: settings of the smoothing over time; its `bits` are replaced by `bits`.
     """
 
     fit: bool = False
@@ -61,12 +61,12 @@ class Compared:
     """Points against the truth.
 
     Attributes:
-        accuracy: the paper's Table 1.
-        lengths: length-measuring error, or None where it cannot be given; then `no_lengths` says why.
-        chi2: mean of e·C⁻¹·e / 3 over the points, C with the calibration's share: 1 where the σ given out are
-            the true ones; `chi2_axes`: the same in X, Y, Z alone.
-        sigma: root mean square of the σ that the points are given out with.
-        calibration_sigma: that of the calibration's share alone.
+        accuracy: errors as in the paper's Table 1.
+        lengths: length-measuring error, or None if it cannot be determined; `no_lengths` is then the reason.
+        chi2: mean of e·C⁻¹·e / 3 over the points, C with the calibration's share: 1 if the reported σ are
+            the true ones; `chi2_axes`: the same for X, Y and Z separately.
+        sigma: root mean square of the points' reported σ.
+        calibration_sigma: root mean square of the calibration's share of it.
     """
 
     accuracy: Accuracy
@@ -83,11 +83,11 @@ class Investigation:
     """One capture's points, field by field and smoothed.
 
     Attributes:
-        bits: bits a pixel.
-        single: every field for itself.
-        smoothed: over time, at the same fields and targets.
-        smoothing: what the smoother found out.
-        pointing: precision of image coordinates; None where the object moves.
+        bits: bits per pixel.
+        single: points of the single fields.
+        smoothed: points smoothed over time, at the same fields and targets.
+        smoothing: result of the smoother.
+        pointing: precision of image coordinates; None if the object moves.
     """
 
     bits: int
@@ -100,12 +100,12 @@ class Investigation:
 def investigate(
     measured: Iterable[tuple[int, int, Points]], truth: Truth, settings: InvestigationSettings
 ) -> Investigation:
-    """Compares points with the truth, as they are and smoothed over time.
+    """Compares points with the truth, both unsmoothed and smoothed over time.
 
     Args:
         measured: number, time in ns and points of every field, in order.
-        truth: where the targets really were.
-        settings: how to compare.
+        truth: true positions of the targets.
+        settings: settings of the comparison.
 
     Raises:
         MeasurementError: no point could be matched, or a rigid fit is not determined.
@@ -144,8 +144,11 @@ def _chi2(
 ) -> tuple[float, tuple[float, float, float]]:
     places = fitted.apply(series.xyz_mm) if fitted else series.xyz_mm
     covariance = series.covariance_mm2 + series.calibration_covariance_mm2
+    # The covariance has to follow the fit's rotation, or X, Y and Z would be weighted by the wrong axes.
     covariance = fitted.turn(covariance) if fitted else covariance
     error = places - true
+    # Mismatched targets are counted as wrong elsewhere; one of them would outweigh all others in a mean
+    # square. Targets that were not seen are NaN, and infinity keeps them out.
     matched = np.linalg.norm(np.nan_to_num(error, nan=np.inf), axis=2) <= WRONG_BEYOND_MM
     off, expected = error[matched], covariance[matched]
     whole = (off * np.linalg.solve(expected, off[:, :, np.newaxis])[:, :, 0]).sum(axis=1).mean() / 3.0
@@ -156,15 +159,15 @@ def _chi2(
 def requantised(
     fields: Iterable[NumberedField], bits: int, *, doubled: bool, rule: ThresholdRule | None = None
 ) -> Iterator[NumberedField]:
-    """The fields of an 8-bit capture as if they had been taken with fewer bits, 1…8.
+    """Requantises the fields of an 8-bit capture as if they had been taken with fewer bits, 1…8.
 
-    The threshold is chosen anew for these bits from the first field, as a ring does when it is armed.
+    The threshold is chosen for these bits from the first field, as is done when a ring is configured.
 
     Args:
-        fields: of 8 bits, their lines intact.
-        bits: bits a pixel; 7 too, which no ring has.
-        doubled: interpolate the missing lines, on the grey values.
-        rule: how the threshold is chosen.
+        fields: fields of 8 bits with their original lines.
+        bits: bits per pixel; depths that no ring has, such as 7, are allowed.
+        doubled: interpolate the missing lines from the grey values.
+        rule: rule by which the threshold is chosen.
 
     Raises:
         InputError: the fields have fewer bits, or their lines are doubled.
@@ -182,7 +185,7 @@ def _grey(packed: PackedField) -> Field:
     if packed.bits != _MOST_BITS or packed.y_step == 1:
         kind = "doubled" if packed.y_step == 1 else "intact"
         raise InputError(
-            f"fields of {packed.bits} bits with {kind} lines cannot be quantised anew",
+            f"fields of {packed.bits} bits with {kind} lines cannot be requantised",
             "capture with --bits 8 --lines field",
         )
     return unpack(packed)
@@ -192,5 +195,6 @@ def _quantised(field: Field, bits: int, threshold: int) -> PackedField:
     """Quantise to a number of bits that no ring has, keeping the result in eight."""
     if bits in BIT_DEPTHS:
         return quantise(field, bits, threshold)
+    # The bits that are cut off are replaced by half their range: the quantisation error then has mean zero.
     low = np.uint8((1 << (_MOST_BITS - bits)) - 1)
     return quantise(replace(field, luma=(field.luma & ~low) | (low + 1) // 2), _MOST_BITS, threshold)

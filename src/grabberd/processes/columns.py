@@ -1,4 +1,4 @@
-"""Columns and tables: the one specification from which every file format and its documentation are made.
+"""Columns and tables: the one specification behind every file format and its documentation.
 
 Points, the tables of an analysis and data sets all consist of them. `grabberd.storage.export` has one writer
 for each format, and `docs/reference/generate.py` describes the same columns.
@@ -12,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 WORD, LABELS = "category", "map"
-"""Types beyond numpy's: one word, and one mapping of words to words, for all rows of a file."""
+"""Types beyond numpy's: one word, or one mapping of words to words, that holds for all rows of a file."""
 
 ROWS_AT_ONCE = 10_000
+"""Rows per part for writers that convert a table and then hold it several times over."""
 
 Rows = Mapping[str, Any]
-"""Values by column name: (N,) arrays, or the one value of a `WORD` or `LABELS` column."""
+"""Values by column name: (N,) arrays, or the single value of a `WORD` or `LABELS` column."""
 
 
 class Column(NamedTuple):
@@ -71,7 +72,7 @@ class TableSpec(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """One table; its columns have the types of the values that they hold."""
+    """One table; its columns have the types of their values."""
 
     name: str
     meaning: str
@@ -82,7 +83,7 @@ class Table:
         return len(self.rows[self.columns[0].name])
 
     def parts(self, size: int = ROWS_AT_ONCE) -> Iterator[Rows]:
-        """The rows of the table, some at a time, for writers that need several times their memory."""
+        """The rows of the table in parts, for writers that need several times their memory."""
         for first in range(0, len(self), size):
             yield {name: values[first : first + size] for name, values in self.rows.items()}
 
@@ -93,7 +94,7 @@ class Table:
 
 
 def make_table(name: str, spec: TableSpec, values: Mapping[str, Any]) -> Table:
-    """A table from values by column name: an array, or the pair of values and σ where it is measured."""
+    """A table from values by column name: an array, or for a measured column the pair of values and σ."""
     arrays: dict[str, NDArray[Any]] = {}
     columns = []
     for column in (*spec.key, *spec.values):
@@ -109,7 +110,7 @@ def _dtype(values: NDArray[Any]) -> str:
 
 
 def joined(columns: Sequence[Column], parts: Sequence[Rows]) -> Rows:
-    """Several parts of a table as one."""
+    """Concatenate several parts of a table."""
     return {one.name: np.concatenate([rows[one.name] for rows in parts]) for one in columns}
 
 

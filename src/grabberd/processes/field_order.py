@@ -1,16 +1,17 @@
-"""Do fields follow one another in time as they are delivered? Asked of a moving object's pictures.
+"""Check of the field order: do fields follow one another in time as delivered, judged by a moving object?
 
-How much two pictures differ grows with the square of the time between them, as long as the movement is small
-against what moves. So the difference from each field to the next, of the other parity, is compared with the
-difference over two fields, of one parity, which every order leaves two steps apart:
+The mean squared difference of two pictures grows with the square of the time between them, as long as the
+movement is small compared with the moving details. So the difference from each field to the next, of the
+other parity, is compared with the difference over two fields of one parity, which are two steps apart in any
+order:
 
     right          top to bottom 1 step, bottom to top 1 step      1 : 1 in units of one step squared
     reversed       1 step and 3 steps                              1 : 9, less where the movement is fast
     same instant   no step and 2 steps                             0 : 4
 
-Noise and the parities' different lines add to all of them alike at any time. What counts is therefore how the
-differences rise and fall together while the movement does. Each half of the picture's bands is compared with
-the movement in the other half (an instrumental variable), so that their common noise stays out.
+Noise and the parities' different lines add the same amount to each of them at any time. The evidence is
+therefore how the differences rise and fall together with the movement. Each half of the picture's bands is
+compared with the movement in the other half (an instrumental variable), which keeps common noise out.
 """
 
 from collections.abc import Iterable, Sequence
@@ -24,9 +25,11 @@ from numpy.typing import NDArray
 
 from grabberd.field import BOTTOM, TOP, Field
 
+# Means over 4 x 2 pixels suppress noise and line jitter.
 _MEAN_COLUMNS, _MEAN_ROWS = 4, 2
 _BAND_ROWS = 12
 _BLOCKS = 10
+"""Blocks of time that the jackknife leaves out in turn."""
 _LEAST_FIELDS = 60
 _SIGNIFICANT = 3.0
 _CLEAR_OF_NOISE = 4.0
@@ -67,10 +70,10 @@ class FieldOrderFinding:
     """Result of a field order check.
 
     Attributes:
-        order: in a word; `evidence`: why, in a sentence.
-        fields: how many were looked at.
-        top_to_bottom: movement from a top field to the bottom field after it, squared, in units of one field
-            step; `bottom_to_top` likewise. None where too little moves.
+        order: verdict; `evidence`: the reason as a sentence.
+        fields: number of fields examined.
+        top_to_bottom: squared movement from a top field to the bottom field after it, in units of one field
+            step squared; `bottom_to_top` likewise. None if too little moves.
     """
 
     order: Order
@@ -81,16 +84,16 @@ class FieldOrderFinding:
 
 
 def check(fields: Iterable[Field]) -> FieldOrderFinding:
-    """The order of fields as they were delivered, from a few seconds of something that moves and rests.
+    """Checks the order of fields as delivered, on a few seconds of an object that moves and rests.
 
-    Each field is read before the next is asked for. Where two of one parity follow each other, one was lost;
-    what spans the gap is left out. No verdict is given that is not significant (3 σ).
+    Each field is copied before the next is requested. Two fields of one parity in a row mean that one was
+    lost; differences across the gap are left out. A verdict is given only if it is significant (3 σ).
     """
     pictures, parities = _read(fields)
     differences = _differences(pictures, parities)
     count = len(pictures)
     if min(len(differences[TOP].near), len(differences[BOTTOM].near)) < _LEAST_FIELDS // 2:
-        evidence = f"{count} fields, not enough of both parities in turn: it takes {_LEAST_FIELDS}"
+        evidence = f"{count} fields, too few of alternating parity: {_LEAST_FIELDS} are needed"
         return FieldOrderFinding(Order.UNCLEAR, evidence, count)
     if _variation(np.concatenate([one.two_steps for one in differences])) < _CLEAR_OF_NOISE:
         order, evidence = _without_variation(np.concatenate([one.growth for one in differences]))
@@ -107,9 +110,10 @@ def _read(fields: Iterable[Field]) -> tuple[list[Picture], list[int]]:
 
 
 def _smoothed(field: Field) -> Picture:
-    """The lines half a frame line below the top rows, from the two rows next to each; they hold for both."""
+    """Interpolate both parities to the same lines, half a frame line below the top rows, and smooth them."""
     grey = field.luma.astype(np.float32)
     beyond = grey[2:] if field.parity == TOP else grey[:-2]
+    # The rows of a parity are two frame lines apart: half a line towards the next is a quarter of the way.
     between = 0.75 * grey[1:-1] + 0.25 * beyond
     size = (max(1, field.columns // _MEAN_COLUMNS), max(1, len(between) // _MEAN_ROWS))
     means = cv2.resize(between, size, interpolation=cv2.INTER_AREA)
@@ -117,12 +121,12 @@ def _smoothed(field: Field) -> Picture:
 
 
 class _Differences(NamedTuple):
-    """Mean squared differences, a row each for the fields of a parity that have their neighbours.
+    """Mean squared differences, one row for each field of a parity whose neighbours are all present.
 
     Attributes:
-        near: (fields, 2) to the next field, in the one and the other half of the picture's bands.
-        two_steps: (fields, 2) over two fields around that step.
-        growth: (fields,) by how much more fields differ over four steps than over two.
+        near: (fields, 2) difference to the next field, in each half of the picture's bands.
+        two_steps: (fields, 2) difference over two fields around that step.
+        growth: (fields,) difference over four steps minus difference over two.
     """
 
     near: Array
@@ -131,9 +135,10 @@ class _Differences(NamedTuple):
 
 
 def _differences(pictures: Sequence[Picture], parities: Sequence[int]) -> tuple[_Differences, _Differences]:
-    """Those of the steps from top to bottom, and from bottom to top."""
+    """Differences of the steps from top to bottom, and of those from bottom to top."""
     one, two, four = (_over(pictures, parities, steps) for steps in (1, 2, 4))
     i = np.arange(1, max(1, len(pictures) - 4))
+    # The two differences over two fields that contain this step: their mean is centred on it.
     around = (two[i - 1] + two[i]) / 2
     growth = (four[i] - (two[i] + two[i + 2]) / 2).sum(axis=1)
     whole = ~np.isnan(growth + around.sum(axis=1))
@@ -146,7 +151,7 @@ def _differences(pictures: Sequence[Picture], parities: Sequence[int]) -> tuple[
 
 
 def _over(pictures: Sequence[Picture], parities: Sequence[int], steps: int) -> Array:
-    """(fields, 2) mean squared difference of each from the one so many fields later; NaN across a gap."""
+    """(fields, 2) mean squared difference of each field from the one `steps` later; NaN across a gap."""
     differences = np.full((len(pictures), 2), np.nan)
     for i in range(len(pictures) - steps):
         if all(parities[k] != parities[k + 1] for k in range(i, i + steps)):
@@ -157,14 +162,14 @@ def _over(pictures: Sequence[Picture], parities: Sequence[int], steps: int) -> A
 
 
 class _Estimate(NamedTuple):
-    """A step's share of the movement over two steps: of all fields, and without each block in turn."""
+    """Share of a step in the movement over two steps: from all fields, and without each block in turn."""
 
     whole: float
     without: Array
 
     @classmethod
     def of(cls, differences: _Differences) -> "_Estimate":
-        """From the one half of the bands with the movement in the other, and the other way round."""
+        """Estimate from each half of the bands with the movement in the other half."""
         near, two_steps = (one - one.mean(axis=0) for one in (differences.near, differences.two_steps))
         elsewhere = two_steps[:, ::-1]
         share, variation = (_blocks((one * elsewhere).sum(axis=1)) for one in (near, two_steps))
@@ -172,7 +177,8 @@ class _Estimate(NamedTuple):
 
     @property
     def power(self) -> Ratio:
-        """In units of one field step squared."""
+        """The share in units of one field step squared."""
+        # Two steps squared are four units.
         return Ratio(4 * float(self.whole), 4 * _jackknife(self.without))
 
 
@@ -200,12 +206,12 @@ _MEANING = {
     Order.RIGHT: "each field follows the one before (1 and 1)",
     Order.REVERSED: "the fields of a frame change places (1 and 9, less in fast movement)",
     Order.SAME_INSTANT: "both fields of a frame are of one instant (0 and 4)",
-    Order.UNCLEAR: "not clearly 1 and 1, 1 and 9, or 0 and 4: let it move more slowly, or longer",
+    Order.UNCLEAR: "not clearly 1 and 1, 1 and 9, or 0 and 4: move the object more slowly, or for longer",
 }
 
 
 def _blocks(values: Array) -> Array:
-    """Sums over blocks of time: neighbours are not independent."""
+    """Sums over blocks of time, since neighbouring fields are not independent."""
     return np.array([block.sum() for block in np.array_split(values, _BLOCKS)])
 
 
@@ -230,5 +236,5 @@ def _variation(two_steps: Array) -> float:
 def _without_variation(growth: Array) -> tuple[Order, str]:
     sigma = float(growth.std()) * np.sqrt(_OVERLAP / len(growth))
     if growth.mean() > _CLEAR_OF_NOISE * sigma:
-        return Order.UNCLEAR, "the movement is too steady: let it move, rest and move again"
-    return Order.NO_MOVEMENT, "nothing moves enough: no pictures differ more than their noise"
+        return Order.UNCLEAR, "the movement is too steady: move the object, pause, and move it again"
+    return Order.NO_MOVEMENT, "too little movement: no pictures differ by more than their noise"

@@ -13,19 +13,19 @@ from grabberd.processes.measure import whole
 CLIPPED_LEVEL = 250
 """A camera's white is a little below 255."""
 QUICK = LocationSettings(method="centroid", line_jitter_px=0.0, line_shifts=False)
-"""How many targets there are, and how large, is the same whatever locates them."""
+"""Number and size of the targets do not depend on the locator, so the fastest one does."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewLight:
-    """One view of one field.
+    """Illumination of one view of one field.
 
     Attributes:
-        histogram: (256,) int64, how many pixels have each grey value.
-        targets: how many blobs of a target's size lie wholly in it, at the threshold.
-        diameter_px: their mean diameter in frame pixels, that of a disc of the same area; None without any.
-        background: median of the pixels that are no target; `brightest`: one pixel in a thousand exceeds it.
-        clipped: the share of a target's pixels that are as white as the camera gets; 0 without targets.
+        histogram: (256,) int64 number of pixels of each grey value.
+        targets: number of blobs of a target's size that lie wholly in the view, at the threshold.
+        diameter_px: mean diameter in frame pixels of discs of the same area; None without targets.
+        background: median of the pixels outside targets; `brightest`: exceeded by one pixel in a thousand.
+        clipped: share of the targets' pixels at the camera's white level; 0 without targets.
     """
 
     histogram: NDArray[np.int64]
@@ -40,9 +40,9 @@ def light_of(field: Field, threshold: int, views: Mapping[str, tuple[int, int]])
     """Illumination of a field in every view.
 
     Args:
-        field: 8 bits, its lines as they came.
-        threshold: pixels above it belong to targets.
-        views: each view's first and end column.
+        field: field of 8 bits with its original lines.
+        threshold: grey value above which pixels belong to targets.
+        views: first and end column of each view.
     """
     blobs = measure(quantise(field, 1, threshold), None, QUICK)
     lights = {}
@@ -66,6 +66,6 @@ def _light(counts: NDArray[np.int64], threshold: int, area_px: NDArray[np.float6
 
 
 def _level(counts: NDArray[np.int64], share: float) -> int:
-    """The least grey value that no more than the rest of the pixels exceed."""
+    """Quantile: the least grey value that at least this share of the pixels do not exceed."""
     total = counts.cumsum()
     return int(np.searchsorted(total, share * total[-1]))

@@ -25,7 +25,8 @@ from grabberd.reconstruction import (
 Array = NDArray[np.float64]
 
 JITTERS, JITTER_EVERY = 9, 25
-"""The line jitter is the median of so many fields' own estimates; then one field in so many is asked."""
+"""The line jitter is the median of the last nine estimates. It belongs to the equipment and hardly changes,
+so that after the first nine fields only every 25th is used for a new estimate."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +35,9 @@ class MeasureSetup:
 
     Attributes:
         calibration: both virtual cameras.
-        object_model: where the targets nominally are.
-        line_jitter_px: standard deviation of the shift that all pixels of a field line have in common.
-        location: how blobs are located; `tracking`: how targets are identified and followed.
+        object_model: nominal positions of the targets.
+        line_jitter_px: standard deviation of the shift common to all pixels of a field line.
+        location: settings for locating blobs; `tracking`: for identifying and following targets.
     """
 
     calibration: Calibration
@@ -47,7 +48,7 @@ class MeasureSetup:
 
 
 class MeasuredField(NamedTuple):
-    """One field's blobs, of both views together, and its points."""
+    """Blobs of both views of one field, and its points."""
 
     n: int
     time_ns: int
@@ -58,10 +59,11 @@ class MeasuredField(NamedTuple):
 def measure_fields(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[MeasuredField]:
     """Points of every field, in order; identities and velocities are carried from field to field.
 
-    Yields one result for each field as soon as it has taken it, so the fields may be endless.
+    Yields the result of each field before it takes the next, so the fields may be endless.
     """
     step: _Step | None = None
     for numbered in fields:
+        # Doubled and intact lines have different σ of their image coordinates: the tracker starts again.
         if step is None or step.y_step != numbered.packed.y_step:
             step = _Step(setup, numbered.packed.y_step)
         yield step.measure(numbered)
@@ -71,18 +73,18 @@ class _Locating:
     """Location of each field's blobs; line jitter, a property of the equipment, is seldom re-estimated."""
 
     def __init__(self, settings: LocationSettings) -> None:
-        self._asking = self._knowing = settings
+        self._estimating = self._settled = settings
         self._fields = 0
         self._jitters_px: deque[float] = deque(maxlen=JITTERS)
 
     def blobs(self, packed: PackedField) -> Blobs:
-        asked = len(self._jitters_px) < JITTERS or self._fields % JITTER_EVERY == 0
-        blobs = measure(packed, None, self._asking if asked else self._knowing)
+        due = len(self._jitters_px) < JITTERS or self._fields % JITTER_EVERY == 0
+        blobs = measure(packed, None, self._estimating if due else self._settled)
         self._fields += 1
         if blobs.line_jitter_px is not None:
             self._jitters_px.append(blobs.line_jitter_px)
             likely_px = float(np.median(self._jitters_px))
-            self._knowing = replace(self._asking, line_jitter_px=likely_px, line_jitter_known=True)
+            self._settled = replace(self._estimating, line_jitter_px=likely_px, line_jitter_known=True)
         return blobs
 
 
@@ -108,15 +110,15 @@ class _Step:
         return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
 
     def _passed_s(self, time_ns: int) -> float:
-        """Since the field before; infinite where none came earlier, so that targets are identified anew."""
+        """Time since the previous field; infinite for the first or a backward time, to restart tracking."""
         last_ns, self._last_ns = self._last_ns, time_ns
         return np.inf if last_ns is None or time_ns <= last_ns else (time_ns - last_ns) / 1e9
 
 
 def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None) -> ViewBlobs:
-    """The blobs of a view, but none that the field's edge or the seam cuts off: those have no true centre.
+    """Blobs of a view without those cut off by the field's edge or the seam, whose centres are false.
 
-    What the picture is known to show there beyond the model, the view's local field, is taken off.
+    The view's local field, known displacements beyond the model, is subtracted.
     """
     chosen = _chosen_compiled if KERNEL else _chosen
     xy_px, sigma_px, common_px = chosen(blobs, view.first_column, view.end_column)
@@ -126,7 +128,7 @@ def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None)
 
 
 def _chosen(blobs: Blobs, first_column: int, end_column: int) -> tuple[Array, Array, Array]:
-    """Places, their standard deviations, and what they have in common, of a half's whole blobs."""
+    """Positions, their σ, and the common error of the whole blobs in one half."""
     own = whole(blobs, first_column, end_column)
     return blobs.xy_px[own], blobs.sigma_px[own], blobs.common_px[own]
 
@@ -141,7 +143,7 @@ def _chosen_compiled(blobs: Blobs, first_column: int, end_column: int) -> tuple[
 
 
 def whole(blobs: Blobs, first_column: int, end_column: int) -> NDArray[np.bool_]:
-    """(N,) which blobs lie in the half of these columns, and wholly so."""
+    """(N,) True for blobs that lie wholly within the columns."""
     x, half = blobs.xy_px[:, 0], blobs.width_px / 2
     inside = (x - half >= first_column - 0.5) & (x + half <= end_column - 0.5)
     own: NDArray[np.bool_] = inside & ~blobs.at_border

@@ -1,4 +1,4 @@
-"""Planning: the σ to expect of X, Y, Z before anything is built, from the rig's nominal numbers alone."""
+"""Planning: expected σ of X, Y and Z before anything is built, from the rig's nominal dimensions."""
 
 import math
 from collections.abc import Iterator
@@ -18,14 +18,15 @@ from grabberd.reconstruction.accuracy.accuracy import Axes
 Array = NDArray[np.float64]
 
 _GREY_OF_BOUND = (1.2, 1.5)
-"""Error of a grey centre in x, y over the Cramér–Rao bound: .019 and .024 px at D = 5, 2 % noise."""
+"""Measured error of a grey centre in x, y over the Cramér–Rao bound: .019 and .024 px at D = 5, 2 % noise."""
 _FEW_BITS = {2: 6.0, 3: 3.0, 4: 1.7}
-"""By how much a grey centre is worse with so few bits; 5 are as good as 8."""
+"""Factor on the error of a grey centre by bits per pixel; 5 bits are as good as 8."""
 _UNSOLVED = 0.7
-"""What is left of line jitter after the line shifts have been solved for."""
+"""Share of the line jitter that remains after solving for the line shifts."""
 _VARIED_BY = 0.2
 _SMALL = 1e-3
-"""Share of the noise that a simulated adjustment is given: its covariance is then that of the nominal rig."""
+"""Share of the noise that is added in a simulated adjustment: small enough that its covariance is that of the
+nominal rig, and not zero, since σ0 divides the covariance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +34,11 @@ class PlanSettings:
     """Expected properties of the picture.
 
     Attributes:
-        target_diameter_mm: of the discs.
-        bits: bits a pixel; `doubled`: the missing lines are interpolated.
+        target_diameter_mm: diameter of the discs.
+        bits: bits per pixel; `doubled`: True if the missing lines are interpolated.
         noise: standard deviation of a pixel as a share of the contrast.
-        spread_px: of the spread function; `line_jitter_px`: of a line's shift.
-        sigma_px: pointing in x and y if it is known better, line jitter included.
+        spread_px: σ of the spread function; `line_jitter_px`: σ of a line's shift.
+        sigma_px: measured pointing in x and y including line jitter, in place of the predicted one.
     """
 
     target_diameter_mm: float = 1.5
@@ -50,12 +51,12 @@ class PlanSettings:
 
 
 class PlannedPlace(NamedTuple):
-    """The σ to expect at one place.
+    """Expected σ at one position.
 
     Attributes:
-        name: of the place; `xyz_mm`: where it is.
-        pointing: σ of one field's point; None where not both views see the place.
-        calibration: the calibration's share, which no averaging reduces; None where it is not known.
+        name: name of the position; `xyz_mm`: its coordinates, object's frame.
+        pointing: σ of one field's point; None unless both views see the position.
+        calibration: the calibration's share, which no averaging reduces; None if unknown.
     """
 
     name: str
@@ -65,11 +66,11 @@ class PlannedPlace(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """The σ to expect over a volume.
+    """Expected σ over a volume.
 
     Attributes:
         places: centre, middles of the faces, and corners of the volume.
-        sigma_px: pointing at the centre, line jitter not included unless it was given so.
+        sigma_px: pointing at the centre, without line jitter unless the settings give it as measured.
         mm_per_px: scale at the centre, along the lines and across them.
     """
 
@@ -79,16 +80,16 @@ class Plan(NamedTuple):
 
 
 def plan(rig: Rig, low_mm: Array, high_mm: Array, settings: PlanSettings) -> Plan:
-    """The σ to expect of points in a box.
+    """Expected σ of points in a box.
 
     Args:
-        rig: both views, nominal or calibrated; with a covariance the calibration's share is given too.
+        rig: both views, nominal or calibrated; with a covariance, the calibration's share is computed too.
         low_mm: (3,) one corner of the box.
-        high_mm: (3,) the opposite one.
-        settings: what the picture will be like.
+        high_mm: (3,) the opposite corner.
+        settings: expected properties of the picture.
 
     Raises:
-        InputError: not both views see the middle of the box.
+        InputError: a view does not see the middle of the box.
     """
     named = list(_places(low_mm, high_mm))
     xyz = np.array([place for _, place in named])
@@ -96,7 +97,7 @@ def plan(rig: Rig, low_mm: Array, high_mm: Array, settings: PlanSettings) -> Pla
     if not seen[0]:
         raise InputError(
             f"not both views see the middle of the volume, at {xyz[0].round(1).tolist()} mm",
-            "check the rig's nominal numbers and the object's places",
+            "check the rig's nominal dimensions and the object's coordinates",
         )
     covariance, share = np.full((2, len(xyz), 3, 3), np.nan)
     covariance[seen], share[seen] = _covariance(rig, xyz[seen], settings)
@@ -115,7 +116,7 @@ def plan(rig: Rig, low_mm: Array, high_mm: Array, settings: PlanSettings) -> Pla
 
 
 def variations(rig: NominalRig, settings: PlanSettings) -> Iterator[tuple[str, NominalRig, PlanSettings]]:
-    """The rig as it is, then with one thing changed at a time: base, distance, bits."""
+    """The rig unchanged, then with one thing changed at a time: base, distance, bits."""
     yield "as it is", rig, settings
     for name in ("base", "distance"):
         for share in (-_VARIED_BY, _VARIED_BY):
@@ -123,17 +124,17 @@ def variations(rig: NominalRig, settings: PlanSettings) -> Iterator[tuple[str, N
             yield f"{name} {100 * share:+.0f} %", _agreeing(replace(rig, **changed)), settings
     if settings.sigma_px is None:
         for bits, doubled in ((1, True), (1, False), (4, False), (8, False)):
-            words = f"{bits} bit{'s' * (bits > 1)}, {'doubled' if doubled else 'intact'} lines"
-            yield words, rig, replace(settings, bits=bits, doubled=doubled)
+            label = f"{bits} bit{'s' * (bits > 1)}, {'doubled' if doubled else 'intact'} lines"
+            yield label, rig, replace(settings, bits=bits, doubled=doubled)
 
 
 def nominal_calibration(
     rig: NominalRig, frame: ObjectModel, settings: PlanSettings, handedness: tuple[int, int] = (1, 1)
 ) -> Calibration:
-    """The covariance that a calibration of the nominal rig will have: a simulated adjustment.
+    """Covariance to expect from calibrating the nominal rig, by a simulated adjustment.
 
-    All parameters of both views are free, b9 = b8; the pointing of one field weighs, since quantisation is
-    not averaged; the calibration frame's targets are known to its σ.
+    All parameters of both views are free, b9 = b8. Image points are weighted by the pointing of one field,
+    since averaging does not reduce quantisation; the calibration frame's targets are known to its σ.
 
     Raises:
         InputError: a view does not see enough of the calibration frame's targets.
@@ -158,7 +159,7 @@ def nominal_calibration(
 def _simulated(
     rig: NominalRig, views: tuple[View, View], frame: ObjectModel, settings: PlanSettings
 ) -> Network:
-    """The images of the targets that each view holds, with a little noise: what is adjusted is not exact."""
+    """Images of the targets that lie in each view, with a little noise so that σ0 is not zero."""
     ready = Rig.of_views(views)
     sigma = np.hypot(
         _pointing(ready, frame.xyz_mm, settings), (_jitter_px(ready, frame.xyz_mm, settings), 0.0)
@@ -169,9 +170,10 @@ def _simulated(
         raise InputError(
             f"the nominal views see {inside[0].sum()} and {inside[1].sum()} of {len(frame)} targets of the "
             "calibration frame; 12 are needed in each",
-            "check the rig's nominal numbers, or take a smaller calibration frame",
+            "check the rig's nominal dimensions, or use a smaller calibration frame",
         )
     view, target = np.nonzero(inside)
+    # A fixed seed: a plan of the same rig is the same every time.
     noise = np.random.default_rng(0).normal(size=(len(target), 2)) * sigma[target]
     places = xy[:, view, target].T + _SMALL * noise
     known = np.full_like(frame.xyz_mm, frame.sigma_mm)
@@ -191,10 +193,10 @@ def _places(low_mm: Array, high_mm: Array) -> Iterator[tuple[str, Array]]:
 
 
 def _covariance(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> tuple[Array, Array]:
-    """(N, 3, 3) from pointing and line jitter, and the calibration's share.
+    """(N, 3, 3) covariance from pointing and line jitter, and the calibration's share of it.
 
-    A target's images in the two views share half of the line jitter: in between the same lines, as the
-    nominal rig has it, and none, as mirrors askew may make it.
+    A target's images in the two views are taken to share half of the line jitter: midway between images on
+    the same lines, as in the nominal rig, and on different lines, as misaligned mirrors may place them.
     """
     pointing, jitter_px = _pointing(rig, xyz_mm, settings), _jitter_px(rig, xyz_mm[:1], settings)
     whole = np.hypot(pointing, (jitter_px, 0.0))
@@ -210,7 +212,7 @@ def _covariance(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> tuple[Array,
 
 
 def _jitter_px(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> float:
-    """Error of a blob's x from line jitter alone; less if the shifts of grey, intact lines are solved for."""
+    """Error of a blob's x from line jitter; less for grey, intact lines, whose shifts are solved for."""
     if settings.sigma_px:
         return 0.0
     radius = 0.5 * settings.target_diameter_mm * float(_px_per_mm(rig, xyz_mm)[0, 1])
@@ -219,7 +221,7 @@ def _jitter_px(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> float:
 
 
 def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
-    """(N, 2) σ of x and y in px, without line jitter unless it was given so."""
+    """(N, 2) σ of x and y in px, without line jitter unless the settings give it as measured."""
     if settings.sigma_px:
         return np.tile(np.array(settings.sigma_px), (len(xyz_mm), 1))
     diameter = settings.target_diameter_mm * np.sqrt(_px_per_mm(rig, xyz_mm).prod(axis=1))
@@ -228,12 +230,13 @@ def _pointing(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> Array:
         return binary
     bound = settings.noise * np.sqrt(4.0 * settings.spread_px / (math.sqrt(math.pi) * 0.5 * diameter))
     grey = bound[:, np.newaxis] * _GREY_OF_BOUND * _FEW_BITS.get(settings.bits, 1.0)
+    # Grey values contain the one-bit picture: with strong noise they are no worse than it.
     pointing: Array = np.minimum(grey, binary)
     return pointing
 
 
 def _px_per_mm(rig: Rig, xyz_mm: Array) -> Array:
-    """(N, 2) scale along the lines and across them, the mean of both views."""
+    """(N, 2) scale along the lines and across them, averaged over both views."""
     _, slopes = linearise(rig, xyz_mm)
     scale: Array = np.sqrt((slopes * slopes).sum(axis=2)).mean(axis=1).T
     return scale
@@ -251,5 +254,5 @@ def _holds(view: View, xy_px: Array, lines: int) -> NDArray[np.bool_]:
 
 
 def _agreeing(rig: NominalRig) -> NominalRig:
-    """The rig with the convergence that follows from base and distance."""
+    """The rig with the convergence that its base and distance imply."""
     return replace(rig, convergence_deg=2.0 * math.degrees(math.atan(0.5 * rig.base_mm / rig.distance_mm)))

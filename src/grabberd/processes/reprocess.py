@@ -1,4 +1,4 @@
-"""A capture's fields to points again, in groups, so that memory holds few of them."""
+"""Re-measurement of a capture's fields, in groups that bound the memory in use."""
 
 from collections.abc import Iterable, Iterator
 from itertools import islice
@@ -8,16 +8,17 @@ from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
 
 FIELDS_A_GROUP = 500
+"""Ten seconds of video."""
 
 
 def measured_groups(
     fields: Iterable[NumberedField], setup: MeasureSetup, fields_a_group: int = FIELDS_A_GROUP
 ) -> Iterator[list[MeasuredField]]:
-    """Every field measured, so many at a time; the same as `measure_fields` gives one by one.
+    """Measures every field, in groups; the results are those of `measure_fields`.
 
     Raises:
-        CalibrationMismatch: a field is not of the calibration's size.
-        MeasurementError: there is no field, or not one point in any of them.
+        CalibrationMismatch: a field's size differs from the calibration's.
+        MeasurementError: there are no fields, or no points in any of them.
     """
     measured = measure_fields(_fitting(fields, setup), setup)
     count = points = 0
@@ -27,7 +28,7 @@ def measured_groups(
         yield group
     if not count:
         raise MeasurementError(
-            "no field came whole, so there is nothing to measure", "the capture's ledger says why"
+            "the capture has no undamaged field to measure", "the capture's ledger gives the reasons"
         )
     if not points:
         raise MeasurementError(
@@ -43,7 +44,7 @@ def _fitting(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[N
         if (field.packed.columns, lines) != (known.columns, known.lines):
             raise CalibrationMismatch(
                 f"calibration {known.id} is for pictures of {known.columns} x {known.lines}, "
-                f"field {field.n} is of one of {field.packed.columns} x {lines}",
+                f"field {field.n} has {field.packed.columns} x {lines}",
                 "measure this capture with a calibration of its own grabber",
             )
         yield field

@@ -1,4 +1,4 @@
-"""The light that says that camera or mirrors have moved: what measuring finds out beside points."""
+"""Watch for a camera or mirrors that have moved, on the fields that are being measured."""
 
 from collections import deque
 from dataclasses import replace
@@ -17,23 +17,22 @@ from grabberd.reconstruction.accuracy.drift_check import (
 )
 
 EVERY = 10
-"""One field in so many is looked at: five a second."""
+"""Fields from one comparison to the next: five comparisons a second."""
 LEAST_SHARE = 0.5
-"""Of the blobs in the view that shows fewer: with fewer points, targets are identified more generously."""
+"""Points per blob of the view that shows fewer; below this, targets are identified with a wider tolerance."""
 FIT_EVERY = 50
 """Fields from fit to fit: one a second."""
 MANY = 3 * LEAST_TARGETS
-"""Blobs in either view that cannot all be false: of these some targets have to be identified."""
+"""Blobs in each view that cannot all be false: some of them have to be identified as targets."""
 GENEROUS_PX = 1.0
-"""What a rig that has moved may add to every image coordinate: past this, nothing is identified."""
+"""Displacement of image coordinates up to which the targets of a rig that has moved are still identified."""
 
 
 class RigWatch:
-    """Compares the pictures with the calibration while they are measured; costs far less than measuring.
+    """Compares the pictures with the calibration while they are measured, at a fraction of measuring's cost.
 
-    Before a rig that has moved by more than half a pixel rays no longer meet, and so no target is identified.
-    Therefore they are then identified as if the calibration were uncertain by `GENEROUS_PX`, for this
-    comparison alone.
+    If the rig has moved by more than half a pixel, rays no longer meet and no target is identified. For this
+    comparison alone, targets are then identified as if the calibration were uncertain by `GENEROUS_PX`.
     """
 
     def __init__(self, setup: MeasureSetup) -> None:
@@ -47,7 +46,7 @@ class RigWatch:
         self._fields = 0
 
     def see(self, measured: MeasuredField) -> RigFit | None:
-        """Takes a measured field; once a second what the last seconds say, else None."""
+        """Takes a measured field; returns the fit over the last seconds once a second, else None."""
         self._fields += 1
         if self._fields % EVERY == 0:
             self._movement.add(self._points(measured))
@@ -57,6 +56,7 @@ class RigWatch:
         """Fit over the last seconds."""
         fit = self._movement.fit()
         seen = sorted(self._blobs)[len(self._blobs) // 2] if self._blobs else 0
+        # The median of the window: a few fields with nothing in view, or with too much, do not decide.
         if fit.verdict is RigVerdict.UNKNOWN and seen >= MANY:
             return replace(fit, verdict=RigVerdict.UNMATCHED)
         return fit

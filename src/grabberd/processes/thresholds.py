@@ -1,4 +1,4 @@
-"""The threshold for fields to come, from one of them: for their bits and lines, and the targets it shows."""
+"""The threshold for coming fields, from one field: for their bits and lines, and for its targets' size."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -11,23 +11,23 @@ from grabberd.field import Field
 from grabberd.measurement import ThresholdRule, choose_threshold, threshold_map, with_seen_size
 
 LARGEST_TARGET_PX = 16.0
-"""Larger targets have the threshold of this size: it matters little to them, and predicting takes long."""
+"""Larger targets get the threshold of this size: it matters little to them, and predicting it is slow."""
 
 
 def field_threshold(field: Field, rule: ThresholdRule, bits: int, *, doubled: bool) -> int:
     """The threshold for fields like this one.
 
     Args:
-        field: 8 bits, its lines as they came.
-        rule: how; the targets' size is taken from the field where it shows any.
-        bits: with which the fields will be quantised.
-        doubled: their missing lines will be interpolated first.
+        field: field of 8 bits with its original lines.
+        rule: rule of the threshold; the targets' size is taken from the field if it shows any.
+        bits: bits per pixel to which the fields will be quantised.
+        doubled: True if missing lines will be interpolated first.
 
     Returns:
-        0 to 254.
+        The threshold, 0 to 254.
 
     Raises:
-        MeasurementError: automatic, and there are no targets to see.
+        MeasurementError: the threshold is automatic and no targets are visible.
     """
     histogram = np.bincount(field.luma.ravel(), minlength=256)
     return choose_threshold(histogram, _for_seen_size(rule, field), bits, _y_step(field, doubled))
@@ -37,15 +37,15 @@ def field_threshold_map(field: Field, rule: ThresholdRule, *, doubled: bool) -> 
     """The threshold of every pixel of fields like this one, at 1 bit, where the light is uneven.
 
     Args:
-        field: 8 bits, its lines as they came.
-        rule: how; the targets' size is taken from the field where it shows any.
-        doubled: their missing lines will be interpolated first.
+        field: field of 8 bits with its original lines.
+        rule: rule of the threshold; the targets' size is taken from the field if it shows any.
+        doubled: True if missing lines will be interpolated first.
 
     Returns:
-        (rows, columns) uint8, of the doubled field if `doubled`.
+        (rows, columns) uint8 thresholds, for the doubled field if `doubled`.
 
     Raises:
-        MeasurementError: automatic, and there are no targets to see.
+        MeasurementError: the threshold is automatic and no targets are visible.
     """
     y_step = _y_step(field, doubled)
     found = threshold_map(field.luma, _for_seen_size(rule, field), 1, y_step)

@@ -1,4 +1,4 @@
-"""Lines, areas and words on a picture, antialiased: drawn twice as large, then made smaller."""
+"""Antialiased lines, areas and text on a picture, drawn at twice the size and then reduced."""
 
 from typing import Literal
 
@@ -13,6 +13,7 @@ Colour = tuple[float, float, float]
 PAPER: Colour = (255, 255, 255)
 INK: Colour = (60, 50, 45)
 
+# Hard edges at twice the size, in 1/16 pixel, then averaged: neighbouring facets meet without a seam.
 _LARGER = 2
 _SHIFT = 4
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
@@ -21,7 +22,7 @@ _FONT_PX = 22.0
 
 
 class Canvas:
-    """A picture in the making; places are (x, y) in its pixels, y down."""
+    """A picture being drawn; positions are (x, y) in its pixels, y down."""
 
     def __init__(self, width: int, height: int) -> None:
         self.width, self.height = width, height
@@ -32,7 +33,7 @@ class Canvas:
         cv2.fillConvexPoly(self._picture, _fixed(corners), colour, cv2.LINE_8, _SHIFT)
 
     def lines(self, corners: Array, colour: Colour, width: int = 1) -> None:
-        """Lines through (K, 2) places, one after the other."""
+        """Draws a polyline through (K, 2) positions."""
         cv2.polylines(
             self._picture, [_fixed(corners)], isClosed=False, color=colour, thickness=width * _LARGER,
             lineType=cv2.LINE_8, shift=_SHIFT,
@@ -46,7 +47,7 @@ class Canvas:
         size_px: float = 9.0,
         align: Literal["left", "middle", "right"] = "middle",
     ) -> None:
-        """Words whose middle line goes through a place; only what plain ASCII has."""
+        """Writes text, vertically centred on a position; ASCII only, as OpenCV's fonts have no more."""
         scale = size_px * _LARGER / _FONT_PX
         (width, height), _ = cv2.getTextSize(text, _FONT, scale, _LARGER - 1)
         share = {"left": 0.0, "middle": 0.5, "right": 1.0}[align]
@@ -60,6 +61,6 @@ class Canvas:
 
 
 def _fixed(corners: Array) -> NDArray[np.int32]:
-    """In the drawing's fixed point coordinates; its pixels' centres are at whole numbers."""
+    """Fixed-point coordinates of the enlarged drawing, whose pixel centres are at whole numbers."""
     enlarged = (corners + 0.5) * _LARGER - 0.5
     return np.round(enlarged * (1 << _SHIFT)).astype(np.int32)

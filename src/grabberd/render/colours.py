@@ -1,4 +1,4 @@
-"""Values as colours, and the bar that says which is which."""
+"""Colour scales for values, and the colour bar."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ from grabberd.render.canvas import INK, Canvas, Colour
 Array = NDArray[np.float64]
 
 UNKNOWN: Colour = (200, 200, 200)
-"""Where there is no value."""
+"""Colour of unknown values."""
 PLAIN: Colour = (226, 196, 158)
-"""Of a surface without values."""
+"""Colour of a surface without values."""
 
 _STEPS = 64
 _FEWEST_TICKS = 3
@@ -25,7 +25,7 @@ class Scale:
 
     Attributes:
         label: quantity and unit, in ASCII.
-        low: value of the first colour; `high`: of the last.
+        low: value of the first colour; `high`: value of the last.
     """
 
     label: str
@@ -34,13 +34,13 @@ class Scale:
 
     @classmethod
     def over(cls, label: str, values: Array) -> "Scale":
-        """From the least to the greatest value, but for the outermost two in a hundred."""
+        """Scale from the 2nd to the 98th percentile, so that single outliers do not flatten the colours."""
         known = values[np.isfinite(values)]
         low, high = np.percentile(known, [2, 98]) if len(known) else (0.0, 1.0)
         return cls(label, float(low), float(max(high, low + 1e-9 + 1e-6 * abs(low))))
 
     def colours(self, values: Array) -> Array:
-        """(..., 3) blue, green, red, 0 to 255, of values (...); those beyond have the outermost colour."""
+        """(..., 3) blue, green, red, 0 to 255, of values (...); those beyond get the end colours."""
         share = np.clip((np.nan_to_num(values) - self.low) / (self.high - self.low), 0, 1)
         levels = np.round(share * 255).astype(np.uint8).reshape(-1, 1)
         mapped = cv2.applyColorMap(levels, cv2.COLORMAP_VIRIDIS).reshape(*values.shape, 3)
@@ -48,7 +48,7 @@ class Scale:
 
 
 def draw_bar(canvas: Canvas, scale: Scale) -> None:
-    """The colour bar along the right edge, with its values and its label."""
+    """Draws the colour bar along the right edge, with its values and its label."""
     left, right = canvas.width - 74.0, canvas.width - 58.0
     top, bottom = 0.16 * canvas.height, 0.84 * canvas.height
     edges = np.linspace(bottom, top, _STEPS + 1)
@@ -64,7 +64,7 @@ def draw_bar(canvas: Canvas, scale: Scale) -> None:
 
 
 def ticks(low: float, high: float, most: int = 6) -> list[float]:
-    """Round numbers from low to high, three to `most` of them, 1, 2 or 5 times a power of ten apart."""
+    """Three to `most` round numbers from low to high, 1, 2 or 5 times a power of ten apart."""
     raw = (high - low) / most
     power = 10.0 ** np.floor(np.log10(raw))
     step = next(each * power for each in (1.0, 2.0, 5.0, 10.0) if each * power >= raw * (1 - 1e-9))

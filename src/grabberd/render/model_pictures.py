@@ -1,4 +1,4 @@
-"""Model pictures of a capture's fields: all with the same box and the same colours, so that they compare."""
+"""Model pictures of a capture's fields, all with the same box and colour scale to make them comparable."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ from grabberd.render.wire_model import Look, Painted, wire_model
 Array = NDArray[np.float64]
 
 _SPREAD = 12
-"""Box and colours are chosen from so many fields, spread over all."""
+"""Number of evenly spread fields from which box and colours are chosen."""
 
 
 class Stage(NamedTuple):
@@ -74,8 +74,8 @@ QUANTITIES = {
     "movement": Quantity("moved  mm", _movement),
     "sigma": Quantity("sigma  mm", _sigma),
 }
-"""The height over the object's xy plane; the greater principal curvature of the outer face; the greater
-principal strain of the outer face and the way moved, both since the reference field; σ of the place."""
+"""Height over the object's xy plane; greater principal curvature of the outer face; greater principal strain
+of the outer face and distance moved, both since the reference field; σ of the position."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,8 +83,8 @@ class Modelling:
     """Estimator of the surfaces of a capture's fields.
 
     Attributes:
-        grid: of the object model.
-        smoothing: one for all fields.
+        grid: target grid of the object model.
+        smoothing: common smoothing of all fields.
     """
 
     grid: Grid
@@ -92,10 +92,10 @@ class Modelling:
 
     @classmethod
     def of(cls, model: ObjectModel, fields: Sequence[Points]) -> "Modelling":
-        """The smoothing that suits the points of these fields.
+        """The estimator with a smoothing chosen for these fields.
 
         Raises:
-            AnalysisError: no grid, or no field with points enough for a surface.
+            AnalysisError: there is no grid, or no field has enough points for a surface.
         """
         grid = Grid.of(model)
         if not grid.homologous:
@@ -109,21 +109,21 @@ class Modelling:
         """The surface of a field.
 
         Raises:
-            AnalysisError: the points make none.
+            AnalysisError: the points determine no surface.
         """
         return fit_surface(self.grid, points, self.smoothing)
 
 
 @dataclass(slots=True, eq=False)
 class Gallery:
-    """Draws fields of a capture alike.
+    """Draws fields of a capture in the same style.
 
     Attributes:
-        modelling: how surfaces are estimated.
-        reference: the surface's mesh that strain and movement are counted from.
-        quantity: what the colours stand for, or None: shaded alone.
-        box: what room all pictures show.
-        scale: of the colours.
+        modelling: estimator of the surfaces.
+        reference: mesh of the reference field for strain and movement.
+        quantity: quantity shown in colour, or None for shading only.
+        box: space shown by all pictures.
+        scale: scale of the colours.
     """
 
     modelling: Modelling
@@ -136,16 +136,16 @@ class Gallery:
     def of(
         cls, modelling: Modelling, fields: Sequence[Points], reference: Points, quantity: str | None
     ) -> "Gallery":
-        """Box and colours such that these fields fit in.
+        """A gallery with box and colours that suit these fields.
 
         Args:
-            modelling: how surfaces are estimated.
-            fields: all those that are to be drawn.
-            reference: the field that strain and movement are counted from.
+            modelling: estimator of the surfaces.
+            fields: all fields to be drawn.
+            reference: reference field for strain and movement.
             quantity: one of `QUANTITIES`, or None.
 
         Raises:
-            AnalysisError: none of the fields, or not the reference, makes a surface.
+            AnalysisError: no field, or not the reference, determines a surface.
         """
         stages = _stages(modelling, fields, Mesh.of(modelling.surface(reference)))
         shown = np.concatenate([_supported_corners(stage.mesh) for stage in stages])
@@ -158,12 +158,12 @@ class Gallery:
         return gallery
 
     def values(self, stage: Stage) -> Array:
-        """(P − 1, Q − 1) of the facets."""
+        """(P − 1, Q − 1) values of the quantity at the facets."""
         assert self.quantity is not None
         return middles(self.quantity.values(stage))
 
     def picture(self, points: Points | None, look: Look, caption: str) -> NDArray[np.uint8]:
-        """(height, width, 3) uint8: the model at one field; the empty box where it has no surface."""
+        """(height, width, 3) uint8: the model at one field, or the empty box if it has no surface."""
         try:
             surface = self.modelling.surface(points) if points is not None else None
         except AnalysisError:

@@ -1,4 +1,4 @@
-"""Synthetic views of a capture's fields, and how they fit the pictures that the camera gave (paper 3.7)."""
+"""Synthetic views of a capture's fields, and their fit to the camera's pictures (paper 3.7)."""
 
 from typing import NamedTuple
 
@@ -29,9 +29,9 @@ class SyntheticPair(NamedTuple):
     """Both synthetic views of one field, each painted with the other view's grey values.
 
     Attributes:
-        left: the left view, from the right one's grey values; `right`: the other way round.
-        fit: of the left and the right one with the camera's picture; None where nothing can be matched.
-        problems: why not, in words.
+        left: left view with the right one's grey values; `right`: vice versa.
+        fit: fit of the left and the right view to the camera's picture; None if nothing can be matched.
+        problems: reasons for missing fits, as sentences.
     """
 
     left: SyntheticView
@@ -48,8 +48,8 @@ def synthetic_pair(
     Args:
         surface: the outer face at the field's time.
         calibration: both cameras.
-        field: of grey values, its lines intact or doubled.
-        fitted: whether to ask how they fit.
+        field: field of grey values, its lines intact or doubled.
+        fitted: True to determine the fit.
     """
     whole, cameras = double_lines(field), Camera.both(calibration)
     views = tuple(
@@ -74,14 +74,14 @@ def free_view(
     elevation_deg: float,
     size: tuple[int, int],
 ) -> SyntheticView:
-    """The surface from anywhere, with the left view's grey values, and the right one's where left has none.
+    """The surface from a free viewpoint, with the left view's grey values, or else the right one's.
 
     Args:
         surface: the outer face at the field's time.
-        calibration: both cameras; the free one stands as far away as the left.
-        field: of grey values.
-        azimuth_deg: of where the free camera stands, in the xy plane, from x towards y.
-        elevation_deg: of where it stands, above that plane.
+        calibration: both cameras; the free one is as far away as the left.
+        field: field of grey values.
+        azimuth_deg: azimuth of the free camera in the xy plane, from x towards y.
+        elevation_deg: elevation of the free camera above that plane.
         size: width and height of its picture.
     """
     mesh = Mesh.of(surface)
@@ -96,7 +96,7 @@ def free_view(
 
 
 def frame_of(pair: SyntheticPair, calibration: Calibration) -> NDArray[np.float64]:
-    """(lines, columns) both synthetic views in their places in the frame; NaN where they are empty."""
+    """(lines, columns) both synthetic views at their positions in the frame; NaN where they are empty."""
     frame = np.full((calibration.lines, calibration.columns), np.nan)
     for view in (pair.left, pair.right):
         frame[:, view.raster.columns.start : view.raster.columns.stop] = view.grey

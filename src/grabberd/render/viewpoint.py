@@ -1,4 +1,4 @@
-"""The stand that a model is drawn in: from which side it is looked at, and its box with axes in mm."""
+"""Viewpoint of a model drawing, and its box with axes in mm."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -18,7 +18,7 @@ SIDES = {
     "front": (0.0, 0.0),
     "oblique": (-60.0, 35.0),
 }
-"""Azimuth and elevation, in degrees, of the sides that have a name; top is where the cameras are."""
+"""Azimuth and elevation, in degrees, of named viewpoints; the cameras look from the top."""
 
 AXES = ("x mm", "y mm", "z mm")
 
@@ -28,26 +28,26 @@ _MARGIN_PX = 62.0
 _BAR_PX = 74.0
 _TICK_MM = 10.0
 _EDGE_ON = 0.12
-"""An axis that is shortened to less than this is looked along: it has no labels."""
+"""Foreshortening below which an axis is seen end on and gets no labels."""
 _LABEL_PX = 15.0
 
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """The room that is shown, mm: `low` (3,) to `high` (3,), whole tens."""
+    """The space shown, mm: `low` (3,) to `high` (3,), multiples of ten."""
 
     low: Array
     high: Array
 
     @classmethod
     def round(cls, xyz_mm: Array) -> "Box":
-        """The box round places (N, 3)."""
+        """The box round points (N, 3)."""
         low, high = np.nanmin(xyz_mm, axis=0), np.nanmax(xyz_mm, axis=0)
         low = np.floor(low / _TICK_MM) * _TICK_MM
         return cls(low, np.maximum(np.ceil(high / _TICK_MM) * _TICK_MM, low + _TICK_MM))
 
     def corners(self) -> Array:
-        """(8, 3)."""
+        """(8, 3) corners of the box."""
         return np.array(list(product(*zip(self.low, self.high, strict=True))))
 
 
@@ -56,10 +56,10 @@ class Viewpoint:
     """A parallel projection of a box onto a canvas.
 
     Attributes:
-        box: what is shown.
-        axes: (3, 3) unit vectors to the right, up and toward who looks.
+        box: the space shown.
+        axes: (3, 3) unit vectors to the right, up and toward the viewer.
         px_per_mm: scale.
-        middle_px: (2,) where the box's middle is drawn.
+        middle_px: (2,) position of the box's middle in the drawing.
     """
 
     box: Box
@@ -77,17 +77,17 @@ class Viewpoint:
         return cls(box, axes, float((room / np.maximum(extent, 1e-9)).min()), middle)
 
     def places(self, xyz_mm: Array) -> Array:
-        """(..., 2) pixels of places (..., 3)."""
+        """(..., 2) pixels of points (..., 3)."""
         flat = (xyz_mm - (self.box.low + self.box.high) / 2) @ self.axes[:2].T
         return self.middle_px + self.px_per_mm * flat * [1.0, -1.0]
 
     def nearness(self, xyz_mm: Array) -> Array:
-        """(...) how near places (..., 3) are to who looks, mm."""
+        """(...) nearness of points (..., 3) to the viewer, mm."""
         near: Array = xyz_mm @ self.axes[2]
         return near
 
     def draw(self, canvas: Canvas) -> None:
-        """The box's far walls with lines at round numbers, and the axes' numbers along its outline."""
+        """Draws the box's far walls with lines at round numbers, and the axes' numbers along its outline."""
         far = np.where(self.axes[2] > 0, self.box.low, self.box.high)
         for axis in range(3):
             if self._shortened(axis) < _EDGE_ON:
@@ -97,7 +97,7 @@ class Viewpoint:
             self._label(canvas, axis)
 
     def _shortened(self, axis: int) -> float:
-        """Length of the axis' picture over its own."""
+        """Drawn length of an axis relative to its true length."""
         return float(np.hypot(*self.axes[:2, axis]))
 
     def _wall_lines(self, canvas: Canvas, axis: int, tick: float, far: Array) -> None:
@@ -123,14 +123,14 @@ class Viewpoint:
         canvas.words(AXES[axis], (start + end) / 2 + beyond_px * across, size_px=10)
 
     def _inner_ticks(self, axis: int) -> list[float]:
-        """Round numbers; not at the corners, where those of two axes would meet, if there are others."""
+        """Round numbers without those at the corners, where two axes' numbers would collide, if possible."""
         low, high = self.box.low[axis], self.box.high[axis]
         every = ticks(low, high)
         inner = [tick for tick in every if low < tick < high]
         return inner if len(inner) > 1 else every
 
     def _outline_edge(self, axis: int) -> Array:
-        """(2, 3) the box's edge along an axis that is lowest in the picture, or, if upright, leftmost."""
+        """(2, 3) lowest edge of the box along an axis in the picture, or leftmost if the axis is upright."""
         low, high = self.box.low, self.box.high
         others = [other for other in range(3) if other != axis]
         edges = []

@@ -1,4 +1,4 @@
-"""The grid model from any side (paper 3.7): facets and the targets' lines, what is near hides what is far."""
+"""The grid model from any side (paper 3.7): facets and grid lines, with nearer parts hiding farther ones."""
 
 from typing import NamedTuple
 
@@ -17,15 +17,15 @@ _LIGHT = np.array([-0.35, 0.45, 0.82])
 """Direction of the light: from the left, above and before the picture."""
 _LEAST_LIGHT = 0.45
 _INSIDE = 0.72
-"""The inner face is so much darker."""
+"""Brightness of the inner face relative to the outer."""
 
 
 class Look(NamedTuple):
     """Drawing style of a model.
 
     Attributes:
-        azimuth_deg: from where; `elevation_deg`: likewise, see `viewing_axes`.
-        width: of the picture in pixels; `height`: likewise.
+        azimuth_deg: azimuth of the viewpoint; `elevation_deg`: its elevation, see `viewing_axes`.
+        width: width of the picture in pixels; `height`: its height.
     """
 
     azimuth_deg: float = -60.0
@@ -47,12 +47,12 @@ def wire_model(
     """Draws a mesh: (height, width, 3) uint8, blue, green, red.
 
     Args:
-        mesh: of the surface; without one the box alone is drawn.
-        outward: 1.0 where X_u × X_v points outward, or −1.0; the inner face is drawn darker.
-        box: what room to show.
-        look: from where, and how large.
-        painted: colours by value; without, the surface is shaded alone.
-        caption: words above it, ASCII.
+        mesh: mesh of the surface; None draws only the box.
+        outward: 1.0 if X_u × X_v points outward, else −1.0; the inner face is drawn darker.
+        box: space to show.
+        look: viewpoint and size.
+        painted: colours by value; None for shading only.
+        caption: text above the drawing, ASCII.
     """
     canvas = Canvas(look.width, look.height)
     viewpoint = Viewpoint.before(box, look.azimuth_deg, look.elevation_deg, canvas)
@@ -68,7 +68,7 @@ def wire_model(
 def _draw_facets(
     canvas: Canvas, viewpoint: Viewpoint, mesh: Mesh, outward: float, painted: Painted | None
 ) -> None:
-    """The painter's way: the farthest facet first, each with its pieces of the grid's lines."""
+    """Painter's algorithm: the farthest facet first, each with its pieces of the grid lines."""
     corners, xyz = mesh.corners(), mesh.xyz_mm.reshape(-1, 3)
     four = xyz[corners]
     colours = _shaded(viewpoint, four, outward, painted, mesh)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from analysis.pulsating import burst_times, capture, times
-from grabberd.analysis import TimedPoints, first_movement, fit_pulsation, gaps, variation
+from grabberd.analysis import TimedPoints, first_movement, fit_pulsation, variation
 from grabberd.errors import AnalysisError
 from processes.fake_scene import take_scene
 
@@ -59,16 +59,13 @@ def test_phase_counts_from_where_the_wall_begins_to_open() -> None:
     assert at.cycle[2] - at.cycle[0] == 2
 
 
-def test_missing_fields_are_no_problem_and_named() -> None:
+def test_missing_fields_are_no_problem() -> None:
     keep = np.ones(300, bool)
     keep[20:30] = keep[47] = keep[200:220] = False
     fields = capture(times(300)[keep])
     found = pulsation(fields)
     assert found.period_s == pytest.approx(1.0, abs=5e-4)
     assert len(found.runs) == 1
-    named = gaps(np.array([field.time_s for field in fields]), found)
-    assert [gap.fields for gap in named] == [10, 1, 20]
-    assert not any(gap.resets for gap in named)
 
 
 def test_a_gap_longer_than_a_cycle_resets_the_count() -> None:
@@ -80,7 +77,6 @@ def test_a_gap_longer_than_a_cycle_resets_the_count() -> None:
     at = found.at(np.array([2.0, 6.0]))
     assert at.run.tolist() == [0, 1]
     assert at.cycle[1] < 3
-    assert [gap.resets for gap in gaps(np.array([field.time_s for field in fields]), found)] == [True]
 
 
 def test_bursts_of_32_fields_find_their_places_in_one_cycle() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import BSpline
 
-from grabberd.analysis.surface.bsplines import splines
+from grabberd.analysis.surface.modes import splines
 
 
 def test_splines_and_their_derivatives_are_those_of_scipy():

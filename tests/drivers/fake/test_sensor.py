@@ -7,9 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from grabberd_fake.normal import normal_distribution, normal_integral, normal_quantiles
 from grabberd_fake.options import PictureOptions
-from grabberd_fake.render import SCALE
+from grabberd_fake.render import SCALE, normal_distribution, normal_integral, normal_quantiles
 from grabberd_fake.sensor import Sensor
 
 

@@ -140,7 +140,7 @@ def test_a_wrong_rate_can_be_put_right(tmp_path):
 def test_a_lossy_codec_is_named(tmp_path):
     info, played, _ = play(coded(tmp_path / "clip.avi", "MJPG", SMOOTH))
     assert info.details["codec"] == "MJPG"
-    assert "codec MJPG is a lossy one" in info.remarks[0]
+    assert "codec MJPG is usually lossy" in info.remarks[0]
     assert len(played) == 6
 
 
@@ -188,7 +188,7 @@ def test_a_video_that_is_cut_off_in_its_head_is_refused(tmp_path, kept):
 
 
 def test_a_video_without_pictures_is_told_at_once(tmp_path):
-    with pytest.raises(PictureError, match="not one picture can be read"):
+    with pytest.raises(PictureError, match="no picture of a video"):
         ReplayGrabber(avi(tmp_path / "clip.avi", 0)).open()
 
 
@@ -201,7 +201,7 @@ def test_a_codec_that_nobody_knows_is_refused(tmp_path):
 
 def test_coded_pictures_that_never_change_are_not_believed(tmp_path):
     path = coded(tmp_path / "clip.avi", "FFV1", [luma(0)] * 3)
-    with pytest.raises(DeviceRefused, match="same bit for bit") as caught:
+    with pytest.raises(DeviceRefused, match="identical bit for bit") as caught:
         ReplayGrabber(path).open()
     assert "setfield=prog" in caught.value.hint
 

@@ -3,7 +3,7 @@
 from drivers.v4l2.computer import Computer
 from drivers.v4l2.fake_kernel import Card, FakeKernel
 from grabberd_v4l2 import V4l2Grabber
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 
 WOVEN = (Arrangement.INTERLACED,)
 

@@ -8,8 +8,8 @@ import pytest
 from drivers.v4l2.computer import Computer
 from grabberd.acquisition import registry
 from grabberd.acquisition.discovery import Verdict
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.answers import Answers
-from grabberd_v4l2.arrangement import Arrangement
 from grabberd_v4l2.discovery import discover
 from grabberd_v4l2.profiles import Profiles
 
@@ -143,7 +143,7 @@ def test_a_card_without_50_hz_is_unusable(computer):
     computer.plug_card(0)
     (device,) = found(computer, Answers("bttv", "card", True, ("In",), ("NTSC",), False, "NTSC", ("GREY",)))
     assert device.verdict is Verdict.UNUSABLE
-    assert any("such as PAL, but NTSC" in remark for remark in device.remarks)
+    assert any("such as PAL, only NTSC" in remark for remark in device.remarks)
 
 
 def test_a_card_without_a_format_that_can_be_read_is_unusable(computer):
@@ -151,7 +151,7 @@ def test_a_card_without_a_format_that_can_be_read_is_unusable(computer):
     answers = Answers("bttv", "card", True, ("In",), ("PAL",), True, "PAL", (), ("MJPG",))
     (device,) = found(computer, answers)
     assert device.verdict is Verdict.UNUSABLE
-    assert any("but MJPG" in remark for remark in device.remarks)
+    assert any("only MJPG" in remark for remark in device.remarks)
 
 
 def test_a_dongle_at_usb_1_1_speed_is_unusable(computer):

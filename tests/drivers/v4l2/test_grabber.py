@@ -9,7 +9,7 @@ from drivers.v4l2.bench import Bench, card_with, dongle
 from grabberd.acquisition import Signal, registry
 from grabberd.errors import DeviceAbsent, DeviceError, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_v4l2 import V4l2Grabber
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_a_node_that_vanishes_while_it_is_opened_is_absent(tmp_path):
 
 def test_a_device_that_does_not_answer_asks_for_the_next_step_of_recovery(bench):
     bench.card.answers["STREAMON"].append(errno.EIO)
-    with pytest.raises(StreamFailed, match="does not answer"):
+    with pytest.raises(StreamFailed, match="does not respond"):
         bench.grabber.open()
     assert bench.nothing_is_left_behind()
 
@@ -160,7 +160,7 @@ def test_a_restart_of_a_card_that_is_gone_has_lost_it(bench):
 def test_a_restart_that_is_granted_something_else_is_refused(bench):
     bench.grabber.open()
     bench.card.orders = (Arrangement.INTERLACED,)
-    with pytest.raises(DeviceRefused, match="something else"):
+    with pytest.raises(DeviceRefused, match="another stream"):
         bench.grabber.restart()
     bench.grabber.close()
     assert bench.nothing_is_left_behind()

@@ -77,13 +77,13 @@ def test_what_is_absent_is_said_with_what_is_there_instead(computer):
 def test_nothing_at_all_is_said_too(computer):
     with pytest.raises(DeviceAbsent) as caught:
         find_node(Identity.from_options(device="/dev/video0"), computer.roots)
-    assert "no video node at all" in caught.value.hint
+    assert "no video nodes at present" in caught.value.hint
 
 
 def test_a_device_without_a_node_lacks_its_module(computer):
     computer.plug_usb("05e1:0408", "1-2")
     with pytest.raises(
-        DeviceAbsent, match=r"USB 05e1:0408 at port 1-2 is plugged in, but no driver"
+        DeviceAbsent, match=r"USB 05e1:0408 at port 1-2 is plugged in, but no kernel driver"
     ) as caught:
         find_node(Identity.from_options(usb="05e1:0408"), computer.roots)
     assert "dmesg" in caught.value.hint
@@ -95,7 +95,7 @@ def test_a_device_without_a_node_lacks_its_module(computer):
         ({}, "either by device"),
         ({"device": "/dev/video0", "usb": "05e1:0408"}, "either by device"),
         ({"device": "/dev/video0", "port": "1-2"}, "belong to usb"),
-        ({"device": "video0"}, "no path from the root"),
+        ({"device": "video0"}, "no absolute path"),
         ({"usb": "05e1"}, "VENDOR:PRODUCT"),
         ({"usb": "0x05e1:0x0408"}, "VENDOR:PRODUCT"),
         ({"usb": "05e1:0408", "port": "2"}, "no USB port"),

@@ -6,9 +6,8 @@ import pytest
 from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused
 from grabberd.field import BOTTOM, TOP
-from grabberd_v4l2.arrangement import Arrangement
-from grabberd_v4l2.granted import Granted
-from grabberd_v4l2.layout import Layout
+from grabberd_v4l2.abi import Arrangement
+from grabberd_v4l2.layout import Granted, Layout
 from grabberd_v4l2.profiles import Profiles
 
 PROFILES = Profiles.load()
@@ -140,7 +139,7 @@ def test_alternating_fields_have_the_parity_that_their_buffer_says():
 
 @pytest.mark.parametrize("said", [Arrangement.ANY, Arrangement.ALTERNATE, Arrangement.INTERLACED])
 def test_an_alternating_field_without_a_parity_is_refused(said):
-    with pytest.raises(DeviceRefused, match="does not say which one"):
+    with pytest.raises(DeviceRefused, match="does not tell its parity"):
         layout(Arrangement.ALTERNATE, lines=288).fields(frame()[::2].ravel(), said)
 
 

@@ -8,7 +8,7 @@ from drivers.v4l2.bench import ALL_ORDERS, Bench, card_with, dongle, pci_card
 from grabberd.acquisition import FieldOrder
 from grabberd.errors import Cause, DeviceRefused
 from grabberd_v4l2 import abi
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 
 UVC = "uvcvideo"
 
@@ -247,8 +247,8 @@ def test_a_node_that_is_not_for_pictures_is_refused_by_what_it_is(bench, caps, s
     ("call", "answer", "said", "advice", "cause"),
     [
         ("open", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
-        ("open", errno.EACCES, "rights", "video", Cause.NO_RIGHTS),
-        ("open", errno.EPERM, "rights", "udev", Cause.NO_RIGHTS),
+        ("open", errno.EACCES, "by this user", "video", Cause.NO_RIGHTS),
+        ("open", errno.EPERM, "by this user", "udev", Cause.NO_RIGHTS),
         ("QUERYCAP", errno.ENOTTY, "no video device", "grabberd devices", Cause.DEVICE_REFUSED),
         ("S_STD", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),
         ("S_FMT", errno.EBUSY, "in use", "fuser", Cause.DEVICE_BUSY),

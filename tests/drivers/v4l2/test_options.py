@@ -4,7 +4,7 @@ import pytest
 
 from grabberd.field import BOTTOM
 from grabberd_v4l2 import V4l2Grabber
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.options import V4l2Options
 
 
@@ -43,7 +43,7 @@ def test_everything_can_be_said():
     ("wrong", "said"),
     [
         ({"standard": "NTSC"}, "standard: 'NTSC' is not one of PAL, PAL-BG"),
-        ({"format": ["GREY", "MJPG"]}, "format: .* is not one, or a list, of GREY"),
+        ({"format": ["GREY", "MJPG"]}, "format: .* is neither one nor a list of GREY"),
         ({"format": []}, "format:"),
         ({"field_order": "any"}, "field_order: 'any' is not one of top, bottom, interlaced"),
         ({"field_order": "none"}, "field_order:"),

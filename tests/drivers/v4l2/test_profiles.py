@@ -4,7 +4,7 @@ import pytest
 
 from grabberd.acquisition import Verdict
 from grabberd.field import BOTTOM, TOP
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 from grabberd_v4l2.profiles import Profiles, SignalSource
 
 DRIVERS = (

@@ -104,7 +104,7 @@ def test_an_unplug_is_noticed_at_once(streaming):
     take(bench, 2)
     bench.kernel.after(0.013, bench.unplug)
     before_ns = bench.kernel.time_ns
-    assert "went away" in fails(bench, DeviceLost).message
+    assert "has disappeared" in fails(bench, DeviceLost).message
     assert bench.kernel.time_ns - before_ns == 13_000_000
 
 

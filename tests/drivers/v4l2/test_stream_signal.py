@@ -7,7 +7,7 @@ from drivers.v4l2.taking import SECOND_NS, fails, take, until_it_fails
 from grabberd.acquisition import Signal
 from grabberd.errors import DeviceRefused, StreamFailed
 from grabberd_v4l2 import abi
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 
 
 @pytest.mark.parametrize("tells", ["enuminput", "querystd"])
@@ -73,4 +73,4 @@ def test_a_card_that_others_set_to_ntsc_is_set_to_pal_again(streaming):
 
 def test_an_alternating_card_that_does_not_tell_the_parity_is_refused(streaming):
     bench = streaming(card_with(unlabelled={0}, orders=(Arrangement.ALTERNATE,)))
-    assert "which" in fails(bench, DeviceRefused).message
+    assert "parity" in fails(bench, DeviceRefused).message

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 from grabberd.acquisition import FieldNumbering, GrabbedField, Outcome, StreamInfo
 from grabberd.field import BOTTOM, TOP, Field
 from grabberd_v4l2 import abi
-from grabberd_v4l2.arrangement import Arrangement
-from grabberd_v4l2.granted import Granted
-from grabberd_v4l2.layout import LaidField, Layout
+from grabberd_v4l2.abi import Arrangement
+from grabberd_v4l2.layout import Granted, LaidField, Layout
 from grabberd_v4l2.profiles import Profiles
 from grabberd_v4l2.times import PERIOD_NS, FieldTimes, Stamp
 

@@ -89,9 +89,8 @@ def test_the_vacuum_of_fields_and_phases_is_read_at_their_own_times() -> None:
 
 def test_gaps_of_the_capture_are_named_and_not_filled() -> None:
     found = whole()
-    assert "2 in all, and nothing stands in for them: 2 after field 19" in found.problems[0]
+    assert "2 fields are missing and were not filled in: 2 after field 19" in found.problems[0]
     assert len(found.states) == 50
-    assert [(gap.fields, gap.resets) for gap in found.cycle.gaps] == [(2, False)]
 
 
 def test_progress_is_told_state_by_state() -> None:
@@ -125,12 +124,12 @@ def test_strain_counts_from_the_field_that_is_named() -> None:
     found = analysed(still(3), reference={"field": 1})
     sigma = found.states[1].strain.sigma
     assert np.nanmax(np.abs(found.states[1].strain.value) / np.maximum(sigma, 1e-6)) < 5
-    with pytest.raises(InputError, match="field 7, which has no points"):
+    with pytest.raises(InputError, match="field 7 has no points"):
         analysed(still(3), reference={"field": 7})
 
 
 def test_strain_from_a_phase_needs_a_pulsation() -> None:
-    with pytest.raises(InputError, match=r"phase 0\.4 of the mean cycle: there is none"):
+    with pytest.raises(InputError, match=r"phase 0\.4 of the mean cycle does not exist"):
         analysed(still(3), reference={"phase": 0.4})
 
 

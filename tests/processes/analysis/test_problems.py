@@ -42,7 +42,7 @@ def test_missing_fields_are_named_first():
     problems = Problems([0, 1, 4, 5])
     problems.note("field 1", ["hole"])
     missing, hole = problems.all()
-    assert "2 in all, and nothing stands in for them: 2 after field 1" in missing
+    assert "2 fields are missing and were not filled in: 2 after field 1" in missing
     assert hole == "field 1: hole"
 
 

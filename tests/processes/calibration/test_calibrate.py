@@ -180,7 +180,7 @@ def test_an_interior_parameter_that_is_not_adjusted_is_as_the_rig_was_built(scen
     left, right = result.views
     assert (right.f_mm, right.x0_px, right.b) == (8.0, 359.5, (0.0,) * 9)
     assert left.f_mm != 8.0
-    assert any("terms that were held" in warning for warning in result.warnings)
+    assert any("parameters that were held" in warning for warning in result.warnings)
 
 
 def test_a_parameter_that_does_not_exist_is_named(scene):

@@ -1,4 +1,4 @@
-"""The liner's pressure on the teat as a map, with all that its σ is made of."""
+"""The liner's pressure on the teat as a map, with the contributions to its σ."""
 
 import re
 from collections import Counter
@@ -13,16 +13,16 @@ from grabberd.errors import AnalysisError
 Array = NDArray[np.float64]
 
 _VALUES = re.compile(r" of \S+ kPa| \([^)]*\)")
-"""Of a reason, what is of its own place alone."""
+"""Parts of a reason that differ from target to target."""
 
 
 class ChamberVacuum(NamedTuple):
     """The vacuum on both sides of the wall at one field, kPa below atmosphere.
 
     Attributes:
-        pulsation_kpa: in the pulsation chamber; `liner_kpa`: in the liner.
-        pulsation_sigma_kpa: σ of the first; `liner_sigma_kpa`: of the second.
-        pulsation_slope_kpa_per_s: how fast it changes; `liner_slope_kpa_per_s` alike.
+        pulsation_kpa: vacuum in the pulsation chamber; `liner_kpa`: in the liner.
+        pulsation_sigma_kpa: σ of `pulsation_kpa`; `liner_sigma_kpa`: σ of `liner_kpa`.
+        pulsation_slope_kpa_per_s: rate of change of `pulsation_kpa`; `liner_slope_kpa_per_s`: of `liner_kpa`.
         time_sigma_s: σ of the offset between the clocks of the camera and of the vacuum.
     """
 
@@ -58,12 +58,12 @@ class Shares(NamedTuple):
 
     @property
     def common_kpa(self) -> Array:
-        """(6, N) the signed ones together."""
+        """(6, N) all signed shares."""
         return np.concatenate([[self.pulsation_kpa, self.liner_kpa, self.time_kpa], self.material_kpa])
 
     @property
     def sigma_kpa(self) -> Array:
-        """(N,) all together."""
+        """(N,) σ from all shares."""
         result: Array = np.sqrt(self.points_kpa**2 + (self.common_kpa**2).sum(axis=0))
         return result
 
@@ -75,9 +75,9 @@ class PressureMap(NamedTuple):
         u_mm: (N,) material coordinates; `v_mm`: (N,).
         contact_kpa: (N,) p_contact on the inner face, above the pressure in the liner.
         overpressure_kpa: (N,) the same above atmosphere: the load on the teat, in phase d the overpressure.
-        wall_kpa: (N,) T:κ − ∇∇:M, what the wall itself presses inward, on the middle surface.
-        shares: what the σ of `contact_kpa` is made of.
-        reason: (N,) why a place says nothing; empty where it does.
+        wall_kpa: (N,) T:κ − ∇∇:M, inward pressure of the wall itself, on the middle surface.
+        shares: contributions to the σ of `contact_kpa`.
+        reason: (N,) reason why a target has no pressure; empty if it has one.
     """
 
     u_mm: Array
@@ -90,14 +90,14 @@ class PressureMap(NamedTuple):
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """(N,) where the map says something."""
+        """(N,) True for targets with a pressure."""
         return np.array([not reason for reason in self.reason], np.bool_)
 
     def determined(self) -> "PressureMap":
         """The map itself.
 
         Raises:
-            AnalysisError: there is no place where it says anything.
+            AnalysisError: no target has a pressure.
         """
         if not all(self.reason):
             return self

@@ -21,15 +21,15 @@ _FOLDED = "the face is folded, or curved more sharply than the wall is thick"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PressureModel:
-    """All that the maps of a capture share: places, material and reference state.
+    """Common part of a capture's pressure maps: positions, material and reference state.
 
     Attributes:
-        u_mm: (N,) the places; `v_mm`: (N,).
-        equilibrium: of the wall there.
-        varied: for each of `VARIED` the equilibrium with one σ more of it, or nothing where it has no σ.
-        reference: the reference state where it was measured, and brings a σ of its own.
-        sought_kpa: the least pressure that the map is to show; where σ exceeds both this and the pressure,
-            the map says nothing.
+        u_mm: (N,) material coordinates; `v_mm`: (N,).
+        equilibrium: equilibrium of the wall there.
+        varied: for each of `VARIED` the equilibrium with that input raised by its σ; None if it has no σ.
+        reference: the reference state if it was measured and so has a σ of its own.
+        sought_kpa: smallest pressure that the map has to resolve; if σ exceeds both this and the pressure,
+            the target has no pressure.
     """
 
     u_mm: Array
@@ -48,17 +48,17 @@ class PressureModel:
         outward: float,
         sought_kpa: float,
     ) -> "PressureModel":
-        """The model for some places.
+        """The model at some positions.
 
         Args:
-            zones: what the wall is made of.
+            zones: material of the wall.
             places: u_mm and v_mm, (N,) each.
-            reference: the wall unbent, as mounted: a measured surface, or jets (N, 15, 3) taken as exact.
+            reference: the unbent wall, as mounted: a measured surface, or jets (N, 15, 3) taken as exact.
             outward: `Grid.outward`.
-            sought_kpa: as above.
+            sought_kpa: as in the class.
 
         Raises:
-            AnalysisError: a place lies in no zone or in two.
+            AnalysisError: a position lies in no zone or in two.
         """
         measured = isinstance(reference, Surface)
         jets = reference.jets(*places) if isinstance(reference, Surface) else reference
@@ -75,12 +75,12 @@ class PressureModel:
         """The pressure at one field.
 
         Raises:
-            AnalysisError: there is no place where the map says anything.
+            AnalysisError: no target has a pressure.
         """
         return self.maps([surface], [vacuum])[0].determined()
 
     def maps(self, surfaces: Sequence[Surface], vacuum: Sequence[ChamberVacuum]) -> list[PressureMap]:
-        """The pressure at F fields, some of which may say nothing anywhere (`PressureMap.determined`)."""
+        """The pressure at F fields; some maps may have no pressure anywhere (`PressureMap.determined`)."""
         jets = np.stack([surface.jets(self.u_mm, self.v_mm) for surface in surfaces])
         difference = np.array([[one.difference_kpa] for one in vacuum])
         with np.errstate(all="ignore"):
@@ -114,9 +114,9 @@ class PressureModel:
         return PressureMap(self.u_mm, self.v_mm, contact, over, wall, shares, reasons)
 
     def _reasons(self, surface: Surface, turned: NDArray[np.bool_], contact: Estimate) -> tuple[str, ...]:
-        """Reason why each place has no pressure: the first one that applies.
+        """The first applicable reason why each target has no pressure; empty if it has one.
 
-        `turned`: a parallel surface inside has turned over there, its area would not be positive.
+        `turned`: True where a parallel surface inside is turned over, so that its area is not positive.
         """
         within = surface.within(self.u_mm, self.v_mm)
         folded = ~np.isfinite(contact.sigma) | turned
@@ -137,7 +137,7 @@ class PressureModel:
         return np.hypot(share, self.reference.sigma(_known(by_reference), self.u_mm, self.v_mm))
 
     def _material_shares(self, jets: Jets, shape: WallShape, slope: Slope, difference_kpa: Array) -> Array:
-        """(3, F, N) how much the pressure rises with one σ of each."""
+        """(3, F, N) change of the pressure with one σ of each input."""
         depth_mm = self.equilibrium.wall.depth_mm
         shares = np.zeros((len(VARIED), *slope.contact_kpa.shape))
         for share, other in zip(shares, self.varied, strict=True):
@@ -149,20 +149,20 @@ class PressureModel:
 
 
 def _of_fields(slope: Slope) -> list[Slope]:
-    """Field by field; of an exact reference state there is one, without derivatives."""
+    """Slopes field by field; an exact reference state has a single one, without derivatives."""
     by_reference = np.broadcast_to(slope.by_reference, slope.by_jets.shape)
     return [Slope(*one) for one in zip(slope.contact_kpa, slope.by_jets, by_reference, strict=True)]
 
 
 def _known(slopes: Array) -> Array:
-    """Without what is no number: such a place is refused by its value."""
+    """Slopes without non-finite numbers: such targets are refused by their value."""
     return np.nan_to_num(slopes, nan=0.0, posinf=0.0, neginf=0.0)
 
 
 def _shares(
     vacuum: ChamberVacuum, area: Array, points: Array, material: Array, above_atmosphere: bool = False
 ) -> Shares:
-    """The liner's vacuum counts less in the pressure above atmosphere: it draws teat and wall together."""
+    """Contributions to σ; above atmosphere the liner's vacuum matters less: teat and wall share it."""
     by_pulsation, by_liner = -1 / area, 1 / area - (1.0 if above_atmosphere else 0.0)
     slope = by_pulsation * vacuum.pulsation_slope_kpa_per_s + by_liner * vacuum.liner_slope_kpa_per_s
     return Shares(

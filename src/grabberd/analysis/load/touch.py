@@ -1,4 +1,4 @@
-"""The onset of pressure: the touch as reference, and the free wall as a check of inputs and model."""
+"""The first touch as a reference for pressures, and the free wall as a check of inputs and model."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class Touch(NamedTuple):
-    """The first touch: in which map of a series, and at which of its places."""
+    """The first touch: index of the map in a series, and of the target in it."""
 
     field: int
     place: int
@@ -25,11 +25,11 @@ class FreeWall(NamedTuple):
     """Residual p_contact where the wall is known to be free; it should be zero.
 
     Attributes:
-        residual_kpa: its weighted mean with σ, which takes the places for wholly dependent and so is no less
-            than the truth's.
-        misfit: mean square of the residuals over their σ: about 1 where inputs and σ are right.
-        worst: (place, times its σ) of the greatest residual.
-        agrees: whether the mean is within `limit` σ of zero, and the root of the misfit within the limit too.
+        residual_kpa: weighted mean of the residuals; its σ treats the targets as fully dependent, so it is
+            never too small.
+        misfit: mean square of the residuals in units of σ: about 1 if inputs and σ are right.
+        worst: (target, multiple of its σ) of the greatest residual.
+        agrees: True if the mean is within `limit` σ of zero and the root of the misfit within the limit, too.
     """
 
     residual_kpa: Estimate
@@ -39,10 +39,10 @@ class FreeWall(NamedTuple):
 
 
 def first_touch(maps: Sequence[PressureMap], limit: float = 3.0) -> Touch:
-    """The first field with a place whose pressure exceeds its σ so many times, there and in the next field.
+    """The first field with a target whose pressure exceeds `limit` σ in that field and the next.
 
     Raises:
-        AnalysisError: there is none.
+        AnalysisError: there is no such field.
     """
     pressed = [_ratio(one) > limit for one in maps]
     lasting = [now & after for now, after in pairwise(pressed)]
@@ -59,7 +59,7 @@ def first_touch(maps: Sequence[PressureMap], limit: float = 3.0) -> Touch:
 def since_touch(now: PressureMap, touch: PressureMap) -> Estimate:
     """(N,) kPa: the pressure above that at the same places in the field of the touch.
 
-    What both fields have in common (material, vacuum gauges, offset in time) falls out.
+    Errors common to both fields (material, vacuum gauges, offset in time) cancel.
     """
     own = now.shares.points_kpa**2 + touch.shares.points_kpa**2
     common = ((now.shares.common_kpa - touch.shares.common_kpa) ** 2).sum(axis=0)
@@ -70,12 +70,12 @@ def free_wall(one: PressureMap, free: NDArray[np.bool_], limit: float = 3.0) -> 
     """The self-check where the wall is known to be free: an empty liner, or beside the teat.
 
     Args:
-        one: the map.
-        free: (N,) where nothing touches the wall.
-        limit: in σ.
+        one: the pressure map.
+        free: (N,) True where nothing touches the wall.
+        limit: limit in σ.
 
     Raises:
-        AnalysisError: the map says nothing at any of these places.
+        AnalysisError: the map has no pressure at any of these targets.
     """
     places = np.flatnonzero(free & np.isfinite(one.contact_kpa.sigma) & (one.contact_kpa.sigma > 0))
     if not len(places):

@@ -1,4 +1,4 @@
-"""Cycle length, phases and waveform adjusted together to all fields, from what the search found."""
+"""Joint adjustment of cycle length, phases and waveform to all fields, starting from the search's result."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -11,16 +11,19 @@ from grabberd.analysis.pulsation.waveform import Waveform, basis, basis_slope, p
 
 Array = NDArray[np.float64]
 
+# Fit and σ depend on each other: σ is rescaled by the residuals, and the fit repeated, three times.
 _ROUNDS, _RESCALED = 20, 3
 _CLOSE_S = 1e-7
 _STILL = 0.25
-"""Slopes below this share of the steepest tell nothing of the time: what moves there may be noise."""
+"""Slopes below this share of the steepest do not contribute to the period: movement there may be noise."""
 _CHANCE = 0.03
-"""Of the stroke: ends of movements may agree so well although they are not the same."""
+"""Share of the stroke to which ends of different movements may agree by chance."""
 _ANYHOW = 1e3
+"""Loose prior of the polygon's corners, in units of the movement's standard deviation."""
 _LEAST_SIGMA = 1e-3
+"""Floor of σ in units of the movement: exact points would otherwise weigh infinitely much."""
 _BAND = 0.8
-"""Share of what the fields' rate can show (half of it) that the harmonics reach."""
+"""Highest harmonic as a share of the Nyquist frequency of the fields."""
 _FEWEST, _MOST = 4, 30
 _PLACES = 200
 _MANY = 400
@@ -34,11 +37,11 @@ class Fit:
         period_s: length of the cycle.
         phases: (S,) phase of each run's first field, in cycles; the first run's is held.
         waveform: the movement in mm over the phase.
-        covariance: (S + 2K + 1,)² of the period, the further runs' phases, the coefficients.
-        residual_mm: root mean square of what is left.
-        expected_mm: what the points' σ let expect of it.
-        evidence: logarithm of the probability of the movement, but for what is common to all fits of it.
-        shared_period_sigma_s: σ of the period from nothing but movement that is seen in two cycles or runs.
+        covariance: (S + 2K + 1,)² covariance of the period, the further runs' phases and the coefficients.
+        residual_mm: root mean square of the residuals.
+        expected_mm: its expectation from the points' σ.
+        evidence: log probability of the movement, up to a constant common to all fits of it.
+        shared_period_sigma_s: σ of the period from only that movement that is seen in two cycles or runs.
     """
 
     period_s: float
@@ -62,13 +65,13 @@ def harmonics(period_s: float, step_s: float) -> int:
 
 
 def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count: int) -> Fit:
-    """Least squares over period, phases and `count` harmonics with their prior; σ from what is left.
+    """Least squares over period, phases and `count` harmonics with their prior; σ from the residuals.
 
     Args:
-        movements: one a run, without long gaps.
-        period_s: where to begin.
-        phases: (S,) of each run's first field, where to begin.
-        count: of harmonics.
+        movements: one movement per run, without long gaps.
+        period_s: starting value of the period.
+        phases: (S,) starting values of the phases of each run's first field.
+        count: number of harmonics.
     """
     problem = _Problem.of(movements, count)
     state = _State(period_s, phases.copy(), np.zeros(2 * count + 1))
@@ -78,6 +81,7 @@ def adjust(movements: Sequence[Movement], period_s: float, phases: Array, count:
         left = problem.value - _terms(problem, state)[0] @ state.coefficients
         information = normal.copy()
         information[np.diag_indices(len(normal))] -= _precision(problem, len(state.phases))
+        # The prior takes up some of the coefficients: the trace counts those that the data determine.
         freedom = max(len(left) - float(np.trace(np.linalg.solve(normal, information))), 1.0)
         sigma = problem.sigma * np.sqrt(max(float(((left / problem.sigma) ** 2).sum()) / freedom, 1e-12))
     state, normal = _converged(problem, state, sigma)
@@ -108,9 +112,9 @@ def _evidence(problem: "_Problem", state: "_State") -> float:
 
 
 def _shared_sigma_s(problem: "_Problem", state: "_State", sigma: Array) -> float:
-    """σ of the period if the waveform could be any: a polygon with as many corners as fields in a cycle.
+    """σ of the period for an arbitrary waveform: a polygon with as many corners as fields in a cycle.
 
-    What is seen once says nothing then. A plateau says nothing even if it is seen twice.
+    Movement that is seen only once then contributes nothing, nor does a plateau that is seen twice.
     """
     sigma = np.maximum(sigma, _CHANCE * float(np.ptp(problem.value)))
     phase = state.phases[problem.run] + problem.since_s / state.period_s
@@ -126,7 +130,7 @@ def _shared_sigma_s(problem: "_Problem", state: "_State", sigma: Array) -> float
 
 
 def _polygon(phase: Array, corners: int) -> Array:
-    """(F, corners) shares of a periodic polygon's corners in its values at phases."""
+    """(F, corners) weights of a periodic polygon's corners in its values at phases."""
     place = np.mod(phase, 1.0) * corners
     first = np.floor(place).astype(np.intp)
     share = place - first
@@ -137,7 +141,7 @@ def _polygon(phase: Array, corners: int) -> Array:
 
 
 def placed(run: Movement, fit: Fit) -> float:
-    """The phase of a further run's first field where it fits a waveform best."""
+    """Best-fitting phase of a further run's first field, by a search over the whole cycle."""
     use = slice(0, _MANY)
     since = (run.time_s[use] - run.time_s[0]) / fit.period_s
     places = np.arange(_PLACES) / _PLACES
@@ -147,7 +151,7 @@ def placed(run: Movement, fit: Fit) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """All fields one after the other: time since their run's first, run, value from the middle."""
+    """All fields in sequence: time since the run's first field, run, value relative to the middle."""
 
     since_s: Array
     run: NDArray[np.intp]
@@ -160,7 +164,7 @@ class _Problem:
 
     @property
     def mean(self) -> Array:
-        """Coefficients of the middle, from which the values count."""
+        """Coefficients of the middle, to which the values are relative."""
         return np.concatenate([[self.middle], np.zeros(2 * self.count)])
 
     @classmethod
@@ -221,6 +225,8 @@ def _converged(problem: _Problem, state: _State, sigma: Array) -> tuple[_State, 
     runs = len(state.phases)
     for _ in range(_ROUNDS):
         normal, right = _normal(problem, state, sigma)
+        # A touch of damping keeps period and phases solvable while the waveform is still flat; steps are
+        # limited to three per cent of a cycle, since the equations are linear only near the solution.
         normal[np.arange(runs), np.arange(runs)] += 1e-9 * np.diagonal(normal)[:runs] + 1e-12
         step = np.linalg.solve(normal, right)
         stretch = np.clip(step[0], -0.03 * state.period_s, 0.03 * state.period_s)

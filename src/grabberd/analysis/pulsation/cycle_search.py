@@ -1,10 +1,10 @@
-"""The cycle's length looked for where nothing is known of it: the one that explains all runs best.
+"""Search for an unknown cycle length: the one that explains all runs best.
 
 A run is a stretch of fields without a long gap. The movement is one periodic function of the phase, with a
-prior for its harmonics; a cycle length is as good as the probability it gives to all the runs together, with
-each run's phase free (Bayesian evidence). Too short a length cannot explain what is seen, too long a one
-needs more harmonics than the movement has, and explains no agreement between cycles. Runs shorter than a
-cycle find their places by what they share with the others.
+prior for its harmonics; a cycle length is rated by the probability that it gives to all runs together, with
+each run's phase free (Bayesian evidence). Too short a length cannot explain the data; too long a one needs
+more harmonics than the movement has, and does not explain why cycles agree. Runs shorter than a cycle are
+placed by their overlap with the others.
 """
 
 from collections.abc import Sequence
@@ -21,9 +21,11 @@ Array = NDArray[np.float64]
 HARMONICS = 8
 _PLACES = 64
 _STEPS_A_HARMONIC = 4
+"""Rates per width of the highest harmonic's peak: no peak falls between two of them."""
 _SPAN_S = 4.0
+"""Only the beginning of each run is searched; the finer adjustment takes the rest."""
 _ROUGH = 0.02
-"""What eight harmonics leave of a movement, in its standard deviation."""
+"""Residual of eight harmonics, in units of the movement's standard deviation."""
 _SEEDS, _SWEEPS, _KEPT = 3, 2, 5
 _HOPELESS = 500.0
 
@@ -37,7 +39,7 @@ class Candidate(NamedTuple):
 
 
 def search(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> list[Candidate]:
-    """The best cycle lengths between two, on a grid, each better than its neighbours."""
+    """Cycle lengths between two limits that are local maxima of the evidence, the best first."""
     started = [run.time_s - run.time_s[0] for run in runs]
     used = [times <= _SPAN_S for times in started]
     times = [time[use] for time, use in zip(started, used, strict=True)]
@@ -70,11 +72,12 @@ def _scale(values: Sequence[Array]) -> tuple[float, float]:
 def _placed(
     times: Sequence[Array], values: Sequence[Array], noise: float, period_s: float, seeds: int, sweeps: int
 ) -> Candidate:
-    """The runs placed one after the other where they fit best, from several that are laid down first."""
+    """Place the runs one after the other at their best phases, trying several as the first one."""
     places = _PLACES if len(times) > 1 else 1
     moments = [
         _moments(time / period_s, value, noise, places) for time, value in zip(times, values, strict=True)
     ]
+    # Runs with much movement first: they fix the waveform that the others are fitted to.
     order = np.argsort([-float(value.var() * len(value)) for value in values])
     tries = [_arranged(moments, np.roll(order, -k), sweeps) for k in range(min(seeds, len(times)))]
     evidence, phases = max(tries, key=lambda one: one[0])
@@ -108,7 +111,7 @@ def _arranged(
 
 
 def _evidence(normal: Array, right: Array) -> Array:
-    """(places,) log evidence but for what all placings share."""
+    """(places,) log evidence, up to a constant common to all phases."""
     precision = prior_precision(HARMONICS, 1.0)
     factor = np.linalg.cholesky(normal + np.diag(precision))
     half = np.linalg.solve(factor, right[..., None])[..., 0]

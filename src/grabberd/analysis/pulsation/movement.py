@@ -1,4 +1,4 @@
-"""The wall's movement as one number a field: how far it has gone along its first principal movement."""
+"""The wall's movement as one number per field: the amount of its first principal movement."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -11,6 +11,7 @@ from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
 
+# Alternating least squares, from the SVD of the data with gaps as zeros: few rounds, since few are missing.
 _ROUNDS = 12
 _LEAST_FIELDS = 8
 _SEEN_IN = 0.5
@@ -29,9 +30,9 @@ class Movement(NamedTuple):
 
     Attributes:
         time_s: (F,) ascending.
-        value_mm: (F,) how far the target that moves most has gone from its mean place; towards the cameras
+        value_mm: (F,) displacement of the target that moves most from its mean position; towards the cameras
             (+z) is positive, so an open liner has the high values.
-        sigma_mm: (F,) from the points' covariance.
+        sigma_mm: (F,) σ from the points' covariance.
     """
 
     time_s: Array
@@ -40,12 +41,12 @@ class Movement(NamedTuple):
 
 
 class Tracks(NamedTuple):
-    """N targets in F fields; NaN where a target was not seen.
+    """N targets in F fields; NaN for targets that were not seen.
 
     Attributes:
         target: (N,) int32, ids, ascending.
         xyz_mm: (F, N, 3); `covariance_mm2`: (F, N, 3, 3), without the calibration's.
-        calibration_covariance_mm2: (N, 3, 3) the mean over the fields.
+        calibration_covariance_mm2: (N, 3, 3) mean over the fields.
     """
 
     target: NDArray[np.int32]
@@ -77,8 +78,8 @@ def tracks(fields: Sequence[TimedPoints]) -> Tracks:
 def first_movement(captures: Sequence[Sequence[TimedPoints]]) -> list[Movement]:
     """The first principal movement of the targets, the same direction for all captures.
 
-    Targets may be missing in some fields; those that are missing in more than half of them do not count, nor
-    do fields that show none of the rest.
+    Targets may be missing in some fields; those missing in more than half of them are ignored, and so are
+    fields that show none of the others.
 
     Raises:
         AnalysisError: fewer than eight fields have points.
@@ -100,7 +101,7 @@ def first_movement(captures: Sequence[Sequence[TimedPoints]]) -> list[Movement]:
 
 
 def _displacements(all_tracks: Tracks) -> tuple[Array, Array]:
-    """(F, N, 3) from the mean place and (F, N, 3, 3) its covariance, zero where not seen."""
+    """(F, N, 3) displacements from the mean and (F, N, 3, 3) their covariance; NaN where not seen."""
     often = np.isfinite(all_tracks.xyz_mm[..., 0]).mean(axis=0) >= _SEEN_IN
     xyz, covariance = all_tracks.xyz_mm[:, often], all_tracks.covariance_mm2[:, often]
     if not often.any():
@@ -109,7 +110,7 @@ def _displacements(all_tracks: Tracks) -> tuple[Array, Array]:
 
 
 def _direction(moved: Array) -> Array:
-    """(N, 3) the movement of each target for one mm of the one that moves most: rank one."""
+    """(N, 3) movement of each target per mm of the one that moves most: a rank-one approximation."""
     seen = np.isfinite(moved[..., 0])
     filled = np.where(seen[..., None], moved, 0.0)
     direction = np.linalg.svd(filled.reshape(len(moved), -1), full_matrices=False)[2][0].reshape(-1, 3)
@@ -129,7 +130,7 @@ def _amount(filled: Array, seen: NDArray[np.bool_], direction: Array) -> Array:
 
 
 def _along(moved: Array, covariance: Array, direction: Array) -> tuple[Array, Array]:
-    """Least squares amount of each field, and its σ; NaN where too little of the movement is seen."""
+    """Least squares amount of each field and its σ; NaN if too little of the movement is seen."""
     seen = np.isfinite(moved[..., 0])
     whole = (direction**2).sum()
     share = seen @ (direction**2).sum(axis=1)

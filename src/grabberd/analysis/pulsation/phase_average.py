@@ -1,8 +1,8 @@
-"""The mean cycle of every target: its place at any phase, averaged over cycles and bursts, with σ.
+"""The mean cycle of every target: its position at any phase, averaged over cycles and bursts, with σ.
 
 Each coordinate is a Fourier series of the phase, fitted to all fields: fields need not fall on the same
-phases in different cycles, and what moves between two fields is not smeared. Noise of pointing and line
-jitter is reduced by the averaging. The calibration's covariance is common to all fields and stays as it is.
+phases in different cycles, and movement between two fields is not smeared. Averaging reduces noise from
+pointing and line jitter. The calibration's covariance is common to all fields and remains unchanged.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,9 +20,11 @@ from grabberd.reconstruction import Points
 Array = NDArray[np.float64]
 
 _FEWEST = 3
+"""Fewer harmonics cannot follow the plateaus of a pulsation."""
 _HALF_WAVE = 0.5
+"""Greatest gap in phase, in waves of the highest harmonic: a longer one lets the series swing freely."""
 _SLACK = 1.5
-"""Fields a coefficient; fewer leave no room to see how cycles differ."""
+"""Fields per coefficient; fewer leave no freedom to estimate how cycles differ."""
 
 
 class PhaseAverage(NamedTuple):
@@ -30,11 +32,11 @@ class PhaseAverage(NamedTuple):
 
     Attributes:
         phase: (P,) in cycles from the beginning of wall phase a.
-        points: (P,) the targets there; noise averaged, the calibration's covariance not. Image places and
-            residuals are NaN: nothing was seen there.
-        variation_mm: (N,) by how much the targets' places differ from cycle to cycle at the same phase,
-            per coordinate, beyond their noise; in the order of `points`, NaN where too few fields tell.
-        fields: (N,) in how many fields each was seen.
+        points: (P,) targets at each phase, with averaged noise and the full covariance of the calibration;
+            image coordinates and residuals are NaN, since nothing was observed there.
+        variation_mm: (N,) σ of the targets' positions from cycle to cycle at the same phase, per coordinate,
+            beyond their noise; in the order of `points`.
+        fields: (N,) number of fields in which each target was seen.
         left_out: ids of targets that are seen in too small a part of the cycle.
     """
 
@@ -51,12 +53,12 @@ def phase_average(
     """Points of the mean cycle.
 
     Args:
-        captures: the fields that `pulsation` was found from; those outside of its runs do not count.
-        pulsation: from `fit_pulsation`.
-        phase: (P,) where the mean cycle is wanted, from the beginning of wall phase a.
+        captures: fields from which `pulsation` was determined; those outside its runs are ignored.
+        pulsation: result of `fit_pulsation`.
+        phase: (P,) requested phases, from the beginning of wall phase a.
 
     Raises:
-        AnalysisError: no target is seen in the whole cycle.
+        AnalysisError: no target is seen throughout the cycle.
     """
     moments = [
         pulsation.at(np.array([field.time_s for field in capture]), index)
@@ -77,7 +79,7 @@ def phase_average(
 
 
 class _Average(NamedTuple):
-    """Targets that are seen in the same fields: (M,), (P, M, 3), (P, M, 3, 3), (M,), (M,)."""
+    """Averages of targets that are seen in the same fields: (M,), (P, M, 3), (P, M, 3, 3), (M,), (M,)."""
 
     place: NDArray[np.intp]
     xyz_mm: Array
@@ -88,6 +90,7 @@ class _Average(NamedTuple):
 
 def _averages(all_tracks: Tracks, at: Array, phase: Array, harmonics: int) -> Iterator[_Average]:
     seen = np.isfinite(all_tracks.xyz_mm[..., 0])
+    # Targets seen in the same fields share one design matrix, so it is inverted once for all of them.
     patterns, which = np.unique(seen, axis=1, return_inverse=True)
     for k in range(patterns.shape[1]):
         use = patterns[:, k]
@@ -109,7 +112,7 @@ def _count(at: Array, harmonics: int) -> int:
 
 
 def _average(index: NDArray[np.intp], xyz: Array, covariance: Array, terms: Array, wanted: Array) -> _Average:
-    """Least squares with the same weight for all fields; the covariance is what that makes of theirs."""
+    """Least squares with equal weights for all fields; the covariance is propagated from theirs."""
     solve = np.linalg.solve(terms.T @ terms, terms.T)
     share = wanted @ solve
     mean = np.einsum("pf,fnx->pnx", share, xyz)

@@ -6,7 +6,7 @@
     d  vacuum stays below 4 kPa                                 wall: is closed
 
 (ISO 3918, ISO 5707, ISO 6690: 4 kPa under the pulsation chamber's maximum vacuum and 4 kPa over atmosphere.)
-The wall answers late, and not alike in opening and closing, so the two are told apart by `defined_by`.
+The wall lags behind the vacuum, differently in opening and closing; `defined_by` tells the two kinds apart.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,9 @@ Array = NDArray[np.float64]
 
 ISO_THRESHOLD_KPA = 4.0
 _SMOOTHED_S = 0.006
+"""Width of the running mean: short against the slopes of .1 s, long against a logger's sampling."""
 _NEARLY_ALL = 99.0
+"""Percentile that counts as the maximum: a single overshoot does not move the threshold."""
 _NO_PHASES = "check the log: its chamber vacuum has to rise and fall by well over 8 kPa, cycle after cycle"
 
 
@@ -34,12 +36,12 @@ class Phases:
     """Durations of the phases.
 
     Attributes:
-        durations_s: (4,) of a, b, c, d, with σ.
+        durations_s: (4,) durations of a, b, c, d, with σ.
         period_s: their sum, with σ.
-        ratio: the pulsator ratio (a + b) / (a + b + c + d), with σ.
+        ratio: pulsator ratio (a + b) / (a + b + c + d), with σ.
         defined_by: `vacuum` (ISO) or `wall`.
-        spread_s: (4,) standard deviation from cycle to cycle; NaN where it is not known.
-        cycles: how many whole cycles they come from.
+        spread_s: (4,) standard deviation from cycle to cycle; NaN if unknown.
+        cycles: number of whole cycles averaged.
     """
 
     durations_s: Estimate
@@ -51,13 +53,13 @@ class Phases:
 
 
 def wall_phases(pulsation: Pulsation) -> Phases:
-    """Wall phases of the mean cycle: between 10 and 90 % of the stroke it opens or closes.
+    """Wall phases of the mean cycle: the wall opens or closes between 10 and 90 % of the stroke.
 
-    σ comes from the fields' noise and the cycle length's σ. That 50 fields a second round off the corners of
-    the movement is not in it: about half a millisecond for slopes of .1 s.
+    σ includes the fields' noise and the σ of the cycle length, but not the rounding of the movement's corners
+    by 50 fields a second: about half a millisecond for slopes of .1 s.
 
     Raises:
-        AnalysisError: the movement passes a threshold more than once a phase.
+        AnalysisError: the movement crosses a threshold more than once per phase.
     """
     waveform = pulsation.waveform
     low, high = waveform.levels()
@@ -78,13 +80,13 @@ def _passage(pulsation: Pulsation, level: float, rising: bool) -> float:
     if len(found) != 1:
         raise AnalysisError(
             f"the wall passes {level:.2f} mm {len(found)} times in a cycle: there are no four wall phases",
-            "look at the movement in the report; a liner that flutters or sticks has no plain phases",
+            "look at the movement in the report; a liner that flutters or sticks has no distinct phases",
         )
     return float(found[0])
 
 
 def _of_wall(pulsation: Pulsation, parts: Array, gradient: Array) -> Phases:
-    """Durations from shares of the cycle (4,) and their derivatives by the waveform's coefficients."""
+    """Durations with σ, from shares of the cycle (4,) and their derivatives by the coefficients."""
     by_all = np.column_stack([parts, pulsation.period_s * gradient])
     count = len(pulsation.period_covariance)
     covariance = np.empty((count + 1, count + 1))
@@ -108,8 +110,8 @@ class Edges(NamedTuple):
     """Times at which a vacuum crossed two levels, edge by edge.
 
     Attributes:
-        rising: (E,) bool; `first_s`: (E,) when the edge passed its first level (the lower one of a rising
-            edge), `last_s`: when it passed its second.
+        rising: (E,) bool; `first_s`: (E,) time at which the edge crossed its first level (the lower one of a
+            rising edge), `last_s`: its second level.
     """
 
     rising: NDArray[np.bool_]
@@ -118,9 +120,9 @@ class Edges(NamedTuple):
 
 
 def edges(time_s: Array, kpa: Array, low_kpa: float, high_kpa: float) -> Edges:
-    """Passages between two levels; noise at a level counts once.
+    """Edges between two levels; several crossings of one level by noise count as one.
 
-    An edge begins with the last reading beyond the level it leaves and ends with the first beyond the other.
+    An edge begins at the last reading beyond the level it leaves and ends at the first beyond the other.
     """
     state = np.where(kpa <= low_kpa, 0, np.where(kpa >= high_kpa, 1, -1))
     outside = np.flatnonzero(state >= 0)
@@ -139,7 +141,7 @@ def _crossed(time_s: Array, kpa: Array, before: NDArray[np.intp], level: Array) 
 
 
 def smoothed(log: VacuumLog) -> Array:
-    """(K,) pulsation vacuum, running mean over 6 ms: slopes stay where they are, noise shrinks."""
+    """(K,) pulsation vacuum, running mean over 6 ms: it reduces noise without moving slopes."""
     width, kpa = _width(log), log.pulsation_kpa
     if width >= len(kpa):
         return kpa
@@ -152,16 +154,16 @@ def _width(log: VacuumLog) -> int:
 
 
 def maximum_kpa(log: VacuumLog) -> float:
-    """The chamber's maximum vacuum, but for its highest percent and what noise adds to that."""
+    """The chamber's maximum vacuum: its 99th percentile less the bias by noise."""
     noise = log.noise_kpa(log.pulsation_kpa) / np.sqrt(_width(log))
     return float(np.percentile(smoothed(log), _NEARLY_ALL) - 2 * noise)
 
 
 def iso_phases(log: VacuumLog) -> Phases:
-    """Phases a to d of a logged vacuum, averaged over its whole cycles; cycles with a gap do not count.
+    """Phases a to d of a logged vacuum, averaged over its whole cycles; cycles with a gap are ignored.
 
     Raises:
-        AnalysisError: there is no whole cycle in it.
+        AnalysisError: the log has no whole cycle.
     """
     time_s, even = log.time_s, smoothed(log)
     high = maximum_kpa(log) - ISO_THRESHOLD_KPA
@@ -188,9 +190,10 @@ def iso_phases(log: VacuumLog) -> Phases:
 
 
 def _averaged(durations: Array, step_s: float) -> Phases:
-    """Means over (C, 4) cycles; a single one is known to its sampling."""
+    """Means over (C, 4) cycles; their σ is never below that of the sampling."""
     count = len(durations)
     period, ratio = durations.sum(axis=1), durations[:, :2].sum(axis=1) / durations.sum(axis=1)
+    # A duration is the difference of two times, each uniform within a step: σ = step · √(2 / 12).
     sampling_s = step_s / np.sqrt(6.0)
     return Phases(
         _mean(durations, sampling_s),

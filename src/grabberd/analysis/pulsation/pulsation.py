@@ -1,8 +1,8 @@
-"""The pulsation as the wall shows it: cycle length, rate, and where in its cycle every field stands.
+"""The pulsation from the wall's movement: cycle length, rate, and phase of every field.
 
-A capture is one run of fields, with fields missing here and there; after a gap longer than a cycle nobody
-knows how many cycles have passed, and the count begins anew. Bursts too short for a cycle are runs like
-others: what they have in common puts them together.
+A capture is one run of fields, with occasional missing fields; across a gap longer than a cycle the number of
+cycles is unknown, so a new run begins and counting restarts. Bursts too short for a cycle are runs like
+others: their common movement aligns them.
 """
 
 from collections.abc import Sequence
@@ -23,13 +23,17 @@ Array = NDArray[np.float64]
 
 SHORTEST_S, LONGEST_S = 0.4, 3.0
 WALL_THRESHOLD = 0.1
-"""A wall phase begins where the movement has left the closed or open place by this share of the stroke."""
+"""A wall phase begins where the movement has left the closed or open position by this share of the stroke."""
 
 _LEAST_FIELDS, _MOST_RUNS = 4, 12
 _NOISE_LIKE = 0.5
+"""Mean squared step between fields over that of white noise, above which a movement counts as noise."""
 _UNLIKE = 0.15
+"""Residual in units of the movement, above which cycles do not repeat each other."""
 _UNCERTAIN = 0.008
+"""Relative σ of the cycle length above which it is not determined."""
 _HOLE = 0.1
+"""Share of a cycle that may be unseen in one piece."""
 _LONGER = (
     "capture at least one and a half cycles, or several bursts that begin at different times of the cycle"
 )
@@ -39,8 +43,8 @@ class Run(NamedTuple):
     """Fields of one capture without a gap longer than a cycle.
 
     Attributes:
-        capture: index of the capture; `first_s`, `last_s`: times of its first and last field.
-        start_s: time at which the cycle of its first field began (wall phase a), with `start_sigma_s`.
+        capture: index of the capture; `first_s`, `last_s`: times of the run's first and last field.
+        start_s: start of its first field's cycle (wall phase a), with `start_sigma_s`.
     """
 
     capture: int
@@ -54,8 +58,8 @@ class Moment(NamedTuple):
     """Phases of F times within the pulsation.
 
     Attributes:
-        run: (F,) index of the run, -1 outside of all; `cycle`: (F,) number of the cycle in its run, from 0.
-        phase: (F,) in [0, 1), from the beginning of wall phase a; NaN outside of all runs.
+        run: (F,) index of the run, -1 outside all runs; `cycle`: (F,) number of the cycle in its run, from 0.
+        phase: (F,) in [0, 1), from the beginning of wall phase a; NaN outside all runs.
     """
 
     run: NDArray[np.intp]
@@ -65,14 +69,14 @@ class Moment(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pulsation:
-    """The wall's movement as a periodic one.
+    """Periodic model of the wall's movement.
 
     Attributes:
         period_s: length of the cycle, with `period_sigma_s`.
-        waveform: the first principal movement in mm over the phase, counted from wall phase a.
-        period_covariance: (2K + 1,) of the period with the waveform's coefficients.
-        runs: in the order of captures and times.
-        residual_mm: root mean square of the movement's departure from it; `expected_mm`: by the points' σ.
+        waveform: first principal movement in mm over the phase, counted from wall phase a.
+        period_covariance: (2K + 1,) covariance of the period with the waveform's coefficients.
+        runs: runs in the order of captures and times.
+        residual_mm: root mean square residual of the movement; `expected_mm`: expected from the points' σ.
     """
 
     period_s: float
@@ -91,7 +95,7 @@ class Pulsation:
 
     @property
     def stroke_mm(self) -> float:
-        """From closed to open."""
+        """Movement from closed to open."""
         low, high = self.waveform.levels()
         return high - low
 
@@ -119,13 +123,13 @@ def fit_pulsation(
     """The pulsation of one capture or of several together.
 
     Args:
-        movements: one a capture; the clocks of two captures need not agree.
-        shortest_s: the cycle length is looked for from here.
-        longest_s: to here.
+        movements: one movement per capture; the captures' clocks may differ.
+        shortest_s: shortest cycle length of the search.
+        longest_s: longest cycle length of the search.
 
     Raises:
-        AnalysisError: nothing pulsates, the fields together do not show a cycle and more, or what they show
-            does not repeat itself.
+        AnalysisError: nothing pulsates, the fields together show no more than a cycle, or the movement does
+            not repeat itself.
     """
     _check_movement(movements)
     runs = _split(movements, shortest_s)
@@ -138,7 +142,7 @@ def fit_pulsation(
 
 
 def _check_movement(movements: Sequence[Movement]) -> None:
-    """Noise is unlike from field to field, a movement alike."""
+    """Check that there is movement: it changes little from field to field, whereas noise is independent."""
     values = np.concatenate([movement.value_mm for movement in movements])
     steps = np.concatenate([np.diff(movement.value_mm) for movement in movements])
     sigma = float(np.sqrt(np.mean(np.concatenate([movement.sigma_mm for movement in movements]) ** 2)))
@@ -146,12 +150,12 @@ def _check_movement(movements: Sequence[Movement]) -> None:
     if spread < 3 * sigma or float((steps**2).mean()) > _NOISE_LIKE * 2 * spread**2:
         raise AnalysisError(
             f"nothing pulsates: the targets move by {spread:.3f} mm (σ {sigma:.3f} mm)",
-            "let the pulsator run, and check that the capture shows the liner",
+            "run the pulsator, and check that the capture shows the liner",
         )
 
 
 def _split(movements: Sequence[Movement], gap_s: float) -> list[tuple[int, Movement]]:
-    """The captures cut at gaps longer than this; runs of fewer than four fields are left out."""
+    """Cut the captures at gaps longer than this; runs of fewer than four fields are left out."""
     runs = []
     for capture, movement in enumerate(movements):
         cuts = np.flatnonzero(np.diff(movement.time_s) > gap_s) + 1
@@ -190,7 +194,7 @@ def _best(runs: Sequence[Movement], shortest_s: float, longest_s: float) -> Fit:
 
 
 def _whole(runs: Sequence[Movement], fit: Fit) -> Fit:
-    """All runs, by and by to their full length: their period is known well enough for six times as long."""
+    """Adjust all runs, six times longer each time: as far as the period is known well enough."""
     span_s, longest_s = 6 * fit.period_s, max(map(_span_s, runs))
     count = harmonics(fit.period_s, _step_s(runs))
     while True:
@@ -212,7 +216,7 @@ def _step_s(runs: Sequence[Movement]) -> float:
 
 
 def _hole(fit: Fit, runs: Sequence[Movement]) -> float:
-    """The widest part of the cycle that no field shows."""
+    """The widest part of the cycle without fields."""
     since = [p + (run.time_s - run.time_s[0]) / fit.period_s for p, run in zip(fit.phases, runs, strict=True)]
     phase = np.sort(np.mod(np.concatenate(since), 1.0))
     return float(np.diff(np.concatenate([phase, [phase[0] + 1]])).max())
@@ -242,7 +246,7 @@ def _check(fit: Fit, runs: Sequence[Movement]) -> None:
 
 
 def _pulsation(fit: Fit, runs: Sequence[tuple[int, Movement]]) -> Pulsation:
-    """The phase counted from where the wall begins to open."""
+    """The pulsation with its phase counted from where the wall begins to open."""
     count = len(runs)
     low, high = fit.waveform.levels()
     rising = fit.waveform.crossings(low + WALL_THRESHOLD * (high - low))[0]
@@ -273,5 +277,5 @@ def _pulsation(fit: Fit, runs: Sequence[tuple[int, Movement]]) -> Pulsation:
 
 
 def _last_before(phases: Array, end: float) -> float:
-    """The one of some phases that the phase `end` follows soonest."""
+    """The last of some phases before the phase `end`."""
     return float(phases[np.mod(end - phases, 1.0).argmin()])

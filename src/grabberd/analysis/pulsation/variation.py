@@ -13,16 +13,16 @@ from grabberd.analysis.pulsation.pulsation import Pulsation
 Array = NDArray[np.float64]
 
 _WHOLE = 0.8
-"""Share of a cycle's fields that have to be there."""
+"""Share of a cycle's fields that have to be present."""
 
 
 class Variation(NamedTuple):
     """C whole cycles of all runs, in order.
 
     Attributes:
-        start_s: (C,) when each began (wall phase a), with σ: from how its movement lies in time.
-        stroke: (C,) its movement by the mean cycle's, with σ.
-        lengths_s: from each cycle's beginning to the next one's, where both are whole, with σ.
+        start_s: (C,) start of each cycle (wall phase a) by its movement in time, with σ.
+        stroke: (C,) stroke relative to the mean cycle's, with σ.
+        lengths_s: time from the start of each cycle to that of the next, if both are whole, with σ.
     """
 
     start_s: Estimate
@@ -63,6 +63,7 @@ def _against(
 ) -> tuple[float, float, float, float]:
     """Least squares of level, size and delay of one cycle against the mean one."""
     mean, slope = pulsation.waveform.value(phase), pulsation.waveform.slope(phase) / pulsation.period_s
+    # Never better than the periodic model itself: its residuals include what is not noise.
     sigma = np.maximum(movement.sigma_mm[use], pulsation.residual_mm)
     design = np.column_stack([np.ones_like(mean), mean, -slope]) / sigma[:, None]
     covariance = np.linalg.inv(design.T @ design)

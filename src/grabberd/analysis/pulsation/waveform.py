@@ -1,8 +1,8 @@
-"""A quantity that repeats itself with the cycle: a Fourier series of the phase, with covariance.
+"""A quantity that repeats with the cycle: a Fourier series of the phase, with covariance.
 
     w(φ) = c0 + Σk ck cos 2πkφ + sk sin 2πkφ,  k = 1 … K;   coefficients c0, c1 … cK, s1 … sK
 
-A priori its harmonics fall off as 1/k², as those of anything do that moves without jumps.
+A priori its harmonics fall off as 1/k², as for any movement without jumps.
 """
 
 from typing import NamedTuple
@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+# Phases at which extremes and crossings are looked for: a quarter of a millisecond in a cycle of a second.
 _FINE = 4096
 _PLATEAU = 0.01
 
 
 def basis(phase: Array, count: int) -> Array:
-    """(..., 2 count + 1) the series' terms at phases (...,) in cycles."""
+    """(..., 2 count + 1) terms of the series at phases (...,) in cycles."""
     angle = 2 * np.pi * phase[..., None] * np.arange(1, count + 1)
     return np.concatenate([np.ones_like(phase)[..., None], np.cos(angle), np.sin(angle)], axis=-1)
 
@@ -31,14 +32,14 @@ def basis_slope(phase: Array, count: int) -> Array:
 
 
 def prior_precision(count: int, variance: float) -> Array:
-    """(2 count + 1,) of coefficients of a series with this variance over the cycle; the mean is free."""
+    """(2 count + 1,) prior precision of the coefficients of a series of this variance; the mean is free."""
     waves = np.arange(1, count + 1, dtype=np.float64)
     each = variance / (waves**-4).sum() * waves**-4
     return 1 / np.concatenate([[1e4 * variance], each, each])
 
 
 def rotated(coefficients: Array, phase: float) -> Array:
-    """(2K + 1, …) coefficients of w(φ + phase); rows alone are mixed, so a covariance is turned twice."""
+    """(2K + 1, …) coefficients of w(φ + phase); only rows are mixed, so a covariance is rotated twice."""
     count = (len(coefficients) - 1) // 2
     angle = 2 * np.pi * phase * np.arange(1, count + 1)
     shape = (count,) + (1,) * (coefficients.ndim - 1)
@@ -59,7 +60,7 @@ class Waveform(NamedTuple):
 
     @property
     def harmonics(self) -> int:
-        """K."""
+        """Number K of harmonics."""
         return (len(self.coefficients) - 1) // 2
 
     def value(self, phase: Array) -> Array:
@@ -79,16 +80,16 @@ class Waveform(NamedTuple):
         return np.sqrt(np.maximum(variance, 0.0))
 
     def extremes(self) -> tuple[float, float]:
-        """Phases of its least and of its greatest value."""
+        """Phases of the least and of the greatest value."""
         phase = np.arange(_FINE) / _FINE
         values = self.value(phase)
         return float(phase[values.argmin()]), float(phase[values.argmax()])
 
     def level_terms(self) -> Array:
-        """(2, 2K + 1) terms whose products with the coefficients are the least and the greatest place.
+        """(2, 2K + 1) terms whose products with the coefficients are the lowest and the highest level.
 
-        Each is the mean of what lies within 1 % of the stroke from the extreme: of a plateau its middle,
-        not the highest of its noise.
+        Each is the mean of the values within 1 % of the stroke of the extreme: for a plateau its level rather
+        than the peak of its noise.
         """
         phase = np.arange(_FINE) / _FINE
         terms = basis(phase, self.harmonics)
@@ -98,12 +99,12 @@ class Waveform(NamedTuple):
         return np.stack([terms[low].mean(axis=0), terms[high].mean(axis=0)])
 
     def levels(self) -> tuple[float, float]:
-        """The least and the greatest place."""
+        """The lowest and the highest level."""
         low, high = self.level_terms() @ self.coefficients
         return float(low), float(high)
 
     def crossings(self, level: float) -> tuple[Array, Array]:
-        """Phases at which it rises and falls through a level, each ascending in [0, 1)."""
+        """Phases at which the quantity rises and falls through a level, each ascending in [0, 1)."""
         phase = np.arange(_FINE + 1) / _FINE
         above = self.value(phase) - level
         at = np.flatnonzero((above[:-1] < 0) != (above[1:] < 0))

@@ -9,6 +9,7 @@ from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.surface.jets import index
 from grabberd.analysis.surface.surface import Surface
 
+# Gauss' rule with two nodes is exact for cubics; half a cell of the wall is hardly more curved than that.
 _NODES = 2
 
 
@@ -16,8 +17,8 @@ class Area(NamedTuple):
     """The wall's outer face between its outermost targets.
 
     Attributes:
-        area_mm2: of what data support, with σ from the points' noise and the smoothing.
-        covered: proportion of the target grid that is; the rest is left out.
+        area_mm2: area supported by data, with σ from the points' noise and the smoothing.
+        covered: share of the target grid supported by data; the rest is left out.
     """
 
     area_mm2: Estimate

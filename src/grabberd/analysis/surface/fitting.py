@@ -1,4 +1,4 @@
-"""From a field's points to its surface."""
+"""Fit of a surface to a field's points."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -18,8 +18,9 @@ from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
 _OUTLYING = 60.0
-"""Chi squared of three degrees of freedom that chance does not reach in ten thousand captures."""
+"""Limit on χ² of three degrees of freedom that chance does not reach in ten thousand captures."""
 
+# More contradictions than that come from a wrong object model or calibration, not from single points.
 _LARGEST_SHARE_OUT = 0.2
 _LEAST_POINTS = 3 * FREE
 _MOST_FIELDS = 4
@@ -28,14 +29,14 @@ _MOST_FIELDS = 4
 def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) -> Surface:
     """The surface of one field's points.
 
-    Missing targets are bridged by the prior, and σ says so; `Surface.within` tells where. Points at
-    impossible distances from their neighbours, or many σ from what all the others foretell, are left out and
-    named in `Surface.problems`.
+    The prior bridges missing targets, which shows in σ and in `Surface.within`. Points at impossible
+    distances from their neighbours, or many σ from the prediction by all others, are left out and named in
+    `Surface.problems`.
 
     Args:
         grid: the object model's target grid.
-        points: of one field, with their noise (`covariance_mm2`).
-        smoothing: as `choose_smoothing` gives it for the capture's fields or a phase's; by default chosen
+        points: points of one field, with their noise (`covariance_mm2`).
+        smoothing: result of `choose_smoothing` for the fields of the capture or of a phase; by default chosen
             from this field alone.
 
     Raises:
@@ -64,26 +65,26 @@ def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) 
 def choose_smoothing(
     grid: Grid, fields: Sequence[Points], by: Criterion = "likelihood", along_mm: float | None = None
 ) -> Smoothing:
-    """The one smoothing for fields that move alike: a capture's, or one phase's.
+    """A common smoothing for fields of similar shape: those of a capture or of one phase.
 
-    Of many fields, four spread over them are looked at. Where the movement's phases differ much in shape, a
-    choice for each phase gives the better σ.
+    Of many fields, four evenly spread ones are used. If the phases of the movement differ much in shape, a
+    choice for each phase gives a better σ.
 
     Args:
         grid: the object model's target grid.
         fields: the points of one or more fields.
-        by: "likelihood" takes the points' σ as known; "cross-validation" takes only their ratios from them,
-            and finds by which factor they are to be multiplied.
-        along_mm: correlation length along the rows where it is known already: only amplitudes are chosen.
+        by: "likelihood" takes the points' σ as known; "cross-validation" uses only their ratios and estimates
+            their common factor.
+        along_mm: correlation length along the rows, if known; only amplitudes are then chosen.
 
     Raises:
-        AnalysisError: no field has points enough for a surface.
+        AnalysisError: no field has enough points for a surface.
     """
     enough = [points for points in fields if len(points) >= _LEAST_POINTS]
     if not enough:
         raise AnalysisError(
             f"none of {len(fields)} fields has {_LEAST_POINTS} points, the least that a surface needs",
-            "look at the capture: were the targets seen in both views?",
+            "look at the capture: are the targets visible in both views?",
         )
     spread = np.unique(np.linspace(0, len(enough) - 1, _MOST_FIELDS).round().astype(int))
     departures = [_departures(_screened(grid, enough[index])) for index in spread]
@@ -128,8 +129,8 @@ def _check_covariance(points: Points) -> None:
     diagonal = np.einsum("naa->na", points.covariance_mm2)
     if not finite or (diagonal <= 0).any():
         raise AnalysisError(
-            "points without a covariance, or that are no numbers: the surface cannot be weighed",
-            "measure the capture again; its points carry their covariance",
+            "points without a covariance or with values that are not finite: the fit cannot be weighted",
+            "re-measure the capture; its points then have their covariance",
         )
 
 
@@ -137,7 +138,7 @@ def _check_share(count: int, left_out: int, problems: Sequence[str]) -> None:
     if left_out > _LARGEST_SHARE_OUT * count:
         raise AnalysisError(
             f"{left_out} of {count} points contradict the others: {'; '.join(problems)}",
-            "ids have jumped, or object model or calibration are another capture's: measure it again",
+            "ids have jumped, or object model or calibration belong to another capture: re-measure it",
         )
 
 
@@ -151,7 +152,7 @@ def _check_enough(grid: Grid, field: _Field) -> None:
 
 
 def _without_outliers(grid: Grid, field: _Field, smoothing: Smoothing) -> tuple[_Field, Posterior, list[int]]:
-    """Leaves out the worst, fits again, until none is worse than chance allows."""
+    """Leaves out the worst point and fits again, until no point is worse than chance allows."""
     candidate, left_out = _modes(grid, smoothing), list[int]()
     most = _LARGEST_SHARE_OUT * len(field.place)
     while True:
@@ -169,11 +170,11 @@ def _named(grid: Grid, left_out: Sequence[int]) -> tuple[str, ...]:
     if not left_out:
         return ()
     names = ", ".join(str(grid.target[index]) for index in sorted(left_out))
-    return (f"left out, many σ from what the other points foretell: targets {names}",)
+    return (f"left out, many σ from the prediction by the other points: targets {names}",)
 
 
 def _supported(grid: Grid, place: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(rows, columns): seen, or missing alone."""
+    """(rows, columns): True for targets that are seen, or the only missing one among their neighbours."""
     seen = np.zeros(len(grid), bool)
     seen[place] = True
     alone = np.ones(len(grid), bool)

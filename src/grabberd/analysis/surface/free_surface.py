@@ -1,8 +1,8 @@
 """The surface through points that are not the same targets from field to field.
 
 Without ids there is no material grid: the surface is a height over a plane, or a radius about an axis, as a
-function of place. It has the same interface, so curvature, area and sections work as ever; u and v are places
-in space, not in the material, and so there is no strain.
+function of position. It has the interface of `Surface`, so curvature, area and sections work unchanged; u and
+v are positions in space, not in the material, so there is no strain.
 """
 
 from collections.abc import Sequence
@@ -21,11 +21,12 @@ from grabberd.analysis.surface.surface import Spread, Surface
 from grabberd.errors import AnalysisError
 
 _OUTLYING = 40.0
-"""Chi squared of one degree of freedom that chance does not reach in ten thousand captures."""
+"""Limit on χ² of one degree of freedom that chance does not reach in ten thousand captures."""
 
 _LEAST_POINTS = 4 * FREE
 _PASSES = 3
 _LARGEST_SHARE_OUT = 0.2
+# The passes are needed because the noise across the surface depends on its normal, which the fit gives.
 _ASKEW = 0.05
 
 
@@ -33,8 +34,8 @@ class Tube(NamedTuple):
     """A surface as radius about an axis along x: u = x, v = angle from `up` towards the side, times radius.
 
     Attributes:
-        y_mm, z_mm: the axis.
-        radius_mm: about what is to be expected; the surface departs from it.
+        y_mm, z_mm: position of the axis.
+        radius_mm: approximate radius, from which the surface departs.
     """
 
     y_mm: float
@@ -103,13 +104,13 @@ def fit_free_surface(
 ) -> Surface:
     """The surface of one field's points without ids.
 
-    Noise along the surface does not matter; noise across it is weighed along the direction of departure.
+    Noise along the surface does not matter; noise across it is projected on the direction of departure.
 
     Args:
-        xyz_mm: (N, 3) places, object's frame.
+        xyz_mm: (N, 3) points, object's frame.
         covariance_mm2: (N, 3, 3) their noise.
-        over: what the surface is a function over; the place where it is twofold has to lie outside.
-        smoothing: as another field's surface has it, for the same extent; by default chosen from these
+        over: base shape; the branch cut of its angle has to lie outside the points.
+        smoothing: smoothing of another field's surface of the same extent; by default chosen from these
             points.
 
     Raises:
@@ -157,14 +158,14 @@ def _check_enough(xyz_mm: NDArray[np.float64]) -> None:
 def _domain(
     u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
 ) -> tuple[Domain, tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Knots as far apart as points are on the average, half as many again; and each point's nearest knot."""
+    """Knots at 1.5 times the mean distance of the points, and each point's nearest knot."""
     low, high = np.array([u_mm.min(), v_mm.min()]), np.array([u_mm.max(), v_mm.max()])
     mean = 1.5 * np.sqrt((high - low).prod() / len(u_mm))
     knots = np.maximum(np.round((high - low) / mean).astype(int) + 1, 3)
     pitch = (high - low) / (knots - 1)
     if not (pitch > 0).all():
         raise AnalysisError(
-            "the points lie on one line: they hold no surface", "look at the capture's points"
+            "the points lie on one line and determine no surface", "look at the capture's points"
         )
     row, column = (np.round((np.column_stack([u_mm, v_mm]) - low) / pitch).astype(np.intp)).T
     domain = Domain(
@@ -176,7 +177,7 @@ def _domain(
 def _across(
     covariance: NDArray[np.float64], normal: NDArray[np.float64], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(N, 1) variance of the departure: noise across the surface, seen along the direction of departure."""
+    """(N, 1) variance of the departure: noise across the surface, projected on the direction of departure."""
     slope = (normal * away).sum(axis=1)
     across = np.einsum("na,nab,nb->n", normal, covariance, normal)
     variance: NDArray[np.float64] = (across / slope**2)[:, np.newaxis]
@@ -203,7 +204,7 @@ def _without_outliers(
 def _supported(
     domain: Domain, cell: tuple[NDArray[np.intp], NDArray[np.intp]], kept: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    """(rows, columns): points near the knot, or near all its neighbours."""
+    """(rows, columns): True for knots with points near them, or near all their neighbours."""
     seen = np.zeros((domain.rows, domain.columns), bool)
     seen[cell[0][kept], cell[1][kept]] = True
     around = np.pad(seen, 1, constant_values=True)
@@ -216,4 +217,4 @@ def _named(kept: NDArray[np.bool_]) -> tuple[str, ...]:
     if kept.all():
         return ()
     places = ", ".join(map(str, np.flatnonzero(~kept)))
-    return (f"left out, many σ from what the other points foretell: points number {places}",)
+    return (f"left out, many σ from the prediction by the other points: points number {places}",)

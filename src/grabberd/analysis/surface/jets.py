@@ -1,7 +1,7 @@
-"""A jet: what a surface does at one place, all its partial derivatives up to order four.
+"""A jet: all partial derivatives of a surface at one position, up to order four.
 
-Every quantity of a surface at a place is a pure function of its jet there: first forms and strain need order
-1, curvature 2, the wall's equilibrium with bending 4.
+Every local quantity of a surface is a pure function of its jet: first forms and strain need order 1,
+curvature 2, the wall's equilibrium with bending 4.
 """
 
 from math import comb

@@ -1,4 +1,4 @@
-"""A surface as a fine mesh: of flat facets for drawing it, of Taylor polynomials for casting rays on it."""
+"""A surface as a fine mesh: of flat facets for drawing, of Taylor polynomials for ray casting."""
 
 from dataclasses import dataclass
 from math import factorial
@@ -15,12 +15,12 @@ PER_PITCH = 4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """P × Q corners; they reach half a pitch beyond the outermost targets.
+    """P × Q corners that extend half a pitch beyond the outermost targets.
 
     Attributes:
-        u_mm: (P, Q) material places; `v_mm`: (P, Q).
-        jets: (P, Q, 15, 3) of the surface at the corners.
-        supported: (P − 1, Q − 1) whether data support the middle of a facet.
+        u_mm: (P, Q) material coordinates; `v_mm`: (P, Q).
+        jets: (P, Q, 15, 3) jets of the surface at the corners.
+        supported: (P − 1, Q − 1) True for facets whose middle is supported by data.
     """
 
     u_mm: NDArray[np.float64]
@@ -46,10 +46,10 @@ class Mesh:
         return self.jets[:, :, 0]
 
     def tangents(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3, 3) X, X_u, X_v at N places, from the jet at the nearest corner.
+        """(N, 3, 3) X, X_u, X_v at N positions, from the jet at the nearest corner.
 
         On a liner (radius 12.5 mm, targets every 6.5 mm) that is within 1e-5 mm of the surface itself, and
-        many times quicker.
+        many times faster.
         """
         pitch_u, pitch_v = self.u_mm[1, 0] - self.u_mm[0, 0], self.v_mm[0, 1] - self.v_mm[0, 0]
         row = np.clip(np.round((u_mm - self.u_mm[0, 0]) / pitch_u), 0, self.u_mm.shape[0] - 1).astype(np.intp)
@@ -61,7 +61,7 @@ class Mesh:
         return tangents
 
     def corners(self) -> NDArray[np.intp]:
-        """(F, 4) indices into the flattened corners of the supported facets, one after the other round."""
+        """(F, 4) indices into the flattened corners of the supported facets, in cyclic order."""
         index = np.arange(self.u_mm.size).reshape(self.u_mm.shape)
         four = np.stack([index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]], axis=-1)
         return four[self.supported]
@@ -74,12 +74,12 @@ def middles(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _steps(targets: int) -> NDArray[np.float64]:
-    """From half a pitch before the first target to half a pitch beyond the last, in pitches."""
+    """Corners from half a pitch before the first target to half a pitch beyond the last, in pitches."""
     return np.arange(targets * PER_PITCH + 1) / PER_PITCH - 0.5
 
 
 def _taylor(du_mm: NDArray[np.float64], dv_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3, 15) what a jet's entries weigh in X, X_u and X_v so far from its place."""
+    """(N, 3, 15) weights of a jet's entries in X, X_u and X_v at these distances from its position."""
     along, across = (_powers(step) for step in (du_mm, dv_mm))
     weights = np.zeros((len(du_mm), 3, len(ORDERS)))
     for place, (i, j) in enumerate(ORDERS):

@@ -1,32 +1,34 @@
-"""The smooth surfaces that are thought likely before anything is measured: the prior, as modes.
+"""The prior of smooth surfaces, as modes.
 
 A coordinate's departure from the nominal shape is a tensor-product spline of degree 5 with a knot at every
 row and column. Its roughness is penalised apart along and round: the coefficients' prior covariance is
 amplitude² · K(rows; length along) ⊗ K(columns; length round), whose inverse is the penalty; K is Matérn's
-correlation with ν = 13/2. What is linear in u and in v costs nothing. The eigenvectors of that covariance are
-the modes: scaled to the prior's standard deviation, so that fitting is least squares with unit weights on
+correlation with ν = 13/2. Terms linear in u and in v are not penalised. The eigenvectors of that covariance
+are the modes: scaled to the prior's standard deviation, so that fitting is least squares with unit weights on
 their coefficients.
 
-The family was chosen by likelihood on collapsing tubes: it stood ahead of sums of difference penalties of any
-order (which put roughness round and roughness along against each other) by far.
+The family was chosen by likelihood on collapsing tubes: it was far ahead of sums of difference penalties of
+any order (which trade roughness round against roughness along).
 """
 
 from functools import lru_cache
-from math import factorial
+from math import comb, factorial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis.surface.bsplines import DEGREE, splines
 from grabberd.analysis.surface.jets import HIGHEST, ORDERS, count_to
 
 FREE = 4
 """The first modes, free of penalty: 1, u, v, u·v."""
 
 _DIFFUSE_MM = 100.0
+"""Prior σ of the free modes: larger than any object, so that they are free in effect."""
 _NEGLIGIBLE = 1e-6
+"""Share of the greatest variance below which modes are dropped."""
 _HALF = 6
+"""ν = 13/2: six times differentiable, as the fourth derivative and its σ require."""
 _KEPT = 12
 
 
@@ -45,8 +47,8 @@ class Modes:
     """The prior's modes over a domain, for one pair of correlation lengths.
 
     Attributes:
-        domain: where; `along_mm`, `round_mm`: correlation lengths.
-        size: R, how many modes.
+        domain: the grid of knots; `along_mm`, `round_mm`: correlation lengths.
+        size: number R of modes.
     """
 
     def __init__(self, domain: Domain, along_mm: float, round_mm: float) -> None:
@@ -65,11 +67,11 @@ class Modes:
     def jets(
         self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64], highest: int = HIGHEST
     ) -> NDArray[np.float64]:
-        """(N, p, R) the modes' jets at N places, at unit amplitude; those of places last asked for are kept.
+        """(N, p, R) jets of the modes at N positions, at unit amplitude; results for recent ones are cached.
 
         Args:
-            u_mm: (N,) material places.
-            v_mm: (N,) the same.
+            u_mm: (N,) material coordinates.
+            v_mm: (N,) material coordinates.
             highest: order of the highest derivative; p is 15 for 4.
         """
         key = (np.ascontiguousarray(u_mm).tobytes(), np.ascontiguousarray(v_mm).tobytes(), highest)
@@ -99,14 +101,14 @@ class Modes:
 
 @lru_cache(maxsize=16)
 def modes(domain: Domain, along_mm: float, round_mm: float) -> Modes:
-    """The modes; those of the last domains and lengths are kept, for they are dear to make."""
+    """The modes, cached for recent domains and lengths, since they are expensive to compute."""
     return Modes(domain, along_mm, round_mm)
 
 
 def _by_place(
     place: NDArray[np.float64], knots: int, pitch_mm: float, vectors: NDArray[np.float64], highest: int
 ) -> NDArray[np.float64]:
-    """(N, highest + 1, 2 + modes): 1 and a line from −1 to 1, then the modes; derivatives by mm."""
+    """(N, highest + 1, 2 + modes): 1, a line from −1 to 1, then the modes; derivatives per mm."""
     straight = np.zeros((len(place), highest + 1, 2))
     straight[:, 0, 0] = 1.0
     half = (knots - 1) / 2
@@ -133,3 +135,41 @@ def matern(distance: NDArray[np.float64], half: int) -> NDArray[np.float64]:
     ]
     correlation: NDArray[np.float64] = np.exp(-scaled) * factorial(half) / factorial(2 * half) * sum(terms)
     return correlation
+
+
+DEGREE = 5
+
+
+@lru_cache(maxsize=1)
+def _pieces() -> NDArray[np.float64]:
+    """(6, 6): coefficients [power, spline] of the six splines that live on one interval, argument 0 to 1."""
+    pieces = np.zeros((DEGREE + 1, DEGREE + 1))
+    for spline in range(DEGREE + 1):
+        start = DEGREE - spline
+        for knot in range(start + 1):
+            weight = (-1) ** knot * comb(DEGREE + 1, knot) / factorial(DEGREE)
+            for power in range(DEGREE + 1):
+                pieces[power, spline] += weight * comb(DEGREE, power) * (start - knot) ** (DEGREE - power)
+    return pieces
+
+
+def splines(place: NDArray[np.float64], intervals: int, highest: int = HIGHEST) -> NDArray[np.float64]:
+    """The splines and their derivatives by position.
+
+    Args:
+        place: (N,) positions in knot intervals, 0 to `intervals`; beyond, the outermost pieces continue.
+        intervals: number of intervals.
+        highest: order of the highest derivative.
+
+    Returns:
+        (N, highest + 1, intervals + 5): [place, derivative, spline].
+    """
+    first = np.clip(np.floor(place), 0, intervals - 1).astype(np.intp)
+    powers = (place - first)[:, np.newaxis] ** np.arange(DEGREE + 1)
+    values = np.zeros((len(place), highest + 1, intervals + DEGREE))
+    rows, columns = np.arange(len(place))[:, np.newaxis], first[:, np.newaxis] + np.arange(DEGREE + 1)
+    pieces = _pieces()
+    for derivative in range(highest + 1):
+        values[rows, derivative, columns] = powers[:, : len(pieces)] @ pieces
+        pieces = pieces[1:] * np.arange(1, len(pieces))[:, np.newaxis]
+    return values

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.surface.jets import ORDERS, Jets, index
 
+# A cylinder that misses the targets by more than a tenth of the pitch is no better prior mean than none.
 _CLOSE = 0.1
 _ITERATIONS = 30
 
@@ -16,13 +17,13 @@ _ITERATIONS = 30
 class NominalShape:
     """A cylinder X = origin + u · along + radius (cos φ · up + sin φ · side), φ = turn_per_mm · v + start.
 
-    An open liner is one; of it, all derivatives are known exactly, which splines through six columns do not
-    give. An object that is no cylinder has radius 0: its shape is left to the spline.
+    An open liner is a cylinder, whose derivatives are all known exactly; splines through six columns would
+    not give them. An object that is no cylinder has radius 0: its shape is left to the spline.
 
     Attributes:
         origin_mm, along, up, side: (3,); along is ∂X/∂u, up and side are unit vectors across it.
-        radius_mm: of the targets' places; 0 for none.
-        turn_per_mm: angle round per mm of v; `start`: angle at v = 0.
+        radius_mm: radius of the targets' face; 0 for no cylinder.
+        turn_per_mm: angle per mm of v; `start`: angle at v = 0.
     """
 
     origin_mm: NDArray[np.float64]
@@ -55,7 +56,7 @@ class NominalShape:
 
     @classmethod
     def of(cls, grid: Grid) -> "NominalShape":
-        """The cylinder through a grid's nominal places, where it is closer than a tenth of the pitch."""
+        """The cylinder through a grid's nominal positions, if it fits within a tenth of the pitch."""
         frame = _axes(grid)
         section = (grid.nominal_mm - grid.nominal_mm.mean(axis=0)) @ frame.T
         circle = _circle(section[:, 1:])
@@ -80,7 +81,7 @@ def _axes(grid: Grid) -> NDArray[np.float64]:
 
 
 def _circle(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
-    """Centre and radius of the circle through (N, 2) places; None where they are as good as straight."""
+    """Centre and radius of the circle through (N, 2) positions; None if they are practically straight."""
     design = np.column_stack([2 * places, np.ones(len(places))])
     solution, _, rank, _ = np.linalg.lstsq(design, (places**2).sum(axis=1), rcond=1e-9)
     square = solution[2] + solution[:2] @ solution[:2]
@@ -90,7 +91,7 @@ def _circle(places: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | 
 
 
 def _turn(grid: Grid, spokes: NDArray[np.float64]) -> tuple[float, float]:
-    """Angle per mm of v, and at v = 0, of places (N, 2) round their centre."""
+    """Angle per mm of v, and angle at v = 0, of positions (N, 2) round their centre."""
     angle = np.arctan2(spokes[:, 1], spokes[:, 0])
     chord = min(grid.v_pitch_mm / (2 * np.linalg.norm(spokes, axis=1).mean()), 1.0)
     turns = np.array([1, -1]) * 2 * np.arcsin(chord) / grid.v_pitch_mm
@@ -100,7 +101,7 @@ def _turn(grid: Grid, spokes: NDArray[np.float64]) -> tuple[float, float]:
 
 
 def _adjusted(grid: Grid, frame: NDArray[np.float64], unknowns: NDArray[np.float64]) -> NominalShape:
-    """Least squares over centre, radius, turn and start (Gauss–Newton); along from the mean of the rows."""
+    """Gauss–Newton adjustment of centre, radius, turn and start; the axis is fitted to all rows."""
     middle = grid.nominal_mm.mean(axis=0)
     section = (grid.nominal_mm - middle) @ frame.T
     for _ in range(_ITERATIONS):

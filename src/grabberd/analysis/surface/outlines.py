@@ -1,7 +1,6 @@
 """Measures of a section's outline, each with its derivatives by the outline's positions.
 
-An outline is (M, 3) places at one height x, evenly spaced in v; by x, which is given, there are no
-derivatives.
+An outline is (M, 3) points at one height x, evenly spaced in v; x is given: there are no derivatives by it.
 """
 
 from typing import NamedTuple
@@ -12,8 +11,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 FINENESS = 8
-"""Places from one column of targets to the next."""
+"""Points from one column of targets to the next; even, so that every second one makes a coarser outline."""
 
+# Steps of one degree: a width is stationary at its least, so the error is of second order.
 _DIRECTIONS = 180
 _ACROSS = np.array([0.0, 1.0, 1.0])
 
@@ -26,14 +26,16 @@ class Plane(NamedTuple):
 
 
 class Measured(NamedTuple):
-    """A value, and its derivatives (M, 3) by the outline's places."""
+    """A value, and its derivatives (M, 3) by the outline's points."""
 
     value: Array
     slopes: Array
 
 
 def length(outline_mm: Array) -> Measured:
-    """Length of the outline: its polygon's, with the cut corners made up for by Richardson extrapolation."""
+    """Length of the outline: that of its polygon, whose error is quadratic in the step, by Richardson
+    extrapolation.
+    """
     fine, coarse = _polygon(outline_mm), _polygon(outline_mm[::2])
     slopes = 4 / 3 * fine.slopes
     slopes[::2] -= coarse.slopes / 3
@@ -46,7 +48,7 @@ def chord(outline_mm: Array) -> Measured:
 
 
 def distance_to(plane: Plane, outline_mm: Array) -> Measured:
-    """Distance along the normal through the plane's point, by a parabola through three places."""
+    """Distance along the normal through the plane's point, by a parabola through three points."""
     normal, across = _axes(plane)
     away, beside = (outline_mm - plane.point_mm) @ normal, (outline_mm - plane.point_mm) @ across
     middle = int(np.clip(np.argmin(np.abs(beside)), 1, len(away) - 2))
@@ -62,7 +64,7 @@ def distance_to(plane: Plane, outline_mm: Array) -> Measured:
 
 
 def area_to(plane: Plane, outlines_mm: Array) -> Measured:
-    """Between outline and plane, of any number of outlines (..., M, 3): Simpson's rule."""
+    """Area between outline and plane, for any number of outlines (..., M, 3), by Simpson's rule."""
     normal, across = _axes(plane)
     away, beside = (outlines_mm - plane.point_mm) @ normal, outlines_mm @ across
     way = np.sign(beside[..., -1] - beside[..., 0])
@@ -85,7 +87,7 @@ def least_width(outline_mm: Array) -> Measured:
 
 
 def opposite(outline_mm: Array) -> Measured:
-    """Least distance of two places half the round apart."""
+    """Least distance of two points half a turn apart."""
     half = (len(outline_mm) + FINENESS) // 2
     away = np.linalg.norm(outline_mm[half:] - outline_mm[: len(outline_mm) - half], axis=1)
     least = int(np.argmin(away))

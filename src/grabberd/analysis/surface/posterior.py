@@ -15,8 +15,8 @@ class Posterior(NamedTuple):
 
     Attributes:
         coefficients: (D, R), at unit amplitude; `factor`: (D, R, D·R) square root of their covariance.
-        outlying: (N,) squared distance of each point from what all the others foretell, in units of its
-            covariance: chi squared with D degrees of freedom.
+        outlying: (N,) squared distance of each point from its prediction by all others, in units of its
+            covariance: χ² with D degrees of freedom.
         misfit: weighted squared residuals and roughness over their expectation, which is 1.
     """
 
@@ -34,14 +34,14 @@ def fit_modes(
     departure_mm: NDArray[np.float64],
     covariance_mm2: NDArray[np.float64],
 ) -> Posterior:
-    """The departure's modes from N points.
+    """Fit the modes of the departure to N points.
 
     Args:
-        modes: R of them, for the smoothing's lengths.
+        modes: R modes, for the smoothing's lengths.
         smoothing: amplitudes of the D directions.
-        u_mm: (N,) material places.
-        v_mm: (N,) the same.
-        departure_mm: (N, D) from the nominal shape.
+        u_mm: (N,) material coordinates.
+        v_mm: (N,) material coordinates.
+        departure_mm: (N, D) departures from the nominal shape.
         covariance_mm2: (N, D, D) noise.
     """
     places = modes.jets(u_mm, v_mm, highest=0)[:, 0]
@@ -50,6 +50,8 @@ def fit_modes(
     normal = _normal(places, weight, scale)
     right = scale * (places.T @ np.einsum("nab,nb->na", weight, departure_mm)).T
     size = right.size
+    # LAPACK's Cholesky and triangular inverse: the inverse factor is needed in any case, as the root of the
+    # covariance, and solves the equations on the way.
     lower = dpotrf(normal.reshape(size, size), lower=1, overwrite_a=1)[0]
     inverse = dtrtri(lower, lower=1)[0]
     factor = np.tril(inverse).T
@@ -72,7 +74,7 @@ def _scale(modes: Modes, smoothing: Smoothing) -> NDArray[np.float64]:
 def _normal(
     places: NDArray[np.float64], weight: NDArray[np.float64], scale: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(D, R, D, R) the normal equations' matrix, the prior's unit weights in it."""
+    """(D, R, D, R) matrix of the normal equations, including the prior's unit weights."""
     directions, size = scale.shape
     normal = np.empty((directions, size, directions, size))
     for a in range(directions):
@@ -91,7 +93,7 @@ def _outlying(
     weight: NDArray[np.float64],
     residual: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Leaving one point out after another, without fitting again."""
+    """Leave-one-out χ² of every point, in closed form instead of N fits."""
     root = np.einsum("nr,ark->nak", places, factor, optimize=True)
     known = root @ root.transpose(0, 2, 1)
     kept = weight - weight @ known @ weight

@@ -1,4 +1,4 @@
-"""Points that cannot be where they are: ids that jumped, crossed targets, a folded wall."""
+"""Screening of points for impossible positions: ids that jumped, crossed targets, a folded wall."""
 
 from typing import NamedTuple
 
@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from grabberd.analysis.grid import Grid
 
 _SHORTEST, _LONGEST = 0.7, 1.35
-"""Fibres stretch by some ten per cent; where an id jumps to a neighbour, distances double or vanish."""
+"""Fibres stretch by some ten per cent; when an id jumps to a neighbour, distances double or vanish."""
 
+# Neighbouring normals more than a right angle apart.
 _STEEPEST = 0.0
 
 
@@ -17,8 +18,8 @@ class Screening(NamedTuple):
     """Result of comparing points with their neighbours.
 
     Attributes:
-        kept: (N,) points that stand as their neighbours let expect.
-        problems: one sentence for each kind of trouble, with the targets.
+        kept: (N,) True for points at possible distances from their neighbours.
+        problems: one sentence for each kind of problem, with the targets.
     """
 
     kept: NDArray[np.bool_]
@@ -26,12 +27,12 @@ class Screening(NamedTuple):
 
 
 def screen(grid: Grid, place: NDArray[np.intp], xyz_mm: NDArray[np.float64]) -> Screening:
-    """Leaves out the points whose distances to their neighbours are impossible, worst first; names folds.
+    """Leaves out points at impossible distances from their neighbours, the worst first; reports folds.
 
     Args:
         grid: the target grid.
-        place: (N,) indices in it of the points.
-        xyz_mm: (N, 3).
+        place: (N,) indices of the points in the grid.
+        xyz_mm: (N, 3) points, object's frame.
     """
     where = np.full((len(grid), 3), np.nan)
     where[place] = xyz_mm
@@ -48,11 +49,12 @@ def screen(grid: Grid, place: NDArray[np.intp], xyz_mm: NDArray[np.float64]) -> 
 def _worst(
     where: NDArray[np.float64], pairs: NDArray[np.intp], nominal_mm: NDArray[np.float64]
 ) -> int | None:
-    """The target with most impossible distances, of equals the one most at odds; None: there are none."""
+    """The target with most impossible distances, by their size if several have as many; None without any."""
     ratio = _lengths(where, pairs) / nominal_mm
     wrong = (ratio < _SHORTEST) | (ratio > _LONGEST)
     if not wrong.any():
         return None
+    # The number of wrong distances decides; their size, scaled far below one, only breaks ties.
     at_odds = np.where(wrong, 1 + np.minimum(np.abs(np.log(np.maximum(ratio, 1e-3))), 100) / 1e3, 0.0)
     score = np.bincount(pairs.ravel(), np.repeat(at_odds, 2), len(where))
     return int(np.argmax(score))

@@ -1,8 +1,8 @@
 """Sections of the wall at given heights: outline, width, area; the volume between two of them.
 
-The cameras see the wall from one side. Where the targets do not go round, the opposite wall is not measured:
-width, area and volume are then those between the seen wall and a plane that is given, such as the plane of
-symmetry between both walls (`symmetry_plane` has the nominal one). All is about the outer (target) face.
+The cameras see the wall from one side. Unless the targets go all the way round, the opposite wall is not
+measured: width, area and volume are then relative to a given plane, such as the plane of symmetry between
+both walls (`symmetry_plane` is the nominal one). Everything refers to the outer (target) face.
 """
 
 from collections.abc import Iterator, Sequence
@@ -39,16 +39,16 @@ class Section(NamedTuple):
 
     Attributes:
         x_mm: height in the object's frame.
-        outline_mm: (M, 3) places, evenly spaced in v; `v_mm`: (M,) which.
-        within: (M,) whether data support them.
-        length_mm: along the outline; `chord_mm`: between its ends.
-        distance_mm: from the given plane to the outline, on the normal through the plane's point; twice it is
-            the distance between opposite walls where the plane is that of their symmetry. NaN where no wall
-            is there, None without a plane.
-        area_mm2: between outline and given plane. None without a plane.
-        least_width_mm: least distance of two parallel lines that hold the whole outline between them;
-            `opposite_mm`: least distance of two places half the round apart. None where the targets do not
-            go round; the gap between the last column and the first counts as straight.
+        outline_mm: (M, 3) points, evenly spaced in v; `v_mm`: (M,) their v.
+        within: (M,) True for points supported by data.
+        length_mm: length along the outline; `chord_mm`: distance of its ends.
+        distance_mm: distance from the given plane to the outline, on the normal through the plane's point;
+            half the distance of opposite walls if the plane is their plane of symmetry. NaN if there is no
+            wall on that normal, None without a plane.
+        area_mm2: area between outline and given plane; None without a plane.
+        least_width_mm: least distance of two parallel lines that enclose the outline; `opposite_mm`: least
+            distance of two points half a turn apart. None unless the targets go all the way round; the gap
+            between the last column and the first counts as straight.
     """
 
     x_mm: float
@@ -84,9 +84,9 @@ def section(surface: Surface, x_mm: float, plane: Plane | None = None) -> Sectio
     """The section at one height, each value with σ from the points' noise and the smoothing.
 
     Args:
-        surface: of one field.
+        surface: surface of one field.
         x_mm: height in the object's frame.
-        plane: what widths and areas are taken from, where the targets do not go round.
+        plane: origin of widths and areas if the targets do not go all the way round.
 
     Raises:
         AnalysisError: the wall does not reach this height between its first and last row of targets.
@@ -100,7 +100,7 @@ def section(surface: Surface, x_mm: float, plane: Plane | None = None) -> Sectio
 def sections(
     surface: Surface, x_mm: Sequence[float], plane: Plane | None = None
 ) -> tuple[tuple[Section, ...], tuple[str, ...]]:
-    """The sections at all heights that the wall reaches, and a sentence on each of the others."""
+    """The sections at all heights that the wall reaches, and a sentence for each of the other heights."""
     if not len(x_mm):
         return (), ()
     cuts = _cuts(surface, np.array(x_mm, np.float64))
@@ -115,6 +115,7 @@ def _section(surface: Surface, cut: "_Cuts", plane: Plane | None) -> Section:
             "distance_mm": distance_to(plane, cut.outline_mm),
             "area_mm2": area_to(plane, cut.outline_mm),
         }
+    # Ends within one and a half pitches of each other: the targets go all the way round.
     if measured["chord_mm"].value < 1.5 * surface.modes.domain.v_pitch_mm:
         measured |= {"least_width_mm": least_width(cut.outline_mm), "opposite_mm": opposite(cut.outline_mm)}
     values = dict.fromkeys(("distance_mm", "area_mm2", "least_width_mm", "opposite_mm"))
@@ -130,6 +131,7 @@ def volume_mm3(surface: Surface, x_mm: tuple[float, float], plane: Plane) -> Est
         AnalysisError: the wall does not reach these heights.
     """
     low, high = sorted(x_mm)
+    # A Gauss node per row of targets, which is as fine as the surface can vary, and a few more.
     count = 4 + round((high - low) / surface.modes.domain.u_pitch_mm)
     nodes, weights = np.polynomial.legendre.leggauss(count)
     cuts = _cuts(surface, (low + high) / 2 + (high - low) / 2 * nodes)
@@ -144,9 +146,9 @@ def volume_mm3(surface: Surface, x_mm: tuple[float, float], plane: Plane) -> Est
 
 
 class _Cuts(NamedTuple):
-    """Outlines at H heights: material places (H, M), the outlines and ∂X/∂u there (H, M, 3).
+    """Outlines at H heights: material coordinates (H, M), outlines and ∂X/∂u there (H, M, 3).
 
-    `reached`: (H,) whether the wall does, between half a pitch before its first row and beyond its last.
+    `reached`: (H,) True for heights that the wall reaches, up to half a pitch beyond its outermost rows.
     """
 
     x_mm: NDArray[np.float64]
@@ -161,7 +163,7 @@ class _Cuts(NamedTuple):
 
 
 def _cuts(surface: Surface, x_mm: NDArray[np.float64]) -> _Cuts:
-    """Newton's iterations for u at every height and v; the last step is short enough to be straight."""
+    """Newton's iteration for u at every height and v; the last step is short enough to be linear."""
     domain = surface.modes.domain
     columns, rows = domain.columns - 1, domain.rows - 1
     v_mm = domain.v_mm + np.linspace(0, columns * domain.v_pitch_mm, columns * FINENESS + 1)
@@ -197,9 +199,9 @@ def _estimates(surface: Surface, cut: _Cuts, measured: dict[str, Measured]) -> d
 
 
 def _at_height(slopes: NDArray[np.float64], along: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 3) derivatives by the surface's places, from those by the outline's.
+    """(..., 3) derivatives by the surface's points, from those by the outline's points.
 
-    The outline stays at its height: a place that moves along x is replaced by its neighbour along the wall.
+    The outline stays at its height: a point that moves along x is replaced by its neighbour along the wall.
     """
     off = -(slopes[..., 1:] * along[..., 1:]).sum(axis=-1, keepdims=True) / along[..., :1]
     return np.concatenate([off, slopes[..., 1:]], axis=-1)

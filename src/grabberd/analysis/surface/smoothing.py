@@ -1,12 +1,12 @@
-"""The surface's smoothness, chosen from the points of one field or of several together.
+"""Choice of the surface's smoothness from the points of one or several fields.
 
-The length round is fixed, and was fixed on simulated tubes that collapse elliptically (radius 12.5 mm, six
-columns 6.5 mm apart). There σ of the curvatures is honest as a mean over the targets: squared errors are .7
-to 1.2 of σ², at 8 bits twice σ² at the outermost columns; places halfway between two columns err by up to
-twice σ² too. On others (radius 14 mm; deeper, shallower, shorter, longer) the mean ranged from .4 to 1.3.
-Where the outermost column comes close to the fold of a closed wall (radius 11 mm), what bends within a pitch
-is not resolved: σ is two to five times too small, and the residuals do not tell. More columns are the remedy,
-or to leave out the outermost places.
+The length round is fixed; it was tuned on simulated tubes that collapse elliptically (radius 12.5 mm, six
+columns 6.5 mm apart). There σ of the curvatures is realistic on average over the targets: squared errors are
+.7 to 1.2 of σ², at 8 bits twice σ² at the outermost columns, and up to twice σ² halfway between two columns.
+On other tubes (radius 14 mm; deeper, shallower, shorter, longer) the mean ranged from .4 to 1.3. If the
+outermost column comes close to the fold of a closed wall (radius 11 mm), bending within a pitch is not
+resolved: σ is two to five times too small, which the residuals do not show. The remedy is more columns, or
+leaving out the outermost ones.
 """
 
 from collections.abc import Sequence
@@ -23,12 +23,13 @@ it open, and longer ones claim more at the outermost columns than is known there
 
 _LENGTHS = (2.0, 4.0, 8.0, 16.0)
 _HALVINGS = 2
-"""Correlation lengths along to choose from, in pitches of the rows, and how often their ratio is halved."""
+"""Candidate correlation lengths along the rows, in pitches, and number of refinements of their ratio."""
 
+# A grid over all plausible amplitudes instead of a search: the likelihood may have two maxima.
 _AMPLITUDES_MM = 10.0 ** np.arange(-3.0, 2.01, 0.05)
 
 _SHOWN = 4.0
-"""Gain in twice the logarithm of the likelihood from which on a departure is believed: two σ."""
+"""Gain in twice the log likelihood from which a departure counts as real: two σ."""
 
 
 class Smoothing(NamedTuple):
@@ -36,9 +37,9 @@ class Smoothing(NamedTuple):
 
     Attributes:
         along_mm: correlation length along the rows of the departure from the nominal shape.
-        round_mm: the same round the wall.
-        amplitude_mm: standard deviation of the departure's x, y, z, beyond what is linear in u and in v.
-        noise_factor: by which the points' σ are multiplied: 1 unless chosen by cross-validation.
+        round_mm: correlation length round the wall.
+        amplitude_mm: σ of the departure's x, y, z, beyond terms linear in u and in v.
+        noise_factor: factor on the points' σ: 1 unless chosen by cross-validation.
     """
 
     along_mm: float
@@ -51,8 +52,8 @@ class Departures(NamedTuple):
     """Evidence of one field's points about the departure from the nominal shape.
 
     Attributes:
-        u_mm, v_mm: (N,) material places.
-        departure_mm: (N, D) in each of D directions; `sigma_mm`: (N, D) their noise.
+        u_mm, v_mm: (N,) material coordinates.
+        departure_mm: (N, D) departures in D directions; `sigma_mm`: (N, D) their noise.
     """
 
     u_mm: NDArray[np.float64]
@@ -70,11 +71,11 @@ def choose(
     by: Criterion = "likelihood",
     along_mm: float | None = None,
 ) -> Smoothing:
-    """The smoothing that suits all these fields.
+    """Choose a common smoothing for fields.
 
-    By restricted likelihood, the points' σ taken as known; or by generalised cross-validation, which needs
-    only the ratios of the σ, and finds the noise factor too. The correlation length along the rows is chosen
-    too, unless it is given.
+    Either by restricted likelihood, which takes the points' σ as known, or by generalised cross-validation,
+    which needs only their ratios and estimates the noise factor, too. The correlation length along the rows
+    is chosen as well, unless it is given.
     """
     round_mm = ROUND * domain.v_pitch_mm
 
@@ -102,7 +103,7 @@ class _Choice(NamedTuple):
 
 
 class _Spectrum(NamedTuple):
-    """One direction of one field: after what costs nothing is taken out, n values of unit noise.
+    """One direction of one field: n values of unit noise, after the free modes are projected out.
 
     Attributes:
         energy: (K,) squared singular values of the modes at the points; `part2`: (K,) squared parts of the
@@ -141,13 +142,13 @@ def _best(spectra: list[list[_Spectrum]], by: Criterion) -> _Choice:
 
 
 def _shown(cost: NDArray[np.float64]) -> int:
-    """The best amplitude; the least of all, where the points do not show that there is more."""
+    """Index of the best amplitude; of the least one unless the points show a significant departure."""
     best = int(np.argmin(cost))
     return best if cost[0] - cost[best] > _SHOWN else 0
 
 
 def _likelihood(spectrum: _Spectrum) -> NDArray[np.float64]:
-    """Minus twice the logarithm of the restricted likelihood, at every amplitude."""
+    """Minus twice the log restricted likelihood, at every amplitude."""
     variance = 1 + np.multiply.outer(_AMPLITUDES_MM**2, spectrum.energy)
     cost: NDArray[np.float64] = (np.log(variance) + spectrum.part2 / variance).sum(axis=1)
     return cost

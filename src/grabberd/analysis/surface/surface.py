@@ -1,9 +1,8 @@
 """The smooth surface through a field's points, with its covariance.
 
 The surface is the nominal shape plus a departure whose modes (`modes`) are estimated from the points: the
-posterior mean under the smoothing prior. Its covariance is the posterior's, so it contains the noise of the
-points as well as what the smoothing may have taken away; the calibration's part (common to all fields) is not
-in it.
+posterior mean under the smoothing prior. Its covariance is the posterior's, so it includes both the noise of
+the points and the possible bias by smoothing, but not the calibration's part, which is common to all fields.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,12 +21,15 @@ Shape = Callable[[NDArray[np.float64], NDArray[np.float64]], Jets]
 Function = Callable[..., NDArray[np.float64]]
 
 _STEP = 1e-3
+"""Step of differences, relative to the pitch: the functions are smooth, so truncation and rounding both stay
+far below σ."""
 _REACH = 0.5 + 1e-9
+"""Half a pitch; the slack keeps positions halfway between two targets within both."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spread:
-    """Departure along one direction that varies from place to place, instead of along x, y and z.
+    """Departure along one direction that depends on the position, instead of along x, y and z.
 
     Attributes:
         direction: (N, 15, 3) jets of the unit vector.
@@ -38,7 +40,7 @@ class Spread:
     def jets(
         self, departure: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
     ) -> Jets:
-        """(N, p, 3) from the departure's own (N, p, 1)."""
+        """(N, p, 3) jets from those of the scalar departure (N, p, 1)."""
         count = departure.shape[1]
         matrix = times(self.direction(u_mm, v_mm))[:, :count, :count]
         jets: Jets = np.einsum("npqa,nq->npa", matrix, departure[:, :, 0])
@@ -59,16 +61,18 @@ class Surface:
     """The outer (target) face of the wall, X(u, v), at one field.
 
     Attributes:
-        base: the nominal shape's jets.
+        base: jets of the nominal shape.
         modes: R modes of the departure in each of D directions: x, y, z, or those of `spread`.
-        coefficients: (D, R) theirs, at unit amplitude; `factor`: (D, R, D·R) their covariance's square root:
-            cov[a, r, b, s] = Σ_k factor[a, r, k] factor[b, s, k]; upper triangular as a matrix.
-        smoothing: the prior's parameters.
-        supported: (rows, columns) of the domain's grid: a target was there, or is the only one missing.
-        outward: 1.0 where X_u × X_v points outward, or −1.0.
-        misfit: weighted squared residuals over their expectation: 1 where the points' σ are right.
-        problems: what was survived, in words: points left out and why.
-        spread: directions of the departure, where they are not x, y, z.
+        coefficients: (D, R) coefficients of the modes, at unit amplitude; `factor`: (D, R, D·R) square root
+            of their covariance: cov[a, r, b, s] = Σ_k factor[a, r, k] factor[b, s, k]; upper triangular as a
+            matrix.
+        smoothing: parameters of the prior.
+        supported: (rows, columns) of the domain's grid: True if a target was seen there, or is the only one
+            missing among its neighbours.
+        outward: 1.0 if X_u × X_v points outward, else −1.0.
+        misfit: weighted squared residuals over their expectation: 1 if the points' σ are right.
+        problems: points left out and the reasons, as sentences.
+        spread: direction of the departure, if it is not along x, y, z.
     """
 
     base: Shape
@@ -83,24 +87,24 @@ class Surface:
     spread: Spread | None = None
 
     def jets(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Jets:
-        """(N, 15, 3) what the face does at N material places, mm."""
+        """(N, 15, 3) jets of the face at N material positions, mm."""
         departure = self.modes.jets(u_mm, v_mm) @ self.coefficients.T
         if self.spread is not None:
             departure = self.spread.jets(departure, u_mm, v_mm)
         return self.base(u_mm, v_mm) + departure
 
     def tangents(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3, 3) the jets' first three, X, X_u, X_v, at N material places: quicker where that will do."""
+        """(N, 3, 3) X, X_u, X_v at N material positions: faster than `jets` if no more is needed."""
         departure = self.modes.jets(u_mm, v_mm, highest=1) @ self.coefficients.T
         if self.spread is not None:
             departure = self.spread.jets(departure, u_mm, v_mm)
         return self.base(u_mm, v_mm)[:, :3] + departure
 
     def within(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether data support these places.
+        """(N,) True for positions supported by data.
 
-        They do within half a pitch (along and round) of the place of a target that was seen, or that is
-        missing alone, with all its neighbours seen; not farther outside, nor in a hole of several targets.
+        These lie within half a pitch (along and round) of a target that was seen, or whose neighbours were
+        all seen; not farther outside, nor in a hole of several targets.
         """
         domain = self.modes.domain
         row, column = (u_mm - domain.u_mm) / domain.u_pitch_mm, (v_mm - domain.v_mm) / domain.v_pitch_mm
@@ -117,17 +121,17 @@ class Surface:
         reference: "Surface | None" = None,
         highest: int = HIGHEST,
     ) -> Estimate:
-        """A function of the jets at N places, with its σ from the points' noise and the smoothing.
+        """A function of the jets at N positions, with its σ from the points' noise and the smoothing.
 
-        First-order propagation, derivatives by central differences on the jets.
+        First-order propagation, with derivatives by central differences on the jets.
 
         Args:
-            function: of the jets (..., N, 15, 3), to (..., N) or (..., N, k); with `reference`, of both
-                surfaces' jets: function(jets, reference_jets).
-            u_mm: (N,) material places.
-            v_mm: (N,) the same.
-            reference: a surface of other fields, whose errors are independent of this one's and count too.
-            highest: order of the highest derivative that the function looks at; a lower one saves time.
+            function: function of the jets (..., N, 15, 3), to (..., N) or (..., N, k); with `reference`, of
+                both surfaces' jets: function(jets, reference_jets).
+            u_mm: (N,) material coordinates.
+            v_mm: (N,) material coordinates.
+            reference: a surface of other fields, whose independent errors are included.
+            highest: order of the highest derivative that the function uses; a lower one saves time.
 
         Returns:
             Value and σ, (N,) or (N, k).
@@ -138,12 +142,12 @@ class Surface:
     def sigma(
         self, slopes: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(N,) or (N, k) σ of what has these derivatives by the jets at N places.
+        """(N,) or (N, k) σ of quantities with these derivatives by the jets at N positions.
 
         Args:
-            slopes: (N, p, 3) or (N, p, 3, k), by the jets' first p entries.
-            u_mm: (N,) material places.
-            v_mm: (N,) the same.
+            slopes: (N, p, 3) or (N, p, 3, k) derivatives by the jets' first p entries.
+            u_mm: (N,) material coordinates.
+            v_mm: (N,) material coordinates.
         """
         if self.spread is not None:
             slopes = self.spread.slopes(slopes, u_mm, v_mm)
@@ -158,12 +162,12 @@ class Surface:
     def covariance(
         self, weights: NDArray[np.float64], u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """(k, k) covariance of k sums over places: Σ weights · jets.
+        """(k, k) covariance of k sums over positions: Σ weights · jets.
 
         Args:
-            weights: (k, N, p, 3) of the jets' first p derivatives.
-            u_mm: (N,) material places.
-            v_mm: (N,) the same.
+            weights: (k, N, p, 3) weights of the jets' first p derivatives.
+            u_mm: (N,) material coordinates.
+            v_mm: (N,) material coordinates.
         """
         if self.spread is not None:
             weights = np.moveaxis(self.spread.slopes(np.moveaxis(weights, 0, -1), u_mm, v_mm), -1, 0)
@@ -176,7 +180,7 @@ class Surface:
 
 
 def _triangular_product(rows: NDArray[np.float64], upper: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The product of rows with an upper triangular matrix, in half the time of any other."""
+    """The product of rows with an upper triangular matrix, in half the time of a full product."""
     product: NDArray[np.float64] = dtrmm(1.0, upper.T, rows.T, lower=1, overwrite_b=1).T
     return product
 
@@ -188,14 +192,14 @@ def propagate(
     reference: Surface | None = None,
     highest: int = HIGHEST,
 ) -> Estimate:
-    """The same function of F surfaces' jets, as in `Surface.propagate`: quicker than one after the other.
+    """A function of F surfaces' jets, as in `Surface.propagate`, but faster than one by one.
 
     Args:
-        surfaces: of one domain.
-        function: of the jets (..., F, N, 15, 3), to (..., F, N) or (..., F, N, k).
+        surfaces: F surfaces of one domain.
+        function: function of the jets (..., F, N, 15, 3), to (..., F, N) or (..., F, N, k).
         places: u_mm and v_mm, (N,) each.
-        reference: common to all, with errors independent of theirs.
-        highest: as there.
+        reference: reference surface common to all, with errors independent of theirs.
+        highest: as in `Surface.propagate`.
 
     Returns:
         Value and σ, (F, N) or (F, N, k).
@@ -217,7 +221,7 @@ def _sigmas(
     slopes: NDArray[np.float64],
     places: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> NDArray[np.float64]:
-    """(F, N, ...) σ by slopes (F, N, p, 3, ...); of one surface or of F."""
+    """(F, N, ...) σ from slopes (F, N, p, 3, ...), of one surface or of F."""
     each = surfaces if len(surfaces) > 1 else [surfaces[0]] * len(slopes)
     return np.stack([one.sigma(by, *places) for one, by in zip(each, slopes, strict=True)])
 
@@ -226,6 +230,7 @@ def _slopes(function: Function, jets: Jets, highest: int, pitch_mm: float) -> ND
     """(F, N, p, 3, ...) derivatives of the function by the first p entries of the jets (F, N, 15, 3)."""
     count = count_to(highest)
     order = np.repeat(np.arange(highest + 1), np.arange(1, highest + 2))
+    # A derivative of order n is of the size 1 / pitchⁿ⁻¹: one relative step suits all of them.
     step = np.repeat(_STEP * pitch_mm ** (1.0 - order), 3)
     moved = np.zeros((3 * count, jets.shape[-2] * 3))
     moved[np.arange(3 * count), np.arange(3 * count)] = step

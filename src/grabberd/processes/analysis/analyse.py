@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from grabberd.analysis import (
     ChamberVacuum,
     FreeWall,
-    Gap,
     Grid,
     Jets,
     Movement,
@@ -28,7 +27,6 @@ from grabberd.analysis import (
     fit_surface,
     free_shape,
     free_wall,
-    gaps,
     phase_average,
     variation,
     wall_phases,
@@ -58,13 +56,12 @@ class Cycle(NamedTuple):
     """The pulsation of a capture and of its bursts, with their mean cycle.
 
     Attributes:
-        wall: phases by the wall's movement; None where it has no plain ones.
-        vacuum: ISO's phases, where the vacuum is known as a curve.
+        wall: phases of the wall's movement; None if they cannot be told apart.
+        vacuum: ISO phases of the vacuum; None unless it is known as a curve.
     """
 
     pulsation: Pulsation
     variation: Variation
-    gaps: tuple[Gap, ...]
     wall: Phases | None
     vacuum: Phases | None
     average: PhaseAverage | None
@@ -72,18 +69,22 @@ class Cycle(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Analysis:
-    """All that was found.
+    """Complete result of an analysis.
 
     Attributes:
-        grid: of the targets; `inputs`: what was told; `lacks`: what was not, and what there is not therefore.
-        fields: those that could be analysed; `movement`: of all fields, or None where nothing moves together.
-        states: one for each of `fields`; `phases`: of the mean cycle, at `phase` (P,).
-        vacuum: of each of `fields`; empty where it was not given. `phase_vacuum`: of the phases.
-        source: where the vacuum is known from, and the offset of its clock.
-        touch: where pressure begins, among `fields`; `free`: the self-check of each of `fields`.
-        problems: what was survived, in words.
-        numbers: (F,) of all fields of the capture that have points.
-        reference: the state that strain counts from, as in `Question`.
+        grid: target grid of the object model.
+        inputs: inputs of the analysis; their `lacks` names missing inputs and the results missing for them.
+        fields: fields that could be analysed.
+        movement: movement of all fields, or None if the targets do not move together.
+        states: wall states of `fields`, in order.
+        phases: wall states of the mean cycle, at `phase` (P,).
+        vacuum: vacuum at each of `fields`, empty if not given; `phase_vacuum`: at each of `phase`.
+        source: source of the vacuum, with the offset of its clock.
+        touch: onset of pressure, as an index into `fields`.
+        free: self-check of each of `fields` where the wall is free.
+        problems: problems that did not end the analysis, as sentences.
+        numbers: (F,) numbers of all fields of the capture that have points.
+        reference: reference state of the strain, as in `Question`.
     """
 
     grid: Grid
@@ -113,13 +114,13 @@ def analyse(
     """Analyses a capture.
 
     Args:
-        captures: the capture's fields, and after them those of bursts that are put together with it by phase.
-        grid: of the object model.
-        inputs: what is known beside the points.
-        progress: is told how many of how many states are done.
+        captures: fields of the capture, followed by those of the bursts that are merged with it by phase.
+        grid: target grid of the object model.
+        inputs: inputs besides the points.
+        progress: called with the number of finished states and the total.
 
     Raises:
-        AnalysisError: no field makes a surface, or the reference state is none.
+        AnalysisError: no field determines a surface, or the reference state does not.
         InputError: an input cannot be used with this capture.
     """
     if not captures or not any(len(field.timed.points) for field in captures[0]):
@@ -148,7 +149,9 @@ class _Work:
         self._done = 0
 
     def whole(self) -> Analysis:
-        """All of it, in the order in which one thing follows from another."""
+        """Run every step, each after those whose results it needs."""
+        # Movement, cycle and vacuum compare the same material point between fields: without homologous
+        # targets only the surface itself is left to analyse.
         homologous = self._grid.homologous
         movements = self._problems.survived(lambda: first_movement(self._timed)) if homologous else None
         pulsation = self._problems.survived(lambda: fit_pulsation(movements)) if movements else None
@@ -196,13 +199,14 @@ class _Work:
             return ()
         try:
             return vacuum.at(_phase_times(average, pulsation))
-        except InputError as error:  # a burst is shorter than the cycle, and so may be its log
+        except InputError as error:  # the log of a capture shorter than a cycle does not cover all phases
             self._problems.add(f"the mean cycle has no pressure: {error.message}")
             return ()
 
     def _average(self, pulsation: Pulsation | None) -> PhaseAverage | None:
         if pulsation is None:
             return None
+        # A reference phase joins the evenly spaced ones, so that it is averaged itself and not its nearest.
         phases = {k / self._inputs.phases for k in range(self._inputs.phases)}
         reference = self._inputs.reference
         if reference and reference.kind == "phase":
@@ -234,7 +238,7 @@ class _Work:
         if reference.kind == "phase":
             if average is None:
                 raise InputError(
-                    f"the reference state is to be {reference}: there is none: {self._problems.latest}",
+                    f"the reference state {reference} does not exist: {self._problems.latest}",
                     "choose a field, or the object model's nominal shape",
                 )
             return average.points[int(np.argmin(np.abs(average.phase - reference.value)))]
@@ -242,9 +246,7 @@ class _Work:
             if field.n == reference.value:
                 return field.timed.points
         numbers = f"{self._fields[0].n} to {self._fields[-1].n}"
-        raise InputError(
-            f"the reference state is to be {reference}, which has no points", f"choose one of {numbers}"
-        )
+        raise InputError(f"the reference state {reference} has no points", f"choose one of fields {numbers}")
 
     def _states(
         self,
@@ -254,9 +256,11 @@ class _Work:
         smoothings: Smoothings | None,
         vacuum: Sequence[ChamberVacuum],
     ) -> list[tuple[int, WallState]]:
-        return WallSeries(question, smoothings, self._problems.note, self._told).states(points, names, vacuum)
+        return WallSeries(question, smoothings, self._problems.note, self._count_state).states(
+            points, names, vacuum
+        )
 
-    def _told(self) -> None:
+    def _count_state(self) -> None:
         self._done += 1
         self._progress(self._done, self._of)
 
@@ -272,7 +276,6 @@ class _Work:
         return Cycle(
             pulsation=pulsation,
             variation=variation(movements, pulsation),
-            gaps=gaps(self._time_s, pulsation),
             wall=self._problems.survived(lambda: wall_phases(pulsation)),
             vacuum=vacuum.phases if vacuum else None,
             average=average,
@@ -283,6 +286,7 @@ class _Work:
         if not maps:
             return None
         touch = self._problems.survived(lambda: first_touch([one for _, one in maps]))
+        # `first_touch` counts among the fields that have a map; callers index into all analysed fields.
         return touch and touch._replace(field=maps[touch.field][0])
 
     def _free(self, state: WallState) -> FreeWall | None:

@@ -18,6 +18,7 @@ GRID = ("target", "row", "column", "u_mm", "v_mm", "triangles")
 """Attributes of the target grid in the document; a triangle's corners are indices into `target`."""
 
 _WALL_PHASES = {"a": "opening", "b": "open", "c": "closing", "d": "closed"}
+# As many as there are wall phases, so that the report has the same layout with and without a pulsation.
 _STATES = 4
 
 
@@ -34,10 +35,10 @@ def analysis_document(analysis: Analysis, tables: AnalysisTables, about: Mapping
     """The document: inputs, problems, tables, and the targets of four states.
 
     Args:
-        analysis: Analysis.
-        tables: Its tables.
-        about: Its origin: id (the capture's), created_utc, version, run, device, captured_utc, bits, note,
-            object, calibration, bursts, and sources by the name of an input.
+        analysis: Analysis of the capture.
+        tables: Tables of the analysis.
+        about: Origin of the analysis: id (the capture's), created_utc, version, run, device, captured_utc,
+            bits, note, object, calibration, bursts, and sources by the name of an input.
     """
     return {
         "schema": SCHEMA,
@@ -121,6 +122,7 @@ def _chosen(analysis: Analysis) -> list[_Chosen]:
 
 def _in_the_middle(analysis: Analysis, bound: Mapping[str, Any]) -> _Chosen:
     middle = (bound["first"] + bound["end"]) / 2
+    # Phases are cyclic: 0.95 and 0.05 are 0.1 apart.
     apart = np.abs((analysis.phase - middle + 0.5) % 1 - 0.5)
     nearest = float(analysis.phase[np.argmin(apart)])
     return _Chosen(f"{bound['name']} ({bound['phase']})", "phase_targets", "phase", nearest)

@@ -1,6 +1,6 @@
-"""Inputs of an analysis besides the points; none of them is assumed (paper 3.8).
+"""Inputs of an analysis besides the points; none of them is ever assumed (paper 3.8).
 
-reference: nominal                      or {field: 12}, or {phase: 0.4}: the state that strain counts from
+reference: nominal                      or {field: 12}, or {phase: 0.4}: reference state of the strain
 material: {E_mpa: 3, wall_mm: 2.5, …}   or {zones: [{rows: [0, 8], E_mpa: …}, …]}
 vacuum:
   pulsation: {kpa: 0, sigma_kpa: 0.5}   or {rate_per_min: 60, ratio: 0.6, …}, or log
@@ -8,10 +8,10 @@ vacuum:
   log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
   offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's
   lag: {opening_s: 0.03, closing_s: 0.03, sigma_s: 0.005, near_s: 12}   in place of offset
-plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: widths count from it
+plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: origin of widths
 heights_mm: [-30, 0, 30]
-phases: 24                              how many states of the mean cycle
-sought_kpa: 1                           the least pressure that the map is to show
+phases: 24                              number of states of the mean cycle
+sought_kpa: 1                           smallest pressure that the map has to resolve
 free_rows: [0, 2]                       rows of targets where nothing touches the wall
 """
 
@@ -28,9 +28,10 @@ from grabberd.geometry import Reading
 KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "free_rows")
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
+# Time and memory of an analysis grow with the phases.
 _MOST_PHASES = 200
 DEFAULT_PHASES = 24
-_OTHERS = (
+_NOT_HOMOLOGOUS = (
     "homologous: the object's targets are other points of the wall in every field, so there are no strain, "
     "tension, pressure, movement and mean cycle; surface, sections and curvature are those of the outer face"
 )
@@ -38,7 +39,7 @@ _OTHERS = (
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """The state that strain counts from: the object model's, a field's or a phase's of the mean cycle."""
+    """Reference state of the strain: nominal shape, a field, or a phase of the mean cycle."""
 
     kind: str
     value: float = 0.0
@@ -53,15 +54,19 @@ class Reference:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AnalysisInputs:
-    """The inputs, read.
+    """Validated inputs of an analysis.
 
     Attributes:
-        given: the document itself, for the record.
-        reference: None: no strain. `zones`: none: no tension. `vacuum`: empty: no pressure.
-        plane: None: no widths where the targets do not go round.
-        heights_mm: of sections. `phases`: how many of the mean cycle. `sought_kpa`: None: no pressure.
-        free_rows: first and last row where nothing touches the wall.
-        homologous: as the grid says; where not, there is nothing that reference and material could be for.
+        given: the input document itself, for the record.
+        reference: reference state; None: no strain is computed.
+        zones: material zones of the wall; empty: no tension.
+        vacuum: vacuum inputs; empty: no pressure.
+        plane: origin of widths; None: no widths unless the targets go all the way round.
+        heights_mm: heights of the sections, x in the object's frame.
+        phases: number of states of the mean cycle.
+        sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
+        free_rows: first and last row of targets where nothing touches the wall.
+        homologous: as in the grid; if False, reference and material have no use.
     """
 
     given: Mapping[str, Any]
@@ -77,13 +82,13 @@ class AnalysisInputs:
 
     @property
     def lacks(self) -> tuple[str, ...]:
-        """Missing inputs, each with the results that it would be needed for."""
+        """Missing inputs, each with the results that need it."""
         plane = (
             self.plane is None,
             "plane: without it no widths and volume of a liner that is seen from one side",
         )
         if not self.homologous:
-            return tuple(text for lacks, text in ((True, _OTHERS), plane) if lacks)
+            return tuple(text for lacks, text in ((True, _NOT_HOMOLOGOUS), plane) if lacks)
         missing = (
             (self.reference is None, "reference: without it no strain, tension and pressure"),
             (
@@ -102,8 +107,8 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
     """The inputs from a document.
 
     Raises:
-        InputError: a key is unknown or of a wrong type; the message names all that were found.
-        AnalysisError: `plane: symmetry` of an object that has none.
+        InputError: a key is unknown or has the wrong type; the message lists every problem.
+        AnalysisError: `plane: symmetry` for an object without a symmetry plane.
     """
     reading = Reading("the analysis' inputs")
     reading.keys("", document, KEYS)
@@ -157,7 +162,7 @@ def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
         return {}
     reading.keys("vacuum.", value, _VACUUM_KEYS)
     if "offset" in value and "lag" in value:
-        reading.problems.append("vacuum: offset and lag are both given, one of them is needed")
+        reading.problems.append("vacuum: offset and lag are both given; give one of them")
     return value
 
 
@@ -170,12 +175,12 @@ def _plane(reading: Reading, value: object) -> Plane | str | None:
     point = reading.numbers(value.get("point_mm"), "plane.point_mm", (3,))
     normal = reading.numbers(value.get("normal"), "plane.normal", (3,))
     if not np.any(normal):
-        reading.refuse("plane.normal", value.get("normal"), "a direction, not nothing")
+        reading.refuse("plane.normal", value.get("normal"), "a direction, not all zeros")
     return Plane(point, normal)
 
 
 def _heights(reading: Reading, value: object, grid: Grid) -> tuple[float, ...]:
-    """Without any, three over the middle half of the liner."""
+    """Heights of the sections; by default three over the middle half of the liner."""
     if value is None:
         low, high = np.quantile(grid.nominal_mm[:, 0], (0.25, 0.75))
         return float(low), float((low + high) / 2), float(high)
@@ -193,5 +198,5 @@ def _free_rows(reading: Reading, value: object) -> tuple[int, int] | None:
 
 
 def missing(what: str, hint: str) -> InputError:
-    """An input that another one asks for."""
+    """An input is missing that another one requires."""
     return InputError(f"the analysis' inputs lack {what}", hint)

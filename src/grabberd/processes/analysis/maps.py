@@ -11,11 +11,12 @@ from grabberd.processes.analysis.tables import AnalysisTables
 from grabberd.processes.columns import Table, json_values
 
 _KINDS = (("field", "targets", "n"), ("phase", "phase_targets", "phase"))
+# More digits than any σ here warrants; the rest of a double would only make the page's documents larger.
 _DIGITS = 6
 
 
 class TargetMap(NamedTuple):
-    """The columns of one state.
+    """Columns of the targets in one state.
 
     Attributes:
         kind: `field` or `phase`.

@@ -1,4 +1,4 @@
-"""Problems that an analysis survived, in words: each once, with its fields and phases."""
+"""Problems that did not end an analysis, as sentences: each once, with its fields and phases."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +18,7 @@ class Problems:
     """Problems collected while an analysis is made."""
 
     def __init__(self, numbers: Sequence[int]) -> None:
-        """Start with the gaps of a capture whose fields `numbers` have points."""
+        """Start with the gaps between `numbers`, the fields of a capture that have points."""
         self._of_whole: list[str] = _missing(numbers)
         self._of_states: dict[str, list[str]] = {}
         self._states: dict[str, int] = {}
@@ -32,11 +32,11 @@ class Problems:
             return None
 
     def add(self, problem: str) -> None:
-        """Note a problem of the capture as a whole."""
+        """Add a problem of the capture as a whole."""
         self._of_whole.append(problem)
 
     def note(self, state: str, problems: Iterable[str]) -> None:
-        """Note a problem of one field or phase."""
+        """Add the problems of one field or phase."""
         self._states[state] = len(self._states)
         for problem in problems:
             self._of_states.setdefault(problem, []).append(state)
@@ -49,50 +49,50 @@ class Problems:
     @property
     def most_frequent(self) -> str:
         """The most frequent problem of fields and phases."""
-        return max(self._of_states, key=lambda words: len(self._of_states[words]), default="there are none")
+        return max(self._of_states, key=lambda one: len(self._of_states[one]), default="there are none")
 
     def all(self) -> tuple[str, ...]:
-        """Those of the whole, then those of the fields and phases.
+        """Problems of the capture as a whole, then those of fields and phases.
 
-        Where more than a few differ in nothing but the targets, these are counted: no line for each.
+        If more than a few differ only in their targets, they become one line that counts the targets.
         """
         of_states = (
-            f"{_some(sorted(names, key=self._states.__getitem__))}: {words}"
-            for words, names in _merged_by_kind(self._of_states).items()
+            f"{_some(sorted(names, key=self._states.__getitem__))}: {problem}"
+            for problem, names in _merged_by_kind(self._of_states).items()
         )
         return (*dict.fromkeys(self._of_whole), *of_states)
 
 
 def _merged_by_kind(problems: Mapping[str, list[str]]) -> dict[str, list[str]]:
     alike: dict[str, list[str]] = {}
-    for words in problems:
-        alike.setdefault(words.partition(_TARGETS)[0], []).append(words)
+    for problem in problems:
+        alike.setdefault(problem.partition(_TARGETS)[0], []).append(problem)
     merged = {}
     for head, members in alike.items():
-        if len(members) > _ALIKE and all(_TARGETS in words for words in members):
-            names = [name for words in members for name in problems[words]]
+        if len(members) > _ALIKE and all(_TARGETS in problem for problem in members):
+            names = [name for problem in members for name in problems[problem]]
             merged[f"{head}{_TARGETS}{_counted(problems, members)}"] = names
         else:
-            merged |= {words: problems[words] for words in members}
+            merged |= {problem: problems[problem] for problem in members}
     return merged
 
 
 def _counted(problems: Mapping[str, list[str]], members: Sequence[str]) -> str:
-    """The targets that problems name, with how often each, the most frequent first."""
+    """Targets named by the problems with their counts, the most frequent first."""
     times = Counter[str]()
-    for words in members:
-        for target in words.partition(_TARGETS)[2].split(", "):
-            times[target] += len(problems[words])
+    for problem in members:
+        for target in problem.partition(_TARGETS)[2].split(", "):
+            times[target] += len(problems[problem])
     return _some([f"{target} ({many} times)" if many > 1 else target for target, many in times.most_common()])
 
 
 def _missing(numbers: Sequence[int]) -> list[str]:
-    """Fields without points, between others that have some."""
+    """Fields without points between fields that have some."""
     gaps = [(before, after - before - 1) for before, after in pairwise(numbers) if after > before + 1]
     if not gaps:
         return []
     count, where = sum(many for _, many in gaps), [f"{many} after field {before}" for before, many in gaps]
-    return [f"fields are missing, {count} in all, and nothing stands in for them: {_some(where)}"]
+    return [f"{count} fields are missing and were not filled in: {_some(where)}"]
 
 
 def _some(names: Sequence[str]) -> str:

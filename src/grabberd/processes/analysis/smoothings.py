@@ -11,18 +11,18 @@ from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
 LEVELS = 5
-"""Parts of the stroke. Each ends at half the departure of the next one, for what the prior takes for likely
-grows with the departure: what suits a wall that is nearly open takes one that moves for a mistake."""
+"""Parts of the stroke. Each ends at half the departure of the next one, since the prior's amplitude grows
+with the departure: a prior that suits a nearly open wall treats the points of a moving one as outliers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Smoothings:
-    """Choices by how far the wall is from its nominal shape.
+    """Smoothings by the wall's departure from its nominal shape.
 
     Attributes:
-        grid: of the targets.
-        limits_mm: (L - 1,) ascending departures that part the levels.
-        choices: L of them, with one correlation length: that of the levels with the greatest departure.
+        grid: target grid of the object model.
+        limits_mm: (L - 1,) ascending departures that separate the levels.
+        choices: L smoothings with one correlation length, that of the level with the greatest departure.
     """
 
     grid: Grid
@@ -31,10 +31,10 @@ class Smoothings:
 
     @classmethod
     def of(cls, grid: Grid, fields: Sequence[Points]) -> "Smoothings":
-        """Chosen from the fields of a capture.
+        """Choose from the fields of a capture.
 
         Raises:
-            AnalysisError: no field has points enough for a surface.
+            AnalysisError: no field has enough points for a surface.
         """
         departures = np.array([_departure_mm(grid, points) for points in fields])
         known = departures[np.isfinite(departures)]
@@ -47,15 +47,17 @@ class Smoothings:
         return cls(grid, limits, _choices(grid, parts, fields))
 
     def for_points(self, points: Points) -> Smoothing:
-        """The choice for one field."""
+        """Smoothing of one field."""
         return self.choices[int(np.searchsorted(self.limits_mm, _departure_mm(self.grid, points)))]
 
 
 def _choices(
     grid: Grid, parts: Sequence[Sequence[Points]], fields: Sequence[Points]
 ) -> tuple[Smoothing, ...]:
-    """From the greatest departure down; a part without fields, or with poor ones only, takes that above."""
+    """Smoothing of each part; a part without fields, or with poor ones only, takes that of the part above."""
     chosen: list[Smoothing] = []
+    # The greatest departure has the most signal to show the correlation length: it is estimated there and
+    # held for the flatter levels.
     for part in reversed(parts):
         above = chosen[-1] if chosen else None
         try:

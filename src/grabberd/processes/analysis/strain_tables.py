@@ -71,13 +71,13 @@ def _strains(analysis: Analysis) -> tuple[dict[int, TriangleStrain], dict[int, E
         try:
             triangles[at] = triangle_strain(grid, places, reference)
             edges[at] = edge_strain(grid, places, reference)
-        except AnalysisError:  # it shares no targets with the reference state
+        except AnalysisError:  # this field shares no targets with the reference state
             continue
     return triangles, edges
 
 
 def _depth_mm(analysis: Analysis) -> Array:
-    """(N,) depth of the face whose strain is meant, from the targets' face."""
+    """(N,) depth below the targets' face at which strain is evaluated: half the wall if it is known."""
     grid, zones = analysis.grid, analysis.inputs.zones
     return wall_at(zones, grid.u_mm).depth_mm if zones else np.zeros(len(grid))
 

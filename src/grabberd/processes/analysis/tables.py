@@ -16,15 +16,15 @@ from grabberd.processes.columns import Table, make_table
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Any]
-"""By column name: an array, or an estimate where the column is measured."""
+"""Values by column name: an array, or an estimate if the column is measured."""
 
 
 AnalysisTables = Mapping[str, Table]
-"""By name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
+"""Tables by name, in the order of `TABLES`; docs/reference/analysis.md describes each."""
 
 
 def tables(analysis: Analysis) -> AnalysisTables:
-    """All tables of an analysis; a table of something that was not found has no rows."""
+    """All tables of an analysis; a table without results has no rows."""
     fields = _Series(analysis.states, _field_keys(analysis), analysis.vacuum)
     phases = _Series(analysis.phases, {"phase": analysis.phase}, analysis.phase_vacuum)
     since = {"since_touch_kpa": _since(analysis, fields)}
@@ -80,6 +80,7 @@ def _movement(analysis: Analysis, time_s: Array) -> Estimate:
     known = analysis.movement
     if known is None:
         return _none(len(time_s))
+    # Fields and movement carry the very same time stamps, so that equality is safe here.
     index = np.minimum(np.searchsorted(known.time_s, time_s), len(known.time_s) - 1)
     there = known.time_s[index] == time_s
     return Estimate(*(np.where(there, part[index], np.nan) for part in (known.value_mm, known.sigma_mm)))

@@ -1,4 +1,4 @@
-"""The vacuum on both sides of the wall at the fields' times, from what the inputs say of it."""
+"""The vacuum on both sides of the wall at the fields' times, from the inputs."""
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -17,6 +17,7 @@ from grabberd.processes.analysis.inputs import missing
 
 Array = NDArray[np.float64]
 
+# Least reach of a slope: with one clock the offset's σ is 0, and the difference quotient needs some width.
 _SLOPE_S = 0.002
 _WAVE_KEYS = tuple(field.name for field in fields(PulsatorWave))
 
@@ -25,10 +26,10 @@ class Vacuum(NamedTuple):
     """Both chambers' vacuum.
 
     Attributes:
-        pulsation: the source; `liner`: of the other side.
-        time_sigma_s: σ of the offset between the clocks; 0 where there is one clock.
-        offset: as it was found from the wall's movement, or None.
-        phases: ISO's phases a, b, c, d, where the chamber's vacuum is known as a curve.
+        pulsation: source of the pulsation chamber's vacuum; `liner`: of the vacuum inside the liner.
+        time_sigma_s: σ of the offset between the clocks; 0 if there is only one clock.
+        offset: offset found from the wall's movement, or None.
+        phases: ISO phases a, b, c, d; None unless the chamber's vacuum is known as a curve.
     """
 
     pulsation: VacuumSource
@@ -38,7 +39,7 @@ class Vacuum(NamedTuple):
     phases: Phases | None
 
     def at(self, time_s: Array) -> list[ChamberVacuum]:
-        """Vacuum at every field; the offset's σ, common to all fields, is kept apart (`time_sigma_s`).
+        """Vacuum at every field; the offset's σ is common to all fields and stays separate (`time_sigma_s`).
 
         Raises:
             InputError: a log does not cover the fields.
@@ -50,8 +51,9 @@ class Vacuum(NamedTuple):
         return [ChamberVacuum(*map(float, row)) for row in rows]
 
     def _slope(self, source: VacuumSource, time_s: Array) -> Array:
-        """(F,) kPa/s, over as long as the offset is uncertain by; one-sided at the first and last of them."""
+        """(F,) slope in kPa/s over ± the offset's σ; one-sided at the first and last field."""
         reach_s = max(self.time_sigma_s, _SLOPE_S)
+        # Clipped to the fields' span, since a log need not reach beyond it.
         ahead, behind = (np.clip(time_s + way * reach_s, time_s.min(), time_s.max()) for way in (1, -1))
         slope: Array = (source.at(ahead).value - source.at(behind).value) / np.maximum(ahead - behind, 1e-9)
         return slope
@@ -61,7 +63,7 @@ def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s
     """The vacuum that the inputs describe; None where they lack one of the chambers.
 
     Raises:
-        InputError, AnalysisError: it cannot be used, or does not belong to this capture.
+        InputError, AnalysisError: the vacuum cannot be used, or does not belong to this capture.
     """
     if not {"pulsation", "liner"} <= set(document):
         return None
@@ -70,7 +72,9 @@ def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s
     offset = _found_offset(document, log, wave, pulsation)
     clock = _clock(document, log, wave, offset)
     return Vacuum(
-        pulsation=_begun(wave, clock) if wave else _source("pulsation", document["pulsation"], log, clock),
+        pulsation=_on_camera_clock(wave, clock)
+        if wave
+        else _source("pulsation", document["pulsation"], log, clock),
         liner=_source("liner", document["liner"], log, clock),
         time_sigma_s=clock[1] if clock else 0.0,
         offset=offset,
@@ -78,9 +82,10 @@ def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s
     )
 
 
-def _begun(wave: PulsatorWave, clock: tuple[float, float] | None) -> PulsatorWave:
-    """The wave, begun on the camera's clock."""
+def _on_camera_clock(wave: PulsatorWave, clock: tuple[float, float] | None) -> PulsatorWave:
+    """The wave with its start on the camera's clock."""
     start_s = clock[0] if clock else wave.start_s
+    # Its σ is carried once for both chambers, in `Vacuum.time_sigma_s`; kept here too, it would count twice.
     return replace(wave, start_s=start_s, start_sigma_s=0.0)
 
 
@@ -89,7 +94,7 @@ def _wave(value: object) -> PulsatorWave | None:
         return None
     reading = Reading("vacuum.pulsation")
     reading.keys("", value, _WAVE_KEYS)
-    needed = _WAVE_KEYS[:-2]
+    needed = _WAVE_KEYS[:-2]  # the start and its σ are optional: `lag` can give them
     numbers = {key: reading.number(value, key) for key in _WAVE_KEYS if key in needed or key in value}
     reading.finish("give all of the pulsator's settings, from its test report")
     return PulsatorWave(**numbers)
@@ -115,7 +120,7 @@ def _logged(name: str, log: VacuumLog | None, clock: tuple[float, float] | None)
     if log is None:
         raise missing(f"vacuum.log, which vacuum.{name} refers to", "add the logger's file")
     if clock is None:
-        raise missing("vacuum.offset or vacuum.lag", "the logger's clock has to be set to the camera's")
+        raise missing("vacuum.offset or vacuum.lag", "the logger's clock has to be related to the camera's")
     kpa = log.pulsation_kpa if name == "pulsation" else log.liner_kpa
     if kpa is None:
         raise InputError(f"the vacuum log has no column for vacuum.{name}", "give it as a constant")
@@ -125,7 +130,7 @@ def _logged(name: str, log: VacuumLog | None, clock: tuple[float, float] | None)
 def _clock(
     document: Mapping[str, Any], log: VacuumLog | None, wave: PulsatorWave | None, offset: Offset | None
 ) -> tuple[float, float] | None:
-    """Camera's time less the other clock's, or the time at which a wave begins; with σ."""
+    """Camera's time minus the other clock's, or the time at which a wave begins; with its σ."""
     if offset is not None:
         return offset.offset_s + (wave.start_s if wave else 0.0), offset.sigma_s
     if wave is not None:
@@ -136,7 +141,7 @@ def _clock(
     given = reading.mapping(document, "offset")
     reading.keys("", given, ("s", "sigma_s"))
     clock = reading.number(given, "s"), reading.number(given, "sigma_s")
-    reading.finish("the camera's time less the logger's, in s, with its σ")
+    reading.finish("give the camera's time minus the logger's, in s, with its σ")
     return clock
 
 
@@ -146,17 +151,17 @@ def _found_offset(
     wave: PulsatorWave | None,
     pulsation: Pulsation | None,
 ) -> Offset | None:
-    """From the wall's movement, where its lag behind the vacuum is given."""
+    """Offset from the wall's movement, if its lag behind the vacuum is given."""
     if "lag" not in document or (log is None and wave is None):
         return None
     if pulsation is None:
-        raise missing("a pulsation in the capture", "the offset cannot be found without; give vacuum.offset")
+        raise missing("a pulsation in the capture", "it is needed to find the offset; give vacuum.offset")
     reading = Reading("vacuum.lag")
     given = reading.mapping(document, "lag")
     reading.keys("", given, (*WallLag._fields, "near_s"))
     lag = WallLag(*(reading.number(given, key) for key in WallLag._fields))
     near_s = reading.number(given, "near_s")
-    reading.finish("how long the wall follows the vacuum, with σ, and about what the clocks differ by")
+    reading.finish("give the wall's lag behind the vacuum, with its σ, and roughly how far the clocks differ")
     curve = log or _as_log(wave, pulsation, near_s)
     return find_offset(curve, pulsation, lag, near_s)
 
@@ -172,4 +177,5 @@ def _phases(log: VacuumLog | None, wave: PulsatorWave | None, time_s: Array) -> 
         return iso_phases(log)
     if wave is None:
         return None
+    # Every cycle of a wave is the same; three leave at least one whole one wherever the first begins.
     return iso_phases(wave.log(float(time_s[0]), float(time_s[0]) + 3 * wave.period_s))

@@ -20,9 +20,9 @@ class WallSeries:
     """Recipe for the wall states of a capture.
 
     Attributes:
-        question: The question put to each of them.
-        smoothings: Smoothings by the wall's departure; None if the targets differ from field to field, so
-            that each field chooses its own.
+        question: Quantities to compute for each state.
+        smoothings: Smoothings by the wall's departure; None if the targets differ from field to field, in
+            which case each field chooses its own.
         note: Called with the name of a state and its problems.
         done: Called after each state.
     """

@@ -1,4 +1,4 @@
-"""The wall at one field or phase: all that follows from its points (paper 3.8)."""
+"""State of the wall at one field or phase, computed from its points (paper 3.8)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -43,22 +43,22 @@ Array = NDArray[np.float64]
 OfJets = Callable[[Jets, Jets | None], Array]
 
 _BENT = 2
-"""The highest derivative that curvature, strain of the middle surface and tension look at."""
+"""Highest derivative that curvature, strain of the middle surface and tension depend on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
-    """Question put to every field of a capture alike.
+    """Quantities to compute for every field of a capture.
 
     Attributes:
-        grid: of the object model; the places are its targets.
-        heights_mm: of the sections.
-        plane: what widths are taken from, where the targets do not go round.
-        reference: the state that strain is counted from: measured, or jets (N, 15, 3) taken as exact.
-        zones: the wall's material; none where it was not given.
-        pressure: the model of the maps, where all that it takes was given.
-        over: what surfaces are functions over whose targets are others in every field: the places are fixed
-            in space then, at the nominal ones; without reference, zones and pressure.
+        grid: target grid of the object model; results are evaluated at its targets.
+        heights_mm: heights of the sections, x in the object's frame.
+        plane: origin of widths if the targets do not go all the way round.
+        reference: reference state of the strain: measured, or jets (N, 15, 3) taken as exact.
+        zones: the wall's material; empty if unknown.
+        pressure: model of the pressure maps; None if one of its inputs is missing.
+        over: base shape of surfaces whose targets differ from field to field; results are then evaluated at
+            positions fixed in space, the nominal ones, without reference, zones and pressure.
     """
 
     grid: Grid
@@ -76,26 +76,26 @@ class Question:
 
     @property
     def outward(self) -> float:
-        """The sign of X_u × X_v's way out; over a tube or a plane it is outward."""
+        """1 if X_u × X_v points outward, −1 if inward; outward over a tube or a plane."""
         return 1.0 if self.over else self.grid.outward
 
 
 class WallState(NamedTuple):
-    """The wall at the N targets of the grid; NaN where data do not support a place.
+    """The wall at the N targets of the grid; NaN at targets without supporting data.
 
     Attributes:
-        surface: the outer (target) face.
-        within: (N,) whether data support each place.
-        xyz_mm: (N, 3) the smooth face at the targets, object's frame.
-        curvature_per_m: (N, 2) κ1 ≥ κ2 of the middle surface where the wall's material is known, of the outer
-            face otherwise.
+        surface: surface of the outer (target) face.
+        within: (N,) True for targets that are supported by data.
+        xyz_mm: (N, 3) points of the smooth face at the targets, object's frame.
+        curvature_per_m: (N, 2) κ1 ≥ κ2 of the middle surface if the wall's material is known, else of the
+            outer face.
         strain: (N, 2) principal strains λ − 1 of the same surface, the greater first; None without reference.
         tension_n_per_m: (N, 2) T1 ≥ T2, its σ from points and material; None without reference or material.
-        pressure: the map; None where something that it takes was not given, or nothing is determined.
-        area: of the outer face.
-        sections: at the heights that were asked for and that the wall reaches.
-        volume_mm3: between first and last of them and the plane; None without.
-        problems: what was survived, in words.
+        pressure: pressure map; None if an input is missing or no pressure is determined.
+        area: area of the outer face.
+        sections: sections at those requested heights that the wall reaches.
+        volume_mm3: volume between the first and last section and the plane; None without a plane.
+        problems: problems that did not prevent a result, as sentences.
     """
 
     surface: Surface
@@ -117,7 +117,7 @@ def wall_state(
     """The wall at one field.
 
     Raises:
-        AnalysisError: the points make no surface.
+        AnalysisError: the points do not determine a surface.
     """
     surface = fit_surface(question.grid, points, smoothing)
     return wall_states([surface], question, [vacuum] if vacuum else [])[0]
@@ -126,24 +126,24 @@ def wall_state(
 def wall_states(
     surfaces: Sequence[Surface], question: Question, vacuum: Sequence[ChamberVacuum] = ()
 ) -> list[WallState]:
-    """The wall at several fields: quicker than one after the other.
+    """The wall at several fields, evaluated together, which is faster than one by one.
 
     Args:
-        surfaces: of the fields.
-        question: what is asked of them.
-        vacuum: of each field; empty where it is not known.
+        surfaces: surfaces of the fields.
+        question: quantities to compute.
+        vacuum: vacuum at each field; empty if unknown.
     """
     if not surfaces:
         return []
     walls = _of_the_wall(surfaces, question)
-    asked = question.pressure if vacuum else None
-    maps = asked.maps(surfaces, vacuum) if asked else [None] * len(surfaces)
+    model = question.pressure if vacuum else None
+    maps = model.maps(surfaces, vacuum) if model else [None] * len(surfaces)
     each = zip(surfaces, walls, maps, strict=True)
     return [_state(surface, question, wall, pressure) for surface, wall, pressure in each]
 
 
 class _OfTheWall(NamedTuple):
-    """At the targets of one field: two values each."""
+    """Quantities of the wall at the targets of one field, two principal values each."""
 
     curvature_per_m: Estimate
     strain: Estimate | None
@@ -170,7 +170,7 @@ def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: Pre
 
 
 def _shown(pressure: PressureMap | None) -> tuple[PressureMap | None, tuple[str, ...]]:
-    """The map, or why there is none to show."""
+    """The map, or the reason why there is none to show."""
     if pressure is None:
         return None, ()
     try:
@@ -198,13 +198,15 @@ def _of_the_wall(surfaces: Sequence[Surface], question: Question) -> list[_OfThe
         return parts
     now = np.stack([surface.jets(*question.places) for surface in surfaces])
     then = _reference_jets(question)[np.newaxis]
+    # Only the tension depends on the material (columns 4 and 5). Each input is varied by its σ and the
+    # changes are added in quadrature: the inputs are independent of one another and of the points.
     shares = [_values(question, other, now, then)[..., 4:] - stacked.value[..., 4:] for other in others]
     material = sum((share**2 for share in shares), np.zeros_like(stacked.value[..., 4:]))
     return [_with_material(part, more) for part, more in zip(parts, material, strict=True)]
 
 
 def _parts(stacked: Estimate) -> _OfTheWall:
-    """(N, 2 to 6) parted by twos; what is not there is None."""
+    """Split (N, 2 to 6) into pairs; None for quantities that were not computed."""
     pairs = [Estimate(*(part[:, k : k + 2] for part in stacked)) for k in (0, 2, 4)]
     return _OfTheWall(pairs[0], *(pair if pair.value.size else None for pair in pairs[1:]))
 
@@ -218,7 +220,7 @@ def _with_material(part: _OfTheWall, more: Array) -> _OfTheWall:
 
 @lru_cache(maxsize=4)
 def _walls(question: Question) -> tuple[Wall | None, tuple[Wall, ...]]:
-    """The material at the places, and with one of its inputs a σ higher."""
+    """The material at the targets, then the material with one of its inputs raised by its σ."""
     if not question.zones:
         return None, ()
     changed = (varied(question.zones, name) for name in VARIED)
@@ -227,7 +229,7 @@ def _walls(question: Question) -> tuple[Wall | None, tuple[Wall, ...]]:
 
 
 def _values(question: Question, wall: Wall | None, now: Jets, then: Jets | None) -> Array:
-    """(..., N, 2 to 6) curvature; with a reference strain; with material too tension: two values of each."""
+    """(..., N, 2 to 6) curvature, with a reference also strain, with material also tension; pairs of each."""
     present = _forms(question, wall, now)
     values = [1e3 * principal_values(mixed(present.first, present.second_per_mm))]
     if then is not None:

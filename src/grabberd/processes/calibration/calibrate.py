@@ -44,15 +44,17 @@ from grabberd.reconstruction import ObjectModel
 
 Array = NDArray[np.float64]
 
+# f, x0, y0: a planar target field does not separate them from the camera's position.
 INTERIOR = PARAMETERS[:3]
 ENOUGH_SEEN = 0.9
 ENOUGH_FIELDS = 16
 MOST_BLUNDERS = 0.1
+# An image point off by a pixel is a wrong identity or a wrong certificate, not an uneven mirror.
 MOST_UNMODELLED_PX = 1.0
 MUCH_UNMODELLED_PX = 0.15
-"""Where a person should be told; uneven mirrors have .06 px."""
+"""Warning limit, well above the .06 px of uneven mirrors."""
 BLOCKS = 6
-"""Targets are held out in so many blocks."""
+"""Blocks of targets that cross-validation holds out in turn."""
 
 
 def calibrate(
@@ -68,7 +70,7 @@ def calibrate(
         fields: any number, of both parities.
         nominal: the rig as it was built, each number to ten per cent.
         frame: the calibration frame's targets.
-        settings: how.
+        settings: settings of the calibration.
         by_hand: identifications made by hand, in place of automatic ones.
 
     Raises:
@@ -109,7 +111,7 @@ def calibrate(
 
 
 def _check_depth(frame: ObjectModel, settings: CalibrateSettings) -> None:
-    """Interior parameters need targets that are not all in a plane."""
+    """Check that the targets are not coplanar if interior parameters are adjusted."""
     if interior := [name for name in settings.free if name.rpartition(".")[2] in INTERIOR]:
         check_depth(frame.xyz_mm, interior, f"the targets of calibration frame {frame.name}")
 
@@ -117,7 +119,7 @@ def _check_depth(frame: ObjectModel, settings: CalibrateSettings) -> None:
 def located(
     fields: Iterable[NumberedField], nominal: NominalRig, location: LocationSettings
 ) -> tuple[tuple[list[FieldImages], list[FieldImages]], int, int]:
-    """Every field's whole blobs by view, with bits and line step of the fields."""
+    """Whole blobs of every field by view, with the fields' bits and line step."""
     sides: tuple[list[FieldImages], list[FieldImages]] = ([], [])
     packed = None
     for numbered in fields:
@@ -153,7 +155,7 @@ def network_of(
     frame: ObjectModel,
     settings: CalibrateSettings,
 ) -> Network:
-    """The identified images of both views as an adjustment takes them."""
+    """The identified images of both views as a network to adjust."""
     targets = [side.target for side in (identification.left, identification.right)]
     known = [target >= 0 for target in targets]
     sigma = np.concatenate([side.sigma_px[own] for side, own in zip(images, known, strict=True)])
@@ -174,17 +176,19 @@ def network_of(
 def _held_as_built(
     views: tuple[View, ...], nominal: NominalRig, settings: CalibrateSettings
 ) -> Iterator[View]:
-    """The views with those interior parameters as the rig was built that are not adjusted."""
+    """The views with their nominal values for all interior parameters that are not adjusted."""
     handedness = views[0].handedness, views[1].handedness
     for view, built in zip(views, nominal.views(handedness), strict=True):
         free = [name in settings.free or f"{view.name}.{name}" in settings.free for name in PARAMETERS]
         own = np.array(free) | np.isin(PARAMETERS, PARAMETERS[3:9])
+        # Identification fits some interior parameters of its own to find the targets: what is held must be
+        # held at the nominal value, not at that by-product. The pose (3 to 8) stays as the starting value.
         yield view.with_vector(np.where(own, view.vector(), built.vector()))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Adjusted:
-    """The functional model adjusted, and how it came about."""
+    """The adjusted functional model, with the blunders, tests and weights that led to it."""
 
     adjustment: Adjustment
     blunders: tuple[Blunder, ...]
@@ -210,8 +214,10 @@ def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
 
 
 def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blunder, ...], float]:
-    """Without blunders, and weighted by what the others are off: each is judged with the other known."""
+    """Adjust without blunders and with realistic weights, alternating, since each depends on the other."""
     blunders: tuple[Blunder, ...] = ()
+    # One blunder inflates the unmodelled share and so hides the next: it is estimated again after each
+    # removal. With more than a tenth removed the fault is not in single points; it stops there.
     while True:
         weighted, unmodelled_px = with_unmodelled(network, unknowns)
         adjustment, more = without_blunders(weighted, unknowns)
@@ -222,7 +228,7 @@ def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blun
 
 
 def _kept(network: Network, part: Network) -> NDArray[np.bool_]:
-    """(M,) which image points of a network are in a part of it."""
+    """(M,) True for image points of a network that are also in a part of it."""
     count = len(network.target_mm)
     return np.isin(network.view * count + network.target, part.view * count + part.target)
 
@@ -241,34 +247,34 @@ def _volume(done: _Adjusted, local: LocalFieldTrial | None, pointing_px: tuple[f
 
 
 def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:
-    """σ of one field's image coordinates in x and y: its scatter, and what no repetition shows."""
+    """σ of one field's image coordinates in x and y: scatter between fields, and the part common to all."""
     variance = [np.nan_to_num(side.scatter_px) ** 2 + side.sigma_px**2 for side in images]
     x, y = np.sqrt(np.concatenate(variance).mean(axis=0)).tolist()
     return x, y
 
 
 def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ...]]:
-    """Held-out targets of the global model, or why there are none: too few may be left without a block."""
+    """Cross-validation of the global model, or the reason why too few targets are left for it."""
     network = adjustment.network.starting_from(adjustment.views)
     try:
         return cross_validate(network, adjustment.unknowns, BLOCKS), ()
     except MeasurementError as error:
-        return None, (f"no targets could be held out to validate it: {error.message}",)
+        return None, (f"the calibration could not be cross-validated: {error.message}",)
 
 
 def _warnings(images: tuple[MeanImages, MeanImages], done: _Adjusted, frame: ObjectModel) -> Iterable[str]:
     adjustment = done.adjustment
     if done.blunders:
         which = ", ".join(f"{one.view} {frame.target[one.target]}" for one in done.blunders)
-        yield f"{len(done.blunders)} image points contradicted the others and were left out: {which}"
+        yield f"{len(done.blunders)} image points contradict the others and were left out: {which}"
     for index, view in enumerate(adjustment.views):
         found = int((adjustment.network.view == index).sum())
         if found < ENOUGH_SEEN * len(frame):
             yield f"the {view.name} view shows {found} of {len(frame)} targets"
     if (count := images[0].of_fields) < ENOUGH_FIELDS:
-        yield f"only {count} fields: noise and line jitter are hardly averaged"
+        yield f"only {count} fields: too few to average out noise and line jitter"
     if done.unmodelled_px > MUCH_UNMODELLED_PX:
         yield (
             f"the image points are off by {done.unmodelled_px:.2f} px beyond their own σ: dirty or bent "
-            "mirrors, a calibration frame that is not as its file says, or terms that were held"
+            "mirrors, a calibration frame that differs from its file, or parameters that were held"
         )

@@ -21,14 +21,15 @@ from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion, rigid_mot
 Array = NDArray[np.float64]
 
 UNMODELLED_PX = 0.06
-"""Of a mean image: what mirrors add beyond any model."""
+"""σ that uneven mirrors add to a mean image beyond any model."""
 LEAST_TARGETS = 12
 ENOUGH_SEEN = 0.6
 DOUBTFUL_CHI2, DOUBTFUL_MM = 3.0, 0.05
 BAD_CHI2, BAD_MM = 9.0, 0.1
-"""Both are to be exceeded; .2 mm is what the paper requires of a length."""
+"""Both have to be exceeded: χ² alone flags harmless errors, millimetres alone a poor frame. The paper allows
+.2 mm for a length."""
 DOUBTFUL_PX, BAD_PX = 0.25, 0.5
-"""Of the parallax; it is .1 px on a rig that has not moved."""
+"""Limits of the parallax, which is .1 px on a rig that has not moved."""
 
 
 class CheckVerdict(StrEnum):
@@ -44,17 +45,17 @@ class Check:
     """The calibration frame measured with a calibration.
 
     Attributes:
-        verdict: in a word; `reasons`: why, in sentences; empty where it fits.
-        fields: looked at.
-        seen: targets found in both views; `of`: that the calibration frame has.
-        rmse: of the points against the certificate, turned and shifted onto it unless it stood in place.
-        chi2: their errors in units of their σ, squared; 1 where the calibration is as good as it says.
-        placed: the motion of the points onto the certificate: how the calibration frame stands now against
-            where it stood.
-        as_placed: the errors without that motion.
+        verdict: overall verdict; `reasons`: sentences that explain it, empty if the calibration fits.
+        fields: number of fields measured.
+        seen: number of targets found in both views; `of`: number of targets on the calibration frame.
+        rmse: errors of the points against the certificate, after a rigid fit unless the frame is in place.
+        chi2: mean squared error in units of σ; 1 if the calibration is as good as its covariance claims.
+        placed: rigid motion of the points onto the certificate: the calibration frame's pose now relative to
+            its pose during calibration.
+        as_placed: errors without that motion.
         shift_px: (2, 2) mean of observed minus expected images: view, (x, y); `residual_px`: their root mean
             square.
-        parallax_px: root mean square of what the two views contradict each other by.
+        parallax_px: root mean square disagreement of the two views across the epipolar lines.
     """
 
     verdict: CheckVerdict
@@ -82,20 +83,20 @@ def check(
 ) -> Check:
     """Measures the calibration frame, which stands still, and compares it with its certificate.
 
-    Which target is which is found from the nominal rig, so that it does not matter how far the calibration is
-    off.
+    Targets are identified with the nominal rig, so that even a badly outdated calibration can be checked.
 
     Args:
         fields: any number, of both parities.
-        nominal: the rig as it was built.
+        nominal: the rig as built.
         frame: the calibration frame's targets.
-        calibration: that is checked.
-        location: how blobs are located.
-        in_place: the calibration frame stands exactly where it stood when the calibration was made; otherwise
-            one rigid motion is free, and a camera that has moved as a whole is not seen.
+        calibration: the calibration to check.
+        location: settings for locating blobs.
+        in_place: True if the calibration frame stands exactly where it stood during calibration; otherwise
+            one rigid motion is free, and a camera that has moved as a whole goes undetected.
 
     Raises:
-        MeasurementError: no fields, a calibration frame that moves or cannot be identified, too few targets.
+        MeasurementError: there are no fields, the calibration frame moves or cannot be identified, or too few
+            targets are seen.
     """
     seen, _, _ = located(fields, nominal, location or LocationSettings())
     images = (mean_images(seen[0]), mean_images(seen[1]))
@@ -111,7 +112,7 @@ def _points(
     calibration: Calibration,
     frame: ObjectModel,
 ) -> Points:
-    """The points of the targets that both views show; `target` is their index in the calibration frame."""
+    """Points of the targets seen in both views; `target` is their index in the calibration frame."""
     targets = [side.target for side in (identified.left, identified.right)]
     both = np.intersect1d(targets[0][targets[0] >= 0], targets[1][targets[1] >= 0])
     if len(both) < LEAST_TARGETS:
@@ -149,6 +150,7 @@ def _compared(points: Points, frame: ObjectModel, rig: Rig, fields: int, *, in_p
     fitted = straight if in_place else placed.apply(points.xyz_mm) - true
     covariance = points.covariance_mm2 + points.calibration_covariance_mm2
     covariance = (covariance if in_place else placed.turn(covariance)) + frame.sigma_mm**2 * np.eye(3)
+    # The rigid fit takes six degrees of freedom from the errors that it minimises.
     freedom = 3 * len(true) - (0 if in_place else 6)
     chi2 = float((fitted * np.linalg.solve(covariance, fitted[:, :, np.newaxis])[:, :, 0]).sum() / freedom)
     expected_mm = true if in_place else (true - placed.shift_mm) @ placed.rotation
@@ -178,12 +180,12 @@ def _judged(
     off = chi2 > DOUBTFUL_CHI2 and rmse.xyz_mm > DOUBTFUL_MM
     bad = (chi2 > BAD_CHI2 and rmse.xyz_mm > BAD_MM) or parallax_px > BAD_PX
     apart, few = parallax_px > DOUBTFUL_PX, seen < ENOUGH_SEEN * of
-    said = {
+    findings = {
         f"the targets are {rmse.xyz_mm:.3f} mm off, {np.sqrt(chi2):.1f} times what is to be expected": off,
         f"the views lie {parallax_px:.2f} px apart across the epipolar lines": apart,
         f"only {seen} of {of} targets are seen in both views": few,
     }
-    reasons = tuple(words for words, holds in said.items() if holds)
+    reasons = tuple(text for text, holds in findings.items() if holds)
     if bad:
         return CheckVerdict.RECALIBRATE, reasons
     return (CheckVerdict.DOUBTFUL if reasons else CheckVerdict.FITS), reasons

@@ -1,4 +1,4 @@
-"""Settings of a calibration, and its result with everything it rests on."""
+"""Settings of a calibration, and its result with all intermediate results."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,15 +26,15 @@ class CalibrateSettings:
     """Settings of a calibration.
 
     Attributes:
-        equal_weights: all image coordinates weigh the same, as in the paper; otherwise by their own σ.
-        held: the calibration frame's points are held; otherwise weighted by its σ.
-        free: names of the parameters to be adjusted, as `Unknowns.of` takes them.
-        shared: names of the parameters that are one and the same in both views, such as `LENS`.
-        tied: b9 = b8.
-        alpha: of the significance tests; None: every parameter stays.
-        local_field: whether local fields are tried.
-        handedness: of both views; None: found.
-        location: how blobs are located.
+        equal_weights: weight all image coordinates equally, as in the paper; otherwise by their own σ.
+        held: hold the calibration frame's points fixed; otherwise weight them by its σ.
+        free: names of the parameters to adjust, in the form of `Unknowns.of`.
+        shared: names of the parameters that both views share, such as `LENS`.
+        tied: force b9 = b8.
+        alpha: significance level of the parameter tests; None: keep every parameter.
+        local_field: True to try local fields.
+        handedness: handedness of both views; None: determine it.
+        location: settings for locating blobs.
     """
 
     equal_weights: bool = False
@@ -50,22 +50,25 @@ class CalibrateSettings:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibrateResult:
-    """A calibration with everything that it rests on.
+    """A calibration with all intermediate results.
 
     Attributes:
-        frame: the calibration frame; `settings`: how it was made; `nominal`: the rig as built.
-        bits: of the fields; `y_step`: of their rows.
-        images: mean images of each view, left then right; `identification`: which target each is.
-        adjustment: of the functional model; `elimination`: how its parameters were chosen, None where none
-            were tested.
+        frame: the calibration frame.
+        nominal: the rig as built.
+        settings: settings of the calibration.
+        bits: bits per pixel of the fields; `y_step`: frame lines from row to row.
+        images: mean images of each view, left then right; `identification`: their targets.
+        adjustment: adjustment of the functional model.
+        elimination: significance tests that chose its parameters; None if none were tested.
         blunders: image points left out.
-        unmodelled_px: what every image point's σ was enlarged by so that σ0 is 1.
-        local: the trial of local fields, None where it was not asked for; where they were accepted, the views
-            are those that it ends with.
-        differences, normality, volume: what is known of the result.
-        validation: of the model without local fields; None where too few targets are left to hold some out.
-        pointing_px: σ of one field's image coordinates in x and y, which `volume` is for.
-        warnings: what a person should know, in sentences.
+        unmodelled_px: σ added to every image point so that σ0 is 1.
+        local: trial of local fields, None if not requested; if accepted, the final views are its views.
+        differences: comparison of the two views' parameters.
+        normality: tests of the residuals for normality.
+        volume: expected σ over the volume, for one field's `pointing_px`.
+        validation: cross-validation of the model without local fields; None with too few targets for it.
+        pointing_px: σ of one field's image coordinates in x and y.
+        warnings: warnings for the operator, as sentences.
     """
 
     frame: ObjectModel
@@ -89,7 +92,7 @@ class CalibrateResult:
 
     @property
     def final(self) -> Adjustment:
-        """The adjustment that the calibration's views and covariance are from."""
+        """The adjustment from which the calibration's views and covariance are taken."""
         return self.local.adjustment if self.local else self.adjustment
 
     @property

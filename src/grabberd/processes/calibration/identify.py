@@ -28,10 +28,10 @@ class SeenFrame:
     """A calibration frame as identified in a capture.
 
     Attributes:
-        images: mean images of the left and of the right view, targets and others.
-        identification: which target each of them is; None where that is not clear.
-        refusal: why it is not, or None.
-        moved: what is seen moves; the images are then those of the first field.
+        images: mean images of the left and of the right view, including blobs that are no targets.
+        identification: target of each image; None if it is ambiguous.
+        refusal: reason why there is no identification, or None.
+        moved: True if the calibration frame moves; the images are then those of the first field.
     """
 
     images: tuple[MeanImages, MeanImages]
@@ -41,7 +41,7 @@ class SeenFrame:
 
     @property
     def target(self) -> tuple[Indices, Indices]:
-        """(B,) of each view: index of each image's target in the calibration frame, −1 where it has none."""
+        """(B,) for each view: index of each image's target in the calibration frame, −1 if it has none."""
         if self.identification is None:
             left, right = (np.full(len(side), -1, np.intp) for side in self.images)
             return left, right
@@ -58,13 +58,13 @@ def identify(
     frame: ObjectModel,
     location: LocationSettings | None = None,
 ) -> SeenFrame:
-    """Finds the targets of a calibration frame; one that moves or is unclear is shown with the reason.
+    """Finds the targets of a calibration frame; if it moves or is ambiguous, returns images and the reason.
 
     Args:
         fields: any number, of both parities.
-        nominal: the rig as it was built, each number to ten per cent.
+        nominal: the rig as built, each number to within ten per cent.
         frame: the calibration frame's targets.
-        location: how blobs are located.
+        location: settings for locating blobs.
 
     Raises:
         MeasurementError: there are no fields.

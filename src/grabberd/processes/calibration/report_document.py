@@ -10,12 +10,15 @@ from grabberd.calibration import Adjustment, Blunder, ViewIdentification
 from grabberd.geometry import PARAMETERS, View
 from grabberd.processes.calibration.calibration_result import CalibrateResult
 from grabberd.processes.calibration.report_figures import (
+    AXES,
+    by_axis,
     distortion_document,
     geometry_document,
     local_field_document,
+    number,
+    numbers,
     volume_document,
 )
-from grabberd.processes.calibration.report_numbers import AXES, by_axis, number, numbers
 
 Array = NDArray[np.float64]
 
@@ -28,9 +31,9 @@ def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[s
     """The document.
 
     Args:
-        result: of `calibrate`.
-        about: what the calibration knows of its origin: id, created_utc, version, capture, glass, note,
-            certificate, temperature_C and fields (their number); anything that is missing is null.
+        result: result of `calibrate`.
+        about: origin of the calibration: id, created_utc, version, capture, glass, note,
+            certificate, temperature_C and fields (their number); missing keys become null.
     """
     adjustment = result.adjustment
     return {
@@ -131,7 +134,7 @@ def _result(adjustment: Adjustment) -> dict[str, Any]:
 
 
 def _view(result: CalibrateResult, index: int) -> dict[str, Any]:
-    """The parameters of the functional model; those that a local field goes with are in the calibration."""
+    """Parameters of the functional model; those adjusted along with a local field are in the calibration."""
     view, unknowns = result.adjustment.views[index], result.adjustment.unknowns
     sigma = np.sqrt(np.diag(result.adjustment.parameter_covariance)).reshape(len(result.views), -1)[index]
     dropped = set(result.elimination.dropped) if result.elimination else set()
@@ -216,7 +219,7 @@ def _fields_of(result: CalibrateResult) -> dict[tuple[int, int], int]:
 
 
 def _blunder(result: CalibrateResult, one: Blunder) -> dict[str, Any]:
-    """Its coordinate that stands out more; both were left out."""
+    """A blunder by its worse coordinate; both coordinates were left out."""
     worse = int(np.argmax(np.abs(one.residual_px) / np.sqrt(one.redundancy)))
     return {
         "view": one.view,

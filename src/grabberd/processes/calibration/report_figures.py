@@ -1,6 +1,7 @@
 """Data of the calibration report's figures: σ over the volume, distortion, local fields, imaging geometry."""
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -8,12 +9,12 @@ from numpy.typing import NDArray
 
 from grabberd.geometry import LocalField, Rig, View, correct_all, directions_all, distortion
 from grabberd.processes.calibration.calibration_result import CalibrateResult
-from grabberd.processes.calibration.report_numbers import AXES, number, numbers
 
 Array = NDArray[np.float64]
 
+AXES = ("x", "y", "z")
 GRID_PX = 20
-"""Distortion and local field are shown at nodes so far apart."""
+"""Spacing of the nodes at which distortion and local fields are shown."""
 
 
 def volume_document(result: CalibrateResult) -> dict[str, Any]:
@@ -46,7 +47,7 @@ def distortion_document(view: View, lines: int) -> dict[str, Any]:
 
 
 def local_field_document(result: CalibrateResult) -> dict[str, Any] | None:
-    """The trial of local fields, and what was accepted on the same grid; None where none was asked for."""
+    """The trial of local fields with the accepted ones on the same grid; None if none was requested."""
     trial = result.local
     if trial is None:
         return None
@@ -123,6 +124,8 @@ def geometry_document(result: CalibrateResult) -> dict[str, Any]:
 
 def _planar_motion(rig: Rig, base_mm: Array) -> float | None:
     """The base along the axis of the relative rotation: zero where each view has one mirror."""
+    # With one mirror a view, the second camera is the first one rotated about the mirrors' common line, which
+    # is a planar motion: any shift along the axis of that rotation is misalignment or calibration error.
     relative = rig.rotation[1] @ rig.rotation[0].T
     turned = np.array(
         [relative[2, 1] - relative[1, 2], relative[0, 2] - relative[2, 0], relative[1, 0] - relative[0, 1]]
@@ -146,3 +149,18 @@ def _corners(view: View, lines: int) -> Array:
     left, right = view.first_column - 0.5, view.end_column - 0.5
     top, bottom = -0.5, lines - 0.5
     return np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+
+
+def number(value: float) -> float | None:
+    """A number for JSON, where non-finite values become null."""
+    return float(value) if np.isfinite(value) else None
+
+
+def numbers(values: NDArray[np.float64]) -> list[Any]:
+    """The rows of a table (N, M)."""
+    return [[number(value) for value in row] for row in values]
+
+
+def by_axis(before: str, after: str, values: Iterable[float]) -> dict[str, float | None]:
+    """Two or three values by the names of their axes, such as dx_px and dy_px."""
+    return {f"{before}{axis}{after}": number(value) for axis, value in zip(AXES, values, strict=False)}

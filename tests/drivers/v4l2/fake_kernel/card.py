@@ -14,7 +14,7 @@ from drivers.v4l2.fake_kernel.pictures import (
 )
 from drivers.v4l2.fake_kernel.queue import Queue, refusal
 from grabberd_v4l2 import abi
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 
 PERIOD_NS = 20_000_000
 NTSC = 0x1000

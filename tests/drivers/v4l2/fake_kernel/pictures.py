@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grabberd_v4l2.arrangement import Arrangement
+from grabberd_v4l2.abi import Arrangement
 
 ROWS = 288
 CHROMA = 77
