@@ -157,7 +157,9 @@ def test_pinned_captures_and_those_that_a_job_works_on_stay(tmp_path: Path) -> N
 def test_running_unsealed_and_damaged_ones_stay(tmp_path: Path) -> None:
     barn = Barn(tmp_path, (40, 50, 60), Policy(keep_days=30))
     folder = barn.archive.directory
+    long_ago = (NOW - timedelta(days=50)).timestamp()
     (folder / "d50.grab").write_bytes(b"garbage")
+    os.utime(folder / "d50.grab", (long_ago, long_ago))
     part = (folder / "d60.grab").rename(folder / "d60.grab.part")
     barn.archive.index.rebuild([part])
     barn.retention.apply()

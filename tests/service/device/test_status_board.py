@@ -1,8 +1,10 @@
 """What is known of a device from moment to moment."""
 
 import logging
+import threading
 
 import pytest
+from recording_rig import PATIENCE_S
 from slots import STREAM, ManualClock, slot, without_signal
 
 from grabberd.acquisition import Outcome
@@ -169,3 +171,23 @@ def test_only_errors_of_a_device_or_a_recording_have_a_cause_code() -> None:
     assert cause_of(StreamFailed("no field for 0.8 s", "")) is Cause.STREAM_FAILED
     assert cause_of(PictureError("it is truncated", "")) is Cause.RECORDING_DAMAGED
     assert cause_of(StorageError("the disk says no", "")) is None
+
+
+def test_whoever_waits_for_a_state_is_woken_by_it() -> None:
+    board = StatusBoard("test", ManualClock())
+    waiting = threading.Event()
+
+    def is_opening() -> bool:
+        waiting.set()
+        return board.state is DeviceState.OPENING
+
+    def wait() -> None:
+        with board.changed:
+            board.changed.wait_for(is_opening)
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    assert waiting.wait(PATIENCE_S)
+    board.enter(DeviceState.OPENING)
+    thread.join(PATIENCE_S)
+    assert not thread.is_alive()
