@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from grabberd.documents.roles import Role
-from grabberd.errors import Conflict, NotFound
+from grabberd.errors import Conflict, InputError, NotFound
 from grabberd.service.access import AT_THE_MACHINE, SESSION_LIFE, Access, Identity
 
 
@@ -47,6 +47,7 @@ def test_a_session_lasts_a_month(access: Access, wall: Wall) -> None:
     tablet = access.of_token(access.add("tablet", Role.OPERATOR))
     assert tablet
     session = access.open_session(tablet)
+    assert timedelta(days=30) == SESSION_LIFE
     wall.utc += SESSION_LIFE - timedelta(seconds=1)
     assert access.of_session(session) == Identity(Role.OPERATOR, "session", "tablet")
     wall.utc += timedelta(seconds=1)
@@ -77,3 +78,41 @@ def test_what_is_no_secret_is_nobodys(access: Access, secret: str) -> None:
     access.add("tablet", Role.ADMIN)
     assert access.of_token(secret) is None
     assert access.of_session(secret) is None
+
+
+@pytest.mark.parametrize("name", ["", "-barn", ".barn", "a b", "Ås", "barn\n", "x" * 65])
+def test_an_invalid_name_is_refused_and_gives_no_token(access: Access, name: str) -> None:
+    with pytest.raises(InputError, match="not a valid token name"):
+        access.add(name, Role.VIEWER)
+    assert not access.has_tokens
+
+
+@pytest.mark.parametrize("name", ["x", "7", "x" * 64, "Barn-2.left_side"])
+def test_a_name_has_up_to_64_letters_digits_and_signs(access: Access, name: str) -> None:
+    identity = access.of_token(access.add(name, Role.VIEWER))
+    assert identity == Identity(Role.VIEWER, "token", name)
+
+
+def test_a_name_is_given_once(access: Access) -> None:
+    secret = access.add("tablet", Role.OPERATOR)
+    with pytest.raises(Conflict):
+        access.add("tablet", Role.ADMIN)
+    assert access.of_token(secret) == Identity(Role.OPERATOR, "token", "tablet")
+
+
+def test_a_session_is_closed_alone_and_its_token_stays(access: Access) -> None:
+    secret = access.add("tablet", Role.OPERATOR)
+    tablet = access.of_token(secret)
+    assert tablet
+    closed, other = access.open_session(tablet), access.open_session(tablet)
+    access.close_session(closed)
+    access.close_session(closed)
+    assert access.of_session(closed) is None
+    assert access.of_session(other) is not None
+    assert access.of_token(secret) == tablet
+
+
+def test_a_secret_is_256_random_bits(access: Access) -> None:
+    secrets = {access.add(f"token-{n}", Role.VIEWER) for n in range(3)}
+    assert len(secrets) == 3
+    assert all(len(secret) == len("grabberd_") + 43 for secret in secrets)

@@ -138,8 +138,9 @@ def test_what_a_client_has_already_is_not_sent_again(client: TestClient, analyse
     for address in (analysed, f"{analysed}/maps?field=3"):
         first = client.get(address)
         assert "immutable" in first.headers["Cache-Control"]
-        again = client.get(address, headers={"If-None-Match": first.headers["ETag"]})
-        assert (again.status_code, again.content) == (304, b"")
+        for known in (first.headers["ETag"], "*"):
+            again = client.get(address, headers={"If-None-Match": known})
+            assert (again.status_code, again.content) == (304, b"")
         assert client.get(address, headers={"If-None-Match": '"other"'}).status_code == 200
 
 

@@ -127,11 +127,16 @@ def test_one_that_is_known_already_is_not_sent_again(fast: TestClient) -> None:
     stored(fast)
     for calibration_id in ("rig-7", CONFIGURED):
         first = fast.get(f"{CALIBRATIONS}/{calibration_id}")
-        known = {"If-None-Match": first.headers["ETag"]}
-        second = fast.get(f"{CALIBRATIONS}/{calibration_id}", headers=known)
-        assert (second.status_code, second.content) == (304, b"")
-        assert second.headers["ETag"] == first.headers["ETag"]
+        for tag in ("*", first.headers["ETag"]):
+            known = {"If-None-Match": tag}
+            second = fast.get(f"{CALIBRATIONS}/{calibration_id}", headers=known)
+            assert (second.status_code, second.content) == (304, b"")
+            assert second.headers["ETag"] == first.headers["ETag"]
     assert fast.get(f"{CALIBRATIONS}/rig-7", headers=known).status_code == 200
+
+
+def test_any_copy_does_not_stand_for_a_calibration_that_there_is_not(fast: TestClient) -> None:
+    assert is_problem(fast.get(f"{CALIBRATIONS}/none", headers={"If-None-Match": "*"}), 404)
 
 
 def test_the_list_says_what_an_operator_chooses_by(fast: TestClient) -> None:

@@ -76,6 +76,20 @@ def test_files_are_kept_for_ever_under_their_version(idle: TestClient) -> None:
     assert again.status_code == 304
 
 
+@pytest.mark.parametrize("template", ["*", "W/{etag}", '"other", {etag}'])
+def test_a_file_that_the_browser_has_is_not_sent_however_it_says_so(idle: TestClient, template: str) -> None:
+    first = idle.get("/static/0000/page.css")
+    known = {"If-None-Match": template.format(etag=first.headers["etag"])}
+    again = idle.get("/static/0000/page.css", headers=known)
+    assert (again.status_code, again.content) == (304, b"")
+    assert again.headers["etag"] == first.headers["etag"]
+    assert idle.get("/static/0000/page.css", headers={"If-None-Match": '"other"'}).content == first.content
+
+
+def test_any_copy_does_not_stand_for_a_file_that_there_is_not(idle: TestClient) -> None:
+    assert idle.get("/static/0000/nothing.js", headers={"If-None-Match": "*"}).status_code == 404
+
+
 def test_an_address_of_another_version_is_served_but_not_kept(idle: TestClient) -> None:
     answer = idle.get("/static/0000/page.css")
     assert answer.status_code == 200

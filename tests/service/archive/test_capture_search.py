@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from grabberd.documents.captures import CaptureDocument
+from grabberd.errors import NotFound
 from grabberd.service.archive.archive import Archive
-from grabberd.service.archive.capture_list import CaptureQuery, list_captures
+from grabberd.service.archive.capture_list import CaptureQuery, Position, list_captures
 from grabberd.storage.state.annotation_store import Annotation
 from storage.captures import slots, write
 
@@ -75,3 +77,66 @@ def test_those_of_a_day_are_found_whatever_came_later(archive: Archive) -> None:
     first, last = list_captures(archive, query)
     assert found(archive, after=last, **day) == ["c2"]
     assert [one.id for one in first] == ["c3"]
+
+
+@pytest.mark.parametrize(
+    ("query", "is_listed"),
+    [
+        ({}, True),
+        ({"device": "left"}, True),
+        ({"device": "right"}, False),
+        ({"since_utc": "2026-03-06T09:00:00.000Z"}, True),
+        ({"since_utc": "2026-03-06T09:00:00.001Z"}, False),
+        ({"until_utc": "2026-03-06T09:00:00.001Z"}, True),
+        ({"until_utc": "2026-03-06T09:00:00.000Z"}, False),
+        ({"after": Position("2026-03-06T09:00:00.000Z", "livf")}, True),
+        ({"after": Position("2026-03-06T09:00:00.000Z", "live")}, False),
+        ({"search": "IN THE MAKING"}, True),
+        ({"search": "day"}, False),
+        ({"pinned": True}, True),
+        ({"pinned": False}, False),
+        ({"device": "left", "pinned": True, "search": "day"}, False),
+    ],
+)
+def test_a_running_capture_is_listed_by_the_same_rules(
+    archive: Archive, query: dict[str, object], is_listed: bool
+) -> None:
+    changes = {
+        "id": "live",
+        "device": "left",
+        "created_utc": "2026-03-06T09:00:00.000Z",
+        "note": "in the making",
+        "labels": {},
+        "pinned": True,
+    }
+    live = archive.document("c5").model_copy(update=changes)
+    archive.current = lambda: [live]  # type: ignore[method-assign]
+    assert ("live" in found(archive, **query)) == is_listed
+
+
+def test_a_running_capture_that_is_in_the_index_already_is_listed_once(archive: Archive) -> None:
+    live = archive.document("c5")
+    archive.current = lambda: [live]  # type: ignore[method-assign]
+    assert found(archive) == ["c5", "c4", "c3", "c2", "c1"]
+
+
+def test_the_last_page_says_that_it_is_the_last(archive: Archive) -> None:
+    page, position = list_captures(archive, CaptureQuery(limit=3))
+    assert ([one.id for one in page], position) == (
+        ["c5", "c4", "c3"],
+        Position("2026-03-03T09:00:00.000Z", "c3"),
+    )
+    page, end = list_captures(archive, CaptureQuery(limit=2, after=position))
+    assert ([one.id for one in page], end) == (["c2", "c1"], None)
+
+
+def test_a_capture_that_is_deleted_while_it_is_listed_is_left_out(archive: Archive) -> None:
+    describe = archive.document
+
+    def gone(capture_id: str) -> CaptureDocument:
+        if capture_id == "c3":
+            raise NotFound("no capture c3", "")
+        return describe(capture_id)
+
+    archive.document = gone  # type: ignore[method-assign]
+    assert found(archive) == ["c5", "c4", "c2", "c1"]

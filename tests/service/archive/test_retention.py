@@ -1,5 +1,6 @@
 """How long captures are kept: by age and by free space, oldest first, and never what has to stay."""
 
+import logging
 import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,7 +12,7 @@ from running import PATIENCE_S, configuration
 from slots import ManualClock
 
 from grabberd.config import RetentionConfig, StorageConfig, default_config_file
-from grabberd.errors import Conflict, StorageError
+from grabberd.errors import Conflict, NotFound, StorageError
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Candidate, Policy, Retention, removals
@@ -156,7 +157,9 @@ def test_pinned_captures_and_those_that_a_job_works_on_stay(tmp_path: Path) -> N
 def test_running_unsealed_and_damaged_ones_stay(tmp_path: Path) -> None:
     barn = Barn(tmp_path, (40, 50, 60), Policy(keep_days=30))
     folder = barn.archive.directory
+    long_ago = (NOW - timedelta(days=50)).timestamp()
     (folder / "d50.grab").write_bytes(b"garbage")
+    os.utime(folder / "d50.grab", (long_ago, long_ago))
     part = (folder / "d60.grab").rename(folder / "d60.grab.part")
     barn.archive.index.rebuild([part])
     barn.retention.apply()
@@ -190,6 +193,81 @@ def test_where_pins_cannot_be_read_nothing_goes(tmp_path: Path) -> None:
     with pytest.raises(StorageError):
         barn.retention.apply()
     assert barn.files == {"d40"}
+
+
+def test_what_was_made_lately_is_not_old_however_old_its_file_is_said_to_be(tmp_path: Path) -> None:
+    barn = Barn(tmp_path, (5,), Policy(keep_days=30))
+    long_ago = (NOW - timedelta(days=40)).timestamp()
+    os.utime(barn.archive.directory / "d5.grab", (long_ago, long_ago))
+    assert barn.retention.apply() == []
+
+
+@pytest.mark.parametrize("created_utc", ["unknown", "2025-12-31T00:00:00"])
+def test_a_time_that_is_unreadable_or_without_a_zone_does_not_stop_retention(
+    tmp_path: Path, created_utc: str
+) -> None:
+    barn = Barn(tmp_path, (), Policy(keep_days=30))
+    written = (NOW - timedelta(days=40)).timestamp()
+    path = write(barn.archive.directory, slots(2), name="odd", id="odd", created_utc=created_utc)
+    os.utime(path, (written, written))
+    barn.archive.index.rebuild()
+    # "unknown" falls back to the file's time; a time without a zone is UTC.
+    assert [one.id for one in barn.retention.apply()] == (["odd"] if created_utc == "unknown" else [])
+
+
+def test_one_that_was_deleted_meanwhile_is_not_counted(tmp_path: Path) -> None:
+    barn = Barn(tmp_path, (40,), Policy(keep_days=30))
+
+    def gone(capture_id: str) -> None:
+        raise NotFound(f"no capture {capture_id}", "")
+
+    barn.retention._delete = gone
+    assert barn.retention.apply() == []
+    assert (barn.retention.removed, barn.retention.removed_bytes) == (0, 0)
+
+
+def test_a_failure_that_lasts_is_logged_once_and_again_when_it_comes_back(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    barn = Barn(tmp_path, (40,), Policy(keep_days=30))
+    results: list[Exception | None] = [
+        StorageError("the disk says no", ""),
+        StorageError("the disk says no", ""),
+        OSError("input/output error"),
+        None,
+        OSError("input/output error"),
+    ]
+
+    class Rounds:
+        """Stops after the last result; never waits."""
+
+        def is_set(self) -> bool:
+            return not results
+
+        def wait(self, timeout_s: float) -> None:
+            assert timeout_s == 60.0
+
+    def fail(capture_id: str) -> None:
+        error = results.pop(0)
+        if error:
+            raise error
+        raise Conflict("it is pinned", "unpin it")
+
+    barn.retention._delete = fail
+    barn.retention._stopping = Rounds()  # type: ignore[assignment]
+    barn.retention._run()
+    failures = [one.getMessage() for one in caplog.records if one.levelno == logging.ERROR]
+    assert failures == [
+        "no capture can be removed: the disk says no",
+        "no capture can be removed: input/output error",
+        "no capture can be removed: input/output error",
+    ]
+
+
+def test_a_policy_in_gigabytes_keeps_as_many_bytes() -> None:
+    assert Policy.from_config(RetentionConfig(min_free_gb=1.5)) == Policy(None, 1_500_000_000)
+    assert Policy.from_config(RetentionConfig(keep_days=2)).removes
+    assert Policy.from_config(RetentionConfig(min_free_gb=1.5)).removes
 
 
 def test_a_short_disk_gets_its_room_from_the_oldest(tmp_path: Path) -> None:

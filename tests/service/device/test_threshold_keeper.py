@@ -237,6 +237,30 @@ def test_a_recording_is_chosen_for_by_another_rule_at_its_next_field() -> None:
     assert one.in_force.level != 40
 
 
+def test_it_pauses_a_second_between_two_choices_but_not_before_the_first() -> None:
+    pauses: list[float] = []
+
+    class Rounds(threading.Event):
+        """Notes the pauses, takes none, and ends the thread's work after four."""
+
+        def wait(self, timeout: float | None = None) -> bool:
+            pauses.append(timeout or 0.0)
+            if len(pauses) == 4:
+                one._stopping.set()
+            return False
+
+    one, configured, looks = keeper(), ring(), iter([False, True, True, True])
+
+    def choose_again() -> None:
+        if next(looks):
+            one._try(picture(), configured)
+
+    one.choose_again = choose_again  # type: ignore[method-assign]
+    one._at_once = Rounds()
+    one._run()
+    assert pauses == [0.0, 1.0, 1.0, 1.0]
+
+
 RING = ConfiguredRing(Ring(4), 1, "field")
 PATIENCE_S = 20.0
 

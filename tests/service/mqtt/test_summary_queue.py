@@ -80,6 +80,26 @@ def test_a_full_outbox_takes_the_others_when_there_is_room(
     assert (barn.taken(), barn.summaries.remaining, barn.summaries.missed) == (["c", "d"], frozenset(), 0)
 
 
+def test_a_full_outbox_is_logged_once_each_time_it_fills(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    barn = Barn(tmp_path, limit=2)
+    barn.add("a", "b")
+    barn.summaries.collect()
+    assert not barn.summaries.has_room
+    assert caplog.text == "", "all of them are kept"
+    barn.add("c")
+    barn.summaries.collect()
+    barn.summaries.collect()
+    assert caplog.text.count("no more are kept") == 1
+    barn.taken()
+    assert barn.summaries.has_room
+    barn.summaries.collect()
+    barn.add("d", "e")
+    barn.summaries.collect()
+    assert caplog.text.count("no more are kept") == 2
+
+
 def test_of_a_large_archive_some_are_entered_at_a_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -117,6 +137,7 @@ def test_a_damaged_capture_is_told_as_such(tmp_path: Path) -> None:
         "incomplete",
         None,
     )
+    assert first[1]["site"] == {}
 
 
 def test_a_file_that_was_removed_by_hand_is_missed_once(tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from fastapi.responses import HTMLResponse
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
+from grabberd.api.etags import is_known
 from grabberd.api.guard.authentication import Authenticator
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.routes.sessions import session_document
@@ -58,7 +59,7 @@ async def get_static(
         raise NotFound(f"the page has no file {path!r}", "reload the page")
     kept = FOREVER if version == edition.version else "no-cache"
     headers = {"ETag": found.etag, "Cache-Control": kept, "Vary": "Accept-Encoding"}
-    if found.etag in if_none_match:
+    if is_known(found.etag, if_none_match):
         return Response(status_code=304, headers=headers)
     return _whole(found, headers, "gzip" in accept_encoding)
 
