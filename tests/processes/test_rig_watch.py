@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from grabberd.geometry import rotation_angles, rotation_matrix
-from grabberd.processes.measure import measure_fields
-from grabberd.processes.rig_watch import FIT_EVERY, RigWatch
+from grabberd.processes.measure import FIT_EVERY, RigWatch, measure_fields
 from grabberd.reconstruction.accuracy.drift_check import RigVerdict
 from processes.fake_scene import take_scene
 

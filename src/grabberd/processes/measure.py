@@ -1,4 +1,7 @@
-"""Fields in, points out: location, correspondence and intersection (paper figures 4 and 10)."""
+"""Fields in, points out: location, correspondence and intersection (paper figures 4 and 10).
+
+Beside the points, the rig watch finds out if camera or mirrors have moved.
+"""
 
 from collections import deque
 from collections.abc import Iterable, Iterator
@@ -13,6 +16,7 @@ from grabberd.geometry import Calibration, LocalField, Rig, View
 from grabberd.kernel import KERNEL
 from grabberd.measurement import Blobs, LocationSettings, measure
 from grabberd.reconstruction import (
+    Correspondence,
     ImageNoise,
     ObjectModel,
     Points,
@@ -21,11 +25,28 @@ from grabberd.reconstruction import (
     TrackingSettings,
     ViewBlobs,
 )
+from grabberd.reconstruction.accuracy.drift_check import (
+    LEAST_TARGETS,
+    WINDOW,
+    DriftCheck,
+    RigFit,
+    RigVerdict,
+)
 
 Array = NDArray[np.float64]
 
 JITTERS, JITTER_EVERY = 9, 25
 """The line jitter is the median of so many fields' own estimates; then one field in so many is asked."""
+EVERY = 10
+"""One field in so many is looked at: five a second."""
+LEAST_SHARE = 0.5
+"""Of the blobs in the view that shows fewer: with fewer points, targets are identified more generously."""
+FIT_EVERY = 50
+"""Fields from fit to fit: one a second."""
+MANY = 3 * LEAST_TARGETS
+"""Blobs in either view that cannot all be false: of these some targets have to be identified."""
+GENEROUS_PX = 1.0
+"""What a rig that has moved may add to every image coordinate: past this, nothing is identified."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,3 +167,50 @@ def whole(blobs: Blobs, first_column: int, end_column: int) -> NDArray[np.bool_]
     inside = (x - half >= first_column - 0.5) & (x + half <= end_column - 0.5)
     own: NDArray[np.bool_] = inside & ~blobs.at_border
     return own
+
+
+class RigWatch:
+    """Compares the pictures with the calibration while they are measured; costs far less than measuring.
+
+    Before a rig that has moved by more than half a pixel rays no longer meet, and so no target is identified.
+    Therefore they are then identified as if the calibration were uncertain by `GENEROUS_PX`, for this
+    comparison alone.
+    """
+
+    def __init__(self, setup: MeasureSetup) -> None:
+        rig, model = Rig.of(setup.calibration), setup.object_model
+        known = setup.tracking.correspondence
+        noise = ImageNoise.of(rig, model, setup.line_jitter_px, 1)
+        self._calibration = setup.calibration
+        self._generous = Correspondence(rig, model, noise, replace(known, unmodelled_px=GENEROUS_PX))
+        self._movement = DriftCheck(rig, model)
+        self._blobs: deque[int] = deque(maxlen=WINDOW)
+        self._fields = 0
+
+    def see(self, measured: MeasuredField) -> RigFit | None:
+        """Takes a measured field; once a second what the last seconds say, else None."""
+        self._fields += 1
+        if self._fields % EVERY == 0:
+            self._movement.add(self._points(measured))
+        return self.fit() if self._fields % FIT_EVERY == 0 else None
+
+    def fit(self) -> RigFit:
+        """Fit over the last seconds."""
+        fit = self._movement.fit()
+        seen = sorted(self._blobs)[len(self._blobs) // 2] if self._blobs else 0
+        if fit.verdict is RigVerdict.UNKNOWN and seen >= MANY:
+            return replace(fit, verdict=RigVerdict.UNMATCHED)
+        return fit
+
+    def _points(self, measured: MeasuredField) -> Points:
+        x_px, seam = measured.blobs.xy_px[:, 0], self._calibration.views[1].first_column
+        fewer = int(min(np.count_nonzero(x_px < seam), np.count_nonzero(x_px >= seam)))
+        self._blobs.append(fewer)
+        if len(measured.points) >= LEAST_SHARE * fewer:
+            return measured.points
+        return self._generous.identify(*self._view_blobs(measured)).points
+
+    def _view_blobs(self, measured: MeasuredField) -> tuple[ViewBlobs, ViewBlobs]:
+        halves = zip(self._calibration.views, self._calibration.local_fields, strict=True)
+        left, right = (whole_blobs(measured.blobs, view, local_field) for view, local_field in halves)
+        return left, right

@@ -6,8 +6,7 @@ from collections import deque
 from typing import Any
 
 from grabberd.documents.devices import RigDocument
-from grabberd.processes.measure import MeasuredField, MeasureSetup
-from grabberd.processes.rig_watch import RigWatch
+from grabberd.processes.measure import MeasuredField, MeasureSetup, RigWatch
 from grabberd.reconstruction.accuracy.drift_check import RigFit, RigVerdict
 
 log = logging.getLogger(__name__)
