@@ -42,7 +42,7 @@ def _run(running: Daemon, seconds: float) -> list[tuple[str, str]]:
     assert instrument.worker
     running.wait_until_ready()
     memory, cost = [resident_mb()], Cost(running.grabber)
-    capture_id = service.capture_control.start(None, CaptureRequest(fields=round(seconds * 50)))
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=round(seconds * 50))).id
     recording = instrument.recording
     assert recording
     while not recording.sealed.wait(max(1.0, seconds / 20)):

@@ -17,8 +17,8 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+from grabberd.acquisition.clock import SystemClock
 from grabberd.cli import main
-from grabberd.service.clock import SystemClock
 from grabberd.storage import CaptureWriter
 
 CONTROLS = Path(os.environ["FAULTS_CONTROLS"])

@@ -9,13 +9,17 @@ from grabberd.geometry import (
     PARAMETERS,
     Rig,
     View,
+    approach,
+    correct,
     distortion,
     linearise,
     parameter_derivatives,
     project,
     project_all,
+    rays,
     rotation_matrix,
 )
+from grabberd.geometry.functional_model import TOLERANCE_MM
 
 STEPS = (1e-4, 1e-3, 1e-3, 1e-6, 1e-6, 1e-6, 1e-3, 1e-3, 1e-3, *(1e-5,) * 9)
 STRAIGHT = View("left", 0, 720, 0.01, 0.005, 1, 8.0, 100.0, 200.0, 0.0, 0.0, 0.0, 0.0, 0.0, 240.0)
@@ -111,3 +115,108 @@ def test_the_reference_rig_sees_the_origin_in_the_middle_of_both_halves_at_a_qua
             assert np.allclose(project(view, np.zeros((1, 3))), [[middle, 287.5]], atol=1e-9)
             down = object_derivatives(view, np.zeros((1, 3)))[0, 1, 0]
             assert 3.5 < down < 4.1
+
+
+FOLDED = replace(aimed("left"), b=(0.0, 0.0, -0.05, *(0.0,) * 6))
+
+
+@given(views(), places())
+def test_the_ray_of_a_projected_point_leads_back_to_it(view, xyz):
+    center, directions = rays(view, project(view, xyz))
+    reach = ((xyz - center) * directions).sum(axis=1)
+    assert (reach > 0).all()
+    assert np.abs(center + reach[:, np.newaxis] * directions - xyz).max() < 1e-9
+
+
+@given(views(), places())
+def test_the_picture_of_a_point_on_the_ray_is_where_the_ray_came_from(view, xyz):
+    pixels = project(view, xyz)
+    center, directions = rays(view, pixels)
+    assert np.abs(project(view, center + 200.0 * directions) - pixels).max() < 1e-9
+
+
+@given(views(), places())
+def test_distortion_added_to_the_corrected_point_gives_the_observed_one(view, xyz):
+    pixels = project(view, xyz)
+    ideal = correct(view, pixels)
+    x, y = (ideal + distortion(view.b, ideal)).T
+    observed = np.column_stack([view.x0_px + x / view.pixel_x_mm, view.y0_px - y / view.pixel_y_mm])
+    assert np.abs(observed - pixels).max() * view.pixel_x_mm < TOLERANCE_MM
+
+
+def test_one_step_would_not_be_enough():
+    view = aimed("left")
+    pixels = np.array([[40.0, 30.0]])
+    observed = (pixels - [view.x0_px, view.y0_px]) * [view.pixel_x_mm, -view.pixel_y_mm]
+    one_step = observed - distortion(view.b, observed)
+    assert np.abs(correct(view, pixels) - one_step).max() > 1e-4
+
+
+def test_directions_have_unit_length_and_the_center_is_the_views():
+    center, directions = rays(aimed("right"), np.array([[400.0, 20.0], [700.0, 500.0]]))
+    assert np.array_equal(center, aimed("right").center_mm)
+    assert np.allclose((directions**2).sum(axis=1), 1.0, atol=1e-14)
+
+
+def test_what_lies_beyond_the_fold_of_the_distortion_is_nan_and_disturbs_no_other_point():
+    fold_mm = 1 / np.sqrt(3 * 0.05)
+    beyond = FOLDED.x0_px - 1.05 * fold_mm * (1 - 0.05 * fold_mm**2) / FOLDED.pixel_x_mm
+    ideal = correct(FOLDED, np.array([[beyond, FOLDED.y0_px], [FOLDED.x0_px - 20, FOLDED.y0_px]]))
+    assert np.isnan(ideal[0]).all()
+    assert np.isfinite(ideal[1]).all()
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_no_place_has_no_ray(bad):
+    _, directions = rays(aimed("left"), np.array([[bad, 100.0], [200.0, 100.0]]))
+    assert np.isnan(directions[0]).all()
+    assert np.isfinite(directions[1]).all()
+
+
+def test_no_points_give_no_rays():
+    assert rays(aimed("left"), np.empty((0, 2)))[1].shape == (0, 3)
+
+
+LEFT = np.array([0.0, -10.0, 0.0])
+RIGHT = np.array([0.0, 10.0, 0.0])
+
+
+@given(places())
+def test_the_rays_of_one_point_meet_in_it(xyz):
+    left, right = aimed("left"), aimed("right", handedness=-1)
+    met = approach(*rays(left, project(left, xyz)), *rays(right, project(right, xyz)))
+    assert np.abs(met.distance_mm).max() < 1e-9
+    assert np.abs(met.middle_mm - xyz).max() < 1e-8
+
+
+def test_rays_that_pass_each_other_are_as_far_apart_as_their_shortest_connection():
+    along_x, along_z = np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 1.0]])
+    passed = approach(LEFT, along_x, RIGHT, along_z)
+    assert abs(passed.distance_mm[0]) == 20.0
+    assert np.array_equal(passed.middle_mm[0], [0.0, 0.0, 0.0])
+
+
+def test_the_side_of_passing_has_a_sign():
+    along_x, along_z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    assert (
+        approach(LEFT, along_x, RIGHT, along_z).distance_mm
+        == -approach(RIGHT, along_x, LEFT, along_z).distance_mm
+    )
+
+
+def test_parallel_rays_have_no_meeting_place():
+    met = approach(LEFT, np.array([[0.0, 0.0, 1.0]]), RIGHT, np.array([[0.0, 0.0, 1.0]]))
+    assert np.isnan(met.distance_mm).all()
+    assert np.isnan(met.middle_mm).all()
+
+
+def test_every_ray_of_one_view_can_be_compared_with_every_ray_of_the_other():
+    left, right = aimed("left"), aimed("right")
+    xyz = np.array([[x, 0.0, 0.0] for x in (-30.0, 0.0, 30.0)])
+    left_center, from_left = rays(left, project(left, xyz))
+    right_center, from_right = rays(right, project(right, xyz[:2]))
+    met = approach(left_center, from_left[:, np.newaxis], right_center, from_right[np.newaxis])
+    assert met.distance_mm.shape == (3, 2)
+    assert met.middle_mm.shape == (3, 2, 3)
+    near = np.abs(met.distance_mm) < 1.0
+    assert np.array_equal(near, [[True, False], [False, True], [False, False]])

@@ -27,8 +27,12 @@ from grabberd.service.setup import set_up
 SOURCE = Path(grabberd.__file__).parent
 FIELDS = 100
 PATIENCE_S = 60.0
-# The threads of a field's way; all others that run meanwhile answer a request or wait.
+# The threads of a field's way, and one that chooses a threshold once a second, whoever asks for what
+# meanwhile; all others answer a request or wait.
 FIELD_THREADS = ("capture-", "recorder-", "writer-", "worker-")
+BACKGROUND_THREADS = ("threshold-",)
+STEADY_S = 2.5
+"""Time well inside a capture: three fits of the rig's health, five commits."""
 SETTLE_S = 1.0
 
 
@@ -71,18 +75,26 @@ def stories() -> dict[str, list[str]]:
     """Own files, relative to the package, that each story passes."""
     trace = Trace()
     with tempfile.TemporaryDirectory() as folder, trace.watching(), _client(Path(folder)) as client:
-        service = client.app.state.service  # type: ignore[attr-defined]
         with trace.story() as starting:
             answer = client.post("/api/v1/captures", json={"fields": FIELDS}).raise_for_status().json()
         with trace.story() as recording:
             _wait_until_sealed(client, answer["id"])
-        del service
+        endless = client.post("/api/v1/captures", json={}).raise_for_status().json()
+        time.sleep(SETTLE_S)
+        with trace.story() as steady:
+            time.sleep(STEADY_S)
+        client.post(f"/api/v1/captures/{endless['id']}/stop").raise_for_status()
+        _wait_until_sealed(client, endless["id"])
+    others = FIELD_THREADS + BACKGROUND_THREADS
     return {
-        "POST /captures": _own(starting, lambda thread: not thread.startswith(FIELD_THREADS)),
-        "a captured field, from device to disk": _own(
-            recording, lambda thread: thread.startswith(FIELD_THREADS)
-        ),
+        "POST /captures": _own(starting, lambda thread: not thread.startswith(others)),
+        "a captured field, from device to disk": _own(recording, _is_of_a_field),
+        "a captured field amid a capture, which neither starts nor is sealed": _own(steady, _is_of_a_field),
     }
+
+
+def _is_of_a_field(thread: str) -> bool:
+    return thread.startswith(FIELD_THREADS)
 
 
 @contextmanager

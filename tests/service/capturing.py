@@ -18,7 +18,7 @@ def fixed_threshold() -> dict[str, object]:
 
 
 def capture(service: Service, **request: object) -> Path:
-    capture_id = service.capture_control.start(None, CaptureRequest(**request))  # type: ignore[arg-type]
+    capture_id = service.capture_control.start(None, CaptureRequest(**request)).id  # type: ignore[arg-type]
     sealed(service)
     return service.archive.path(capture_id)
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from grabberd.acquisition.clock import SystemClock
 from grabberd.config import Config, default_config_file, load_config
 from grabberd.service.capture.recording import Recording
-from grabberd.service.clock import SystemClock
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd_fake import FakeGrabber

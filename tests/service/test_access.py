@@ -38,9 +38,9 @@ def access(tmp_path: Path, wall: Wall) -> Access:
 
 def test_each_role_may_what_those_before_it_may() -> None:
     for lower, higher in pairwise(Role):
-        assert higher.covers(lower)
-        assert higher.covers(higher)
-        assert not lower.covers(higher)
+        assert Identity(higher, "token").covers(lower)
+        assert Identity(higher, "token").covers(higher)
+        assert not Identity(lower, "token").covers(higher)
 
 
 def test_a_session_lasts_a_month(access: Access, wall: Wall) -> None:

@@ -29,7 +29,7 @@ def test_a_file_whose_ledger_contradicts_itself_is_shown_as_damaged_beside_the_o
 
 def test_a_second_start_is_refused_with_the_id_of_the_running_one(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}) as service:
-        capture_id = service.capture_control.start(None, CaptureRequest())
+        capture_id = service.capture_control.start(None, CaptureRequest()).id
         with pytest.raises(CaptureRunning) as refused:
             service.capture_control.start(None, CaptureRequest())
         assert refused.value.capture_id == capture_id
@@ -63,7 +63,7 @@ def test_several_devices_do_not_know_of_one_another(tmp_path: Path) -> None:
         service.stop()
 
 
-def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
+def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_with_its_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with running(tmp_path) as service:
@@ -71,21 +71,14 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_as_sealed(
         recording = service.instrument(None).recording
         assert recording
         monkeypatch.setattr(service.archive, "_recordings", lambda: [recording])
-        part = service.archive.part_of(recording.id)
-        part.write_bytes(path.read_bytes())
-        opened = CaptureReader.__init__
-
-        def then_gone(reader: CaptureReader, file: Path) -> None:
-            opened(reader, file)
-            part.unlink(missing_ok=True)
-
-        monkeypatch.setattr(CaptureReader, "__init__", then_gone)
         assert service.archive.document(recording.id).state == "sealed"
+        monkeypatch.setattr(recording._writer, "path", path.with_name(f"{path.name}.part"))
+        assert service.archive.document(recording.id).size_bytes == path.stat().st_size
 
 
 def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}) as service:
-        capture_id = service.capture_control.start(None, CaptureRequest())
+        capture_id = service.capture_control.start(None, CaptureRequest()).id
         reader = service.instrument(None).pipeline.configured.ring.reader()
         assert reader.take(PATIENCE_S)
     path = service.archive.index.file_of(capture_id)

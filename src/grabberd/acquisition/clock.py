@@ -1,7 +1,9 @@
-"""Clock injected into drivers and threads, so that tests can control time."""
+"""Clocks injected into drivers, threads and the service, so that tests can control time."""
 
 import time
-from typing import Protocol
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Protocol, Self
 
 
 class Clock(Protocol):
@@ -16,8 +18,20 @@ class Clock(Protocol):
         ...
 
 
+class UtcClock(Protocol):
+    """A monotonic clock that knows the time of day, too."""
+
+    def now_ns(self) -> int:
+        """CLOCK_MONOTONIC, nanoseconds."""
+        ...
+
+    def utc_now(self) -> datetime:
+        """Coordinated universal time."""
+        ...
+
+
 class SystemClock:
-    """The computer's own clock."""
+    """The computer's own clocks."""
 
     def now_ns(self) -> int:
         """CLOCK_MONOTONIC, nanoseconds."""
@@ -27,3 +41,30 @@ class SystemClock:
         """Sleep; return at once for zero or less."""
         if seconds > 0:
             time.sleep(seconds)
+
+    def utc_now(self) -> datetime:
+        """Coordinated universal time."""
+        return datetime.now(UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """One moment by both clocks.
+
+    Attributes:
+        ns: CLOCK_MONOTONIC, nanoseconds.
+        utc: ISO 8601.
+    """
+
+    ns: int
+    utc: str
+
+    @classmethod
+    def now(cls, clock: UtcClock) -> Self:
+        """The present moment."""
+        return cls(clock.now_ns(), iso_utc(clock.utc_now()))
+
+
+def iso_utc(moment: datetime) -> str:
+    """A moment as ISO 8601 with milliseconds and Z."""
+    return moment.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")

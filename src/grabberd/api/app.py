@@ -7,14 +7,13 @@ from weakref import WeakValueDictionary
 from fastapi import Depends, FastAPI
 from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd import __version__
 from grabberd.api import problems
 from grabberd.api.docs.openapi import describe
 from grabberd.api.guard.authentication import Attempts, Authenticator
 from grabberd.api.guard.front import Front
-from grabberd.api.guard.gate import Gate
+from grabberd.api.guard.gate import Gate, HeadAsGet
 from grabberd.api.guard.limits import Streams
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.roles import check_declared
@@ -97,32 +96,3 @@ async def _life(app: FastAPI) -> AsyncIterator[None]:
 
 def _name_of(route: APIRoute) -> str:
     return route.name
-
-
-class _Answered(Exception):
-    """The head has been sent, and the body is not wanted."""
-
-
-class HeadAsGet:
-    """Answers HEAD as GET without the body; a stream ends before its first byte."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self._app = app
-
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serves one request; anything but HEAD passes unchanged."""
-        if scope["type"] != "http" or scope["method"] != "HEAD":
-            await self._app(scope, receive, send)
-            return
-
-        async def send_head(message: Message) -> None:
-            if message["type"] != "http.response.body":
-                await send(message)
-                return
-            await send({"type": "http.response.body", "body": b"", "more_body": False})
-            raise _Answered
-
-        try:
-            await self._app({**scope, "method": "GET"}, receive, send_head)
-        except _Answered:
-            return

@@ -27,7 +27,7 @@ def backup(
 
     Example: grabberd backup --config /etc/grabberd/grabberd.yaml barn-2026-03-01.zip
     """
-    from grabberd.service.clock import iso_utc  # noqa: PLC0415
+    from grabberd.acquisition.clock import iso_utc  # noqa: PLC0415
     from grabberd.storage.state.backup import back_up  # noqa: PLC0415
 
     info = back_up(load(config).state_directory, out, iso_utc(datetime.now(UTC)), __version__)

@@ -177,8 +177,8 @@ def _order(values: dict[str, Any], labels: list[str]) -> dict[str, Any]:
 def _capture_here(
     config: Config, file: Path | None, device: str | None, order: dict[str, Any], out: Path
 ) -> dict[str, Any]:
-    from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
-    from grabberd.service.clock import SystemClock  # noqa: PLC0415
+    from grabberd.acquisition.clock import SystemClock  # noqa: PLC0415
+    from grabberd.service.capture.capture_documents import describe  # noqa: PLC0415
     from grabberd.service.instrument import Instrument  # noqa: PLC0415
     from grabberd.service.setup import set_up  # noqa: PLC0415
     from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder  # noqa: PLC0415

@@ -92,7 +92,7 @@ def seal(
 
     Example: grabberd storage seal .grabberd-k3x9/liner.grab.part
     """
-    from grabberd.service.archive.capture_documents import describe  # noqa: PLC0415
+    from grabberd.service.capture.capture_documents import describe  # noqa: PLC0415
     from grabberd.storage.capture.recording_folder import seal as seal_part  # noqa: PLC0415
 
     path = seal_part(part)

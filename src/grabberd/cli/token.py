@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
 from grabberd.documents.roles import Role
-from grabberd.service.clock import SystemClock, iso_utc
 
 if TYPE_CHECKING:
     from grabberd.service.access import Access

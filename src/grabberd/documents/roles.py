@@ -9,8 +9,3 @@ class Role(StrEnum):
     VIEWER = "viewer"
     OPERATOR = "operator"
     ADMIN = "admin"
-
-    def covers(self, least: "Role") -> bool:
-        """True if this role is enough where `least` is required."""
-        ascending = list(Role)
-        return ascending.index(self) >= ascending.index(least)

@@ -5,9 +5,18 @@ are quantised to a few bits and packed. Every field carries `y0` and `y_step`, s
 `y0 + k * y_step` and no later room needs to know about parity.
 """
 
-from grabberd.field.field import BOTTOM, TOP, Field, split_frame
+from grabberd.field.field import (
+    BIT_DEPTHS,
+    BOTTOM,
+    TOP,
+    Field,
+    NumberedField,
+    PackedField,
+    quantise,
+    split_frame,
+    unpack,
+)
 from grabberd.field.line_doubling import INTERPOLATIONS, double_bits, double_lines
-from grabberd.field.packed_field import BIT_DEPTHS, NumberedField, PackedField, quantise, unpack
 
 __all__ = [
     "BIT_DEPTHS",

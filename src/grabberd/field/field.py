@@ -1,6 +1,9 @@
-"""Fields of grey values, and the split of an interlaced frame into two of them."""
+"""Fields: of grey values, the split of an interlaced frame into two of them, and packed ones, quantised to a
+few bits, as the ring and the capture file keep them (paper 3.4).
+"""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +12,10 @@ TOP = 0
 """Parity of the field with frame lines 0, 2, 4 …; for PAL the older one of a frame."""
 BOTTOM = 1
 """Parity of the field with frame lines 1, 3, 5 …"""
+BIT_DEPTHS = (1, 2, 3, 4, 5, 6, 8)
+"""Bit depths that a field can be quantised to."""
+MEDIAN_EVERY = 8
+"""Pixels between samples, each way, for the median of a threshold map: the map is smooth, so few suffice."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,3 +61,124 @@ def split_frame(frame: NDArray[np.uint8], older: int = TOP) -> tuple[Field, Fiel
     """
     first, second = (Field.intact(frame[parity::2], parity) for parity in (older, 1 - older))
     return first, second
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedField:
+    """A quantised field.
+
+    Attributes:
+        data: uint8, C-contiguous. Up to 6 bits: (bits, rows, ceil(columns / 8)), one plane a bit, the most
+            significant first, eight pixels a byte with the leftmost in its highest bit. 8 bits: (1, rows,
+            columns).
+        bits: Bits per pixel, one of `BIT_DEPTHS`.
+        columns: Pixels per row.
+        parity: Parity of the field that the camera delivered.
+        y0: Frame line of row 0.
+        y_step: Frame lines from row to row.
+        threshold: Grey value in force: at 1 bit a pixel is set if its luma exceeds it; with more bits it is
+            the level that separates targets from background.
+    """
+
+    data: NDArray[np.uint8]
+    bits: int
+    columns: int
+    parity: int
+    y0: int
+    y_step: int
+    threshold: int
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return int(self.data.shape[1])
+
+
+class NumberedField(NamedTuple):
+    """A packed field with its number and time.
+
+    Attributes:
+        n: Nominal steps (20 ms in PAL) since numbering began, lost fields included.
+        time_ns: Middle of the exposure, CLOCK_MONOTONIC.
+        sequence: The driver's own count, or None if it has none.
+        packed: The field.
+    """
+
+    n: int
+    time_ns: int
+    sequence: int | None
+    packed: PackedField
+
+
+def packed_shape(rows: int, columns: int, bits: int) -> tuple[int, int, int]:
+    """Shape of `PackedField.data`."""
+    return (1, rows, columns) if bits == 8 else (bits, rows, -(-columns // 8))
+
+
+def quantise(field: Field, bits: int, threshold: int | NDArray[np.uint8]) -> PackedField:
+    """Quantise a field to `bits` bits per pixel and pack it; the result shares no memory with `field`.
+
+    At 1 bit a pixel is set if luma > threshold; with more, the most significant bits are kept.
+
+    Args:
+        field: Grey values.
+        bits: One of `BIT_DEPTHS`.
+        threshold: One for all pixels; or, at 1 bit, (rows, columns) uint8, one for each, whose median becomes
+            the packed field's.
+
+    Raises:
+        ValueError: A threshold map was given for more than 1 bit, or has another shape than the field.
+    """
+    if not isinstance(threshold, np.ndarray):
+        return _packed(field, bits, threshold, threshold)
+    if bits != 1 or threshold.shape != field.luma.shape:
+        raise ValueError(
+            f"a threshold map of shape {threshold.shape} does not fit a field of {field.luma.shape} "
+            f"at {bits} bits"
+        )
+    median = int(np.median(threshold[::MEDIAN_EVERY, ::MEDIAN_EVERY]))
+    return _packed(field, bits, threshold, median)
+
+
+def _packed(field: Field, bits: int, threshold: int | NDArray[np.uint8], level: int) -> PackedField:
+    return PackedField(
+        _planes(field.luma, bits, threshold),
+        bits,
+        field.columns,
+        field.parity,
+        field.y0,
+        field.y_step,
+        level,
+    )
+
+
+def _planes(luma: NDArray[np.uint8], bits: int, threshold: int | NDArray[np.uint8]) -> NDArray[np.uint8]:
+    if bits == 8:
+        return luma[np.newaxis].copy()
+    if bits == 1:
+        return np.packbits(luma > threshold, axis=1)[np.newaxis]
+    return np.stack([np.packbits(luma & (128 >> plane), axis=1) for plane in range(bits)])
+
+
+def unpack(packed: PackedField) -> Field:
+    """Restore grey values: 0 and 255 at 1 bit, the original luma at 8 bits, else the middle of each level.
+
+    At 8 bits the luma is a view into the packed data, otherwise it is new. Quantising the result again with
+    the same number of bits (and any threshold from 0 to 254 at 1 bit) gives the same planes.
+    """
+    return Field(_levels(packed), packed.parity, packed.y0, packed.y_step)
+
+
+def _levels(packed: PackedField) -> NDArray[np.uint8]:
+    luma: NDArray[np.uint8]
+    if packed.bits == 8:
+        luma = packed.data[0]
+        return luma
+    planes = np.unpackbits(packed.data, axis=2, count=packed.columns)
+    if packed.bits == 1:
+        luma = planes[0] * np.uint8(255)
+        return luma
+    luma = np.full(planes.shape[1:], 128 >> packed.bits, np.uint8)
+    for plane, values in enumerate(planes):
+        luma |= values << np.uint8(7 - plane)
+    return luma

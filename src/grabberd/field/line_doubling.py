@@ -6,8 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.field.field import Field
-from grabberd.field.packed_field import PackedField
+from grabberd.field.field import Field, PackedField
 
 INTERPOLATIONS = ("linear", "kernel3x3")
 """Methods of interpolation: "linear" between the lines above and below; "kernel3x3" by the kernel ¼ (1 2 1)

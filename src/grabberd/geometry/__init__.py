@@ -8,22 +8,33 @@ adjustments.
 """
 
 from grabberd.geometry.calibration import SCHEMA, Calibration
-from grabberd.geometry.distortion import distortion
 from grabberd.geometry.document_reader import Reading
 from grabberd.geometry.functional_model import (
+    Approach,
+    approach,
+    correct,
+    correct_all,
+    directions_all,
     linearise,
     linearise_parameters,
     parameter_derivatives,
     parameter_slopes,
     project,
     project_all,
+    rays,
 )
 from grabberd.geometry.glass import Plate, project_through, seen_through
-from grabberd.geometry.inverse_model import Approach, approach, correct, correct_all, directions_all, rays
 from grabberd.geometry.local_field import LocalField
 from grabberd.geometry.nominal_rig import NominalRig
 from grabberd.geometry.rig import Rig
-from grabberd.geometry.view import PARAMETERS, View, rotation_angles, rotation_derivatives, rotation_matrix
+from grabberd.geometry.view import (
+    PARAMETERS,
+    View,
+    distortion,
+    rotation_angles,
+    rotation_derivatives,
+    rotation_matrix,
+)
 
 __all__ = [
     "PARAMETERS",

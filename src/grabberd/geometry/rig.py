@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry.calibration import Calibration
-from grabberd.geometry.distortion import polynomials
 from grabberd.geometry.local_field import LocalField
-from grabberd.geometry.view import PARAMETERS, View, rotation_derivatives, rotation_matrix
+from grabberd.geometry.view import PARAMETERS, View, polynomials, rotation_derivatives, rotation_matrix
 
 Array = NDArray[np.float64]
 

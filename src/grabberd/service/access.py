@@ -8,9 +8,9 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Literal
 
+from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.roles import Role
 from grabberd.errors import AccessExpired, Conflict, InputError
-from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.machine_key import PREFIX, MachineKey
 from grabberd.storage.state.token_store import Holder, TokenRow, TokenStore
 
@@ -36,6 +36,11 @@ class Identity:
     by: Literal["token", "session", "socket", "machine"]
     token: str | None = None
     expires_utc: str | None = None
+
+    def covers(self, least: Role) -> bool:
+        """True if the role is enough where `least` is required; each role includes the ones before it."""
+        ascending = list(Role)
+        return ascending.index(self.role) >= ascending.index(least)
 
 
 AT_THE_MACHINE = Identity(Role.OPERATOR, "socket")
@@ -68,7 +73,7 @@ class Access:
         key: Key of the machine, valid while a daemon runs.
     """
 
-    def __init__(self, directory: Path, clock: Clock | None = None) -> None:
+    def __init__(self, directory: Path, clock: UtcClock | None = None) -> None:
         self.key = MachineKey(directory)
         self._store = TokenStore(directory / "state.sqlite")
         self._clock = clock or SystemClock()

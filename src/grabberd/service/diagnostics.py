@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from grabberd import __version__
 from grabberd.acquisition import available, discover
+from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.named_types import JsonObject
-from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.journal import last_lines
 from grabberd.service.journal import without_secrets as text_without_secrets
 from grabberd.service.secrets import without_secrets

@@ -3,7 +3,7 @@
 from datetime import timedelta
 from pathlib import Path
 
-from grabberd.service.clock import Clock, iso_utc
+from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.storage.state.idempotency_store import IdempotencyStore, KeptAnswer
 
 KEPT = timedelta(days=1)
@@ -12,7 +12,7 @@ KEPT = timedelta(days=1)
 class Idempotency:
     """Idempotency keys of a state directory; they outlive the program."""
 
-    def __init__(self, directory: Path, clock: Clock) -> None:
+    def __init__(self, directory: Path, clock: UtcClock) -> None:
         self._store = IdempotencyStore(directory / "state.sqlite")
         self._clock = clock
 

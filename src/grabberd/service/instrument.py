@@ -4,24 +4,23 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+from grabberd.acquisition.clock import UtcClock
 from grabberd.config import DeviceConfig
 from grabberd.errors import CalibrationMismatch
 from grabberd.geometry import Calibration
 from grabberd.service.capture import group_start
 from grabberd.service.capture.capture_request import ArmedCapture, CaptureRequest, NewCapture
 from grabberd.service.capture.capture_start import CaptureStart
-from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCaptures
+from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCaptures, check_stream
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.group_start import DiskRoom
 from grabberd.service.capture.recording import Recording
-from grabberd.service.clock import Clock
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import StatusBoard
 from grabberd.service.device.worker import FairLock, Worker
-from grabberd.service.setup import DeviceSetup, check_rig, check_stream
+from grabberd.service.setup import DeviceSetup, check_rig
 
 
 class Instrument:
@@ -47,7 +46,7 @@ class Instrument:
     def __init__(
         self,
         setup: DeviceSetup,
-        clock: Clock,
+        clock: UtcClock,
         *,
         site: dict[str, str] | None = None,
         queue_s: float = 10.0,
@@ -158,11 +157,6 @@ class Instrument:
         """Chooses the threshold as another configuration has it; called `between_captures`."""
         self.captures.setup = replace(self.setup, config=config)
         self.pipeline.thresholds.use(config)
-
-    @property
-    def made_with(self) -> dict[str, Any]:
-        """The documents that points are made with, as a run stores them."""
-        return self.setup.made_with
 
     def check_fits(self, calibration: Calibration) -> None:
         """Checks that the pictures of this device may be measured with a calibration.

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
+from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.state import StateDocument, StorageDocument
@@ -21,7 +22,6 @@ from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
-from grabberd.service.clock import Clock, SystemClock, iso_utc
 from grabberd.service.device.worker import FairLock
 from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import Instrument
@@ -66,7 +66,7 @@ class Service:
         setups: Mapping[str, DeviceSetup],
         directory: Path,
         *,
-        clock: Clock | None = None,
+        clock: UtcClock | None = None,
         site: dict[str, str] | None = None,
         queue_s: float = 10.0,
         disk: DiskGuard | None = None,
@@ -117,7 +117,7 @@ class Service:
         self._started = False
 
     @property
-    def clock(self) -> Clock:
+    def clock(self) -> UtcClock:
         """Source of time."""
         return self._clock
 
@@ -190,10 +190,6 @@ class Service:
             NotFound: No device has that name, or the name is needed.
         """
         return of_device(self.instruments, name)
-
-    def rate_hz(self, device: str | None) -> float:
-        """Fields per second of a device."""
-        return self.instrument(device).rate_hz
 
     def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
         """Stores a complete calibration that fits a device, and returns its id.

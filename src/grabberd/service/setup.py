@@ -2,14 +2,14 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 
 from grabberd.acquisition import registry
-from grabberd.acquisition.device import Grabber, StreamInfo
+from grabberd.acquisition.device import Grabber
 from grabberd.config import Config, DeviceConfig, RigConfig
 from grabberd.errors import CalibrationMismatch, ConfigError, DriverMissing, InputError, Problem
 from grabberd.geometry import Calibration
@@ -33,6 +33,7 @@ class DeviceSetup:
         grabber: The grabber, not opened yet.
         measuring: Setup that points are measured with, or None without a calibration or an object model.
         documents: Documents of the calibration and the object model, copied into every capture.
+        made_with: The same and the settings: all that points are made with, as a run stores it.
     """
 
     name: str
@@ -40,11 +41,11 @@ class DeviceSetup:
     grabber: Grabber
     measuring: MeasureSetup | None
     documents: Mapping[str, Any]
+    made_with: Mapping[str, Any] = field(init=False)
 
-    @property
-    def made_with(self) -> dict[str, Any]:
-        """The documents that points are made with, as a run stores them."""
-        return {**self.documents, "settings": settings_of(self.config)}
+    def __post_init__(self) -> None:
+        made_with = {**self.documents, "settings": settings_of(self.config)}
+        object.__setattr__(self, "made_with", made_with)
 
     def with_calibration(self, document: Mapping[str, Any] | None) -> "DeviceSetup":
         """The same setup with another calibration, or with none.
@@ -166,7 +167,7 @@ def location_settings(settings: Mapping[str, Any]) -> LocationSettings:
     Raises:
         InputError: A setting is invalid.
     """
-    known = {field.name for field in fields(LocationSettings)}
+    known = {one.name for one in fields(LocationSettings)}
     try:
         return LocationSettings(**{key: settings[key] for key in settings if key in known})
     except ValueError as error:
@@ -193,14 +194,3 @@ def _check_views(calibration: Calibration, rig: RigConfig) -> None:
                 f"the rig's {wants[0]} to {wants[1]}",
                 "use the calibration of this rig, or fix rig.views",
             )
-
-
-def check_stream(calibration: Calibration, stream: StreamInfo) -> None:
-    """Checks that the pictures of a stream have the calibration's size; doubled fields have all lines.
-
-    Raises:
-        CalibrationMismatch: They have another size.
-    """
-    doubled = stream.field_rows == calibration.lines
-    lines = stream.field_rows if doubled else 2 * stream.field_rows
-    calibration.check_fits(stream.columns, lines, glass=calibration.glass)

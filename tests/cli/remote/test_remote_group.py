@@ -62,7 +62,7 @@ def test_nothing_is_overwritten_and_then_nothing_begins(daemon: Daemon, tmp_path
 
 
 def test_a_refusal_says_which_device_and_why(daemon: Daemon, tmp_path: Path) -> None:
-    capture_id = daemon.service.capture_control.start("left", CaptureRequest())
+    capture_id = daemon.service.capture_control.start("left", CaptureRequest()).id
     try:
         result = run("capture", "--together", "all", "--url", daemon.url, "--out", tmp_path / "a.grab")
         assert isinstance(result.exception, GrabberdError)
@@ -83,7 +83,7 @@ def test_a_trigger_needs_no_name_where_all_that_wait_belong_together(daemon: Dae
 
 
 def test_of_two_that_wait_alone_one_has_to_be_named(daemon: Daemon) -> None:
-    ids = [daemon.service.capture_control.arm(name, CaptureRequest()) for name in PACED]
+    ids = [daemon.service.capture_control.arm(name, CaptureRequest()).id for name in PACED]
     try:
         result = run("trigger", "--url", daemon.url)
         assert isinstance(result.exception, Conflict)

@@ -48,13 +48,13 @@ def in_force(service: Service) -> str | None:
 
 
 def capture(service: Service, **request: Any) -> Path:
-    capture_id = service.capture_control.start(None, CaptureRequest(fields=8, **request))
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=8, **request)).id
     sealed(service)
     return service.archive.path(capture_id)
 
 
 def remeasure(service: Service, path: Path) -> None:
-    job = MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).made_with)
+    job = MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).setup.made_with)
     service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
 
 
@@ -99,7 +99,7 @@ def test_the_choice_survives_a_restart_and_can_be_taken_back(tmp_path: Path) -> 
         service.activate_calibration("rig-7", None)
     with at_rest(tmp_path) as service:
         assert in_force(service) == "rig-7"
-        assert service.instrument(None).made_with["calibration"]["id"] == "rig-7"
+        assert service.instrument(None).setup.made_with["calibration"]["id"] == "rig-7"
         service.activate_calibration(CONFIGURED, None)
         assert in_force(service) == CONFIGURED
     with at_rest(tmp_path) as service:
@@ -164,7 +164,7 @@ def test_a_stored_one_hidden_by_the_configurations_is_listed_with_that_problem(t
         service.activate_calibration(CONFIGURED, None)
     with at_rest(tmp_path) as service:
         assert sorted(bool(row.problem) for row in service.active.rows()) == [False, True]
-        assert service.instrument(None).made_with["calibration"] == calibration(CONFIGURED)
+        assert service.instrument(None).setup.made_with["calibration"] == calibration(CONFIGURED)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +265,7 @@ def test_live_points_go_on_through_an_activation(tmp_path: Path) -> None:
 def test_an_activation_is_refused_while_a_capture_runs(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}, object=None) as service:
         service.import_calibration(calibration("shifted", SHIFT_MM), None, "")
-        capture_id = service.capture_control.start(None, CaptureRequest())
+        capture_id = service.capture_control.start(None, CaptureRequest()).id
         with pytest.raises(CaptureRunning, match=capture_id):
             service.activate_calibration("shifted", None)
         assert in_force(service) == CONFIGURED

@@ -59,7 +59,7 @@ def test_every_file_of_a_group_says_the_same_start_by_both_clocks(tmp_path: Path
 
 def test_a_capture_made_alone_is_of_no_group(tmp_path: Path) -> None:
     with several(tmp_path, TWO) as service:
-        capture_id = service.capture_control.start("left", FIELDS)
+        capture_id = service.capture_control.start("left", FIELDS).id
         sealed_all(service)
         assert service.archive.document(capture_id).group is None
         with pytest.raises(NotFound):
@@ -93,7 +93,7 @@ def test_no_capture_begins_if_one_cannot(tmp_path: Path) -> None:
 
 def test_the_one_that_runs_is_named_and_runs_on(tmp_path: Path) -> None:
     with several(tmp_path, PACED) as service:
-        running = service.capture_control.start("right", CaptureRequest())
+        running = service.capture_control.start("right", CaptureRequest()).id
         with pytest.raises(GroupRefused) as refused:
             service.capture_control.start_group(both(FIELDS))
         (error,) = refused.value.refusals.values()
@@ -192,7 +192,7 @@ def test_the_disk_has_to_have_room_for_all_of_them(tmp_path: Path) -> None:
         with pytest.raises(StorageError, match=r"room for 0\.[78] minutes"):
             service.capture_control.start_group(both(wanted))
         assert parts(service) == []
-        running = service.capture_control.start("left", wanted)
+        running = service.capture_control.start("left", wanted).id
         with pytest.raises(StorageError, match=r"room for 0\.[78] minutes"):
             service.capture_control.start("right", wanted)
         service.capture_control.stop(running)

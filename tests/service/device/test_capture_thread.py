@@ -12,6 +12,7 @@ from scripted import INFO, PERIOD_S, S, Scripted, run
 from simulated_time import SMALL, NoCaptures, Run, SimulatedClock
 
 from grabberd.acquisition import GrabbedField, Outcome, Signal, StreamInfo
+from grabberd.acquisition.clock import SystemClock
 from grabberd.errors import (
     Cause,
     DeviceAbsent,
@@ -22,7 +23,6 @@ from grabberd.errors import (
     StreamEnded,
     StreamFailed,
 )
-from grabberd.service.clock import SystemClock
 from grabberd.service.device.capture_thread import DEQUEUE_TIMEOUT_S, CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import StatusBoard

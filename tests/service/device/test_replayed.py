@@ -29,7 +29,7 @@ def test_measuring_the_file_again_gives_the_same_points_bit_for_bit(tmp_path: Pa
     with running(tmp_path) as service:
         path = capture(service, fields=30)
         job = service.jobs.submit(
-            MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).made_with)
+            MeasurementJob(subject=path.stem, path=path, made_with=service.instrument(None).setup.made_with)
         )
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem

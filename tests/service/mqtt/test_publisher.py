@@ -51,7 +51,7 @@ def publishing(folder: Path, port: int, **mqtt: Any) -> Iterator[Service]:
 
 
 def capture(service: Service, **labels: str) -> str:
-    capture_id = service.capture_control.start(None, CaptureRequest(fields=5, labels=labels))
+    capture_id = service.capture_control.start(None, CaptureRequest(fields=5, labels=labels)).id
     sealed(service)
     return capture_id
 

@@ -180,7 +180,7 @@ class Authenticator:
         """True if a request's credentials are still valid; rechecked during a long response."""
         with suppress(AccessExpired):
             identity = await run_in_threadpool(self._look_up, Credentials.of(scope))
-            return identity is not None and identity.role.covers(least)
+            return identity is not None and identity.covers(least)
         return False
 
     def _look_up(self, shown: Credentials) -> Identity | None:
@@ -200,7 +200,7 @@ def check_role(identity: Identity, least: Role) -> None:
     Raises:
         Refusal: 403, its role is not sufficient.
     """
-    if identity.role.covers(least):
+    if identity.covers(least):
         return
     raise Refusal(
         403,

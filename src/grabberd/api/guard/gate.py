@@ -231,3 +231,32 @@ class _Watch:
         self._next_s = self._now_s() + RECHECK_S
         if not await self._still():
             raise _AccessEnded
+
+
+class _HeadSent(Exception):
+    """The head has been sent, and the body is not wanted."""
+
+
+class HeadAsGet:
+    """Answers HEAD as GET without the body; a stream ends before its first byte."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves one request; anything but HEAD passes unchanged."""
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self._app(scope, receive, send)
+            return
+
+        async def send_head(message: Message) -> None:
+            if message["type"] != "http.response.body":
+                await send(message)
+                return
+            await send({"type": "http.response.body", "body": b"", "more_body": False})
+            raise _HeadSent
+
+        try:
+            await self._app({**scope, "method": "GET"}, receive, send_head)
+        except _HeadSent:
+            return

@@ -111,7 +111,7 @@ def check_declared(connection: HTTPConnection) -> None:
         Refusal: 403, the route is missing in the table, and the client is no admin.
     """
     identity: Identity | None = getattr(connection.state, "identity", None)
-    if _find(connection.scope) is None and (identity is None or not identity.role.covers(Role.ADMIN)):
+    if _find(connection.scope) is None and (identity is None or not identity.covers(Role.ADMIN)):
         raise Refusal(
             403,
             "undeclared-route",

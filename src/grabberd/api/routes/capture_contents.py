@@ -11,7 +11,7 @@ from grabberd.api.streams.downloads import Download, WholeFile, download
 from grabberd.documents.captures import WholeRunDocument
 from grabberd.documents.points import PointsDocument
 from grabberd.documents.problems import Problem
-from grabberd.service.archive.capture_documents import whole_run
+from grabberd.service.capture.capture_documents import whole_run
 from grabberd.storage import field_png, points_csv, points_ply
 from grabberd.storage.capture.reader import stat_at_rest
 from grabberd.storage.export.parquet_stream import parquet_stream

@@ -31,11 +31,12 @@ def start_capture_group(
     """
     names = list(service.instruments) if new.devices == "all" else list(dict.fromkeys(new.devices))
     _check_labels(new, names)
-    requests = {name: request_of(new, service.rate_hz(name), new.labels_of.get(name)) for name in names}
-    start = service.capture_control.arm_group if new.armed else service.capture_control.start_group
+    control = service.capture_control
+    requests = {name: request_of(new, control.rate_hz(name), new.labels_of.get(name)) for name in names}
+    start = control.arm_group if new.armed else control.start_group
     group_id = start(requests)
     response.headers["Location"] = str(request.url_for("get_capture_group", group_id=group_id))
-    return service.capture_control.group_document(group_id)
+    return control.group_document(group_id)
 
 
 @router.get("/{group_id}", summary="Look up a group of captures")

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, Response, status
 
+from grabberd.acquisition.clock import iso_utc
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.routes.dependencies import PROBLEMS, CaptureId, ServiceOf, accepted
 from grabberd.api.routes.paging import Cursor, Limit, cursor_of, position_of
@@ -15,7 +16,6 @@ from grabberd.documents.requests import CaptureOptions, CapturePatch, NewCapture
 from grabberd.service.archive.capture_list import CaptureQuery, Position
 from grabberd.service.archive.capture_list import list_captures as page_of_captures
 from grabberd.service.capture.capture_request import CaptureRequest
-from grabberd.service.clock import iso_utc
 from grabberd.service.jobs.measurement import MeasurementJob
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
@@ -31,9 +31,9 @@ def start_capture(
     is running or armed.
     """
     start = service.capture_control.arm if new.armed else service.capture_control.start
-    capture_id = start(new.device, request_of(new, service.rate_hz(new.device)))
-    response.headers["Location"] = str(request.url_for("get_capture", capture_id=capture_id))
-    return service.archive.document(capture_id)
+    capture = start(new.device, request_of(new, service.capture_control.rate_hz(new.device)))
+    response.headers["Location"] = str(request.url_for("get_capture", capture_id=capture.id))
+    return capture
 
 
 @router.get("", summary="List captures")
@@ -115,8 +115,8 @@ def measure_capture(
 ) -> JobDocument:
     """Re-measure a sealed capture with the device's present calibration: a job that adds a run."""
     path = service.archive.sealed_path(capture_id)
-    instrument = service.instrument(service.archive.document(capture_id).device)
-    job = service.jobs.submit(MeasurementJob(subject=capture_id, path=path, made_with=instrument.made_with))
+    setup = service.instrument(service.archive.document(capture_id).device).setup
+    job = service.jobs.submit(MeasurementJob(subject=capture_id, path=path, made_with=setup.made_with))
     return accepted(job, request, response)
 
 

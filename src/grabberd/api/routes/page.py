@@ -7,6 +7,7 @@ from fastapi.responses import HTMLResponse
 from starlette.concurrency import run_in_threadpool
 
 from grabberd import __version__
+from grabberd.acquisition.clock import iso_utc
 from grabberd.api.etags import is_known
 from grabberd.api.guard.authentication import Authenticator
 from grabberd.api.guard.refusals import Refusal
@@ -14,7 +15,6 @@ from grabberd.api.routes.sessions import session_document
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import NotFound
 from grabberd.service.access import Identity
-from grabberd.service.clock import iso_utc
 from grabberd.service.service import Service
 from grabberd.web import POLICY, Files, StaticFile, language_of, render
 

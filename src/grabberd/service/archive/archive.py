@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grabberd.documents.captures import CaptureDocument
 from grabberd.errors import CaptureFileError, Conflict, LaterVersion, NotFound, StorageError
-from grabberd.service.archive.capture_documents import (
+from grabberd.service.capture.capture_documents import (
     armed_document,
     damaged_document,
     describe,
@@ -18,16 +18,16 @@ from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.capture.crash_recovery import reason_of
 from grabberd.storage.capture.directory_lock import DirectoryLock
+from grabberd.storage.capture.schema import PART, SUFFIX, part_path
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.annotation_store import Annotation
 from grabberd.storage.state.capture_index import IndexEntry
 
 log = logging.getLogger(__name__)
-PART = ".grab.part"
 DESCRIBED = 4096
 """Number of captures whose descriptions are cached."""
 RENAMED_S = 10.0
-"""Time for a capture whose file is being sealed to get its final name."""
+"""Time for a capture whose file has its final name to come into the index."""
 
 
 class Archive:
@@ -66,7 +66,7 @@ class Archive:
             StorageError: Another program uses the folder, or it cannot be written.
         """
         self._lock.acquire()
-        parts = sorted(self.directory.glob(f"*{PART}"))
+        parts = sorted(self.directory.glob(f"*{SUFFIX}{PART}"))
         self.index.rebuild([part for part in parts if not _recovered(part)])
         for entry in self.index.list():
             if entry.state == "damaged":
@@ -75,10 +75,6 @@ class Archive:
     def close(self) -> None:
         """Releases the folder to other programs."""
         self._lock.release()
-
-    def part_of(self, capture_id: str) -> Path:
-        """Returns the path that a new capture is written to."""
-        return self.directory / f"{capture_id}{PART}"
 
     def path(self, capture_id: str) -> Path:
         """Returns the path of a capture, sealed or being written.
@@ -89,7 +85,7 @@ class Archive:
         """
         self._check_triggered(capture_id)
         if self._running(capture_id):
-            return self.part_of(capture_id)
+            return part_path(self.directory, capture_id)
         return self.index.file_of(capture_id)
 
     def sealed_path(self, capture_id: str) -> Path:
@@ -142,10 +138,9 @@ class Archive:
         if recording is None and armed is not None:
             return armed_document(armed)
         if recording is not None:
-            try:
-                return running_document(self.part_of(capture_id), recording)
-            except (CaptureFileError, FileNotFoundError):  # the file is being renamed at this moment
-                recording.sealed.wait(RENAMED_S)
+            if recording.path.suffix == PART:
+                return running_document(recording)
+            recording.sealed.wait(RENAMED_S)  # the file has its final name, but is not in the index yet
         return self._sealed_document(self.index.get(capture_id))
 
     def documents(self) -> list[CaptureDocument]:

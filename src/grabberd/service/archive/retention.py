@@ -8,11 +8,11 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import NamedTuple
 
+from grabberd.acquisition.clock import UtcClock
 from grabberd.config import RetentionConfig
 from grabberd.errors import Conflict, GrabberdError, NotFound
 from grabberd.service.archive.archive import Archive
 from grabberd.service.capture.disk_guard import GB, DiskGuard
-from grabberd.service.clock import Clock
 from grabberd.storage.capture.schema import SUFFIX
 from grabberd.storage.state.capture_index import IndexEntry
 
@@ -129,7 +129,7 @@ class Retention:
         archive: Archive,
         policy: Policy,
         disk: DiskGuard,
-        clock: Clock,
+        clock: UtcClock,
         spared: Callable[[], Collection[str]],
         delete: Callable[[str], None],
     ) -> None:

@@ -5,12 +5,12 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.documents.calibrations import ActiveCalibration, CalibrationRejection, CalibrationRow
 from grabberd.errors import CalibrationMismatch, Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.calibrations.calibration_documents import active_calibration
-from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.instrument import Instrument
 from grabberd.storage.state.state_store import StateStore
 
@@ -43,7 +43,7 @@ class ActiveCalibrations:
         calibrations: CalibrationCatalog,
         state: StateStore,
         instruments: Mapping[str, Instrument],
-        clock: Clock,
+        clock: UtcClock,
     ) -> None:
         self._calibrations = calibrations
         self._state = state
@@ -224,7 +224,7 @@ def _key(device: str) -> str:
 class _Rejections:
     """The rejected calibrations, kept in the state database; usable from any thread."""
 
-    def __init__(self, state: StateStore, clock: Clock) -> None:
+    def __init__(self, state: StateStore, clock: UtcClock) -> None:
         self._state = state
         self._clock = clock
         self._lock = threading.Lock()

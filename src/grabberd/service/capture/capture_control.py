@@ -6,17 +6,19 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Protocol
 
+from grabberd.acquisition.clock import UtcClock
 from grabberd.documents.captures import CaptureDocument, CaptureGroup
 from grabberd.errors import Conflict, NotFound
 from grabberd.service.capture import group_start
+from grabberd.service.capture.capture_documents import armed_document, running_document
 from grabberd.service.capture.capture_request import ArmedCapture, CaptureRequest, Group, NewCapture
 from grabberd.service.capture.capture_start import CaptureStart
 from grabberd.service.capture.device_captures import CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.group_start import DiskRoom
 from grabberd.service.capture.recording import Recording
-from grabberd.service.clock import Clock
 from grabberd.storage import CaptureIndex
+from grabberd.storage.capture.schema import part_path
 from grabberd.storage.state.annotation_store import AnnotationStore
 
 STOPPED = "stopped by the operator"
@@ -32,10 +34,6 @@ class CaptureArchive(Protocol):
 
     directory: Path
     index: CaptureIndex
-
-    def part_of(self, capture_id: str) -> Path:
-        """Path of a new capture's file while it is written."""
-        ...
 
     def document(self, capture_id: str) -> CaptureDocument:
         """A capture's document; raises NotFound if there is none of that id."""
@@ -61,7 +59,7 @@ class CaptureControl:
         archive: CaptureArchive,
         annotations: AnnotationStore,
         disk: DiskGuard,
-        clock: Clock,
+        clock: UtcClock,
     ) -> None:
         self._current = current
         self._archive = archive
@@ -69,8 +67,16 @@ class CaptureControl:
         self._room = DiskRoom(disk, archive.directory, current)
         self._clock = clock
 
-    def start(self, device: str | None, request: CaptureRequest) -> str:
-        """Starts a capture and returns its id.
+    def rate_hz(self, device: str | None) -> float:
+        """Fields per second of a device, whose name may be None where there is only one.
+
+        Raises:
+            NotFound: There is no such device.
+        """
+        return of_device(self._current.devices, device).rate_hz
+
+    def start(self, device: str | None, request: CaptureRequest) -> CaptureDocument:
+        """Starts a capture and returns its document.
 
         Args:
             device: Name of the device; may be None where there is only one.
@@ -82,10 +88,10 @@ class CaptureControl:
         """
         single = self._single(device, request)
         group_start.start([single], self._room, self._clock)
-        return single.new.id
+        return running_document(single.recording)
 
-    def arm(self, device: str | None, request: CaptureRequest) -> str:
-        """Arms a capture, whose `fields` count from its trigger, and returns its id.
+    def arm(self, device: str | None, request: CaptureRequest) -> CaptureDocument:
+        """Arms a capture, whose `fields` count from its trigger, and returns its document.
 
         Args:
             device: Name of the device; may be None where there is only one.
@@ -96,8 +102,7 @@ class CaptureControl:
             CaptureRunning, NotReady, InputError, CalibrationMismatch: See `group_start.arm`.
         """
         single = self._single(device, request)
-        group_start.arm([single], self._clock)
-        return single.new.id
+        return armed_document(*group_start.arm([single], self._clock))
 
     def start_group(self, requests: Mapping[str, CaptureRequest]) -> str:
         """Starts captures of several devices at the same moment, and returns the group's id.
@@ -228,7 +233,8 @@ class CaptureControl:
         group: Group | None = None,
         armed_utc: str | None = None,
     ) -> CaptureStart:
-        new = NewCapture(capture_id, request, self._archive.part_of(capture_id), group, armed_utc)
+        part = part_path(self._archive.directory, capture_id)
+        new = NewCapture(capture_id, request, part, group, armed_utc)
         return CaptureStart(self._current.devices[device], new)
 
     def _trigger(self, armed: list[ArmedCapture]) -> None:

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
-from grabberd.service.clock import Clock, iso_utc
+from grabberd.acquisition.clock import Moment
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,24 +33,6 @@ class CaptureRequest:
     on_interruption: str | None = None
     note: str = ""
     labels: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
-class Moment:
-    """One moment by both clocks.
-
-    Attributes:
-        ns: CLOCK_MONOTONIC, nanoseconds.
-        utc: ISO 8601.
-    """
-
-    ns: int
-    utc: str
-
-    @classmethod
-    def now(cls, clock: Clock) -> Self:
-        """The present moment."""
-        return cls(clock.now_ns(), iso_utc(clock.utc_now()))
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,13 @@ from dataclasses import asdict
 
 from grabberd import __version__
 from grabberd.acquisition import Signal, Slot
+from grabberd.acquisition.clock import Moment, iso_utc
 from grabberd.errors import InputError, NotReady
-from grabberd.service.capture.capture_request import ArmedCapture, Moment, NewCapture
+from grabberd.service.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.service.capture.device_captures import DeviceCaptures
 from grabberd.service.capture.recorder import Recorder
 from grabberd.service.capture.recording import Recording
 from grabberd.service.capture.writer_thread import Backlog
-from grabberd.service.clock import iso_utc
 from grabberd.storage import CaptureMeta, CaptureWriter
 
 
@@ -29,6 +29,12 @@ class CaptureStart:
         self.new = new
         self._recorder: Recorder | None = None
         self._recording: Recording | None = None
+
+    @property
+    def recording(self) -> Recording:
+        """The capture; only after `make_file`."""
+        assert self._recording is not None, "make_file() comes first"
+        return self._recording
 
     @property
     def duration_s(self) -> float | None:
@@ -90,12 +96,13 @@ class CaptureStart:
         """Lets the threshold follow the light again: the capture does not start after all."""
         self.device.pipeline.thresholds.release()
 
-    def arm(self, armed_utc: str) -> None:
+    def arm(self, armed_utc: str) -> ArmedCapture:
         """Keeps the ring as it is until the trigger."""
         ring = self.device.pipeline.configured
-        self.device.armed = ArmedCapture(
+        armed = self.device.armed = ArmedCapture(
             self.new.id, self.device.name, armed_utc, self.new.request, ring.bits, ring.lines, self.new.group
         )
+        return armed
 
     def record(self) -> None:
         """Starts to take fields, from this moment on or with the pre-trigger's fields from the ring.
@@ -147,9 +154,8 @@ class CaptureStart:
 
     def begin(self) -> None:
         """Starts writing; from now on the capture is the device's."""
-        assert self._recording is not None, "make_file() comes first"
-        self.device.recording, self.device.armed = self._recording, None
-        self._recording.start()
+        self.device.recording, self.device.armed = self.recording, None
+        self.recording.start()
 
     def _meta(self, start: Moment, trigger_n: int) -> CaptureMeta:
         """Metadata of the capture; `trigger_n` is the number of the first field after the trigger."""

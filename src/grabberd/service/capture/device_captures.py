@@ -7,15 +7,16 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from grabberd.acquisition import StreamInfo
+from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import CaptureRunning, Conflict, GrabberdError, NotFound
+from grabberd.geometry import Calibration
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.disk_guard import DiskGuard, bytes_per_field
 from grabberd.service.capture.recording import Recording
-from grabberd.service.clock import Clock
 from grabberd.service.device.device_state import STREAMING
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import StatusBoard
-from grabberd.service.setup import DeviceSetup, check_stream
+from grabberd.service.setup import DeviceSetup
 
 NOMINAL_RATE_HZ = 50.0
 """PAL; used until the device has been opened and says its own rate."""
@@ -44,7 +45,7 @@ class DeviceCaptures:
     setup: DeviceSetup
     board: StatusBoard
     pipeline: FieldPipeline
-    clock: Clock
+    clock: UtcClock
     disk: DiskGuard
     site: Mapping[str, str]
     queue_s: float
@@ -205,3 +206,14 @@ def of_device(by_name: Mapping[str, T], name: str | None) -> T:
         message = "no device is named" if name is None else f"no device {name!r}"
         raise NotFound(message, f"name one of: {', '.join(by_name)}")
     return by_name[name]
+
+
+def check_stream(calibration: Calibration, stream: StreamInfo) -> None:
+    """Checks that the pictures of a stream have the calibration's size; doubled fields have all lines.
+
+    Raises:
+        CalibrationMismatch: They have another size.
+    """
+    doubled = stream.field_rows == calibration.lines
+    lines = stream.field_rows if doubled else 2 * stream.field_rows
+    calibration.check_fits(stream.columns, lines, glass=calibration.glass)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from grabberd.documents.state import StorageDocument
 from grabberd.errors import Cause, StorageError
-from grabberd.field.packed_field import packed_shape
+from grabberd.field.field import packed_shape
 from grabberd.storage.disk import storage_errors
 
 GB = 1_000_000_000

@@ -9,12 +9,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from grabberd.acquisition.clock import Moment, UtcClock, iso_utc
 from grabberd.errors import GrabberdError, GroupRefused
-from grabberd.service.capture.capture_request import Moment
+from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.capture_start import CaptureStart
 from grabberd.service.capture.device_captures import CurrentCaptures
 from grabberd.service.capture.disk_guard import DiskGuard
-from grabberd.service.clock import Clock, iso_utc
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ class DiskRoom:
         self.guard.check_fits(self.folder, bytes_per_s + self.current.bytes_per_s, longest_s)
 
 
-def start(starts: Sequence[CaptureStart], room: DiskRoom, clock: Clock) -> None:
+def start(starts: Sequence[CaptureStart], room: DiskRoom, clock: UtcClock) -> None:
     """Starts captures; fields are taken from this moment on, or from the ring for a pre-trigger.
 
     Raises:
@@ -61,7 +61,7 @@ def start(starts: Sequence[CaptureStart], room: DiskRoom, clock: Clock) -> None:
             raise
 
 
-def arm(starts: Sequence[CaptureStart], clock: Clock) -> None:
+def arm(starts: Sequence[CaptureStart], clock: UtcClock) -> list[ArmedCapture]:
     """Arms captures: their rings are configured, and stay so until they are triggered or disarmed.
 
     Raises:
@@ -75,11 +75,10 @@ def arm(starts: Sequence[CaptureStart], clock: Clock) -> None:
             _release(starts)
             raise
         armed_utc = iso_utc(clock.utc_now())
-        for one in starts:
-            one.arm(armed_utc)
+        return [one.arm(armed_utc) for one in starts]
 
 
-def trigger(starts: Sequence[CaptureStart], room: DiskRoom, clock: Clock) -> None:
+def trigger(starts: Sequence[CaptureStart], room: DiskRoom, clock: UtcClock) -> None:
     """Starts armed captures, with as many fields from before the trigger as they want and the ring has.
 
     Raises:
@@ -109,7 +108,7 @@ def _release(starts: Sequence[CaptureStart]) -> None:
         one.release()
 
 
-def _begin(starts: Sequence[CaptureStart], room: DiskRoom, clock: Clock) -> None:
+def _begin(starts: Sequence[CaptureStart], room: DiskRoom, clock: UtcClock) -> None:
     room.check(starts)
     moment = Moment.now(clock)
     # All record before the first file is made: making one may take longer than the ring lasts (0.64 s).

@@ -4,9 +4,9 @@ import threading
 from typing import Protocol
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot, StreamInfo
+from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import RingOverrun
 from grabberd.service.capture.writer_thread import Backlog
-from grabberd.service.clock import Clock
 
 GRACE_NS = 1_000_000_000
 """Time after its due end that a capture of given length still waits for missing fields."""
@@ -57,7 +57,7 @@ class Recorder:
         self,
         reader: RingReader,
         backlog: Backlog[Slot],
-        clock: Clock,
+        clock: UtcClock,
         stream: StreamInfo,
         source: FieldSource,
         fields: int | None = None,

@@ -1,11 +1,12 @@
 """A running capture, from its first field to its sealed file."""
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from grabberd.acquisition import Outcome
+from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField
@@ -13,9 +14,8 @@ from grabberd.service.capture.capture_request import NewCapture
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recorder import Recorder
 from grabberd.service.capture.writer_thread import WriterThread
-from grabberd.service.clock import Clock
-from grabberd.storage import CaptureReader, CaptureWriter
-from grabberd.storage.capture.schema import PART, RESERVE_BYTES
+from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter, RunInfo
+from grabberd.storage.capture.schema import PART, RESERVE_BYTES, sealed_path
 
 ROOM_SLOTS = 8
 """A source that waits for its reader is held back when as many slots wait, or as few places are left."""
@@ -51,7 +51,7 @@ class Recording:
         new: NewCapture,
         recorder: Recorder,
         writer: CaptureWriter,
-        clock: Clock,
+        clock: UtcClock,
         *,
         measured: bool,
         ends_when_interrupted: bool = False,
@@ -93,6 +93,25 @@ class Recording:
     def path(self) -> Path:
         """Present path of the file."""
         return self._writer.path
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the file."""
+        path = self.path
+        try:
+            return path.stat().st_size
+        except FileNotFoundError:  # it is getting its final name at this moment
+            return sealed_path(path).stat().st_size
+
+    @property
+    def meta(self) -> CaptureMeta:
+        """Metadata of the capture, as it was started with them."""
+        return self._writer.meta
+
+    @property
+    def runs(self) -> Sequence[RunInfo]:
+        """Runs of the capture: the one that is measured while it records, if any."""
+        return self._writer.runs
 
     @property
     def first_n(self) -> int:

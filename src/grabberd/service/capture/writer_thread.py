@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from grabberd.acquisition import Slot
+from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import StorageError
 from grabberd.processes.measure import MeasuredField
-from grabberd.service.clock import Clock
 from grabberd.storage import CaptureWriter
 
 T = TypeVar("T")
@@ -126,6 +126,7 @@ class WriterThread:
     Attributes:
         committed: Number of slots that are in the file for good.
         points: Number of points that have been written.
+        first_time_ns: Time of the first field that has been written; None before that.
         failure: Why writing ended early, or None.
     """
 
@@ -133,12 +134,13 @@ class WriterThread:
         self,
         writer: CaptureWriter,
         backlog: Backlog[Slot],
-        clock: Clock,
+        clock: UtcClock,
         on_failure: Callable[[StorageError], None],
         on_commit: Callable[[], None] = lambda: None,
     ) -> None:
         self.committed = 0
         self.points = 0
+        self.first_time_ns: int | None = None
         self.failure: StorageError | None = None
         self._writer = writer
         self._backlog = backlog
@@ -192,6 +194,8 @@ class WriterThread:
     def _append_slots(self) -> None:
         slots = self._backlog.from_index(self._next_index, timeout_s=WAIT_S)
         self._writer.append(slots)
+        if self.first_time_ns is None:
+            self.first_time_ns = next((one.numbered.time_ns for one in slots if one.numbered), None)
         self._appended += len(slots)
 
     def _wait_for_points(self) -> None:

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
+from grabberd.acquisition.clock import UtcClock
 from grabberd.acquisition.device import Grabber, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL
 from grabberd.documents.states import Rung
@@ -18,7 +19,6 @@ from grabberd.errors import (
     StreamEnded,
     StreamFailed,
 )
-from grabberd.service.clock import Clock
 from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.recovery import Failure, Ladder, Step, reason_of, trouble_of
@@ -101,7 +101,7 @@ class CaptureThread(threading.Thread):
         grabber: Grabber,
         pipeline: FieldPipeline,
         board: StatusBoard,
-        clock: Clock,
+        clock: UtcClock,
         captures: ThreadCaptures,
         stopping: threading.Event | None = None,
     ) -> None:

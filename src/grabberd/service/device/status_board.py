@@ -6,10 +6,10 @@ from collections import Counter, deque
 from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import Outcome, Slot
+from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.acquisition.device import Signal, StreamInfo
 from grabberd.documents.states import Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
-from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.device.device_state import DeviceState, may_follow
 from grabberd.service.device.recovery import Step
 
@@ -69,7 +69,7 @@ class StatusBoard:
         changed: Notified with every change of state; whoever waits for a state waits on it.
     """
 
-    def __init__(self, name: str, clock: Clock) -> None:
+    def __init__(self, name: str, clock: UtcClock) -> None:
         self.name = name
         self.changed = threading.Condition()
         self._clock = clock

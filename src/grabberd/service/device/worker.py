@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition import Outcome, Policy
+from grabberd.acquisition.clock import UtcClock
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
-from grabberd.service.clock import Clock
 from grabberd.service.device.field_pipeline import ARRIVALS, FieldPipeline
 from grabberd.service.device.rig_health import RigHealth
 
@@ -179,7 +179,7 @@ class Worker(threading.Thread):
         setup: MeasureSetup | None,
         pipeline: FieldPipeline,
         captures: WorkerCaptures,
-        clock: Clock,
+        clock: UtcClock,
         fair_lock: FairLock | None = None,
     ) -> None:
         super().__init__(name=f"worker-{name}", daemon=True)

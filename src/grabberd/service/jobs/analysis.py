@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from grabberd import __version__
 from grabberd.acquisition import Ledger
+from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.errors import ExtraMissing, InputError, NotReady
 from grabberd.reconstruction import ObjectModel
-from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs.progress import Progress, portion
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.storage import CaptureReader

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from pydantic import ValidationError
 
 from grabberd import __version__
+from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.calibration import LENS, Mark
 from grabberd.config import RigConfig
 from grabberd.errors import ExtraMissing, InputError
@@ -21,7 +22,6 @@ from grabberd.service.calibrations.calibration_frames import (
     CALIBRATION_FRAME_KEYS,
     calibration_frame_model,
 )
-from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs.progress import Progress, counted, portion
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import location_settings, settings_of_capture

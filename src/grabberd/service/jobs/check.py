@@ -95,7 +95,7 @@ class CheckJob(JobSpec):
             note=NOTE,
             labels={"purpose": NOTE},
         )
-        capture_id = captures.start(instrument.name, request)
+        capture_id = captures.start(instrument.name, request).id
         return cls(
             subject=capture_id,
             path=archive.directory / f"{capture_id}{SUFFIX}",

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from grabberd import __version__
+from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.errors import MeasurementError, NotReady
 from grabberd.processes.measure import MeasuredField, measure_fields
 from grabberd.reconstruction.points import Points
-from grabberd.service.clock import SystemClock, iso_utc
 from grabberd.service.jobs.progress import Progress, counted
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import measure_setup

@@ -11,9 +11,9 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any, ClassVar
 
+from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.documents.states import JobState
 from grabberd.errors import Conflict, GrabberdError, NotFound
-from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.jobs.progress import Progress
 
 NICENESS = 10
@@ -72,7 +72,7 @@ class _Entry:
 class JobRunner:
     """Runs jobs in the order they are submitted; all of them can be looked up until the daemon ends."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: UtcClock) -> None:
         self._clock = clock
         self._entries: dict[str, _Entry] = {}
         # Ids go on from the time of the start, so that a client that still polls a job from before a restart

@@ -2,13 +2,13 @@
 
 from datetime import timedelta
 
+from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.documents.devices import LiveDocument, ObjectDocument, WidthDocument
 from grabberd.documents.points import NewestPoints
 from grabberd.errors import NotFound, NotReady
 from grabberd.processes.measure import MeasureSetup, whole
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.section_width import section_widths
-from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.device.worker import Live
 from grabberd.service.instrument import Instrument
 from grabberd.storage.export.points_document import point_columns
@@ -33,7 +33,7 @@ def live_document(instrument: Instrument) -> LiveDocument | None:
     )
 
 
-def newest_points(instrument: Instrument, clock: Clock) -> NewestPoints:
+def newest_points(instrument: Instrument, clock: UtcClock) -> NewestPoints:
     """The newest measured field, point by point.
 
     Raises:

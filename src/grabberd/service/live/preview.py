@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.acquisition import Outcome, Slot
+from grabberd.acquisition.clock import UtcClock
 from grabberd.field import PackedField, quantise, unpack
 from grabberd.reconstruction import Points
-from grabberd.service.clock import Clock
 from grabberd.service.device.worker import Live
 from grabberd.service.instrument import Instrument
 
@@ -48,7 +48,7 @@ NO_CENTROIDS = Centroids(0, np.zeros((0, 2), np.float32))
 class Preview:
     """Makes the messages of one device, each once for all clients."""
 
-    def __init__(self, instrument: Instrument, clock: Clock) -> None:
+    def __init__(self, instrument: Instrument, clock: UtcClock) -> None:
         self._instrument = instrument
         self._clock = clock
         self._shown: Slot | None = None

@@ -12,10 +12,10 @@ import time
 from collections.abc import Callable
 
 from grabberd import __version__
+from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.documents.mqtt import OnlineMessage
 from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import GrabberdError, NotReady, StorageError
-from grabberd.service.clock import Clock, iso_utc
 from grabberd.service.mqtt.broker import Broker, Connection
 from grabberd.service.mqtt.messages import CAPTURE, ONLINE, STATE, Message, Topics, device_state
 from grabberd.service.mqtt.summary_queue import SummaryQueue
@@ -50,7 +50,7 @@ class Publisher:
         topics: Topics,
         state: Callable[[], StateDocument],
         summaries: SummaryQueue,
-        clock: Clock,
+        clock: UtcClock,
         every_s: float,
     ) -> None:
         self.summaries = summaries

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Protocol
 from urllib.parse import quote
 
+from grabberd.acquisition.clock import UtcClock
 from grabberd.config import Config
 from grabberd.documents.state import MqttDocument, StateDocument
 from grabberd.errors import ConfigError, ExtraMissing, Problem
 from grabberd.service.archive.archive import Archive
-from grabberd.service.clock import Clock
 
 
 class MqttPublisher(Protocol):
@@ -50,7 +50,7 @@ def check_mqtt(config: Config, file: Path) -> None:
 
 
 def create_publisher(
-    config: Config, archive: Archive, state: Callable[[], StateDocument], clock: Clock
+    config: Config, archive: Archive, state: Callable[[], StateDocument], clock: UtcClock
 ) -> MqttPublisher | None:
     """Creates the publisher of a checked configuration; None if no broker is configured.
 

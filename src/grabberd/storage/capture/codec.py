@@ -7,7 +7,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from grabberd.field import PackedField
-from grabberd.field.packed_field import packed_shape
+from grabberd.field.field import packed_shape
 from grabberd.reconstruction.points import Points
 
 ZLIB = "zlib"

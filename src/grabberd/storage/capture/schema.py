@@ -98,6 +98,11 @@ def _reserve_journal(journal: Path) -> None:
         os.posix_fallocate(file.fileno(), 0, JOURNAL_BYTES)
 
 
+def part_path(folder: Path, capture_id: str) -> Path:
+    """Path of a new capture's file while it is written: `ID.grab.part`."""
+    return folder / f"{capture_id}{SUFFIX}{PART}"
+
+
 def sealed_path(part: Path) -> Path:
     """`NAME.grab` for `NAME.grab.part`; a name without that ending stays as it is."""
     return part.with_name(part.name.removesuffix(PART))

@@ -12,6 +12,7 @@ from grabberd.errors import StorageError
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
+from grabberd.storage.capture.rows import RunInfo
 from grabberd.storage.capture.schema import (
     JOURNAL,
     SEALED,
@@ -39,10 +40,14 @@ class CaptureWriter:
 
     Attributes:
         path: `NAME.grab.part` until it is sealed, then `NAME.grab`.
+        meta: Metadata that it was created with.
+        runs: Runs that have been started.
     """
 
-    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+    def __init__(self, path: Path, connection: sqlite3.Connection, meta: CaptureMeta) -> None:
         self.path = path
+        self.meta = meta
+        self.runs: list[RunInfo] = []
         self._connection = connection
 
     @classmethod
@@ -53,7 +58,7 @@ class CaptureWriter:
             StorageError: It exists, or cannot be written.
         """
         connection = create(path, max_pages)
-        writer = cls(path, connection)
+        writer = cls(path, connection, meta)
         with storage_errors(path):
             writer._begin()
             write_all_meta(connection, meta)
@@ -67,6 +72,7 @@ class CaptureWriter:
         with storage_errors(self.path):
             self._begin()
             self._connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, RUNNING, made_with))
+        self.runs.append(RunInfo(run, kind, created_utc, version, RUNNING, None, dict(made_with)))
 
     def append(self, slots: Iterable[Slot]) -> None:
         """Adds fields, and the outcome of those that were not received, with the next commit."""

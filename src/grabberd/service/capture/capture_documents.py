@@ -1,5 +1,6 @@
 """The documents of captures and their runs, built from files, recordings and armed captures."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from grabberd.acquisition import Ledger, Outcome
@@ -15,7 +16,7 @@ from grabberd.documents.captures import (
 from grabberd.errors import NotFound
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
-from grabberd.storage import CaptureReader, RunInfo
+from grabberd.storage import CaptureMeta, CaptureReader, RunInfo
 from grabberd.storage.capture.schema import reading_errors
 from grabberd.storage.state.capture_index import IndexEntry
 
@@ -75,17 +76,19 @@ def armed_document(armed: ArmedCapture) -> CaptureDocument:
     )
 
 
-def running_document(part: Path, recording: Recording) -> CaptureDocument:
-    """A capture that is being recorded, measured or sealed.
-
-    Raises:
-        CaptureFileError, FileNotFoundError: its file no longer has this name.
-    """
-    with CaptureReader(part) as reader:
-        document = _document(reader, recording.recorder.ledger)
-    ended = "unsealed" if recording.sealed.is_set() else "sealing"
-    state = "recording" if recording.recorder.recording else ended
-    return document.model_copy(update={"state": state, "ended_because": recording.recorder.ended_because})
+def running_document(recording: Recording) -> CaptureDocument:
+    """A capture that is being recorded, measured or sealed; its file is not read."""
+    recorder = recording.recorder
+    document = _document(
+        recording.meta,
+        recorder.ledger,
+        recording.runs,
+        first_time_ns=recording.writing.first_time_ns,
+        size_bytes=recording.size_bytes,
+    )
+    ended = "unsealed" if recording.sealed.is_set() and not recording.is_sealed else "sealing"
+    state = "recording" if recorder.recording else ended
+    return document.model_copy(update={"state": state, "ended_because": recorder.ended_because})
 
 
 def describe(path: Path) -> CaptureDocument:
@@ -95,7 +98,13 @@ def describe(path: Path) -> CaptureDocument:
         CaptureFileError: the file cannot be read.
     """
     with CaptureReader(path) as reader, reading_errors(path):
-        document = _document(reader, reader.ledger)
+        document = _document(
+            reader.meta,
+            reader.ledger,
+            reader.runs,
+            first_time_ns=reader.first_time_ns,
+            size_bytes=path.stat().st_size,
+        )
     if document.verdict is not None:
         return document
     return document.model_copy(update={"state": "unsealed", "verdict": "incomplete"})
@@ -137,8 +146,10 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
     )
 
 
-def _document(reader: CaptureReader, ledger: Ledger) -> CaptureDocument:
-    meta = reader.meta
+def _document(
+    meta: CaptureMeta, ledger: Ledger, runs: Iterable[RunInfo], *, first_time_ns: int | None, size_bytes: int
+) -> CaptureDocument:
+    """A capture by its metadata, ledger and runs, be they in memory or from its file."""
     counts, trigger, group = ledger.counts(), meta.extra.get("trigger", {}), meta.extra.get("group")
     known = {
         "id": meta.id,
@@ -150,30 +161,28 @@ def _document(reader: CaptureReader, ledger: Ledger) -> CaptureDocument:
         "trigger_utc": trigger.get("utc"),
         "pre_trigger_fields": trigger.get("n", 0),
         "group": None if group is None else GroupDocument.model_validate(group),
-        "first_field_s": _first_field_s(reader),
+        "first_field_s": _first_field_s(meta, first_time_ns),
         "bits": meta.bits,
         "lines": meta.lines,
         "fields": sum(counts[outcome] for outcome in IN_THE_FILE),
         "ledger": ledger_document(ledger, meta.rate_hz),
-        "runs": [run_document(run) for run in reader.runs],
+        "runs": [run_document(run) for run in runs],
         "labels": meta.labels,
         "note": meta.note,
         "pinned": False,
-        "size_bytes": reader.path.stat().st_size,
+        "size_bytes": size_bytes,
         "rig": meta.extra.get("rig"),
     }
-    return CaptureDocument.model_validate(
-        known
-    )  # of a file's own strings, so nothing is known of their types
+    # Validated: the strings may be a file's own, so nothing is known of their types.
+    return CaptureDocument.model_validate(known)
 
 
 def _run(run: RunInfo) -> dict[str, object]:
     return {name: getattr(run, name) for name in RunDocument.model_fields}
 
 
-def _first_field_s(reader: CaptureReader) -> float | None:
+def _first_field_s(meta: CaptureMeta, first_time_ns: int | None) -> float | None:
     """From its start to the middle of its first field's exposure; None for a recording played again."""
-    first_ns = reader.first_time_ns
-    if first_ns is None or not reader.meta.device.get("stream", {}).get("live", True):
+    if first_time_ns is None or not meta.device.get("stream", {}).get("live", True):
         return None
-    return (first_ns - reader.meta.start_ns) / 1e9
+    return (first_time_ns - meta.start_ns) / 1e9

@@ -1,0 +1,48 @@
+"""The document of a running capture, which is made from memory: its file would give the same."""
+
+import time
+from pathlib import Path
+
+from running import PATIENCE_S, running, sealed
+
+from grabberd.service.capture.capture_documents import describe, running_document
+from grabberd.service.capture.capture_request import CaptureRequest
+from grabberd.service.capture.recording import Recording
+from grabberd.service.service import Service
+
+GROWS = {"state", "verdict", "ended_because", "fields", "ledger", "size_bytes"}
+"""What changes from field to field, or when the capture ends."""
+
+
+def written(service: Service) -> Recording:
+    recording = service.instrument(None).recording
+    assert recording is not None
+    deadline = time.monotonic() + PATIENCE_S
+    while not recording.writing.committed and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return recording
+
+
+def test_a_running_capture_is_described_as_its_file_describes_it(tmp_path: Path) -> None:
+    request = CaptureRequest(pre_trigger_fields=5, note="new liners", labels={"cow": "112"})
+    with running(tmp_path, {"pace": "real"}) as service:
+        begun = service.capture_control.start(None, request)
+        recording = written(service)
+        remembered, stored = running_document(recording), describe(recording.path)
+        assert remembered.model_dump(exclude=GROWS) == stored.model_dump(exclude=GROWS)
+        assert begun.model_dump(exclude=GROWS | {"first_field_s"}) == stored.model_dump(
+            exclude=GROWS | {"first_field_s"}
+        )
+        assert (remembered.state, remembered.verdict, remembered.ended_because) == ("recording", None, None)
+        assert remembered.first_field_s is not None
+        assert remembered.fields >= stored.fields > 0
+
+
+def test_its_ledger_and_fields_are_those_of_the_sealed_file(tmp_path: Path) -> None:
+    with running(tmp_path, {"pace": "real"}) as service:
+        service.capture_control.start(None, CaptureRequest(fields=40))
+        recording = written(service)
+        sealed(service)
+        remembered, stored = running_document(recording), describe(recording.path)
+    end = {"state", "verdict", "rig", "runs"}
+    assert remembered.model_dump(exclude=end) == stored.model_dump(exclude=end)
