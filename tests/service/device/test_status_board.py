@@ -8,9 +8,9 @@ from recording_rig import PATIENCE_S
 from slots import STREAM, ManualClock, slot, without_signal
 
 from grabberd.acquisition import Outcome
+from grabberd.acquisition.clock import iso_utc
 from grabberd.documents.states import Rung
 from grabberd.errors import Cause, DeviceRefused, PictureError, StorageError, StreamFailed
-from grabberd.service.clock import iso_utc
 from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.recovery import Step
 from grabberd.service.device.status_board import StatusBoard, cause_of
