@@ -91,6 +91,7 @@ def cast(surface: Surface, mesh: Mesh, camera: Camera, raster: Raster) -> Hits:
     """
     seen = nearest(mesh, camera, raster)
     count = seen.u_mm.size
+    # Pixels without a mesh under them stay NaN; the rays of all others are cast in batches.
     hits = Hits(*np.full((2, count), np.nan), *np.full((2, count, 3), np.nan))
     met = np.flatnonzero(np.isfinite(seen.u_mm))
     directions = camera.directions(raster.pixels()[met])
@@ -162,9 +163,11 @@ def _meet(surface: Surface, mesh: Mesh, center: Array, directions: Array, u_mm: 
             break
         slopes = np.einsum("nka,nja->nkj", across, jets[:, 1:3])
         area = slopes[:, 0, 0] * slopes[:, 1, 1] - slopes[:, 0, 1] * slopes[:, 1, 0]
+        # A ray within the tangent plane gets no step, so it does not settle and counts as a miss.
         area = np.where(area == 0, np.inf, area)
         step_u = (excess[:, 0] * slopes[:, 1, 1] - excess[:, 1] * slopes[:, 0, 1]) / area
         step_v = (excess[:, 1] * slopes[:, 0, 0] - excess[:, 0] * slopes[:, 1, 0]) / area
+        # Near the outline a ray almost grazes the surface and Newton's step explodes: at most half a pitch.
         u -= np.clip(step_u, -limit, limit)
         v -= np.clip(step_v, -limit, limit)
     normal = np.cross(jets[:, 1], jets[:, 2]) * surface.outward

@@ -121,6 +121,7 @@ class _Matching(NamedTuple):
         for _ in range(_MOST_STEPS):
             step, sigma = self._step(design, inverse, spline, shift, field.y_step)
             step[~enough] = 0.0
+            # Grey values are linear in the shift only over about a pixel.
             shift += np.clip(step, -1.0, 1.0)
             if np.abs(step).max(initial=0.0) < _SETTLED_PX:
                 break
@@ -157,6 +158,7 @@ class _Matching(NamedTuple):
         solution = np.einsum("nij,nj->ni", inverse, right)
         rest = picture - np.einsum("im,mi->m", design, solution[self.label])
         free = np.maximum(np.bincount(self.label, minlength=self.labels) - _UNKNOWNS, 1)
+        # A small or negative gain means that the patterns do not resemble each other: no match.
         gain = np.where(solution[:, 3:] > _LEAST_GAIN, solution[:, 3:], np.nan)
         variance = (self._sum(rest**2) / free)[:, np.newaxis] * np.einsum("nii->ni", inverse)[:, :2]
         return solution[:, :2] / gain, np.sqrt(variance) / gain
@@ -183,6 +185,7 @@ def _mean(shifts: Estimate) -> Estimate:
 def _spline(field: Field) -> Array:
     from scipy.ndimage import spline_filter  # noqa: PLC0415 - heavy
 
+    # Cubic, not linear: linear interpolation blurs the picture, and more at some shifts than at others.
     coefficients: Array = spline_filter(field.luma.astype(float), order=3, mode="mirror")
     return coefficients
 
