@@ -80,7 +80,7 @@ def test_a_point_many_sigma_off_is_left_out_and_named():
     smoothing = choose_smoothing(grid(), [field])
     field.xyz_mm[40, 2] += 0.8
     surface = fit_surface(grid(), field, smoothing)
-    assert surface.problems == ("left out, many σ from what the other points foretell: targets 41",)
+    assert surface.problems == ("left out, many σ from the prediction by the other points: targets 41",)
     assert surface.supported.all()
 
 

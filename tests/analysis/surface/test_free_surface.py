@@ -72,7 +72,7 @@ def test_a_point_far_off_is_left_out_and_told():
     xyz, covariance = speckle(0.5)
     xyz[7, 2] += 4.0
     assert fit_free_surface(xyz, covariance, TUBE).problems == (
-        "left out, many σ from what the other points foretell: points number 7",
+        "left out, many σ from the prediction by the other points: points number 7",
     )
 
 

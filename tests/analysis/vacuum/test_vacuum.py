@@ -54,7 +54,7 @@ def test_sigma_of_a_wave_grows_on_its_slopes() -> None:
     [
         ({"rate_per_min": 6.0}, "rate_per_min 6"),
         ({"ratio": 60.0}, "60:40 is .6"),
-        ({"a_s": 0.0}, "take time"),
+        ({"a_s": 0.0}, "must be longer than 0"),
         ({"system_kpa": 420.0}, "system_kpa 420"),
         ({"c_s": 0.39}, "no room"),
     ],

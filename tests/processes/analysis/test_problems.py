@@ -5,7 +5,7 @@ import pytest
 from grabberd.errors import AnalysisError
 from grabberd.processes.analysis.problems import Problems
 
-LEFT_OUT = "left out, many σ from what the other points foretell"
+LEFT_OUT = "left out, many σ from the prediction by the other points"
 
 
 def noted(*pairs):

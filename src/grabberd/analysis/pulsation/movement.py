@@ -119,6 +119,7 @@ def _direction(moved: Array) -> Array:
         share = np.maximum((seen * amount[:, None] ** 2).sum(axis=0), 1e-30)
         direction = np.einsum("f,fnx->nx", amount, filled) / share[:, None]
         direction /= max(float(np.linalg.norm(direction, axis=1).max()), 1e-30)
+    # The sign of a singular vector is arbitrary: towards the cameras, so that open is high.
     turned: Array = direction if direction[:, 2].sum() >= 0 else -direction
     return turned
 
@@ -137,5 +138,6 @@ def _along(moved: Array, covariance: Array, direction: Array) -> tuple[Array, Ar
     value = _amount(np.where(seen[..., None], moved, 0.0), seen, direction)
     noise = np.where(seen[..., None, None], covariance, 0.0)
     variance = np.einsum("nx,fnxy,ny->f", direction, noise, direction) / np.maximum(share, 1e-30) ** 2
+    # The visible targets carry less than a fifth of the movement: their noise would be magnified.
     value[share < 0.2 * whole] = np.nan
     return value, np.sqrt(variance)

@@ -145,6 +145,7 @@ def smoothed(log: VacuumLog) -> Array:
     width, kpa = _width(log), log.pulsation_kpa
     if width >= len(kpa):
         return kpa
+    # The ends stay unsmoothed: a mean over fewer readings would shift slopes there.
     whole = np.convolve(kpa, np.full(width, 1 / width), mode="valid")
     return np.concatenate([kpa[: width // 2], whole, kpa[len(kpa) - width // 2 :]])
 

@@ -109,6 +109,7 @@ class Pulsation:
         which = np.full(len(time_s), -1, np.intp)
         turns = np.full(len(time_s), np.nan)
         for index, run in enumerate(self.runs):
+            # The slack keeps the run's own first and last field inside after rounding.
             inside = (time_s >= run.first_s - 1e-9) & (time_s <= run.last_s + 1e-9)
             if run.capture == capture:
                 which[inside] = index

@@ -119,6 +119,8 @@ def fit_free_surface(
     _check_enough(xyz_mm)
     u_mm, v_mm = over.material(xyz_mm)
     domain, cell = _domain(u_mm, v_mm)
+    # One direction per point: only the departure along it is modelled, since points slide along the surface
+    # from field to field.
     away = over.direction(u_mm, v_mm)[:, 0]
     departure = ((xyz_mm - over.base(u_mm, v_mm)[:, 0]) * away).sum(axis=1)[:, np.newaxis]
     kept, normal = np.ones(len(xyz_mm), bool), away

@@ -58,6 +58,7 @@ def distance_to(plane: Plane, outline_mm: Array) -> Measured:
     slopes[nearest] = _ACROSS * (
         np.multiply.outer(weight, normal) - np.multiply.outer(weight * steepness, across)
     )
+    # The normal misses the outline: a parabola would extrapolate a wall where there is none.
     if not beside.min() <= 0 <= beside.max():
         return Measured(np.asarray(np.nan), np.full_like(slopes, np.nan))
     return Measured(np.asarray(weight @ away[nearest]), slopes)

@@ -176,6 +176,7 @@ def _cuts(surface: Surface, x_mm: NDArray[np.float64]) -> _Cuts:
         short = (x_mm[:, np.newaxis] - jets[..., 0, 0]) / along[..., 0]
         if np.abs(short).max() < _STRAIGHT_MM:
             break
+        # Beyond a pitch outside the targets the spline is meaningless, and Newton's method might not return.
         u_mm = np.clip(u_mm + short, first - domain.u_pitch_mm, last + domain.u_pitch_mm)
     u_mm, v_mm, along = (
         np.broadcast_to(each, (len(x_mm), *each.shape[1:])) for each in (u_mm, round_mm, along)

@@ -1,7 +1,7 @@
 """The vacuum on both sides of the wall at the fields' times: a constant, a pulsator's settings, or a log.
 
-Vacuum is counted in kPa below atmosphere. Each source gives `at(time_s)` with σ, at times of the camera's
-clock.
+Vacuum is in kPa below atmosphere. Each source has a method `at(time_s)` that returns it with σ, at times of
+the camera's clock.
 """
 
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from grabberd.errors import InputError
 
 Array = NDArray[np.float64]
 
+# Slack for rounding of times.
 _ROOM_S = 1e-6
 
 
@@ -31,7 +32,7 @@ class VacuumSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class ConstantVacuum:
-    """The same at all times, as in the liner, more or less; its σ is given, not assumed."""
+    """A constant vacuum, as approximately in the liner; its σ is an input, never assumed."""
 
     kpa: float
     sigma_kpa: float
@@ -39,24 +40,24 @@ class ConstantVacuum:
     def __post_init__(self) -> None:
         if not 0 <= self.kpa <= MOST_KPA or not self.sigma_kpa >= 0:
             raise InputError(
-                f"a vacuum of {self.kpa:g} kPa (σ {self.sigma_kpa:g}) is none of a milking machine",
+                f"a vacuum of {self.kpa:g} kPa (σ {self.sigma_kpa:g}) is impossible for a milking machine",
                 f"give kPa below atmosphere, 0 to {MOST_KPA:g}",
             )
 
     def at(self, time_s: Array) -> Estimate:
-        """(F,) always the same."""
+        """(F,) the constant vacuum."""
         return Estimate(np.full(len(time_s), self.kpa), np.full(len(time_s), self.sigma_kpa))
 
 
 @dataclass(frozen=True, slots=True)
 class PulsatorWave:
-    """The chamber's vacuum by the pulsator's settings: a trapezoid.
+    """The chamber's vacuum according to the pulsator's settings: a trapezoid.
 
     Attributes:
         rate_per_min: pulsations a minute; `ratio`: (a + b) / (a + b + c + d), between 0 and 1.
         a_s, c_s: durations of ISO's phases a and c, from the test report of the pulsator.
         system_kpa: the chamber's maximum vacuum, with `sigma_kpa`.
-        start_s: a camera's time at which phase a begins, with `start_sigma_s`.
+        start_s: camera time at which phase a begins, with `start_sigma_s`.
     """
 
     rate_per_min: float
@@ -77,7 +78,7 @@ class PulsatorWave:
         return [
             (not 20 <= self.rate_per_min <= 180, f"rate_per_min {self.rate_per_min:g} is not from 20 to 180"),
             (not 0.1 < self.ratio < 0.9, f"ratio {self.ratio:g} is not between .1 and .9 (60:40 is .6)"),
-            (self.a_s <= 0 or self.c_s <= 0, "phases a and c take time"),
+            (self.a_s <= 0 or self.c_s <= 0, "phases a and c must be longer than 0"),
             (
                 not LEAST_KPA <= self.system_kpa <= MOST_KPA,
                 f"system_kpa {self.system_kpa:g} is not from {LEAST_KPA:g} to {MOST_KPA:g}",
@@ -102,7 +103,7 @@ class PulsatorWave:
         return min(self.ratio * self.period_s - self.a_s, (1 - self.ratio) * self.period_s - self.c_s) - both
 
     def kpa(self, time_s: Array) -> Array:
-        """(F,) the trapezoid: straight from 0 to the system's vacuum, past both thresholds on the way."""
+        """(F,) the trapezoid: straight slopes from 0 to the system's vacuum, through both thresholds."""
         rise, fall = self._edge * self.a_s, self._edge * self.c_s
         closes, full = self.ratio * self.period_s, self.system_kpa
         corners = [-rise, self.a_s + rise, closes - fall, closes + self.c_s + fall, self.period_s - rise]
@@ -112,25 +113,25 @@ class PulsatorWave:
         return kpa
 
     def at(self, time_s: Array) -> Estimate:
-        """(F,) the trapezoid; σ from the vacuum's and, on the slopes, from the start's."""
+        """(F,) the trapezoid, with σ from the vacuum's σ and, on the slopes, that of the start."""
         kpa = self.kpa(time_s)
         slope = _slope(self.kpa, time_s, max(self.start_sigma_s, 1e-3))
         share = kpa / self.system_kpa * self.sigma_kpa
         return Estimate(kpa, np.hypot(share, slope * self.start_sigma_s))
 
     def log(self, first_s: float, last_s: float, step_s: float = 1e-3) -> VacuumLog:
-        """The wave as if a logger had written it: so its start is found like a log's offset."""
+        """The wave in the form of a log, so that its start can be found like a log's offset."""
         time_s = np.arange(first_s, last_s, step_s)
         return VacuumLog(time_s, self.kpa(time_s))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoggedVacuum:
-    """One column of a log, its clock set to the camera's.
+    """One column of a log, on the camera's clock.
 
     Attributes:
-        log: the readings; `kpa`: (K,) the column of it that is meant.
-        offset_s: camera's time less logger's, with `offset_sigma_s`.
+        log: readings of the logger; `kpa`: (K,) the column used.
+        offset_s: camera's time minus logger's, with `offset_sigma_s`.
     """
 
     log: VacuumLog
@@ -139,10 +140,10 @@ class LoggedVacuum:
     offset_sigma_s: float
 
     def at(self, time_s: Array) -> Estimate:
-        """(F,) between the readings; σ from their noise and from the offset's σ on slopes.
+        """(F,) vacuum interpolated between readings; σ from their noise and, on slopes, the offset's σ.
 
         Raises:
-            InputError: the log does not cover the times, or has a gap there; nothing is filled in.
+            InputError: the log does not cover the times, or has a gap there; gaps are never filled.
         """
         own_s = time_s - self.offset_s
         self._check(time_s, own_s)
@@ -176,6 +177,6 @@ class LoggedVacuum:
 
 
 def _slope(function: Callable[[Array], Array], time_s: Array, reach_s: float) -> Array:
-    """(F,) the mean slope within ± a reach, per s."""
+    """(F,) mean slope within ± `reach_s`, per s."""
     slope: Array = (function(time_s + reach_s) - function(time_s - reach_s)) / (2 * reach_s)
     return slope

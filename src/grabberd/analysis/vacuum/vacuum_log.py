@@ -16,9 +16,10 @@ Array = NDArray[np.float64]
 TIMES = {"time_s": 1.0, "time_ms": 1e-3}
 PULSATION, LINER = "pulsation_vacuum_kpa", "liner_vacuum_kpa"
 LEAST_KPA, MOST_KPA = 15.0, 80.0
-"""What the maximum of a milking machine's vacuum lies between."""
+"""Limits of the maximum vacuum of a milking machine."""
 
 _GAP_STEPS = 3.0
+"""Steps between two readings from which on readings are missing; a logger's clock may jitter by less."""
 _LEAST_ROWS = 10
 _COLUMNS = (
     f"the first line names the columns: {' or '.join(TIMES)}, {PULSATION} and, where it is known, {LINER};"
@@ -41,7 +42,7 @@ class VacuumLog:
     Attributes:
         time_s: (K,) the logger's own time, ascending.
         pulsation_kpa: (K,) vacuum in the pulsation chamber, below atmosphere.
-        liner_kpa: (K,) in the liner, or None where it was not logged.
+        liner_kpa: (K,) vacuum in the liner, or None if it was not logged.
     """
 
     time_s: Array
@@ -52,7 +53,7 @@ class VacuumLog:
         """Checks times and units.
 
         Raises:
-            InputError: too few readings, times that do not ascend, or magnitudes of another unit.
+            InputError: there are too few readings, times do not ascend, or the values are in another unit.
         """
         if len(self.time_s) < _LEAST_ROWS:
             raise InputError(f"the vacuum log has {len(self.time_s)} readings", _COLUMNS)
@@ -69,7 +70,7 @@ class VacuumLog:
 
     @property
     def step_s(self) -> float:
-        """From reading to reading, as a rule."""
+        """Median time between readings."""
         return float(np.median(np.diff(self.time_s)))
 
     @property
@@ -79,7 +80,8 @@ class VacuumLog:
         return [(float(self.time_s[k]), float(self.time_s[k + 1])) for k in after]
 
     def noise_kpa(self, kpa: Array) -> float:
-        """σ of one reading, from its departure from its neighbours' mean."""
+        """σ of one reading, from its departure from the mean of its neighbours."""
+        # The median ignores slopes' corners; 1.4826 turns it into σ, and √1.5 is the σ of such a departure.
         bend = kpa[1:-1] - (kpa[:-2] + kpa[2:]) / 2
         return float(1.4826 * np.median(np.abs(bend)) / math.sqrt(1.5))
 

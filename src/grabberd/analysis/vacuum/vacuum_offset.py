@@ -1,15 +1,14 @@
 """Offset of a vacuum logger's clock from the camera's, found from the wall's movement.
 
-The wall follows the vacuum: where the chamber's vacuum passes half its height, the wall passes half its
-stroke a little later. What can be seen is that delay between two clocks, offset and lag of the wall in one
-sum:
+The wall follows the vacuum: it passes half its stroke a little after the chamber's vacuum passes half its
+height. Observable is only that delay between two clocks, the sum of their offset and the wall's lag:
 
     wall's half stroke (camera's clock) - vacuum's half height (logger's clock) = offset + lag
 
-Nothing in the data separates the two; the lags of opening and closing are inputs. They depend on the liner
-and its mounting and are measured once with a common signal on both clocks (a lamp in the picture that the
-logger switches). Two whole cycles are alike, so the offset is known but for multiples of the cycle; the
-coarse difference of the clocks (`near_s`) chooses.
+The data cannot separate the two, so the lags of opening and closing are inputs. They depend on the liner and
+its mounting and are measured once with a common signal on both clocks (a lamp in the picture that the logger
+switches). All cycles are alike, so the offset is determined only up to multiples of the cycle; the coarse
+difference of the clocks (`near_s`) selects one.
 """
 
 from dataclasses import dataclass
@@ -26,14 +25,16 @@ from grabberd.errors import AnalysisError, InputError
 Array = NDArray[np.float64]
 
 _HALF_BAND = 0.1
+"""Half width, as a share of the vacuum, of the band whose two crossings average to half its height."""
 _UNLIKE_RATE = 0.02
+"""Relative difference of the cycles of log and wall above which they do not belong together."""
 
 
 class WallLag(NamedTuple):
     """Delay from the vacuum's half height to the wall's half stroke.
 
     Attributes:
-        opening_s: when it opens; `closing_s`: when it closes; `sigma_s`: of either.
+        opening_s: delay in opening; `closing_s`: delay in closing; `sigma_s`: σ of each.
     """
 
     opening_s: float
@@ -46,10 +47,10 @@ class Offset:
     """The clocks' difference: camera's time = logger's time + offset.
 
     Attributes:
-        opening_shift_s: offset + lag as the opening shows it, with `opening_sigma_s`; `closing_shift_s` and
-            `closing_sigma_s` likewise. Known but for multiples of `period_s`.
-        lag: the wall's, or None where it is not known.
-        events: how many slopes of the vacuum they come from.
+        opening_shift_s: offset + lag from the opening, with `opening_sigma_s`; `closing_shift_s` and
+            `closing_sigma_s` likewise. Known up to multiples of `period_s`.
+        lag: lag of the wall, or None if unknown.
+        events: number of slopes of the vacuum used.
         period_s: length of the cycle.
     """
 
@@ -63,19 +64,19 @@ class Offset:
 
     @property
     def offset_s(self) -> float:
-        """Camera's time less logger's: the mean of what opening and closing say.
+        """Camera's time minus logger's: the mean from opening and closing.
 
         Raises:
-            InputError: the wall's lag is not known; offset and lag cannot be separated.
+            InputError: the wall's lag is unknown, so offset and lag cannot be separated.
         """
         return float(np.mean(self._each()))
 
     @property
     def sigma_s(self) -> float:
-        """σ of it: noise, the lag's σ, and half of what opening and closing disagree by.
+        """σ of the offset: noise, the lag's σ, and half the disagreement of opening and closing.
 
         Raises:
-            InputError: the wall's lag is not known.
+            InputError: the wall's lag is unknown.
         """
         first, second = self._each()
         lag_s = self.lag.sigma_s if self.lag is not None else 0.0
@@ -94,17 +95,17 @@ class Offset:
 
 
 def find_offset(log: VacuumLog, pulsation: Pulsation, lag: WallLag | None, near_s: float) -> Offset:
-    """The offset of a log against the camera's clock, and what it is known to.
+    """The offset of a log's clock from the camera's, with σ.
 
     Args:
-        log: its pulsation vacuum is used.
-        pulsation: of the capture whose times the log is set to (its capture 0).
-        lag: of the wall behind the vacuum, or None where it is not known.
-        near_s: about what the offset is, to within half a cycle: it chooses the cycle.
+        log: log with the pulsation vacuum.
+        pulsation: pulsation whose capture 0 gives the camera's times.
+        lag: lag of the wall behind the vacuum, or None if unknown.
+        near_s: approximate offset, to within half a cycle, which selects the cycle.
 
     Raises:
         InputError: near that offset the log does not cover the capture.
-        AnalysisError: log and wall do not pulsate alike.
+        AnalysisError: log and wall pulsate differently.
     """
     top = maximum_kpa(log)
     middle, band = top / 2, _HALF_BAND * top
@@ -140,7 +141,7 @@ def _check_rate(rises_s: Array, pulsation: Pulsation) -> None:
 
 
 def _shift(events_s: Array, pulsation: Pulsation, rising: bool, near_s: float) -> tuple[float, float, int]:
-    """Wall less vacuum, its σ, and from how many slopes of the vacuum."""
+    """Shift of the wall against the vacuum, its σ, and the number of slopes of the vacuum."""
     phase, phase_sigma_s = _half_stroke(pulsation, rising)
     period_s = pulsation.period_s
     turns, weights = [], []
@@ -153,8 +154,9 @@ def _shift(events_s: Array, pulsation: Pulsation, rising: bool, near_s: float) -
     if not len(turn):
         raise InputError(
             f"with an offset near {near_s:.2f} s the vacuum log does not cover the capture",
-            "give the log of the capture's time, and about what its clock differs by",
+            "give the log of the capture's time, and roughly how far its clock differs",
         )
+    # A circular mean: shifts just below and just above a whole cycle are neighbours.
     mean = np.angle(np.exp(2j * np.pi * turn).mean()) / (2 * np.pi)
     spread_s = (np.mod(turn - mean + 0.5, 1.0) - 0.5) * period_s
     events_sigma_s = float(np.sqrt((spread_s**2).sum() / max(len(turn) - 1, 1) / len(turn)))
@@ -170,14 +172,14 @@ def _within(events_s: Array, run: Run, near_s: float, period_s: float) -> Array:
 
 
 def _half_stroke(pulsation: Pulsation, rising: bool) -> tuple[float, float]:
-    """Phase at which the wall passes half its stroke, and σ in s of noise there."""
+    """Phase at which the wall passes half its stroke, and its σ in s from noise."""
     waveform = pulsation.waveform
     middle = sum(waveform.levels()) / 2
     found = waveform.crossings(middle)[0 if rising else 1]
     if len(found) != 1:
         raise AnalysisError(
             f"the wall passes half its stroke {len(found)} times in the mean cycle",
-            "give the offset itself; this movement does not tell it",
+            "give the offset itself; this movement does not determine it",
         )
     slope = abs(float(waveform.slope(found)[0]))
     return float(found[0]), float(waveform.sigma(found)[0]) / slope * pulsation.period_s

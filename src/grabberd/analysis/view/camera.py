@@ -1,4 +1,4 @@
-"""A view together with what its picture shows beyond the functional model."""
+"""A view together with its local field, the displacements beyond the functional model."""
 
 import math
 from dataclasses import replace
@@ -12,7 +12,7 @@ from grabberd.geometry import Calibration, LocalField, View, project, rays, rota
 Array = NDArray[np.float64]
 
 _STEPS = 4
-"""A local field changes by far less than a tenth of a pixel per pixel: each step gains a digit at least."""
+"""A local field changes by far less than a tenth of a pixel per pixel: each step gains at least one digit."""
 _FILLED = 0.9
 
 
@@ -21,7 +21,7 @@ class Camera(NamedTuple):
 
     Attributes:
         view: the virtual camera.
-        local_field: what its picture shows beyond the functional model, or None.
+        local_field: displacements in its picture beyond the functional model, or None.
     """
 
     view: View
@@ -29,7 +29,7 @@ class Camera(NamedTuple):
 
     @classmethod
     def both(cls, calibration: Calibration) -> tuple["Camera", "Camera"]:
-        """The left and the right one of a calibration."""
+        """The left and the right camera of a calibration."""
         left, right = zip(calibration.views, calibration.local_fields, strict=True)
         return cls(*left), cls(*right)
 
@@ -39,7 +39,7 @@ class Camera(NamedTuple):
         return range(self.view.first_column, self.view.end_column)
 
     def pixels(self, xyz_mm: Array) -> Array:
-        """(N, 2) frame pixels where places (N, 3) are seen; NaN behind the camera."""
+        """(N, 2) frame pixels of points (N, 3); NaN behind the camera."""
         model_px = project(self.view, xyz_mm)
         if self.local_field is None:
             return model_px
@@ -58,15 +58,15 @@ class Camera(NamedTuple):
     def looking_at(
         cls, like: View, middle_mm: Array, azimuth_deg: float, elevation_deg: float, columns: int, lines: int
     ) -> "Camera":
-        """A free camera with a view's focal length and distance, without distortion, anywhere round a place.
+        """A free camera round a point, without distortion, with the focal length and distance of a view.
 
         Args:
-            like: whose focal length, pixel pitch and distance from the place it has.
-            middle_mm: (3,) the place, which it shows in the middle of its picture.
-            azimuth_deg: of where it stands, in the xy plane, from x towards y.
-            elevation_deg: of where it stands, above that plane.
-            columns: of its picture.
-            lines: of its picture.
+            like: view that gives focal length, pixel pitch and distance from the point.
+            middle_mm: (3,) the point, shown in the middle of the picture.
+            azimuth_deg: azimuth of the camera in the xy plane, from x towards y.
+            elevation_deg: elevation of the camera above that plane.
+            columns: width of the picture.
+            lines: height of the picture.
         """
         right, up, toward = viewing_axes(azimuth_deg, elevation_deg)
         away_mm = float(np.linalg.norm(like.center_mm - middle_mm))
@@ -93,12 +93,12 @@ class Camera(NamedTuple):
         )
 
     def filling(self, xyz_mm: Array, columns: int, lines: int) -> "Camera":
-        """The same with another pixel pitch and principal point: places (N, 3) fill its picture.
+        """The camera with its pixel pitch and principal point changed so that points fill its picture.
 
         Args:
-            xyz_mm: what has to be in the picture; before the camera.
-            columns: of its picture.
-            lines: of its picture.
+            xyz_mm: (N, 3) points to show, all before the camera.
+            columns: width of the picture.
+            lines: height of the picture.
         """
         pixels = self.pixels(xyz_mm)
         low, high = pixels.min(axis=0), pixels.max(axis=0)
@@ -117,7 +117,7 @@ class Camera(NamedTuple):
 
 
 def viewing_axes(azimuth_deg: float, elevation_deg: float) -> tuple[Array, Array, Array]:
-    """Unit vectors to the right and up in a picture, and from the object toward who looks at it.
+    """Unit vectors to the right and up in a picture, and from the object toward the viewer.
 
     Azimuth is counted in the object's xy plane from x towards y, elevation from that plane towards z, so
     (−90, 90) looks from above with x to the right, (−90, 0) from the side, (0, 0) along x.

@@ -1,9 +1,9 @@
 """Intersection of a picture's pixel rays with a surface.
 
-The mesh of the surface, drawn into the picture with a depth buffer, tells for every pixel which part of the
-surface is seen there; from that place Newton's iteration goes to where the pixel's own, undistorted ray meets
-the smooth surface. So the meeting places are exact (to 1e-5 mm), and only the outline is that of the mesh
-(.1 px of the reference rig's liner).
+The mesh of the surface, drawn into the picture with a depth buffer, gives for every pixel the visible part of
+the surface; from there Newton's iteration finds where the pixel's own, undistorted ray meets the smooth
+surface. So the intersections are exact (to 1e-5 mm), and only the outline is that of the mesh (.1 px of the
+reference rig's liner).
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,9 @@ Array = NDArray[np.float64]
 SETTLED_MM = 1e-9
 _MOST_STEPS = 12
 _AT_ONCE = 4096
+"""Rays per batch: bounds memory, since each ray has a jet of 45 numbers."""
 _ON_EDGE = 1e-9
+"""Slack for pixels on the edge of two triangles, which rounding could put outside both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +51,11 @@ class Raster:
 
 
 class Seen(NamedTuple):
-    """Nearest part of the mesh in each pixel; NaN where there is none.
+    """Nearest part of the mesh in each pixel; NaN without any.
 
     Attributes:
-        u_mm: (lines, columns) material place; `v_mm`: likewise.
-        distance_mm: (lines, columns) from the projection centre.
+        u_mm: (lines, columns) material coordinate; `v_mm`: likewise.
+        distance_mm: (lines, columns) distance from the projection centre.
     """
 
     u_mm: Array
@@ -65,7 +67,7 @@ class Hits(NamedTuple):
     """Points where rays meet the surface; NaN for rays that meet no part supported by data.
 
     Attributes:
-        u_mm: (N,) material places; `v_mm`: (N,).
+        u_mm: (N,) material coordinates; `v_mm`: (N,).
         xyz_mm: (N, 3) in the object's frame.
         normal: (N, 3) unit normals, outward.
     """
@@ -77,18 +79,19 @@ class Hits(NamedTuple):
 
 
 def cast(surface: Surface, mesh: Mesh, camera: Camera, raster: Raster) -> Hits:
-    """The meeting places of every pixel's ray, N = lines · columns, line by line.
+    """Intersections of every pixel's ray with the surface, N = lines · columns, line by line.
 
-    The nearest part of the surface counts, and only where it turns its outer face to the camera.
+    Only the nearest part of the surface counts, and only if its outer face is towards the camera.
 
     Args:
         surface: the outer face.
-        mesh: of the surface.
-        camera: whose rays.
-        raster: which pixels.
+        mesh: mesh of the surface.
+        camera: camera whose rays are cast.
+        raster: pixels whose rays are cast.
     """
     seen = nearest(mesh, camera, raster)
     count = seen.u_mm.size
+    # Pixels without a mesh under them stay NaN; the rays of all others are cast in batches.
     hits = Hits(*np.full((2, count), np.nan), *np.full((2, count, 3), np.nan))
     met = np.flatnonzero(np.isfinite(seen.u_mm))
     directions = camera.directions(raster.pixels()[met])
@@ -102,7 +105,7 @@ def cast(surface: Surface, mesh: Mesh, camera: Camera, raster: Raster) -> Hits:
 
 
 def nearest(mesh: Mesh, camera: Camera, raster: Raster) -> Seen:
-    """The mesh drawn into the picture, what is nearer before what is farther."""
+    """The mesh drawn into the picture with a depth buffer."""
     corners, xyz = mesh.corners(), mesh.xyz_mm.reshape(-1, 3)
     triangle = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
     place = raster.places(camera.pixels(xyz))
@@ -148,7 +151,7 @@ def _barycentric(corner: Array, column: NDArray[np.intp], row: NDArray[np.intp])
 
 
 def _meet(surface: Surface, mesh: Mesh, center: Array, directions: Array, u_mm: Array, v_mm: Array) -> Hits:
-    """Newton's iteration on the two coordinates across each ray; what does not settle is no meeting place."""
+    """Newton's iteration on the two coordinates across each ray; rays that do not converge miss."""
     across = _across(directions)
     limit = max(surface.modes.domain[2:4]) / 2
     u, v = u_mm.copy(), v_mm.copy()
@@ -160,9 +163,11 @@ def _meet(surface: Surface, mesh: Mesh, center: Array, directions: Array, u_mm: 
             break
         slopes = np.einsum("nka,nja->nkj", across, jets[:, 1:3])
         area = slopes[:, 0, 0] * slopes[:, 1, 1] - slopes[:, 0, 1] * slopes[:, 1, 0]
+        # A ray within the tangent plane gets no step, so it does not settle and counts as a miss.
         area = np.where(area == 0, np.inf, area)
         step_u = (excess[:, 0] * slopes[:, 1, 1] - excess[:, 1] * slopes[:, 0, 1]) / area
         step_v = (excess[:, 1] * slopes[:, 0, 0] - excess[:, 0] * slopes[:, 1, 0]) / area
+        # Near the outline a ray almost grazes the surface and Newton's step explodes: at most half a pitch.
         u -= np.clip(step_u, -limit, limit)
         v -= np.clip(step_v, -limit, limit)
     normal = np.cross(jets[:, 1], jets[:, 2]) * surface.outward

@@ -2,8 +2,8 @@
 
     picture(x + shift) = offset + gain · synthetic(x)
 
-around every target; what the two views' light and sensitivity differ by goes into offset and gain. The shift
-is by how much the synthetic view has to be moved to fit.
+around every target; offset and gain absorb differences in light and sensitivity of the two views. The shift
+is the one that the synthetic view needs to fit.
 """
 
 from typing import NamedTuple
@@ -19,6 +19,7 @@ from grabberd.field import Field
 
 Array = NDArray[np.float64]
 
+# Two shifts, offset and gain.
 _UNKNOWNS = 4
 _LEAST_PIXELS = 12 * _UNKNOWNS
 _LEAST_CONTRAST = 12.0
@@ -33,15 +34,15 @@ _LEAST_TARGETS = 4
 
 
 class Agreement(NamedTuple):
-    """Synthetic view against picture, over the pixels that the synthetic view has.
+    """Comparison of a synthetic view with the picture, over the filled pixels of the synthetic view.
 
     Attributes:
-        pixels: how many they are.
-        rms_grey: root mean square of picture minus synthetic view, grey values, nothing fitted.
-        correlation: of the two, −1 to 1.
-        places: (K, 2) row and column of the target grid that a match was found at.
-        shift_px: (K, 2) x and y, frame pixels, of each; σ from its own residuals.
-        mean_px: (2,) their weighted mean; σ contains how far the matches differ from each other.
+        pixels: number of pixels compared.
+        rms_grey: root mean square of picture minus synthetic view in grey values, without any fit.
+        correlation: correlation of the two, −1 to 1.
+        places: (K, 2) row and column of the matched targets in the target grid.
+        shift_px: (K, 2) shifts in x and y, frame pixels; σ from each target's own residuals.
+        mean_px: (2,) weighted mean of the shifts; its σ includes their scatter.
     """
 
     pixels: int
@@ -53,14 +54,14 @@ class Agreement(NamedTuple):
 
 
 def agreement(surface: Surface, synthetic: SyntheticView, field: Field) -> Agreement:
-    """The fit of a synthetic view with the field that the camera gave.
+    """The fit of a synthetic view to the camera's field.
 
-    Only the field's own lines are looked at, where its missing lines were interpolated too.
+    Only the field's own lines are compared, not interpolated ones.
 
     Args:
-        surface: that the view was made of.
-        synthetic: its raster has to lie within the field.
-        field: of the same time.
+        surface: surface from which the view was made.
+        synthetic: synthetic view, whose raster has to lie within the field.
+        field: the camera's field of the same time.
 
     Raises:
         AnalysisError: fewer than four targets are seen well enough in both.
@@ -71,7 +72,7 @@ def agreement(surface: Surface, synthetic: SyntheticView, field: Field) -> Agree
     if found.sum() < _LEAST_TARGETS:
         raise AnalysisError(
             f"{int(found.sum())} targets of the synthetic view could be matched with the picture",
-            "look at both pictures: does the surface belong to this field, is it in focus and lit?",
+            "look at both pictures: does the surface belong to this field, and is it lit and in focus?",
         )
     shifts = Estimate(shift[found], sigma[found])
     return Agreement(
@@ -120,6 +121,7 @@ class _Matching(NamedTuple):
         for _ in range(_MOST_STEPS):
             step, sigma = self._step(design, inverse, spline, shift, field.y_step)
             step[~enough] = 0.0
+            # Grey values are linear in the shift only over about a pixel.
             shift += np.clip(step, -1.0, 1.0)
             if np.abs(step).max(initial=0.0) < _SETTLED_PX:
                 break
@@ -156,6 +158,7 @@ class _Matching(NamedTuple):
         solution = np.einsum("nij,nj->ni", inverse, right)
         rest = picture - np.einsum("im,mi->m", design, solution[self.label])
         free = np.maximum(np.bincount(self.label, minlength=self.labels) - _UNKNOWNS, 1)
+        # A small or negative gain means that the patterns do not resemble each other: no match.
         gain = np.where(solution[:, 3:] > _LEAST_GAIN, solution[:, 3:], np.nan)
         variance = (self._sum(rest**2) / free)[:, np.newaxis] * np.einsum("nii->ni", inverse)[:, :2]
         return solution[:, :2] / gain, np.sqrt(variance) / gain
@@ -182,6 +185,7 @@ def _mean(shifts: Estimate) -> Estimate:
 def _spline(field: Field) -> Array:
     from scipy.ndimage import spline_filter  # noqa: PLC0415 - heavy
 
+    # Cubic, not linear: linear interpolation blurs the picture, and more at some shifts than at others.
     coefficients: Array = spline_filter(field.luma.astype(float), order=3, mode="mirror")
     return coefficients
 

@@ -1,8 +1,8 @@
 """The synthetic view: the surface as a camera would see it, with the grey values of another view (paper 3.7).
 
-For every pixel the ray is cast onto the estimated surface; the meeting place is looked up in the picture of
-the source view. Laid over the picture that the camera really gave, it shows whether model, surface and
-calibration are right: what is wrong shifts the one against the other (`registration`).
+For every pixel a ray is cast onto the estimated surface, and the intersection is looked up in the picture of
+the source view. An overlay with the camera's own picture shows whether model, surface and calibration are
+right: errors shift one against the other (`registration`).
 """
 
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from grabberd.field import Field
 Array = NDArray[np.float64]
 
 _HIDDEN_MM = 1.0
-"""A place is hidden from a camera where the mesh is nearer by more than this in the nearest pixel."""
+"""A point is hidden from a camera if the mesh in the nearest pixel is nearer by more than this."""
 
 
 class SyntheticView(NamedTuple):
@@ -29,7 +29,7 @@ class SyntheticView(NamedTuple):
         raster: its pixels.
         grey: (lines, columns) grey values; NaN, that is empty, where no data support the surface, where it
             turns away or is hidden from one of the two cameras, or lies outside the source's picture.
-        hits: where its rays meet the surface, N = lines · columns, line by line.
+        hits: intersections of its rays with the surface, N = lines · columns, line by line.
     """
 
     raster: Raster
@@ -38,7 +38,7 @@ class SyntheticView(NamedTuple):
 
     @property
     def filled(self) -> NDArray[np.bool_]:
-        """(lines, columns) which pixels are not empty."""
+        """(lines, columns) True for pixels that are not empty."""
         return np.isfinite(self.grey)
 
 
@@ -50,9 +50,9 @@ def synthetic_view(
     Args:
         surface: the outer face at the field's time.
         camera: any camera, the other view or a free one.
-        raster: the pixels wanted of it.
+        raster: pixels of the view.
         source: the camera that took the grey values.
-        field: its picture, intact or doubled.
+        field: picture of the source, intact or doubled.
     """
     mesh = Mesh.of(surface)
     hits = cast(surface, mesh, camera, raster)
@@ -81,7 +81,7 @@ def grey_at(field: Field, xy_px: Array) -> Array:
 def _shown(
     xyz_mm: Array, normal: Array, places: Array, source: Camera, field: Field, mesh: Mesh
 ) -> NDArray[np.bool_]:
-    """(N,) which places the source's picture shows: in its half, facing it, and not hidden."""
+    """(N,) True for points that the source's picture shows: in its half, facing it, and not hidden."""
     toward = source.view.center_mm - xyz_mm
     line = (places[:, 1] - field.y0) / field.y_step
     inside = source.view.holds(places) & (line >= 0) & (line <= field.rows - 1)

@@ -1,4 +1,4 @@
-"""The wall's equilibrium at a place: what its tension and bending carry, and what is left for the teat.
+"""Equilibrium of the wall at a position: loads carried by tension and bending, and the remainder on the teat.
 
     p_contact · a = (p_pulsation − p_liner) + T:κ − ∇∇:M
 
@@ -63,14 +63,14 @@ class Slope(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Equilibrium:
-    """The equilibrium at N places of the material, against a reference state, for any number of fields.
+    """The equilibrium at N material positions, against a reference state, for any number of fields.
 
-    Several fields may be looked at together: jets (F, N, 15, 3), results (F, N).
+    Several fields may be evaluated together: jets (F, N, 15, 3), results (F, N).
 
     Attributes:
-        wall: the material at the places.
-        reference: the middle surface there in the reference state, in which the wall is not bent.
-        outward: 1.0 where X_u × X_v points outward, −1.0 where inward (`Grid.outward`).
+        wall: the material at the positions.
+        reference: the middle surface there in the unbent reference state.
+        outward: 1.0 if X_u × X_v points outward, −1.0 if inward (`Grid.outward`).
     """
 
     wall: Wall
@@ -89,14 +89,14 @@ class Equilibrium:
         """The equilibrium at N places.
 
         Args:
-            zones: what the wall is made of.
-            u_mm: (N,) the places' coordinate along the liner.
-            reference_jets: (N, 15, 3) the face in the reference state.
-            outward: as above.
-            exact: that the reference state has no σ, so that no derivatives by it are asked for.
+            zones: material of the wall.
+            u_mm: (N,) coordinates along the liner.
+            reference_jets: (N, 15, 3) jets of the face in the reference state.
+            outward: as in the class.
+            exact: True if the reference state has no σ, so that derivatives by it are not needed.
 
         Raises:
-            AnalysisError: a place lies in no zone, or in two.
+            AnalysisError: a position lies in no zone or in two.
         """
         wall = wall_at(zones, u_mm)
         reference = middle_surface(reference_jets, wall.depth_mm, outward)

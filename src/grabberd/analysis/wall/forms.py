@@ -1,7 +1,7 @@
 """Fundamental forms of the wall's outer face and of its middle surface, from jets.
 
 Tensors are given by their components in the material coordinates (u, v), as (..., 2, 2); lengths in mm. The
-normal points outward, out of the liner, and a curvature is positive where its centre lies inside: a cylinder
+normal points outward, out of the liner, and a curvature is positive if its centre lies inside: a cylinder
 of outer radius R has 1/R on its outer face and 1/(R − h) at the depth h.
 """
 
@@ -62,7 +62,7 @@ def outer_forms(jets: Jets, outward: float = 1.0) -> Forms:
 def middle_forms(jets: Jets, depth_mm: float | Array, outward: float = 1.0) -> Forms:
     """The forms of the parallel surface at a depth below the face: I − 2h II + h² III and II − h III.
 
-    Exact: a parallel surface has the face's normals, and nothing is fitted anew.
+    Exact: a parallel surface shares the face's normals, so nothing has to be fitted again.
 
     Args:
         jets: (..., 15, 3) of the outer (target) face.
@@ -120,7 +120,7 @@ def principal(forms: Forms, mixed_components: Array) -> Principal:
 
 
 def principal_values(mixed_components: Array) -> Array:
-    """(..., 2) the principal values alone, the greater first: many times quicker than with directions."""
+    """(..., 2) the principal values alone, the greater first: many times faster than with directions."""
     middle = trace(mixed_components) / 2
     half = (mixed_components[..., 0, 0] - mixed_components[..., 1, 1]) / 2
     square = half**2 + mixed_components[..., 0, 1] * mixed_components[..., 1, 0]

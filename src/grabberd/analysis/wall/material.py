@@ -1,4 +1,4 @@
-"""The wall's material, given from outside, without silent defaults."""
+"""The wall's material, an input without silent defaults."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -13,9 +13,9 @@ Array = NDArray[np.float64]
 
 LAWS = ("neo_hookean", "linear")
 VARIED = ("E_mpa", "wall_mm", "F0_n")
-"""The inputs whose σ the pressure carries; each has its σ in a field of its own."""
+"""Inputs whose σ contributes to that of the pressure; each has its σ in a field of its own."""
 
-_HINT = "give the own values of the liner that is in the teatcup"
+_HINT = "give the values of the very liner in the teatcup"
 _SIGMAS = {"E_mpa": "E_sigma_mpa", "wall_mm": "wall_sigma_mm", "F0_n": "F0_sigma_n"}
 
 
@@ -27,14 +27,14 @@ class Material:
         E_mpa: Young's modulus.
         wall_mm: thickness of the wall, as mounted.
         poisson: ν; .5 for the law `neo_hookean`, which keeps the volume.
-        F0_n: the force along the liner that it is mounted with; 0 is a value too.
-        radius_mm: radius of the mounted liner's middle surface: F0 / 2πR is the tension it brings.
+        F0_n: axial mounting force; 0 is allowed, but has to be given.
+        radius_mm: radius of the mounted liner's middle surface: the mounting tension is F0 / 2πR.
         target_mm: thickness of the targets on the outer face.
         law: `neo_hookean` or `linear` (in the stretches λ − 1).
-        E_sigma_mpa: σ of E; 0 where it is taken as exact. `wall_sigma_mm`, `F0_sigma_n` alike.
+        E_sigma_mpa: σ of E; 0 takes E as exact. `wall_sigma_mm`, `F0_sigma_n` likewise.
 
     Raises:
-        InputError: values that no wall has; the message names all.
+        InputError: values are impossible; the message names all of them.
     """
 
     E_mpa: float
@@ -55,11 +55,11 @@ class Material:
 
     @property
     def depth_mm(self) -> float:
-        """From the targets' face to the middle surface."""
+        """Depth of the middle surface below the targets' face."""
         return self.wall_mm / 2 + self.target_mm
 
     def varied(self, name: str) -> "Material":
-        """The same with one of `VARIED` a σ higher."""
+        """The material with one of `VARIED` raised by its σ."""
         return replace(self, **{name: getattr(self, name) + getattr(self, _SIGMAS[name])})
 
 
@@ -93,8 +93,8 @@ class Zone(NamedTuple):
     """A part of the liner with a material of its own, from one coordinate u along the liner to another.
 
     Attributes:
-        first_u_mm: where it begins; `last_u_mm`: where it ends, both included.
-        material: what it is made of.
+        first_u_mm: start of the zone; `last_u_mm`: its end, both included.
+        material: material of the zone.
     """
 
     first_u_mm: float
@@ -103,19 +103,19 @@ class Zone(NamedTuple):
 
     @classmethod
     def of_rows(cls, first: int, last: int, pitch_mm: float, material: Material) -> "Zone":
-        """The zone of some rows of targets, half a pitch beyond the first and the last."""
+        """The zone of some rows of targets, extended by half a pitch at both ends."""
         return cls((first - 0.5) * pitch_mm, (last + 0.5) * pitch_mm, material)
 
 
 class Wall(NamedTuple):
-    """The material at N places; where several variants of it are looked at, (V, N).
+    """The material at N positions; (V, N) for several variants of it.
 
     Attributes:
-        E_mpa: Young's modulus; `wall_mm`, `poisson` alike.
-        along: stretch by which the pre-tension lengthened the wall before the reference state;
-            `across`: the stretch round it that came with that.
-        depth_mm: from the targets' face to the middle surface.
-        neo_hookean: whether the law is that one, or linear.
+        E_mpa: Young's modulus; `wall_mm`: thickness; `poisson`: Poisson's ratio.
+        along: axial stretch of the wall by the pre-tension before the reference state; `across`: the
+            accompanying stretch round it.
+        depth_mm: depth of the middle surface below the targets' face.
+        neo_hookean: True for the neo-Hookean law, False for the linear one.
     """
 
     E_mpa: Array
@@ -133,16 +133,16 @@ class Wall(NamedTuple):
 
 
 def lacking(inputs: Mapping[str, object]) -> tuple[str, ...]:
-    """The inputs of a material that are not given: what tension and pressure still need."""
+    """Names of the missing inputs of a material, which tension and pressure need."""
     needed = [field.name for field in fields(Material) if field.name not in _SIGMAS.values()]
     return tuple(name for name in needed if inputs.get(name) is None)
 
 
 def wall_at(zones: Sequence[Zone], u_mm: Array) -> Wall:
-    """The wall at N places along the liner.
+    """The wall at N positions along the liner.
 
     Raises:
-        AnalysisError: a place that lies in no zone, or in two.
+        AnalysisError: a position lies in no zone or in two.
     """
     chosen = _zone_of(zones, u_mm)
     walls = [_wall(zone.material) for zone in zones]
@@ -150,7 +150,7 @@ def wall_at(zones: Sequence[Zone], u_mm: Array) -> Wall:
 
 
 def varied(zones: Sequence[Zone], name: str) -> list[Zone] | None:
-    """The zones with one of `VARIED` a σ higher in all; None where none has a σ of it."""
+    """The zones with one of `VARIED` raised by its σ in all of them; None if none has a σ of it."""
     if not any(getattr(zone.material, _SIGMAS[name]) for zone in zones):
         return None
     return [zone._replace(material=zone.material.varied(name)) for zone in zones]
@@ -182,10 +182,10 @@ def _wall(material: Material) -> tuple[float, float, float, float, float, float,
 
 
 def pre_stretch(material: Material) -> tuple[float, float]:
-    """The stretches along and round the liner that the mounting force brings, the wall being free to narrow.
+    """Stretches along and round the liner due to the mounting force, with the wall free to narrow.
 
-    They give back F0 / 2πR along the liner and nothing round it: λ³ − λ F0/(2πR µ t) = 1 for the neo-Hookean
-    law (µ = E/3, t as mounted), λ = 1 + F0/(2πR E t) for the linear one.
+    They yield the tension F0 / 2πR along the liner and none round it: λ³ − λ F0/(2πR µ t) = 1 for the
+    neo-Hookean law (µ = E/3, t as mounted), λ = 1 + F0/(2πR E t) for the linear one.
     """
     load = material.F0_n / (2 * np.pi * material.radius_mm * material.E_mpa * material.wall_mm)
     if material.law == "linear":

@@ -1,4 +1,4 @@
-"""The wall's material as a document gives it: one for the whole liner, or one for each zone of rows."""
+"""The wall's material from a document: one for the whole liner, or one for each zone of rows."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -10,7 +10,7 @@ from grabberd.geometry import Reading
 _KEYS = tuple(field.name for field in fields(Material))
 _ZONE_KEYS = ("rows", *_KEYS)
 _SIGMAS = tuple(name for name in _KEYS if "sigma" in name)
-_HINT = "give the own values of the liner that is in the teatcup; nothing of them is assumed"
+_HINT = "give the values of the very liner in the teatcup; none of them is assumed"
 
 
 def read_zones(document: Mapping[str, object], grid: Grid) -> tuple[Zone, ...]:
@@ -22,7 +22,7 @@ def read_zones(document: Mapping[str, object], grid: Grid) -> tuple[Zone, ...]:
         grid: of the object model.
 
     Raises:
-        InputError: a key is missing, unknown or of a wrong type (all are named), or no wall has such values.
+        InputError: a key is missing, unknown or of a wrong type (all are named), or values are impossible.
     """
     reading = Reading("the wall's material")
     if "zones" not in document:

@@ -1,8 +1,8 @@
-"""Strain between two states of the wall: of the material, so rigid motion leaves none.
+"""Strain of the material between two states of the wall; rigid motion causes none.
 
 The targets sit on the outer face, the membrane is the middle surface: bending alone strains the outer face by
-as much as the effect sought (a liner of R 12.5 mm and wall 2.5 mm, pressed flat, shows 10 % there). So what
-goes into tension is the strain of the middle surface.
+as much as the effect sought (10 % for a liner of R 12.5 mm and wall 2.5 mm that is pressed flat). So tension
+is computed from the strain of the middle surface.
 """
 
 from typing import NamedTuple
@@ -22,8 +22,7 @@ class Strain(NamedTuple):
     Attributes:
         green_lagrange: (..., 2, 2) E = (C − 1)/2 in the reference state's orthonormal basis, the first vector
             along the coordinate u (for triangles: along the first side), the second in the surface.
-        stretch: the principal stretches λ1 ≥ λ2, and the directions in which the material is so stretched, in
-            the present state and the object's frame.
+        stretch: principal stretches λ1 ≥ λ2 with their directions in the present state, object's frame.
     """
 
     green_lagrange: Array
@@ -49,7 +48,7 @@ def strain(tangents: Array, reference_tangents: Array) -> Strain:
 
 
 def outer_strain(jets: Jets, reference_jets: Jets) -> Strain:
-    """The strain of the outer face, bending included: what the targets show, not what the membrane has."""
+    """The strain of the outer face, bending included: that of the targets, not of the membrane."""
     return strain(outer_forms(jets).tangents, outer_forms(reference_jets).tangents)
 
 

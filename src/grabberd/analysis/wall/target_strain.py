@@ -25,8 +25,8 @@ class Places(NamedTuple):
 
     Attributes:
         xyz_mm: (N, 3), NaN where a target was not measured.
-        root_mm: (N, 3, K) square root of their covariance, all together: cov[n, a, m, b] =
-            Σ_k root[n, a, k] root[m, b, k]; K = 0 where the places are given, not measured.
+        root_mm: (N, 3, K) square root of their joint covariance: cov[n, a, m, b] =
+            Σ_k root[n, a, k] root[m, b, k]; K = 0 for given, not measured positions.
         face: `outer`, where the targets sit, or `middle`, the membrane under them.
     """
 
@@ -39,11 +39,11 @@ class TriangleStrain(NamedTuple):
     """Strain of K triangles of targets.
 
     Attributes:
-        triangle: (K,) which of `Grid.triangles`; those with a target missing in either state are left out.
+        triangle: (K,) indices of `Grid.triangles`; those with a target missing in either state are left out.
         strain: E, principal stretches and directions.
-        stretch: (K, 2) the principal stretches with σ.
+        stretch: (K, 2) principal stretches with σ.
         thickness: (K,) 1 / (λ1 λ2) with σ.
-        face: on which face.
+        face: face of the targets' positions.
     """
 
     triangle: NDArray[np.intp]
@@ -58,8 +58,8 @@ class EdgeStrain(NamedTuple):
 
     Attributes:
         edge: (K, 2) indices of the targets; those missing in either state are left out.
-        stretch: (K,) length by length in the reference state, with σ.
-        face: on which face.
+        stretch: (K,) length relative to that in the reference state, with σ.
+        face: face of the targets' positions.
     """
 
     edge: NDArray[np.intp]
@@ -84,13 +84,13 @@ def nominal_places(grid: Grid) -> Places:
 def middle_places(grid: Grid, surface: Surface, depth_mm: float | Array) -> Places:
     """The middle surface under the targets, from the surface through them.
 
-    The normals at the margin of the targets are worth as much in σ as the places are, and go with them: hence
-    both from the surface, with their common covariance.
+    At the margin of the targets the normals contribute as much to σ as the positions do, and are correlated
+    with them: hence both come from the surface, with their joint covariance.
 
     Args:
-        grid: of the object model.
-        surface: of the outer face.
-        depth_mm: from the targets' face to the middle surface; one, or one for each target.
+        grid: target grid of the object model.
+        surface: surface of the outer face.
+        depth_mm: depth of the middle surface below the targets' face; one value, or one for each target.
     """
     depth = np.broadcast_to(np.asarray(depth_mm, np.float64), len(grid))
     jets = surface.jets(grid.u_mm, grid.v_mm)

@@ -1,9 +1,9 @@
-"""Truncated Taylor series of two variables that know how they came about.
+"""Truncated Taylor series of two variables with reverse-mode differentiation.
 
-A series is how a quantity varies round a place, to the second degree; calculating with series gives the
-second derivatives of a result exactly, without a stencil. Each series remembers what it was made of, so the
-derivatives of a result by everything that went into it come from one sweep backwards (`gradients`): a few
-milliseconds for the pressure at every target, where differences would take ten times as long.
+A series describes how a quantity varies round a position, to the second degree; arithmetic with series gives
+the second derivatives of a result exactly, without a stencil. Each series keeps its parents, so the
+derivatives of a result by all inputs come from one backward sweep (`gradients`): a few milliseconds for the
+pressure at every target, where differences would take ten times as long.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -93,8 +93,8 @@ def gradients(seeds: Sequence[tuple[Taylor, Array]], wanted: Sequence[Taylor]) -
     """The derivatives of a result, place by place.
 
     Args:
-        seeds: the series that the result is a function of, each with its derivative by that series' values.
-        wanted: by whose values the derivatives are asked.
+        seeds: series that the result depends on, each with the result's derivative by that series' values.
+        wanted: series by whose values the derivatives are computed.
     """
     bars: dict[Taylor, Array] = {}
     for series, bar in seeds:
@@ -111,7 +111,7 @@ def _enter(bars: dict[Taylor, Array], series: Taylor, bar: Array) -> None:
 
 
 def _latest_first(ends: Sequence[Taylor]) -> list[Taylor]:
-    """All that the ends were made of, each before its parents."""
+    """All ancestors of the ends, each before its parents."""
     order: list[Taylor] = []
     seen: set[Taylor] = set()
     stack = [(series, False) for series in ends]
