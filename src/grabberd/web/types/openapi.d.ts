@@ -2407,7 +2407,7 @@ export interface components {
         };
         /**
          * Outcome
-         * @description What became of a field.
+         * @description Outcome of a field.
          * @enum {string}
          */
         Outcome: "received" | "lost" | "damaged" | "no_signal" | "overrun";
@@ -2535,7 +2535,7 @@ export interface components {
         };
         /**
          * RejectionRequest
-         * @description Why a calibration is not accepted.
+         * @description Rejection of a calibration, with its reason.
          * @example {
          *       "note": "the frame was touched while it was captured"
          *     }
@@ -2584,7 +2584,7 @@ export interface components {
         };
         /**
          * RigVerdict
-         * @description Whether the rig still is as it was calibrated.
+         * @description Agreement of the rig with its calibration.
          * @enum {string}
          */
         RigVerdict: "fits" | "doubtful" | "moved" | "unmatched" | "unknown";
