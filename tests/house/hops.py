@@ -31,8 +31,8 @@ PATIENCE_S = 60.0
 # meanwhile; all others answer a request or wait.
 FIELD_THREADS = ("capture-", "recorder-", "writer-", "worker-")
 BACKGROUND_THREADS = ("threshold-",)
-STEADY_S = 2.5
-"""Time well inside a capture: three fits of the rig's health, five commits."""
+STEADY_FIELDS = 150
+"""Fields well inside a capture: three fits of the rig's health, six commits."""
 SETTLE_S = 1.0
 
 
@@ -82,7 +82,7 @@ def stories() -> dict[str, list[str]]:
         endless = client.post("/api/v1/captures", json={}).raise_for_status().json()
         time.sleep(SETTLE_S)
         with trace.story() as steady:
-            time.sleep(STEADY_S)
+            _wait_for_points(client.app.state.service, STEADY_FIELDS)  # type: ignore[attr-defined]
         client.post(f"/api/v1/captures/{endless['id']}/stop").raise_for_status()
         _wait_until_sealed(client, endless["id"])
     others = FIELD_THREADS + BACKGROUND_THREADS
@@ -107,6 +107,19 @@ def _client(folder: Path) -> Iterator[TestClient]:
             time.sleep(0.05)
         time.sleep(SETTLE_S)
         yield client
+
+
+def _wait_for_points(service: Service, fields: int) -> None:
+    """Waits until so many more fields of the running capture have been measured."""
+    worker, first_n = service.instrument(None).worker, None
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        live = worker.live
+        first_n = live.measured.n if first_n is None and live is not None else first_n
+        if live is not None and first_n is not None and live.measured.n >= first_n + fields:
+            return
+        time.sleep(0.1)
+    raise TimeoutError(f"{fields} fields were not measured in {PATIENCE_S} s")
 
 
 def _wait_until_sealed(client: TestClient, capture_id: str) -> None:
