@@ -128,6 +128,16 @@ def test_a_count_that_stands_still_through_a_long_gap_is_not_believed():
     assert lost(found[6].lost_before) == [(6, 4, "time gap")]
 
 
+@pytest.mark.parametrize(
+    ("order", "rate_hz", "short"), [(FieldOrder.ALTERNATE, 50.0, 2), (FieldOrder.ONE_PARITY, 25.0, 1)]
+)
+def test_a_count_that_is_a_whole_field_of_its_parity_off_the_time_is_not_believed(order, rate_hz, short):
+    every = round(50 / rate_hz)
+    fields = [grab(every * n, sequence=n) for n in range(6)] + [grab(every * 8, sequence=8 - short)]
+    found = numbers(fields, info(order, rate_hz=rate_hz, counts_losses=True))[-1]
+    assert (found.n, lost(found.lost_before)) == (8, [(6, 2, "time gap")])
+
+
 def test_what_is_missing_after_an_interruption_is_lost_for_its_reason():
     numbering = FieldNumbering(info(counts_losses=True))
     for n in range(10):

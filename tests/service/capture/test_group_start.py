@@ -267,6 +267,8 @@ def test_a_group_is_found_again_after_a_restart_and_without_the_ones_deleted(tmp
         assert sorted(one.device for one in found) == ["left", "right"]
         service.annotations.delete(f"{group_id}-right")
         assert [one.device for one in service.capture_control.captures_of(group_id)] == ["left"]
+        group = service.capture_control.group_document(group_id)
+        assert (group.id, [one.device for one in group.captures]) == (group_id, ["left"])
 
 
 def test_orders_of_two_people_at_once_do_not_wait_for_each_other_for_ever(tmp_path: Path) -> None:

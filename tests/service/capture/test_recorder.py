@@ -226,6 +226,18 @@ def test_what_a_device_that_is_away_at_the_stop_should_have_delivered_is_lost() 
     assert not one.ledger.complete
 
 
+def test_a_source_that_waits_for_its_reader_has_lost_nothing_while_it_was_interrupted() -> None:
+    clock = ManualClock()
+    stream = replace(STREAM, waits_for_reader=True)
+    one, _ = recorder(clock=clock, stream=stream, interruption=lambda: "paused")
+    one.take(slot(0))
+    one.take(slot(1))
+    clock.advance(1.0)
+    one.stop("stopped by the operator")
+    one.run()
+    assert (one.ledger.end_n, one.ledger.complete) == (2, True)
+
+
 def test_a_stop_while_fields_come_loses_nothing() -> None:
     clock, ring = ManualClock(), Ring()
     reader = ring.reader()

@@ -46,6 +46,23 @@ def test_one_bit_is_doubled_and_grey_is_left_intact() -> None:
     assert np.array_equal(grey.packed.data[0], grabbed(0).field.luma)
 
 
+def test_configured_lines_are_those_of_the_configured_bits_alone() -> None:
+    ring = RingConfig(bits=1, lines="field")
+    one = FieldPipeline(DeviceConfig(driver="test", ring=ring))
+    asked = [(None, None), (1, None), (8, None), (1, "doubled"), (8, "doubled")]
+    configured = [one.configure_ring(bits, lines) for bits, lines in asked]
+    assert [(ring.bits, ring.lines) for ring in configured] == [
+        (1, "field"),
+        (1, "field"),
+        (8, "field"),
+        (1, "doubled"),
+        (8, "doubled"),
+    ]
+    doubled = FieldPipeline(DeviceConfig(driver="test", ring=RingConfig(bits=8, lines="doubled")))
+    assert doubled.configure_ring(8, None).lines == "doubled"
+    assert doubled.configure_ring(6, None).lines == "field"
+
+
 def test_missing_lines_are_interpolated_as_configured() -> None:
     config = DeviceConfig(
         driver="test",

@@ -167,6 +167,23 @@ def test_nobody_waits_for_a_fixed_threshold_or_a_recording() -> None:
     keeper(live=False).settle(ring())
 
 
+@pytest.mark.parametrize(("live", "fixed", "waits"), [(True, None, [0.1]), (True, 77, []), (False, None, [])])
+def test_only_a_capture_whose_threshold_follows_the_light_waits_for_the_next_field(
+    live: bool, fixed: int | None, waits: list[float]
+) -> None:
+    class Noted(threading.Event):
+        def wait(self, timeout: float | None = None) -> bool:
+            noted.append(timeout)
+            return True
+
+    noted: list[float | None] = []
+    one = keeper(live=live, fixed=fixed)
+    one._packing_next = Noted()
+    one.hold()
+    assert one.held
+    assert noted == waits
+
+
 def test_a_recordings_first_field_is_chosen_by_before_it_is_packed() -> None:
     one, configured = keeper(live=False), ring()
     one.hold()
