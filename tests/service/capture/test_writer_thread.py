@@ -1,9 +1,11 @@
 """The writing of one capture: what it waits for, and how seldom it commits."""
 
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from recording_rig import PATIENCE_S
 from slots import ManualClock, slot
 
 from grabberd.acquisition import Ledger, Slot
@@ -131,3 +133,37 @@ def test_nothing_comes_after_the_end() -> None:
 def test_an_empty_backlog_has_no_oldest() -> None:
     with pytest.raises(LookupError):
         filled(0).oldest()
+
+
+class NotedCondition(threading.Condition):
+    """A condition that tells when somebody waits on it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.waited_for = threading.Event()
+
+    def wait(self, timeout: float | None = None) -> bool:
+        self.waited_for.set()
+        return super().wait(timeout)
+
+
+@pytest.mark.parametrize(
+    ("wait", "found"),
+    [(lambda one: one.at(2, 10 * PATIENCE_S), 2), (lambda one: one.from_index(2, 10 * PATIENCE_S), [2])],
+)
+@pytest.mark.parametrize("ends", [False, True])
+def test_whoever_waits_is_woken_by_the_next_item_and_by_the_end(
+    wait: Callable[[Backlog[int]], object], found: object, ends: bool
+) -> None:
+    backlog, results = filled(2), list[object]()
+    backlog._changed = condition = NotedCondition()
+    thread = threading.Thread(target=lambda: results.append(wait(backlog)), daemon=True)
+    thread.start()
+    assert condition.waited_for.wait(PATIENCE_S)
+    if ends:
+        backlog.close()
+    else:
+        backlog.append(2)
+    thread.join(PATIENCE_S)
+    nothing = [] if isinstance(found, list) else None
+    assert results == [nothing if ends else found]
