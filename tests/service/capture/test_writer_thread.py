@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from recording_rig import PATIENCE_S
 from slots import ManualClock, slot
 
 from grabberd.acquisition import Ledger, Slot
