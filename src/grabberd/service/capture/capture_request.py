@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from grabberd.acquisition.clock import Moment
+from grabberd.documents.captures import GroupDocument
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +47,14 @@ class Group:
     id: str
     devices: tuple[str, ...]
 
-    def document(self, start: Moment | None) -> dict[str, Any]:
+    def document(self, start: Moment | None) -> GroupDocument:
         """The group as each of its captures stores it; without a start while it is armed."""
-        return {
-            "id": self.id,
-            "devices": list(self.devices),
-            "start_utc": None if start is None else start.utc,
-            "start_ns": None if start is None else start.ns,
-        }
+        return GroupDocument(
+            id=self.id,
+            devices=list(self.devices),
+            start_utc=None if start is None else start.utc,
+            start_ns=None if start is None else start.ns,
+        )
 
 
 @dataclass(frozen=True, slots=True)

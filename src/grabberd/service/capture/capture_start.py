@@ -182,6 +182,6 @@ class CaptureStart:
             extra={
                 "on_interruption": request.on_interruption or config.capture.on_interruption,
                 "trigger": {"utc": start.utc, "n": trigger_n, "armed_utc": self.new.armed_utc},
-                "group": None if group is None else group.document(start),
+                "group": None if group is None else group.document(start).model_dump(),
             },
         )
