@@ -51,6 +51,7 @@ def test_one_parity_alone_comes_at_half_the_rate():
     stream = info(FieldOrder.ONE_PARITY, rate_hz=25.0)
     found = numbers([grab(2 * n) for n in (0, 1, 2, 5, 6)], stream)
     assert [field.n for field in found] == [0, 1, 2, 5, 6]
+    assert all(field.outcome is Outcome.RECEIVED for field in found)
 
 
 # --- losses ---

@@ -305,3 +305,22 @@ def test_a_reader_that_was_overtaken_has_a_whole_ring_before_it() -> None:
     assert ring.waiting == 4
     reader.take(0)
     assert (ring.waiting, ring.deepest) == (3, 4)
+
+
+def test_closing_a_reader_wakes_the_thread_that_waits_in_it():
+    class NotedCondition(threading.Condition):
+        """A condition that tells when somebody waits on it."""
+
+        def wait(self, timeout=None):
+            waited_for.set()
+            return super().wait(timeout)
+
+    waited_for, taken, ring = threading.Event(), [], Ring()
+    ring._changed = NotedCondition(threading.Lock())
+    reader = ring.reader()
+    thread = threading.Thread(target=lambda: taken.append(reader.take(600.0)), daemon=True)
+    thread.start()
+    assert waited_for.wait(30.0)
+    reader.close()
+    thread.join(30.0)
+    assert taken == [None]

@@ -100,6 +100,12 @@ def test_after_a_reset_the_device_is_waited_for_before_it_is_called_absent_or_re
     assert late[-1] is DeviceState.ABSENT
 
 
+def test_a_refusal_just_after_a_reset_is_waited_out_like_an_absence() -> None:
+    steps = [step for _, step in climb(STALL, STALL, STALL, AWAY, BUSY, BUSY, BUSY)][3:]
+    assert [step.wait_s for step in steps] == [0.25, 0.5, 1.0, 1.0]
+    assert {step.state for step in steps} == {DeviceState.RECOVERING}
+
+
 def test_another_trouble_begins_its_retries_anew() -> None:
     *_, (_, step) = climb(*[AWAY] * 1000, BUSY)
     assert step.wait_s == 0.5

@@ -278,6 +278,33 @@ def test_it_pauses_a_second_between_two_choices_but_not_before_the_first() -> No
     assert pauses == [0.0, 1.0, 1.0, 1.0]
 
 
+def test_a_choice_that_fails_is_logged_and_tried_again_after_a_second(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    pauses: list[float | None] = []
+
+    class Once(threading.Event):
+        """Notes the pause, takes none, and ends the thread's work."""
+
+        def wait(self, timeout: float | None = None) -> bool:
+            pauses.append(timeout)
+            self.set()
+            return True
+
+    def choose_again() -> None:
+        raise RuntimeError("a fault of the program")
+
+    one = keeper()
+    one.choose_again = choose_again  # type: ignore[method-assign]
+    one._stopping = Once()
+    thread = threading.Thread(target=one._run, daemon=True)
+    thread.start()
+    thread.join(PATIENCE_S)
+    one.stop(0)
+    assert pauses == [1.0]
+    assert "choosing a threshold failed" in caplog.text
+
+
 RING = ConfiguredRing(Ring(4), 1, "field")
 PATIENCE_S = 20.0
 
