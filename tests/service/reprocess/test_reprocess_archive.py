@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -329,9 +330,11 @@ def test_sources_without_captures_are_said_at_once(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_patterns_go_down_into_folders(captures: list[Path]) -> None:
-    home = captures[0].parent
-    assert len(find_captures([f"{home.parent}/**/capture-[01].grab"]).captures) >= 2
+def test_patterns_go_down_into_folders(captures: list[Path], tmp_path: Path) -> None:
+    home, below = captures[0].parent, tmp_path / "2026" / "march"
+    below.mkdir(parents=True)
+    copies = [Path(shutil.copy(one, below)) for one in captures[:2]]
+    assert find_captures([f"{tmp_path}/**/{copies[0].stem[:-1]}[01].grab"]).captures == copies
     assert find_captures([str(home), f"{home}/*.grab", str(captures[0])]).captures == captures
 
 
