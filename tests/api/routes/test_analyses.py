@@ -246,7 +246,7 @@ def test_they_are_deleted_with_the_capture(client: TestClient) -> None:
     [
         ({"inputs": {"colour": "red"}}, "colour"),
         ({"inputs": {**INPUTS, "material": {**MATERIAL, "wall_mm": 0}}}, "wall_mm is 0"),
-        ({"inputs": {"reference": {"field": 7}}}, "field 7, which has no points"),
+        ({"inputs": {"reference": {"field": 7}}}, "field 7 has no points"),
         ({"inputs": SHAPE, "bursts": ["another"]}, "another object model, another liner"),
         ({"inputs": SHAPE, "run": 7}, "no run 7"),
         ({"inputs": SHAPE, "vacuum_log": "time_s\n1"}, "have no vacuum"),

@@ -41,13 +41,14 @@ class CaptureWriter:
     Attributes:
         path: `NAME.grab.part` until it is sealed, then `NAME.grab`.
         meta: Metadata that it was created with.
-        runs: Runs that have been started.
+        runs: Runs that a reader of the file finds: started and committed.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, meta: CaptureMeta) -> None:
         self.path = path
         self.meta = meta
         self.runs: list[RunInfo] = []
+        self._uncommitted_runs: list[RunInfo] = []
         self._connection = connection
 
     @classmethod
@@ -72,7 +73,9 @@ class CaptureWriter:
         with storage_errors(self.path):
             self._begin()
             self._connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, RUNNING, made_with))
-        self.runs.append(RunInfo(run, kind, created_utc, version, RUNNING, None, dict(made_with)))
+        self._uncommitted_runs.append(
+            RunInfo(run, kind, created_utc, version, RUNNING, None, dict(made_with))
+        )
 
     def append(self, slots: Iterable[Slot]) -> None:
         """Adds fields, and the outcome of those that were not received, with the next commit."""
@@ -92,6 +95,9 @@ class CaptureWriter:
         if self._connection.in_transaction:
             with storage_errors(self.path):
                 self._connection.execute("COMMIT")
+            # Bound anew: other threads read the list while it changes.
+            self.runs = [*self.runs, *self._uncommitted_runs]
+            self._uncommitted_runs = []
 
     def seal(
         self,
