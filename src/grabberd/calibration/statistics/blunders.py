@@ -143,6 +143,6 @@ def _too_many(found: list[Blunder], most: float) -> MeasurementError:
     some = ", ".join(f"target {one.target} in view {one.view}" for one in found[:5])
     return MeasurementError(
         f"more than {most:.0f} image points contradict the others, starting with {some}",
-        "so many cannot be blunders: check the calibration frame's file, which target is which, and the "
+        "this many cannot be blunders: check the calibration frame's file, which target is which, and the "
         "views",
     )

@@ -95,7 +95,7 @@ class CaptureWriter:
         if self._connection.in_transaction:
             with storage_errors(self.path):
                 self._connection.execute("COMMIT")
-            # Bound anew: other threads read the list while it changes.
+            # Rebound rather than extended: another thread may be reading the list.
             self.runs = [*self.runs, *self._uncommitted_runs]
             self._uncommitted_runs = []
 
