@@ -38,8 +38,7 @@ class FieldImages:
     @property
     def jitter_px2(self) -> Array:
         """(N, 2) variance from line jitter, zero in y."""
-        variance: Array = np.multiply.outer(np.square(self.jitter_px) * np.ones(len(self.xy_px)), (1.0, 0.0))
-        return variance
+        return np.multiply.outer(np.square(self.jitter_px) * np.ones(len(self.xy_px)), (1.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,8 +136,7 @@ class _Sums:
         """
         noise = self._noise_px2()
         quantisation = np.clip(self.variance_px2 + self.jitter_px2 - noise, 0.0, self.variance_px2)
-        variance: Array = quantisation + noise / self.count[:, np.newaxis]
-        return variance
+        return quantisation + noise / self.count[:, np.newaxis]
 
     def _noise_px2(self) -> Array:
         """(N, 2) variance of one field: each target's own, as far as they differ more than by chance.

@@ -190,8 +190,7 @@ def directions_all(rig: Rig, ideal_mm: Array) -> Array:
     camera[:, :2] = ideal_mm.swapaxes(0, 1)
     camera[:, 2] = -rig.f_mm
     camera /= np.sqrt((camera * camera).sum(axis=1, keepdims=True))
-    turned: Array = rig.rotation.swapaxes(1, 2) @ camera
-    return turned
+    return rig.rotation.swapaxes(1, 2) @ camera
 
 
 def _newton_step(rig: Rig, ideal: Array, observed_px: Array) -> tuple[Array, Array]:

@@ -123,8 +123,7 @@ def _calibration_share(rig: Rig, observed: Array, whitening: Whitening, adjusted
     moved = errors[0] if len(errors) == 1 else np.concatenate(errors, axis=2)
     image = whitening.of_slopes(moved).reshape(4, -1, count).transpose(2, 0, 1)
     root = adjusted.inverse.transpose(2, 0, 1) @ (adjusted.slopes.transpose(2, 1, 0) @ image)
-    share: Array = root @ root.swapaxes(1, 2)
-    return share
+    return root @ root.swapaxes(1, 2)
 
 
 def _calibration_errors(rig: Rig, observed: Array, xyz: Array) -> list[Array]:

@@ -55,8 +55,7 @@ class PointSeries:
     @property
     def seen(self) -> NDArray[np.bool_]:
         """(F, T) True where a target has a point in a field."""
-        seen: NDArray[np.bool_] = np.isfinite(self.xyz_mm[:, :, 0])
-        return seen
+        return np.isfinite(self.xyz_mm[:, :, 0])
 
     @property
     def parity(self) -> NDArray[np.intp]:

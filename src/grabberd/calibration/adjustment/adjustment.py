@@ -89,8 +89,7 @@ class Adjustment:
     def parameter_covariance(self) -> Array:
         """(18 V, 18 V) covariance of all views' `PARAMETERS`, zero where held."""
         selection = self.unknowns.selection
-        full: Array = selection @ self.covariance @ selection.T
-        return full
+        return selection @ self.covariance @ selection.T
 
     @property
     def full_covariance(self) -> Array:
@@ -192,5 +191,4 @@ def _redundancy(problem: Problem, linear: Linear, without: Reduced, cofactor: Ar
         rows[:, :, moving] -= np.einsum("cvkp,kpu->cvpu", places, without.coupling)
         used[:, :, moving] = np.einsum("cvkp,klp,cvlp->cvp", places, without.inverse, places, optimize=True)
     used += ((rows @ cofactor) * rows).sum(axis=3)
-    redundancy: Array = 1.0 - used[:, network.view, network.target].T
-    return redundancy
+    return 1.0 - used[:, network.view, network.target].T

@@ -177,14 +177,12 @@ class Problem:
 
     def whitened_rows(self, linear: Linear) -> Array:
         """(2, V, T, U) whitened slopes of the image points by the unknowns."""
-        rows: Array = linear.slopes.swapaxes(2, 3) @ self._blocks
-        return rows
+        return linear.slopes.swapaxes(2, 3) @ self._blocks
 
     def residuals_px(self, linear: Linear) -> Array:
         """(M, 2) misclosures of the image points in px."""
         network = self.network
-        residuals: Array = linear.image[:, network.view, network.target].T * network.sigma_px
-        return residuals
+        return linear.image[:, network.view, network.target].T * network.sigma_px
 
     def _of_parameters(self, linear: Linear) -> tuple[Array, Array]:
         """Parameter block: one block per view, since views share no slopes, folded onto the unknowns."""

@@ -72,8 +72,7 @@ class Unknowns:
         flat, number = np.array([view.vector() for view in views]).ravel(), self.number.ravel()
         chosen = number >= 0
         total = np.bincount(number[chosen], flat[chosen], len(self))
-        mean: Array = total / np.bincount(number[chosen], minlength=len(self))
-        return mean
+        return total / np.bincount(number[chosen], minlength=len(self))
 
     def with_values(self, views: Sequence[View], values: Array) -> tuple[View, ...]:
         """Copy the views with other values (U,) of the unknowns; held parameters stay."""

@@ -112,8 +112,7 @@ class Half:
         """(…) True for predictions inside this half."""
         x, y = predicted_px[..., 0], predicted_px[..., 1]
         across = (x >= self.view.first_column) & (x <= self.view.end_column - 1)
-        inside: NDArray[np.bool_] = across & (y >= 0) & (y <= self.lines - 1)
-        return inside
+        return across & (y >= 0) & (y <= self.lines - 1)
 
     def anchors(self, count: int) -> Indices:
         """Choose blobs to start from, central ones first, and away from one another."""
@@ -208,8 +207,7 @@ def _cost(square: Array, shown: NDArray[np.bool_]) -> Array:
     """(H,) mean truncated square over targets that should be seen; 1 if most lie outside the half."""
     count = shown.sum(axis=1)
     total = np.where(shown, np.minimum(square, 1.0), 0.0).sum(axis=1)
-    cost: Array = np.where(count >= 0.5 * shown.shape[1], total / np.maximum(count, 1), 1.0)
-    return cost
+    return np.where(count >= 0.5 * shown.shape[1], total / np.maximum(count, 1), 1.0)
 
 
 def _squares(first: Array, second: Array) -> Array:

@@ -141,8 +141,7 @@ def _slopes(view: View, seen: Array, about: Array) -> Array:
     moved[..., 2, 0], moved[..., 2, 1] = arm[..., 1], -arm[..., 0]
     moved[..., range(3), range(3, 6)] = 1.0
     sideways = moved[..., :2, :] + ideal[..., np.newaxis] * moved[..., 2:, :]
-    slopes: Array = sideways * (closeness[..., np.newaxis] * _scale(view))[..., np.newaxis]
-    return slopes
+    return sideways * (closeness[..., np.newaxis] * _scale(view))[..., np.newaxis]
 
 
 def _scale(view: View) -> Array:
@@ -151,8 +150,7 @@ def _scale(view: View) -> Array:
 
 def _axes(view: View) -> Array:
     rotation = rotation_matrix(view.omega_rad, view.phi_rad, view.kappa_rad)
-    axes: Array = np.diag([view.handedness, 1.0, 1.0]) @ rotation
-    return axes
+    return np.diag([view.handedness, 1.0, 1.0]) @ rotation
 
 
 def _rays(view: View, xy_px: Array) -> Array:

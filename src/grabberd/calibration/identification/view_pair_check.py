@@ -47,20 +47,17 @@ def _check_length(what: str, found_mm: float, nominal_mm: float, allowed: float)
 def axes_of(view: View) -> Array:
     """(3, 3) from the object's frame into the camera's, handedness included."""
     rotation = rotation_matrix(view.omega_rad, view.phi_rad, view.kappa_rad)
-    axes: Array = np.diag([view.handedness, 1.0, 1.0]) @ rotation
-    return axes
+    return np.diag([view.handedness, 1.0, 1.0]) @ rotation
 
 
 def _base(left: View, right: View) -> Array:
     """(3,) from the left centre to the right one, in the left camera's coordinates."""
-    base: Array = axes_of(left) @ (right.center_mm - left.center_mm)
-    return base
+    return axes_of(left) @ (right.center_mm - left.center_mm)
 
 
 def _relative(left: View, right: View) -> Array:
     """(3, 3) from the left camera's coordinates into the right one's."""
-    relative: Array = axes_of(right) @ axes_of(left).T
-    return relative
+    return axes_of(right) @ axes_of(left).T
 
 
 def _far(view: View) -> float:

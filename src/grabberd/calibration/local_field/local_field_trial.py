@@ -176,8 +176,7 @@ def _sigma(solution: Solution, adjustment: Adjustment, view: int, xy_px: Array) 
     own = ((trend @ adjustment.covariance) * trend).sum(axis=2)
     left = np.maximum(solution.variance(view, xy_px, trend) - own, 0.0)
     seen = np.isfinite(left)  # beyond the fold of the distortion no target can be
-    sigma: Array = np.sqrt(np.where(seen, left, solution.components.signal_px**2)).T
-    return sigma
+    return np.sqrt(np.where(seen, left, solution.components.signal_px**2)).T
 
 
 def _trend(adjustment: Adjustment, view: int, xy_px: Array) -> Array:

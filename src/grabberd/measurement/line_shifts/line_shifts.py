@@ -98,8 +98,7 @@ def _reach_px(common: Array, beside: Array) -> float:
 
 def _trust(residual: Array) -> Array:
     """Factors for the weights of chords, by their residuals in units of σ."""
-    trust: Array = (OUTLYING / np.maximum(np.abs(residual), OUTLYING)) ** 2
-    return trust
+    return (OUTLYING / np.maximum(np.abs(residual), OUTLYING)) ** 2
 
 
 class _System(NamedTuple):
@@ -220,8 +219,7 @@ def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, sha
     """
     height, count = shape
     place = (row - column) * count + column
-    band: Array = np.bincount(place.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
-    return band
+    return np.bincount(place.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
 
 
 def band_factor(band: Array, more: float) -> Array:

@@ -55,14 +55,12 @@ class Appearance(NamedTuple):
 
 def normal_share(z: Array) -> Array:
     """Normal distribution function, accurate to 2e-4."""
-    share: Array = 1 / (1 + np.exp(-normal_log_odds(np.clip(z, -8.0, 8.0))))
-    return share
+    return 1 / (1 + np.exp(-normal_log_odds(np.clip(z, -8.0, 8.0))))
 
 
 def normal_log_odds(z: Array) -> Array:
     """Log odds of a standard normal variable being below z, by the usual cubic approximation."""
-    odds: Array = z * (1.5976 + 0.070566 * z * z)
-    return odds
+    return z * (1.5976 + 0.070566 * z * z)
 
 
 def light(half_axes_px: tuple[float, float], blur_px: tuple[float, float], x: Array, y: Array) -> Array:

@@ -68,8 +68,7 @@ def _located(seen: Seen, windows: Windows, places: Array, sigma: Array) -> Locat
 def _signal(windows: Windows) -> Array:
     """Grey values above each window's background."""
     above = windows.grey - windows.background[:, np.newaxis, np.newaxis]
-    signal: Array = above.astype(np.float64)
-    return signal
+    return above.astype(np.float64)
 
 
 def _noise_levels(seen: Seen) -> float:
@@ -113,8 +112,7 @@ def _self_convolved(signal: Array) -> Array:
     """(N, 2h − 1, 2w − 1) self-convolution of windows (N, h, w), indexed by the sum of two positions."""
     size = (2 * signal.shape[1] - 1, 2 * signal.shape[2] - 1)
     transformed = np.fft.rfft2(signal, size)
-    found: Array = np.fft.irfft2(transformed * transformed, size)
-    return found
+    return np.fft.irfft2(transformed * transformed, size)
 
 
 def _peaks(correlation: Array) -> Array:

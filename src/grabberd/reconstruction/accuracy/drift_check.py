@@ -145,8 +145,7 @@ def _medians(values: Array) -> tuple[Array, Array]:
 
 def _median(values: Array, count: NDArray[np.intp]) -> Array:
     """Median of the `count` numbers in every column; sorting puts NaN last."""
-    middle: Array = np.sort(values, axis=0)[count // 2, np.arange(values.shape[1])]
-    return middle
+    return np.sort(values, axis=0)[count // 2, np.arange(values.shape[1])]
 
 
 def _terms(image_px: Array) -> Array:
@@ -173,8 +172,7 @@ def _fitted(terms: Array, values: Array, sigma: Array) -> tuple[Array, Array]:
 
 
 def _believed(off: Array) -> Array:
-    weight: Array = np.clip(1.0 - (off / _TUKEY) ** 2, 0.0, None) ** 2
-    return weight
+    return np.clip(1.0 - (off / _TUKEY) ** 2, 0.0, None) ** 2
 
 
 def _size(values: Array) -> float:
@@ -183,8 +181,7 @@ def _size(values: Array) -> float:
 
 def _rms(squares: Array) -> Array:
     known = squares[np.isfinite(squares[:, 0, 0])]
-    root: Array = np.sqrt(known.mean(axis=0)) if len(known) else np.full((2, 2), np.nan)
-    return root
+    return np.sqrt(known.mean(axis=0)) if len(known) else np.full((2, 2), np.nan)
 
 
 def parallax(rig: Rig, points: Points) -> tuple[Array, Array]:

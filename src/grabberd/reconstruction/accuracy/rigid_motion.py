@@ -28,13 +28,11 @@ class RigidMotion:
 
     def apply(self, xyz_mm: Array) -> Array:
         """Move points (…, 3)."""
-        moved: Array = xyz_mm @ self.rotation.T + self.shift_mm
-        return moved
+        return xyz_mm @ self.rotation.T + self.shift_mm
 
     def turn(self, covariance_mm2: Array) -> Array:
         """Rotate covariances (…, 3, 3)."""
-        turned: Array = self.rotation @ covariance_mm2 @ self.rotation.T
-        return turned
+        return self.rotation @ covariance_mm2 @ self.rotation.T
 
     @property
     def angle_deg(self) -> float:

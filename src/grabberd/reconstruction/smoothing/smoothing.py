@@ -212,8 +212,7 @@ def _nearest_seen(seen: Mask) -> NDArray[np.intp]:
     """(F, T) index of the last field up to this one in which a target was seen; else of its first."""
     index = np.where(seen, np.arange(len(seen))[:, np.newaxis], -1)
     last = np.maximum.accumulate(index, axis=0)
-    nearest: NDArray[np.intp] = np.where(last >= 0, last, seen.argmax(axis=0))
-    return nearest
+    return np.where(last >= 0, last, seen.argmax(axis=0))
 
 
 def _contradicted(series: PointSeries, smoothed: PointSeries, gate: float) -> Mask:
