@@ -5,8 +5,8 @@ from field to field (`tracking`); `intersection` computes where the rays of both
 `smoothing` filters points over time, `accuracy` compares them with the truth and with the calibration.
 """
 
-from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
-from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
+from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings, Sighting
+from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.correspondence.displacement_field import Smoothness
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel

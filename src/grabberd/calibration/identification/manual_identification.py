@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.calibration.identification.acceptance import IdentificationSettings, check_pair
 from grabberd.calibration.identification.frame_identification import (
     NAMES,
     Identification,
@@ -17,9 +18,7 @@ from grabberd.calibration.identification.frame_identification import (
 from grabberd.calibration.identification.hypothesis import Explainer
 from grabberd.calibration.identification.hypothesis_growth import TURNS, Half
 from grabberd.calibration.identification.hypothesis_ranking import HANDEDNESS, settled
-from grabberd.calibration.identification.identification_settings import IdentificationSettings
 from grabberd.calibration.identification.poses import Poses, improved, pixels
-from grabberd.calibration.identification.view_pair_check import check_pair
 from grabberd.errors import InputError
 from grabberd.geometry import NominalRig, View
 from grabberd.reconstruction import ObjectModel

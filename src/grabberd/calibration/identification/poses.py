@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry import View, rotation_angles, rotation_matrix
+from grabberd.geometry import View, rotation_matrix
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -48,7 +48,7 @@ class Poses:
         Returns:
             A · turns · T poses, the target running fastest.
         """
-        upright = _axes(view)
+        upright = view.axes
         angles = 2 * np.pi * np.arange(turns) / turns
         axes = np.array([upright @ rotation_matrix(0.0, 0.0, angle) for angle in angles])
         depth = float((upright @ view.center_mm)[2])
@@ -76,12 +76,8 @@ class Poses:
 
     def view(self, nominal: View, index: int) -> View:
         """Convert one of them to a view, with the nominal lens."""
-        axes, away = self.axes[index], self.away_mm[index]
-        handedness = 1 if np.linalg.det(axes) > 0 else -1
-        omega, phi, kappa = rotation_angles(np.diag([handedness, 1.0, 1.0]) @ axes)
-        vector = nominal.vector()
-        vector[3:9] = omega, phi, kappa, *(-axes.T @ away)
-        return nominal.with_vector(vector)
+        x, y, z = (-self.axes[index].T @ self.away_mm[index]).tolist()
+        return replace(nominal.with_axes(self.axes[index]), X0_mm=x, Y0_mm=y, Z0_mm=z)
 
 
 def mirrored(view: View, at_px: Array) -> View:
@@ -93,9 +89,7 @@ def mirrored(view: View, at_px: Array) -> View:
     """
     normal = np.cross(_rays(view, at_px[np.newaxis])[0], (0.0, 1.0, 0.0))
     mirror = np.eye(3) - 2 * np.outer(normal, normal) / (normal @ normal)
-    rotation = np.diag([-view.handedness, 1.0, 1.0]) @ mirror @ _axes(view)
-    omega, phi, kappa = rotation_angles(rotation)
-    return replace(view, handedness=-view.handedness, omega_rad=omega, phi_rad=phi, kappa_rad=kappa)
+    return view.with_axes(mirror @ view.axes)
 
 
 def pixels(view: View, seen_mm: Array) -> Array:
@@ -146,11 +140,6 @@ def _slopes(view: View, seen: Array, about: Array) -> Array:
 
 def _scale(view: View) -> Array:
     return view.f_mm / np.array([view.pixel_x_mm, -view.pixel_y_mm])
-
-
-def _axes(view: View) -> Array:
-    rotation = rotation_matrix(view.omega_rad, view.phi_rad, view.kappa_rad)
-    return np.diag([view.handedness, 1.0, 1.0]) @ rotation
 
 
 def _rays(view: View, xy_px: Array) -> Array:

@@ -3,6 +3,7 @@
 import ctypes
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +11,29 @@ from grabberd.field import PackedField
 from grabberd.kernel import DONE, MORE_ROOM, Kernel
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, blobs_of, fail
-from grabberd.measurement.compiled.location_structs import GreySettings
 from grabberd.measurement.locators.disc_image import edge_table
 from grabberd.measurement.locators.locator import GREY
 from grabberd.measurement.settings import LocationSettings
 
 BY_KERNEL = ("automatic", "template")
+_WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+
+
+class GreySettings(ctypes.Structure):
+    """Inputs of location with more than 1 bit, other than the picture."""
+
+    _fields_ = (
+        ("min_diameter_px", _REAL),
+        ("max_diameter_px", _REAL),
+        ("line_jitter_px", _REAL),
+        ("spread_px", _REAL),
+        ("noise_levels", _REAL),
+        ("shifts_solved", _WHOLE),
+        ("jitter_known", _WHOLE),
+        ("edge", _ADDRESS),
+        ("edge_values", _WHOLE),
+    )
+    edge_values_kept: Any
 
 
 def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:

@@ -2,9 +2,8 @@
 
 Given the position, the bits of a blob are independent, so the log likelihood of a position is a sum over
 pixels: one constant for an empty picture, and for each run the log odds of its pixels. These are cumulated
-    along the rows,
-so that a run needs only its two ends. Positions form a fine grid through the whole picture, so a table
-depends only on where an end is relative to the target.
+along the rows, so that a run needs only its two ends. Positions form a fine grid through the whole picture,
+so a table depends only on where an end is relative to the target.
 """
 
 import math
@@ -63,16 +62,9 @@ class Table(NamedTuple):
     grid: "Grid"
 
 
-class Extent(NamedTuple):
-    """Extent of tables from the middle, in columns and frame lines."""
-
-    columns: int
-    lines: int
-
-    @classmethod
-    def around(cls, half_width_px: float, half_height_px: float) -> "Extent":
-        """Extent sufficient for targets of these half axes."""
-        return cls(math.ceil(half_width_px) + BEYOND_PX, math.ceil(half_height_px) + BEYOND_PX)
+def _extent(half_axis_px: float) -> int:
+    """Whole pixels or frame lines from the middle that suffice for targets of this half axis."""
+    return math.ceil(half_axis_px) + BEYOND_PX
 
 
 class Grid(NamedTuple):
@@ -103,8 +95,7 @@ class Grid(NamedTuple):
     @lru_cache(maxsize=TABLES)
     def of(cls, half_width_px: float, half_height_px: float, y_step: int) -> "Grid":
         """Layout of all tables for targets of these half axes."""
-        extent = Extent.around(half_width_px, half_height_px)
-        columns, rows = 2 * extent.columns * STEPS_X, 2 * extent.lines * STEPS_Y
+        columns, rows = 2 * _extent(half_width_px) * STEPS_X, 2 * _extent(half_height_px) * STEPS_Y
         return cls(
             columns,
             rows,
@@ -143,8 +134,7 @@ def table(seen: Appearance) -> Table:
 
 def new_table(seen: Appearance) -> Table:
     """Make the table of an appearance without keeping it."""
-    extent = Extent.around(seen.half_width_px, seen.half_height_px)
-    columns, lines = extent
+    columns, lines = _extent(seen.half_width_px), _extent(seen.half_height_px)
     u = np.arange(-columns * STEPS_X, columns * STEPS_X)
     v = np.arange(-lines * STEPS_Y, lines * STEPS_Y)
     odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))

@@ -1,5 +1,5 @@
-"""Hypotheses: pairs of blobs that may be a target, as far as rays and object model allow; and their agreement
-with one another, because neighbouring targets move alike.
+"""Hypotheses: pairs of blobs that may be a target, as far as rays and object model allow; their agreement
+with one another, because neighbouring targets move alike; and the sighting that remains.
 """
 
 from dataclasses import dataclass, field
@@ -11,6 +11,7 @@ from grabberd.geometry import Rig, approach, rays
 from grabberd.reconstruction.correspondence.displacement_field import Expected, Smoothness, field_of
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 Array = NDArray[np.float64]
@@ -119,6 +120,32 @@ class CorrespondenceSettings:
     stretch: float = 0.35
     unmodelled_px: float = 0.1
     smoothness: Smoothness = field(default_factory=Smoothness)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """K targets found in one field, by ascending target.
+
+    Attributes:
+        points: Their points.
+        target: (K,) their indices in the object model.
+        left: (K,) indices of their blobs in the left view.
+        right: (K,) indices of their blobs in the right view.
+        expected: Prediction of all targets of the model from them.
+        settled: (M, 3) positions of all targets and (M,) standard deviations, if already computed.
+        surprise: Root mean square distance from the predicted positions, in standard deviations; likewise.
+    """
+
+    points: Points
+    target: Indices
+    left: Indices
+    right: Indices
+    expected: Expected
+    settled: tuple[Array, Array] | None = None
+    surprise: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.target)
 
 
 class Agreement:
