@@ -6,7 +6,7 @@ field of a parity. Fields of the other parity cut it at other lines, so there ar
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,11 +109,13 @@ class _Sums(NamedTuple):
 
     def joined(self, other: "_Sums") -> "_Sums":
         """Concatenate with others."""
-        return _Sums(*(np.concatenate(both) for both in zip(self, other, strict=True)))
+        both: Any = (np.concatenate(pair) for pair in zip(self, other, strict=True))
+        return _Sums(*both)
 
     def select(self, chosen: NDArray[np.bool_] | Indices) -> "_Sums":
         """Select some of them."""
-        return _Sums(*(values[chosen] for values in self))
+        some: Any = (values[chosen] for values in self)
+        return _Sums(*some)
 
     @property
     def mean_variance_px2(self) -> Array:
@@ -136,6 +138,7 @@ class _Sums(NamedTuple):
             return self.jitter_px2
         common = self.square_px2.sum(axis=0) / freedom.sum()
         own = self.square_px2 / np.maximum(freedom, 1)[:, np.newaxis]
+        # 2σ⁴/f is the variance of a variance estimated with f degrees of freedom.
         chance = 2 * common**2 / np.maximum(freedom, 1)[:, np.newaxis]
         real = np.maximum(own[freedom > 0].var(axis=0) - chance[freedom > 0].mean(axis=0), 0.0)
         share = np.where(freedom[:, np.newaxis] > 0, real / np.maximum(real + chance, 1e-30), 0.0)

@@ -7,10 +7,9 @@ frame pixels and in millimetres of the object's frame; nothing here knows about 
 adjustments.
 """
 
-from grabberd.geometry.calibration import SCHEMA, Calibration
+from grabberd.geometry.calibration import Calibration
 from grabberd.geometry.document_reader import Reading
 from grabberd.geometry.functional_model import (
-    Approach,
     approach,
     correct,
     correct_all,
@@ -38,8 +37,6 @@ from grabberd.geometry.view import (
 
 __all__ = [
     "PARAMETERS",
-    "SCHEMA",
-    "Approach",
     "Calibration",
     "LocalField",
     "NominalRig",

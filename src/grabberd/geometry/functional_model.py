@@ -171,6 +171,7 @@ def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
 def correct_all(rig: Rig, xy_px: Array) -> Array:
     """Apply `correct` to all views of a rig at once: (2, V, N) frame pixels to (2, V, N) mm."""
     ideal = (xy_px - rig.origin_px) * rig.pixel_mm
+    # Pixels count down where y points up: not folded, the determinant has the sign of both pitches together.
     upright = np.sign(rig.pixel_mm[0] * rig.pixel_mm[1])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(_MOST_STEPS):
@@ -231,6 +232,7 @@ def approach(left_center: Array, left: Array, right_center: Array, right: Array)
     cosine = _dot(left, right)
     along_left, along_right = _dot(left, base), _dot(right, base)
     slenderness = 1.0 - cosine * cosine
+    # Rays less than 1e-6 rad apart: their closest approach is rounding alone.
     slenderness = np.where(slenderness > 1e-12, slenderness, np.nan)
     reach_left = (along_left - cosine * along_right) / slenderness
     reach_right = (cosine * along_left - along_right) / slenderness

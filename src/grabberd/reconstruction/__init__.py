@@ -5,7 +5,7 @@ from field to field (`tracking`); `intersection` computes where the rays of both
 `smoothing` filters points over time, `accuracy` compares them with the truth and with the calibration.
 """
 
-from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings, Sighting
+from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.correspondence.displacement_field import Smoothness
 from grabberd.reconstruction.intersection import intersect
@@ -20,7 +20,6 @@ __all__ = [
     "ImageNoise",
     "ObjectModel",
     "Points",
-    "Sighting",
     "Smoothness",
     "Track",
     "Tracker",

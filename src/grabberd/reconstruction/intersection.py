@@ -102,9 +102,11 @@ def _adjust(rig: Rig, observed: Array, whitening: Whitening, start_mm: Array) ->
         residual = observed - computed
         design = whitening.of_slopes(slopes).reshape(4, 3, -1)
         misfit = whitening.of_values(residual).reshape(4, 1, -1)
+        # By cofactors: a few operations on all points at once, where LAPACK takes matrices one by one.
         inverse = inverse_symmetric((design[:, FIRST] * design[:, SECOND]).sum(axis=0))
         step = (inverse * (design * misfit).sum(axis=0)).sum(axis=1)
         xyz = xyz + step
+        # Put this way round NaN, rays that do not meet, counts as settled and does not hold up the others.
         if not (np.abs(step) > _SETTLED_MM).any():
             break
     return _Adjusted(xyz, inverse, design, residual - (slopes * step).sum(axis=2))

@@ -98,6 +98,7 @@ class ImageNoise:
             common: Error of line jitter in x, if known better than by `expected`.
         """
         sigma, overlap = common or self.expected(lines)
+        # Cholesky by hand: only the two x correlate, so the factor has a single element off its diagonal.
         scale = np.empty_like(sigma_px)
         np.divide(1.0, sigma_px[1], out=scale[1])
         variance = sigma_px[0] * sigma_px[0] + sigma * sigma

@@ -91,28 +91,9 @@ class Adjustment:
         selection = self.unknowns.selection
         return selection @ self.covariance @ selection.T
 
-    @property
-    def full_covariance(self) -> Array:
-        """(U + 3 T, U + 3 T) covariance of the unknowns, then of X, Y, Z of each target in turn."""
-        targets, unknowns = len(self.xyz_mm), len(self.unknowns)
-        coupling = self.place_coupling.reshape(3 * targets, unknowns)
-        scale = 1.0 / self.sigma
-        between = scale[:, np.newaxis] * np.linalg.solve(self.correlation, (coupling * scale).T)
-        full = np.empty((unknowns + 3 * targets, unknowns + 3 * targets))
-        full[:unknowns, :unknowns], full[unknowns:, :unknowns] = self.covariance, coupling
-        full[:unknowns, unknowns:], full[unknowns:, unknowns:] = coupling.T, coupling @ between
-        blocks = full[unknowns:, unknowns:].reshape(targets, 3, targets, 3)
-        blocks[range(targets), :, range(targets)] = self.place_covariance_mm2
-        return full
-
 
 def adjust(network: Network, unknowns: Unknowns, settings: AdjustmentSettings | None = None) -> Adjustment:
     """Adjust a network by least squares.
-
-    Args:
-        network: Image points, targets, and the views to start from.
-        unknowns: Parameters to estimate.
-        settings: Criteria of convergence.
 
     Raises:
         MeasurementError: There are fewer observations than unknowns, targets seen too rarely, a start behind
@@ -147,6 +128,7 @@ def _result(problem: Problem, minimum: Minimum) -> Adjustment:
 
 
 def _cofactor(problem: Problem, minimum: Minimum, without: Reduced) -> Array:
+    # Inverted with a unit diagonal, because the parameters' units span twenty decades.
     scale = 1.0 / np.sqrt(np.diag(minimum.normals.matrix))
     try:
         inverse = np.asarray(np.linalg.inv(without.matrix * scale * scale[:, np.newaxis]), np.float64)

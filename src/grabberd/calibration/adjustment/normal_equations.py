@@ -151,6 +151,7 @@ class Problem:
         image = (self._observed - computed) * self._weight
         slopes *= self._weight[:, :, np.newaxis]
         if self._unseen is not None:
+            # Zero weight leaves NaN as it is, and an unseen target may lie behind the camera.
             image[self._unseen] = 0.0
             slopes.swapaxes(2, 3)[self._unseen] = 0.0
         offset = (self.network.target_mm - state.xyz_mm)[self.moving].T * self.prior

@@ -84,5 +84,6 @@ def _step(view: View, middle: Array, xyz_mm: Array, xy_px: Array, sigma_px: floa
 def _weight(misfit: Array, sigma_px: float) -> Array:
     """(N,) square roots of Cauchy weights, in 1/px; zero behind the camera."""
     square = (misfit * misfit).sum(axis=1) / sigma_px**2
+    # Cauchy's weight is one half at 3 σ.
     weight: Array = 1.0 / (sigma_px * np.sqrt(1.0 + square / 9.0))
     return np.where(np.isnan(weight), 0.0, weight)

@@ -1,5 +1,5 @@
-"""Acceptance of an identification: its criteria, and the check that both views belong to one rig, close to the
-nominal one.
+"""Acceptance of an identification: its criteria, and the check that both views belong to one rig, close to
+the nominal one.
 """
 
 import math

@@ -168,12 +168,7 @@ def identified(
 ) -> ViewIdentification:
     """Accept the winner of a contest of hypotheses.
 
-    Args:
-        half: The blobs.
-        rivals: The hypotheses.
-        frame: The calibration frame.
-        settings: Criteria of acceptance.
-        handedness: The only one allowed, if any.
+    If a handedness is given, it is the only one allowed.
 
     Raises:
         MeasurementError: The winner is ambiguous, or clearly not of the handedness allowed.

@@ -161,13 +161,7 @@ class Growth:
 
 
 def grow(half: Half, xyz_mm: Array, effort: Effort) -> Growth:
-    """Grow hypotheses of the handedness of the half's nominal view, with any target at any anchor.
-
-    Args:
-        half: The blobs, with the nominal view.
-        xyz_mm: (T, 3) targets of the calibration frame.
-        effort: Effort of the search.
-    """
+    """Grow hypotheses of the handedness of the half's nominal view, with any target at any anchor."""
     return _grown(half, xyz_mm, half.anchors(effort.anchors), np.arange(len(xyz_mm)), effort)
 
 

@@ -52,13 +52,7 @@ def identify_by_hand(
 
     The blob nearest to a mark gets its target; the rest are predicted from the view that the marks determine.
 
-    Args:
-        nominal: The nominal rig.
-        frame: The calibration frame.
-        left_px: (B, 2) frame pixels of the left view's blobs.
-        right_px: Likewise for the right view.
-        marks: At least four in each view.
-        settings: Criteria of acceptance.
+    At least four marks are needed in each view; the other arguments are those of `identify_frame`.
 
     Raises:
         InputError: There are too few marks, an unknown target, one marked twice, no blob near a mark, or a

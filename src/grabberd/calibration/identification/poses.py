@@ -70,6 +70,7 @@ class Poses:
 
     def moved(self, step: Array, about_mm: Array) -> "Poses":
         """Rotate by step (H, 6)[:3] about points (H, 3) in camera coordinates, and shift by [3:]."""
+        # About the targets' middle, where a rotation hardly shifts them, so the two do not mix in one step.
         turn = _turns(step[:, :3])
         away = np.einsum("hij,hj->hi", turn, self.away_mm - about_mm) + about_mm + step[:, 3:]
         return Poses(turn @ self.axes, away)

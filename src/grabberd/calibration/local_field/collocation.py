@@ -183,6 +183,7 @@ class Solution:
         for target in np.unique(network.target):
             own = np.flatnonzero(network.target == target)
             rows = np.concatenate([own, count + own])
+            # Errors of prediction from one inverse, without solving anew for every target left out.
             own_share = self.projected[np.ix_(rows, rows)]
             error[rows] = np.linalg.lstsq(own_share, self.influence[rows], rcond=None)[0]
         return error.reshape(2, count).T

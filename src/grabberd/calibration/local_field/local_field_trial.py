@@ -135,6 +135,7 @@ def _refined(adjustment: Adjustment, network: Network, components: Components) -
     )
     solution = Solution(_collocation(adjustment, network), components)
     for _ in range(_ROUNDS):
+        # Adjusted to what is left of the image points, the views no longer bend to follow the signal.
         signal = solution.signal(network.view, network.xy_px)
         corrected = replace(weighted, xy_px=network.xy_px - signal, views=adjustment.views)
         adjustment = adjust(corrected, adjustment.unknowns, _SETTLED)

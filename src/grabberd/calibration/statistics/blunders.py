@@ -106,6 +106,7 @@ def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[
     kept = np.ones(len(network), np.bool_)
     size = np.abs(adjusted.standardised)
     worst = np.nan_to_num(size).max(axis=1)
+    # One at a time: a blunder raises the residuals of good points around it.
     index = int(worst.argmax())
     critical = critical_tau(2 * len(network), adjusted.freedom, alpha) if adjusted.freedom > 1 else np.inf
     if max(worst[index], worst[index] / (_MASKED * _inflation(adjusted, size))) <= critical:

@@ -111,6 +111,7 @@ class _Known:
             addresses, _floats(windows[0]), int(grid.columns), int(grid.rows), int(wide), int(high), fraction
         )
         own.windows = windows  # the arrays at the addresses must stay alive
+        # Threads may replace each other's tables here: a lost one is named, and made, once more.
         self.kept = _Kept(self, (*kept.tables, own), kept.fullnesses)
         return self.kept
 
@@ -166,6 +167,7 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
     room, kept = ROOM, known.begin()
     while True:
         out = np.empty(COLUMNS * room)
+        # The kernel keeps no state: it names what it lacks, and is called again with that.
         status, count, reach_px, *missing = kernel.locate(data, picture, kept.settings, out)
         if status == DONE:
             return blobs_of(out.reshape(COLUMNS, room), count, reach_px)

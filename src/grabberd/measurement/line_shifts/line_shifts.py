@@ -68,6 +68,8 @@ def line_shifts(
     chords = chords._replace(centre=_from_the_surest(chords))
     system = _System.of(chords, centre, lines, LEAN)
     residual, lean = system.residuals(expected_px)
+    # Outliers bend the shifts of whole lines, and a prior too tight for the discs' leans leaks them into the
+    # shifts (docs/decisions/0006); both show in the residuals, and one repetition cures them.
     if lean > LEAN or np.abs(residual).max() > OUTLYING:
         trusted = chords._replace(weight=chords.weight * _trust(residual))
         system = _System.of(trusted, centre, lines, max(lean, LEAN))
@@ -93,6 +95,7 @@ def unsolved(share: Array, jitter_px: float) -> LineShifts:
 def _reach_px(common: Array, beside: Array) -> float:
     """Reach of the error, from its variance and its covariance with that of a blob one line further down."""
     correlation = float(np.median(beside / np.maximum(common, TINY)))
+    # Kept inside (0, 1), where the logarithm is finite and below 0.
     return LINES_APART / math.sqrt(-2.0 * math.log(min(max(correlation, 0.05), 0.99)))
 
 
@@ -161,6 +164,7 @@ class _System(NamedTuple):
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
         """(N,) variance of x from errors of the shifts; for some, its covariance with x one line down."""
         some = slice(None, None, ASKED_BESIDE)
+        # Solved for every blob; the kernel reads it from the inverse's band alone (docs/decisions/0014).
         both = np.concatenate([self.at, np.minimum(self.at[some] + 1, len(self.right) - 1)])
         share = np.concatenate([self.chords.share, self.chords.share[some]])
         place = np.arange(len(both))[:, np.newaxis] * len(self.right) + both

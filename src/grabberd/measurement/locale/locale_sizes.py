@@ -91,6 +91,7 @@ def _smoothed(moments: Array, centres: Array, columns: int) -> Array:
     blobs = np.maximum(counted.sum(axis=1), 1)
     terms = _terms(centres, weight / total[:, np.newaxis], right.astype(np.int64))
     held = (STIFFNESS * total / blobs)[:, np.newaxis, np.newaxis] * HELD
+    # Keeps the equations regular for a half without a single blob.
     held[:, 0, 0] = 1e-9
     normal = (terms * weight[:, np.newaxis]) @ terms.T + held
     own = moments[1:] * counted[:, np.newaxis]
@@ -106,6 +107,7 @@ def _terms(centres: Array, share: Array, half: NDArray[np.int64]) -> Array:
     middle = share @ centres
     extent = np.sqrt(np.maximum(share @ (centres * centres) - middle * middle, 1.0))
     x, y = ((centres - middle[half]) / extent[half]).T
+    # Squares less their mean of 1 leave the constant, which nothing holds, the mean size.
     return np.array([np.ones_like(x), x, y, x * y, x * x - 1, y * y - 1])
 
 

@@ -95,6 +95,7 @@ def _ellipses(edge: _Edge) -> tuple[Array, Array]:
     inverse = np.linalg.inv(weighted @ design.swapaxes(1, 2) + BELIEF * np.eye(5))
     p, q, d, e, _ = -(inverse @ (weighted @ radius2[:, :, np.newaxis]))[:, :, 0].T
     scale = 4.0 * (1.0 - p * p) - q * q
+    # Near 0 the conic is no ellipse any more; 4 is the value of a circle.
     scale = np.where(np.abs(scale) > 1.0, scale, 4.0)
     centre = (
         np.stack([q * e - 2.0 * (1.0 - p) * d, q * d - 2.0 * (1.0 + p) * e], axis=1) / scale[:, np.newaxis]

@@ -110,6 +110,7 @@ def _crossing(outer: Array, inner: Array, half: Array) -> tuple[Array, Array]:
 
 def _self_convolved(signal: Array) -> Array:
     """(N, 2h − 1, 2w − 1) self-convolution of windows (N, h, w), indexed by the sum of two positions."""
+    # Padded to the full length, or the convolution would wrap around.
     size = (2 * signal.shape[1] - 1, 2 * signal.shape[2] - 1)
     transformed = np.fft.rfft2(signal, size)
     return np.fft.irfft2(transformed * transformed, size)

@@ -111,6 +111,7 @@ def _surface(parts: _Parts, values: Array, shape: tuple[int, ...]) -> Array:
     matrix = np.zeros((DEGREE + 1, DEGREE + 1))
     for (i, j), value in zip(terms, factor, strict=True):
         matrix[j, i] = value
+    # From the middle of the first pixel to that of the last, as the parts' middles are given.
     columns, rows = (np.linspace(-1 + 1 / size, 1 - 1 / size, size) for size in shape[::-1])
     surface = np.stack(_powers(rows), axis=1) @ matrix @ np.stack(_powers(columns)) + mean
     limited: Array = np.maximum(surface, values.min() / 2)

@@ -139,6 +139,7 @@ def _medians(values: Array) -> tuple[Array, Array]:
     """Median of every column of (F, K) with gaps, and its σ from the median absolute deviation."""
     count = np.isfinite(values).sum(axis=0)
     median = _median(values, count)
+    # Of normal errors σ is 1.4826 median deviations, and a median scatters √(π/2) = 1.2533 times a mean.
     spread = 1.4826 * _median(np.abs(values - median), count)
     return median, 1.2533 * spread / np.sqrt(count)
 

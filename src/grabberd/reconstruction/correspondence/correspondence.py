@@ -118,6 +118,7 @@ class Correspondence:
         left, right = left.select(of_left), right.select(of_right)
         points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
         blurring = self._blurring(left, right)
+        # A parallax p leaves p/2 in either view, whose root mean square over four coordinates is p/√8.
         across_px = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1]) * np.sqrt(blurring / 8.0)
         meeting = np.flatnonzero(points.residual_px <= self.settings.gate * across_px)
         variance = np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis]

@@ -119,6 +119,7 @@ def _beside(image: Array, reach: Array, places: Array) -> tuple[Indices, Indices
         return np.empty(0, np.intp), np.empty(0, np.intp)
     first = places.min(axis=1, keepdims=True)
     extent = np.maximum(np.ptp(places, axis=1, keepdims=True), 1.0)
+    # Not below a 1024th of the extent, or a tiny reach would make millions of cells.
     cell = np.maximum(reach[:, targets].max(axis=1, keepdims=True), extent / 1024)
     columns, rows = (int(one) + 1 for one in (extent / cell)[:, 0])
     x, y = ((places - first) / cell).astype(np.int64)

@@ -174,6 +174,7 @@ class Tracker:
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
+        # The liner's wall moves up to 2 mm a field, .3 of the pitch: too far to be followed without velocity.
         places = track.xyz_mm + track.velocity_mm_s * elapsed_s
         return places, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
 
