@@ -16,14 +16,13 @@ from grabberd.calibration.adjustment.resection import resect
 from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
 from grabberd.calibration.adjustment.unmodelled import with_unmodelled
 from grabberd.calibration.glass_transfer import with_glass
-from grabberd.calibration.identification import (
+from grabberd.calibration.identification.acceptance import IdentificationSettings
+from grabberd.calibration.identification.frame_identification import (
     Identification,
-    IdentificationSettings,
-    Mark,
     ViewIdentification,
-    identify_by_hand,
     identify_frame,
 )
+from grabberd.calibration.identification.manual_identification import Mark, identify_by_hand
 from grabberd.calibration.local_field.local_field_trial import (
     LocalFieldSettings,
     LocalFieldTrial,

@@ -267,12 +267,12 @@ def _joined(parities: Sequence[_Sums], fields: Sequence[FieldImages], settings: 
 def _same(parities: Sequence[_Sums], gate_px: float) -> Indices:
     """(P, N) index of each target in each parity; −1 if it does not show it."""
     first, *others = parities
-    same, places = np.arange(len(first.fields))[np.newaxis], first.xy_px
+    same, xy_px = np.arange(len(first.fields))[np.newaxis], first.xy_px
     for other in others:
-        target, index = _pairs(places, other.xy_px, gate_px)
+        target, index = _pairs(xy_px, other.xy_px, gate_px)
         new = np.setdiff1d(np.arange(len(other.fields)), index)
-        own = np.full(len(places) + len(new), -1)
-        own[target], own[len(places) :] = index, new
+        own = np.full(len(xy_px) + len(new), -1)
+        own[target], own[len(xy_px) :] = index, new
         same = np.vstack([np.pad(same, ((0, 0), (0, len(new))), constant_values=-1), own])
-        places = np.concatenate([places, other.xy_px[new]])
+        xy_px = np.concatenate([xy_px, other.xy_px[new]])
     return same

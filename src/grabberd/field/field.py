@@ -70,6 +70,9 @@ def split_frame(frame: NDArray[np.uint8], older: int = TOP) -> tuple[Field, Fiel
 def double_lines(field: Field, interpolation: str = "linear") -> Field:
     """Interpolate the missing lines of a field on its grey values, giving a picture of full height.
 
+    Only before the threshold does that gain anything: linearly interpolated bits have exactly the centroid of
+    the intact ones, and a second threshold makes it worse.
+
     A missing line is the mean of its neighbours, rounded half up; beyond the outermost line the only
     neighbour is repeated. A field already doubled is returned as it is, so a recording of doubled fields
     passes through unchanged. The field must have at least two rows.

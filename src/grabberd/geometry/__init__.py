@@ -11,7 +11,6 @@ from grabberd.geometry.calibration import Calibration
 from grabberd.geometry.document_reader import Reading
 from grabberd.geometry.functional_model import (
     approach,
-    correct,
     correct_all,
     directions_all,
     linearise,
@@ -45,7 +44,6 @@ __all__ = [
     "Rig",
     "View",
     "approach",
-    "correct",
     "correct_all",
     "directions_all",
     "distortion",

@@ -100,6 +100,7 @@ class Reading:
 
 def is_integer(value: object) -> TypeGuard[int]:
     """True for a whole number (and not a boolean)."""
+    # A bool is an int in Python, but true in a document is no number.
     return isinstance(value, int) and not isinstance(value, bool)
 
 

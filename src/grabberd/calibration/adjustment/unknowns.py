@@ -51,10 +51,10 @@ class Unknowns:
         names: dict[str, int] = {}
         number = np.full((len(views), len(PARAMETERS)), -1, np.intp)
         for index, view in enumerate(views):
-            for place, parameter in enumerate(PARAMETERS):
+            for column, parameter in enumerate(PARAMETERS):
                 if parameter in free or f"{view.name}.{parameter}" in free:
                     name = _name(view.name, parameter, parameter in shared, tied)
-                    number[index, place] = names.setdefault(name, len(names))
+                    number[index, column] = names.setdefault(name, len(names))
         return cls(tuple(names), number)
 
     def __len__(self) -> int:

@@ -5,20 +5,3 @@ frame (`hypothesis_growth`), and the best is challenged by its neighbours a pitc
 Both views must then agree with each other and with the nominal rig (`acceptance`). What stays ambiguous
 is refused, and can be decided by marking some targets (`manual_identification`).
 """
-
-from grabberd.calibration.identification.acceptance import IdentificationSettings
-from grabberd.calibration.identification.frame_identification import (
-    Identification,
-    ViewIdentification,
-    identify_frame,
-)
-from grabberd.calibration.identification.manual_identification import Mark, identify_by_hand
-
-__all__ = [
-    "Identification",
-    "IdentificationSettings",
-    "Mark",
-    "ViewIdentification",
-    "identify_by_hand",
-    "identify_frame",
-]

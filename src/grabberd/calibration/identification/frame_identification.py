@@ -102,6 +102,7 @@ def identify_frame(
     try:
         return _found(nominal, frame, (left_px, right_px), settings)
     except MeasurementError:
+        # Tried only now, because it is another whole search.
         if _swapped(nominal, frame, (left_px, right_px), settings):
             raise MeasurementError(
                 "the views are swapped: the left one sees the calibration frame from the right, the "

@@ -87,6 +87,7 @@ class Half:
         """Prepare at least two blobs."""
         spacing = float(np.median(np.sqrt(np.sort(_squares(xy_px, xy_px), axis=1)[:, 1])))
         corner = xy_px.min(axis=0) - spacing
+        # A raster finds the nearest blob by one look-up, for thousands of hypotheses at once.
         cells = np.ceil((xy_px.max(axis=0) + spacing - corner) / _CELL_PX).astype(int)
         middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in cells), indexing="ij"), axis=-1)
         nearest = _squares(corner + _CELL_PX * middles.reshape(-1, 2), xy_px).argmin(axis=1)
@@ -185,15 +186,15 @@ def _grown(half: Half, xyz_mm: Array, anchors: Indices, targets: Indices, effort
 
 def _round(growth: Growth, xyz_mm: Array, nearby: Indices, gate: float) -> Growth:
     """Predict targets (T, K) near the start, match blobs, improve the pose; the cost is that before."""
-    half, places = growth.half, xyz_mm[nearby[growth.start]]
-    predicted = pixels(half.view, growth.poses.seen_mm(places))
+    half, targets_mm = growth.half, xyz_mm[nearby[growth.start]]
+    predicted = pixels(half.view, growth.poses.seen_mm(targets_mm))
     _, misfit = half.closest(predicted)
     square = (misfit * misfit).sum(axis=2) / (gate * half.spacing_px) ** 2
     shown = half.shows(predicted)
     fits = shown & (square < 1.0)
     weight = np.where(fits, (1.0 - np.where(fits, square, 0.0)) ** 2, 0.0)
     misfit = np.where(fits[:, :, np.newaxis], misfit, 0.0)
-    poses = improved(half.view, growth.poses, places, misfit, weight)
+    poses = improved(half.view, growth.poses, targets_mm, misfit, weight)
     return replace(growth, poses=poses, cost=_cost(square, shown))
 
 

@@ -85,7 +85,7 @@ def without_blunders(
         MeasurementError: More than that share would have to be left out; or as `adjust`.
     """
     most = most_share * len(network)
-    found: list[Blunder] = []
+    blunders: list[Blunder] = []
     strict = settings or AdjustmentSettings()
     for current in (replace(strict, settled=max(strict.settled, _SETTLED)), strict):
         while True:
@@ -94,11 +94,11 @@ def without_blunders(
             network = network.starting_from(adjusted.views)
             if blunder is None:
                 break
-            found.append(blunder)
-            if len(found) > most:
-                raise _too_many(found, most)
+            blunders.append(blunder)
+            if len(blunders) > most:
+                raise _too_many(blunders, most)
             network = _determined(network.select(kept))
-    return adjusted, tuple(found)
+    return adjusted, tuple(blunders)
 
 
 def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[np.bool_]]:
@@ -140,8 +140,8 @@ def _pair(values: Array) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def _too_many(found: list[Blunder], most: float) -> MeasurementError:
-    some = ", ".join(f"target {one.target} in view {one.view}" for one in found[:5])
+def _too_many(blunders: list[Blunder], most: float) -> MeasurementError:
+    some = ", ".join(f"target {one.target} in view {one.view}" for one in blunders[:5])
     return MeasurementError(
         f"more than {most:.0f} image points contradict the others, starting with {some}",
         "this many cannot be blunders: check the calibration frame's file, which target is which, and the "

@@ -56,11 +56,11 @@ def measure_grey(kernel: Kernel, packed: PackedField, settings: LocationSettings
     data = np.ascontiguousarray(packed.data)
     _, rows, stride = data.shape
     picture = (packed.bits, rows, stride, packed.columns)
-    places = (packed.parity, packed.y0, packed.y_step, packed.threshold)
+    layout = (packed.parity, packed.y0, packed.y_step, packed.threshold)
     wanted, room = _settings(settings), ROOM
     while True:
         out = np.empty(COLUMNS * room)
-        status, count, reach_px, jitter_px = kernel.locate_grey(data, picture + places, wanted, out)
+        status, count, reach_px, jitter_px = kernel.locate_grey(data, picture + layout, wanted, out)
         if status == DONE:
             jitter = None if math.isnan(jitter_px) else jitter_px
             return blobs_of(out.reshape(COLUMNS, room), count, reach_px, jitter)

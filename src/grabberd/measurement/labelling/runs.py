@@ -40,9 +40,9 @@ def find_runs(bits: NDArray[np.uint8]) -> Runs:
     words = _words(bits)
     # Big-endian bytes keep the leftmost pixel first, the order of np.unpackbits.
     edges = _edges(words).astype(BIG_ENDIAN).view(np.uint8)
-    place = (edges != 0).nonzero()[0]
-    position = np.unpackbits(edges[place]).view(np.bool_).nonzero()[0]
-    pixel = (place[position >> 3] << 3) + (position & 7)
+    byte = (edges != 0).nonzero()[0]
+    position = np.unpackbits(edges[byte]).view(np.bool_).nonzero()[0]
+    pixel = (byte[position >> 3] << 3) + (position & 7)
     first, end = pixel[::2], pixel[1::2]
     width = words.shape[1] * WORD_BYTES * 8
     row = first // width

@@ -167,8 +167,8 @@ class _System(NamedTuple):
         # Solved for every blob; the kernel reads it from the inverse's band alone (docs/decisions/0014).
         both = np.concatenate([self.at, np.minimum(self.at[some] + 1, len(self.right) - 1)])
         share = np.concatenate([self.chords.share, self.chords.share[some]])
-        place = np.arange(len(both))[:, np.newaxis] * len(self.right) + both
-        shares = np.bincount(place.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
+        flat = np.arange(len(both))[:, np.newaxis] * len(self.right) + both
+        shares = np.bincount(flat.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
         lower = band_factor(self.band, jitter_px**-2)
         halves = band_half_solve(lower, shares.reshape(len(both), -1).T).T
         own, below = halves[: len(self.at)], halves[len(self.at) :]
@@ -222,8 +222,8 @@ def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, sha
         shape: h and the number of equations.
     """
     height, count = shape
-    place = (row - column) * count + column
-    return np.bincount(place.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
+    flat = (row - column) * count + column
+    return np.bincount(flat.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
 
 
 def band_factor(band: Array, more: float) -> Array:

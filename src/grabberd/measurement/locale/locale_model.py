@@ -72,8 +72,8 @@ def light(half_axes_px: tuple[float, float], blur_px: tuple[float, float], x: Ar
     along = normal_share((x + reach) / blur_px[0]) - normal_share((x - reach) / blur_px[0])
     thickness = half_height * np.cos(angle) * (np.pi / CHORDS)
     across = np.exp(-0.5 * ((y[:, np.newaxis] - height) / blur_px[1]) ** 2) * thickness
-    found: Array = across @ along.T / (blur_px[1] * math.sqrt(2 * math.pi))
-    return found
+    picture: Array = across @ along.T / (blur_px[1] * math.sqrt(2 * math.pi))
+    return picture
 
 
 @lru_cache(maxsize=256)

@@ -43,8 +43,8 @@ def moments(y_step: int) -> Single:
     Ordered as the windows of a `Table`: from the right and from below.
     """
     x, y = np.mgrid[-REACH_X : REACH_X + 1, -REACH_Y[y_step] : REACH_Y[y_step] + 1].reshape(2, -1)
-    places = np.stack([-x / STEPS_X, -y / STEPS_Y]).astype(np.float32)
-    return np.concatenate([np.ones_like(places[:1]), places, places * places]).T
+    xy_px = np.stack([-x / STEPS_X, -y / STEPS_Y]).astype(np.float32)
+    return np.concatenate([np.ones_like(xy_px[:1]), xy_px, xy_px * xy_px]).T
 
 
 class Table(NamedTuple):
@@ -165,15 +165,15 @@ def _ends(odds: Array, unset: Array) -> Array:
     """(2, V, U) log likelihood of all pixels of a row, given a run's end; those to its left are set."""
     of_pixels, of_unset = _by_pixel(odds), _by_pixel(unset)
     left = np.cumsum(of_pixels, axis=2) - of_pixels
-    found: Array = (left + of_unset.sum(axis=2, keepdims=True)).reshape(odds.shape)
-    return found
+    cumulated: Array = (left + of_unset.sum(axis=2, keepdims=True)).reshape(odds.shape)
+    return cumulated
 
 
 def _starts(odds: Array, unset: Array) -> Array:
     """Likewise given its start; that pixel and those to its right are set."""
     all_set = np.tile(_by_pixel(odds).sum(axis=2), odds.shape[2] // STEPS_X)
-    found: Array = _ends(-odds, unset) + all_set
-    return found
+    cumulated: Array = _ends(-odds, unset) + all_set
+    return cumulated
 
 
 def _by_pixel(values: Array) -> Array:

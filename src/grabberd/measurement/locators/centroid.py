@@ -71,12 +71,12 @@ def weights_of(windows: Windows) -> Single:
     return height
 
 
-def moments(weight: Single, place: Single) -> tuple[Array, Array]:
+def moments(weight: Single, position_px: Single) -> tuple[Array, Array]:
     """Mean of the positions (w,) under weights (…, w), and their variance about it."""
     amount = weight.astype(np.float64)
     total = amount.sum(axis=-1) + LEAST
-    mean = amount @ place / total
-    return mean, np.maximum(amount @ (place * place) / total - mean * mean, LEAST)
+    mean = amount @ position_px / total
+    return mean, np.maximum(amount @ (position_px * position_px) / total - mean * mean, LEAST)
 
 
 def _chords(windows: Windows, weight: Single, noise: float) -> Chords:

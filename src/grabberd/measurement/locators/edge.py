@@ -66,13 +66,13 @@ def _edges(windows: Windows, height: Array) -> _Edge:
     )
 
 
-def _passed(before: Array, after: Array, place: Array) -> tuple[Array, Array]:
+def _passed(before: Array, after: Array, axis_px: Array) -> tuple[Array, Array]:
     """Zero crossings of log odds between neighbours on the last axis, with their weights."""
-    step = place[1] - place[0]
+    step = axis_px[1] - axis_px[0]
     passing = (before > 0) != (after > 0)
     rise = np.where(passing, after - before, 1.0)
     weight = np.where(passing, (rise / (4.0 * step)) ** 2, 0.0)
-    return np.where(passing, place[:-1] - before / rise * step, 0.0), weight
+    return np.where(passing, axis_px[:-1] - before / rise * step, 0.0), weight
 
 
 def _side_by_side(one: Array, other: Array) -> Array:

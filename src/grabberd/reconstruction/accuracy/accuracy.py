@@ -84,9 +84,9 @@ def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accur
         )
     rows = truth.in_fields(measured.fields)
     row, known = rows.row_of(measured.n, measured.target)
-    places, true = measured.xyz_mm[known], rows.xyz_mm[row]
-    fitted = _fitted(places, true) if fit else None
-    error = (fitted.apply(places) if fitted else places) - true
+    xyz_mm, true = measured.xyz_mm[known], rows.xyz_mm[row]
+    fitted = _fitted(xyz_mm, true) if fit else None
+    error = (fitted.apply(xyz_mm) if fitted else xyz_mm) - true
     right = _right(error)
     if right.sum() <= LEAST_RIGHT * len(right):
         raise MeasurementError(
@@ -94,12 +94,12 @@ def accuracy(measured: Coordinates, truth: Truth, *, fit: bool = False) -> Accur
             f"{'are' if right.any() else 'is'} within {WRONG_BEYOND_MM} mm of its target's true place",
             "check that truth and points agree in the object's frame, target ids and field numbers",
         )
-    found = np.zeros(len(rows.target), np.bool_)
-    found[row] = True
+    with_point = np.zeros(len(rows.target), np.bool_)
+    with_point[row] = True
     return Accuracy(
         fields=len(measured.fields),
         matched=int(right.sum()),
-        missing=int((rows.expected & ~found).sum()),
+        missing=int((rows.expected & ~with_point).sum()),
         wrong=int((~right).sum()),
         unknown=int((~known).sum()),
         rmse=Axes.of((error[right] ** 2).mean(axis=0)),
@@ -113,11 +113,11 @@ def _right(error: Array) -> NDArray[np.bool_]:
     return right
 
 
-def _fitted(places: Array, true: Array) -> RigidMotion:
+def _fitted(xyz_mm: Array, true: Array) -> RigidMotion:
     """Rigid motion of all points onto the truth, repeated with those that it brings there."""
-    first = rigid_motion(places, true)
-    right = _right(first.apply(places) - true)
-    return rigid_motion(places[right], true[right]) if right.any() else first
+    first = rigid_motion(xyz_mm, true)
+    right = _right(first.apply(xyz_mm) - true)
+    return rigid_motion(xyz_mm[right], true[right]) if right.any() else first
 
 
 def pooled_variance(group: NDArray[np.generic], values: Array) -> tuple[Array, int]:

@@ -20,6 +20,7 @@ from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 _WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+# Two views of 18 parameters have no more independent errors.
 _MOST_ERRORS = 36
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -164,14 +165,14 @@ class Nearby:
             if worst < 0:
                 break
             found, all_stay = found.without(worst), False
-        places = settled[: 3 * count].reshape(count, 3), settled[9 * count :]
+        settled_mm = settled[: 3 * count].reshape(count, 3), settled[9 * count :]
         return Sighting(
             found.points(model.target),
             found.target,
             found.left,
             found.right,
             Expected(expected, sigma_mm),
-            places,
+            settled_mm,
             surprise if all_stay else None,
         )
 

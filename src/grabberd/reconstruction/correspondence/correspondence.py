@@ -67,14 +67,8 @@ class Correspondence:
         Returns:
             All targets identified beyond doubt; none if nothing agrees with the object model.
         """
-        known = hypotheses(
-            self.rig,
-            self.model,
-            (self._blurred(left), self._blurred(right)),
-            self.noise,
-            self.settings.gate,
-            self.settings.farthest_mm,
-        )
+        blurred = self._blurred(left), self._blurred(right)
+        known = hypotheses(self.rig, self.model, blurred, self.noise, self.settings)
         grown = self.agreement.largest(known)
         if not len(grown):
             return self._sight(grown, grown, grown, left, right)

@@ -210,9 +210,9 @@ def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:
     """Halve across the longest side until no part has more than `most` targets."""
     if len(targets) <= most:
         return [targets]
-    places = nominal_mm[targets]
-    side = int(np.ptp(places, axis=0).argmax())
-    order = targets[places[:, side].argsort(kind="stable")]
+    xyz_mm = nominal_mm[targets]
+    side = int(np.ptp(xyz_mm, axis=0).argmax())
+    order = targets[xyz_mm[:, side].argsort(kind="stable")]
     halves = np.split(order, [len(order) // 2])
     return [part for half in halves for part in _parted(nominal_mm, half, most)]
 

@@ -177,8 +177,8 @@ def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
 
 def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
     """(F, T) movement of a target's image since the previous field."""
-    places = flat_mm.reshape(series.xyz_mm.shape)
-    moved_mm = np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=2)
+    xyz_mm = flat_mm.reshape(series.xyz_mm.shape)
+    moved_mm = np.linalg.norm(np.diff(xyz_mm, axis=0, prepend=xyz_mm[:1]), axis=2)
     spread_px = np.nanvar(series.image_px, axis=(0, 1)).sum() / 2.0
     spread_mm = np.nanvar(series.xyz_mm, axis=(0, 1)).sum()
     moved: Array = moved_mm * np.sqrt(spread_px / spread_mm) if spread_mm else moved_mm
