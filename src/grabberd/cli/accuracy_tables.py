@@ -9,9 +9,8 @@ from rich.console import Console
 from rich.table import Table
 
 from grabberd.processes.accuracy import Axes, Compared, Investigation
-from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE
+from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_PX, PAPER_RMSE, PointingPrecision
 from grabberd.reconstruction.accuracy.length_errors import LengthErrors
-from grabberd.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
 from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
 
 MUCH_CHI2 = 4.0
