@@ -148,6 +148,27 @@ class ObjectDocument(Document):
     column: list[int]
 
 
+class ObjectTarget(Document):
+    """A target's nominal position and its place in the grid."""
+
+    id: int
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    row: int
+    column: int
+
+
+class ObjectModelDocument(Document):
+    """An object model as its file and a capture hold it."""
+
+    name: str
+    target_diameter_mm: float
+    sigma_mm: float = Field(description="Standard deviation of the nominal coordinates.")
+    homologous: bool = Field(True, description="True if the targets keep their ids through a capture.")
+    targets: list[ObjectTarget]
+
+
 class ViewLightDocument(Document):
     """Illumination of one view."""
 

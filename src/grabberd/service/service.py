@@ -3,12 +3,12 @@
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config
 from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
@@ -18,6 +18,7 @@ from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
+from grabberd.service.calibrations.calibration_documents import Document
 from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import GB, DiskGuard
@@ -191,7 +192,7 @@ class Service:
         """
         return of_device(self.instruments, name)
 
-    def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
+    def import_calibration(self, document: Document, device: str | None, note: str) -> str:
         """Stores a complete calibration that fits a device, and returns its id.
 
         Raises:
@@ -252,11 +253,11 @@ class Service:
             self.publisher.capture_ended()
 
 
-def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:
+def _configuration(setups: Mapping[str, DeviceSetup]) -> JsonObject:
     devices = {name: setup.config.model_dump(mode="json") for name, setup in setups.items()}
     return {"devices": without_secrets(devices)}
 
 
-def _configured(setups: Mapping[str, DeviceSetup]) -> dict[str, Mapping[str, Any]]:
+def _configured(setups: Mapping[str, DeviceSetup]) -> dict[str, Document]:
     documents = ((name, setup.documents.get("calibration")) for name, setup in setups.items())
     return {name: document for name, document in documents if document}

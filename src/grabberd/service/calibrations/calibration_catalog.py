@@ -3,14 +3,16 @@
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from grabberd.documents.calibrations import CalibrationRow
 from grabberd.errors import Conflict, ExtraMissing, GrabberdError, NotFound
-from grabberd.service.calibrations.calibration_documents import configured_row, newest_first, stored_row
+from grabberd.service.calibrations.calibration_documents import (
+    Document,
+    configured_row,
+    newest_first,
+    stored_row,
+)
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore, StoredCalibration
-
-Document = Mapping[str, Any]
 
 HIDDEN = "the configuration has another calibration of this id, which takes precedence"
 
