@@ -40,14 +40,10 @@ class DeviceLackDocument(Document):
     cause_code: Cause | None = Field(description="Machine-readable code of the cause.")
 
 
-class LackDocument(Document):
+class LackDocument(DeviceLackDocument):
     """A reason why a device cannot measure, with the device's name."""
 
     device: str
-    lacks: LackKind
-    message: str
-    hint: str
-    cause_code: Cause | None = Field(description="Machine-readable code of the cause.")
 
 
 class WidthDocument(Document):

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
@@ -24,19 +25,22 @@ from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCap
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
 from grabberd.service.device.worker import FairLock
-from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import Instrument
 from grabberd.service.jobs.calibration import Calibrator, calibrate_file
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
-from grabberd.service.mqtt.publisher_setup import MqttPublisher, create_publisher
+from grabberd.service.mqtt.publisher_setup import create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 from grabberd.storage.state.calibration_store import CalibrationRecord
+from grabberd.storage.state.idempotency_store import IdempotencyStore
 from grabberd.storage.state.state_store import StateStore
+
+if TYPE_CHECKING:  # an optional extra
+    from grabberd.service.mqtt.publisher import Publisher
 
 log = logging.getLogger(__name__)
 
@@ -105,7 +109,7 @@ class Service:
         self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
-        self.idempotency = Idempotency(directory, self._clock)
+        self.idempotency = IdempotencyStore(directory / "state.sqlite")
         self.retention = Retention(
             self.archive,
             retention or Policy(),
@@ -114,7 +118,7 @@ class Service:
             self.annotations.spared,
             self.annotations.delete,
         )
-        self.publisher: MqttPublisher | None = None
+        self.publisher: Publisher | None = None
         self._started = False
 
     @property
@@ -163,7 +167,7 @@ class Service:
         Raises:
             StorageError: The state directory cannot be used.
         """
-        self.calibrations.open()
+        self.calibrations.store.open()
         self.analyses.open()
         self._state_store.open()
         self.access.open()

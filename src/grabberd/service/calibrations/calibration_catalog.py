@@ -33,14 +33,6 @@ class CalibrationCatalog:
         self.store = CalibrationStore(directory)
         self.configured = dict(configured)
 
-    def open(self) -> None:
-        """Creates the folder and removes what a crash left unfinished.
-
-        Raises:
-            StorageError: The folder cannot be written.
-        """
-        self.store.open()
-
     def rows(self) -> list[CalibrationRow]:
         """Returns all calibrations as they are listed, newest first, damaged ones last."""
         stored = self.store.list()
