@@ -65,6 +65,7 @@ class OnceRoute(APIRoute):
                 return await handle(request)
             own = _key_of(request, key)
             locks: Locks = request.app.state.once
+            # The dictionary is weak: a lock goes with the last request that uses it.
             async with locks.setdefault(own, asyncio.Lock()):
                 return await _answer(request, own, handle)
 
@@ -81,6 +82,7 @@ async def _answer(request: Request, key: str, handle: Handler) -> Response:
     try:
         response = await handle(request)
     except (GrabberdError, RequestValidationError, HTTPException, Refusal):
+        # It had no effect. After any other exception that is unknown, and the key stays unanswered.
         await run_in_threadpool(kept.forget, key)
         raise
     answer = KeptAnswer(digest, response.status_code, response.headers.get("location"), bytes(response.body))

@@ -107,6 +107,7 @@ class CalibratedView(Document):
 class CalibrationDocument(Document):
     """A calibration as it is stored and exported."""
 
+    # Under an alias: a field `schema` would shadow a method of every model.
     schema_: Literal["grabberd/calibration/1"] = Field(alias="schema")
     id: str
     created_utc: str

@@ -46,6 +46,7 @@ class DeviceSetup:
 
     def __post_init__(self) -> None:
         made_with = {**self.documents, "settings": settings_of(self.config)}
+        # The class is frozen; this value follows from the others.
         object.__setattr__(self, "made_with", made_with)
 
     def with_calibration(self, document: Mapping[str, Any] | None) -> "DeviceSetup":

@@ -60,6 +60,7 @@ class EventFeed:
     def _make_text(self, seen: int | None, number: int) -> str:
         version, known = self._history.find(number), None if seen is None else self._history.find(seen)
         assert version is not None, "the newest is never forgotten"
+        # The client is new, was away for longer than versions are kept, or knew another start of the daemon.
         if known is None:
             return self._event("state", number, version.document)
         return self._event("change", number, changes(known.document, version.document))

@@ -36,6 +36,7 @@ class CalibrationCatalog:
     def rows(self) -> list[CalibrationRow]:
         """Returns all calibrations as they are listed, newest first, damaged ones last."""
         stored = self.store.list()
+        # One that is both configured and stored is listed once, with its record.
         also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
         rows = [self._stored_row(entry, entry.id in also_stored) for entry in stored]
         rows += [
