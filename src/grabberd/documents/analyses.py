@@ -9,7 +9,7 @@ from grabberd.documents.named_types import JsonObject
 
 
 class AnalysisRecord(Document):
-    """What an analysis was made from, and a summary of its results."""
+    """Origin of an analysis, and a summary of its results."""
 
     created_utc: str | None = None
     version: str | None = None

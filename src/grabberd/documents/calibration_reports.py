@@ -7,6 +7,7 @@ from pydantic import Field
 from grabberd.documents.document import Document
 from grabberd.documents.named_types import Glass, ImageSize, Weights
 
+Axis = Literal["x", "y", "z"]
 Grid = list[list[float | None]]
 """Rows of numbers; null where a view does not reach."""
 
@@ -216,20 +217,12 @@ class Validation(Document):
     points: list[HeldOutPoint]
 
 
-class PlaneAxes(Document):
-    """σ along each axis over a plane, in mm."""
-
-    x: Grid
-    y: Grid
-    z: Grid
-
-
 class VolumePlane(Document):
     """Expected σ over a plane of the volume: from the calibration alone, and in total."""
 
     z_mm: float
-    calibration: PlaneAxes
-    total: PlaneAxes
+    calibration: dict[Axis, Grid]
+    total: dict[Axis, Grid]
 
 
 class Volume(Document):
@@ -251,18 +244,13 @@ class ShiftGrid(Document):
     dy_px: Grid
 
 
-class HeldOutRms(Document):
-    """Root mean square of the residuals of held-out targets without and with a local field."""
-
-    without: float
-    with_: float = Field(alias="with")
-
-
 class LocalFieldTrial(Document):
     """Trial of a local field in each view, and whether it was accepted."""
 
     accepted: bool
-    held_out_rms_px: dict[str, HeldOutRms]
+    held_out_rms_px: dict[str, dict[Literal["without", "with"], float]] = Field(
+        description="Root mean square of the residuals of held-out targets without and with it, by view."
+    )
     gain: float | None
     length_px: dict[str, float | None] = Field(description="Length of correlation, by view.")
     signal_px: dict[str, float | None] = Field(description="σ of the field, by view.")

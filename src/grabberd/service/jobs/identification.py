@@ -39,46 +39,41 @@ _LOCATED = 0.9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IdentificationJob(JobSpec):
-    """Identifies the calibration frame's targets in a capture; see `identify_file` for fields and result."""
+    """Finds the targets of a calibration frame in a sealed capture of it."""
 
     kind = "identify"
     path: Path
     calibration_frame: JsonObject
 
     def run(self, progress: Progress) -> IdentificationResult:
-        """Runs `identify_file`."""
-        return identify_file(progress, path=self.path, calibration_frame=self.calibration_frame)
+        """Identifies the targets in fields from the whole length of the capture.
 
-
-def identify_file(progress: Progress, *, path: Path, calibration_frame: JsonObject) -> IdentificationResult:
-    """Finds the targets of a calibration frame in a sealed capture of it.
-
-    Raises:
-        InputError: The calibration frame or the rig is invalid.
-        CaptureFileError: The file cannot be read.
-        MeasurementError: The capture has no fields.
-    """
-    model = calibration_frame_model(calibration_frame)
-    with CaptureReader(path) as reader:
-        fields = list(_spread(reader))
-        seen = identify(
-            counted(fields, len(fields), portion(progress, 0.0, _LOCATED)),
-            nominal_rig(recorded_rig(reader)),
-            model,
-            replace(location_settings(settings_of_capture(reader.meta.config)), method=QUICKEST),
+        Raises:
+            InputError: The calibration frame or the rig is invalid.
+            CaptureFileError: The file cannot be read.
+            MeasurementError: The capture has no fields.
+        """
+        model = calibration_frame_model(self.calibration_frame)
+        with CaptureReader(self.path) as reader:
+            fields = list(_spread(reader))
+            seen = identify(
+                counted(fields, len(fields), portion(progress, 0.0, _LOCATED)),
+                nominal_rig(recorded_rig(reader)),
+                model,
+                replace(location_settings(settings_of_capture(reader.meta.config)), method=QUICKEST),
+            )
+            capture = reader.meta.id
+        sides = zip(VIEWS, seen.images, seen.target, strict=True)
+        refusal = seen.refusal
+        return IdentificationResult(
+            capture=capture,
+            calibration_frame=model.name,
+            of=len(model),
+            picture=_picture(fields, seen.moved),
+            views={name: _view(images, target, model) for name, images, target in sides},
+            moved=seen.moved,
+            problem=JobProblem(message=refusal.message, hint=refusal.hint) if refusal else None,
         )
-        capture = reader.meta.id
-    sides = zip(VIEWS, seen.images, seen.target, strict=True)
-    refusal = seen.refusal
-    return IdentificationResult(
-        capture=capture,
-        calibration_frame=model.name,
-        of=len(model),
-        picture=_picture(fields, seen.moved),
-        views={name: _view(images, target, model) for name, images, target in sides},
-        moved=seen.moved,
-        problem=JobProblem(message=refusal.message, hint=refusal.hint) if refusal else None,
-    )
 
 
 def _spread(reader: CaptureReader) -> Iterator[NumberedField]:

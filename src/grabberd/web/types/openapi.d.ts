@@ -2470,16 +2470,6 @@ export interface components {
             sigma_z_mm: number | null;
         };
         /**
-         * HeldOutRms
-         * @description Root mean square of the residuals of held-out targets without and with a local field.
-         */
-        HeldOutRms: {
-            /** Without */
-            without: number;
-            /** With */
-            with: number;
-        };
-        /**
          * IdentificationRequest
          * @description The calibration frame to look for.
          * @example {
@@ -2666,8 +2656,6 @@ export interface components {
          * @description A reason why a device cannot measure, with the device's name.
          */
         LackDocument: {
-            /** Device */
-            device: string;
             lacks: components["schemas"]["LackKind"];
             /** Message */
             message: string;
@@ -2675,6 +2663,8 @@ export interface components {
             hint: string;
             /** @description Machine-readable code of the cause. */
             cause_code: components["schemas"]["Cause"] | null;
+            /** Device */
+            device: string;
         };
         /** @enum {string} */
         LackKind: "device" | "signal" | "calibration";
@@ -2774,9 +2764,14 @@ export interface components {
         LocalFieldTrial: {
             /** Accepted */
             accepted: boolean;
-            /** Held Out Rms Px */
+            /**
+             * Held Out Rms Px
+             * @description Root mean square of the residuals of held-out targets without and with it, by view.
+             */
             held_out_rms_px: {
-                [key: string]: components["schemas"]["HeldOutRms"];
+                [key: string]: {
+                    [key: string]: number;
+                };
             };
             /** Gain */
             gain: number | null;
@@ -3285,18 +3280,6 @@ export interface components {
              * @description Along X, Y and Z.
              */
             shift_mm: number[];
-        };
-        /**
-         * PlaneAxes
-         * @description σ along each axis over a plane, in mm.
-         */
-        PlaneAxes: {
-            /** X */
-            x: (number | null)[][];
-            /** Y */
-            y: (number | null)[][];
-            /** Z */
-            z: (number | null)[][];
         };
         /**
          * PointsDocument
@@ -3913,8 +3896,14 @@ export interface components {
         VolumePlane: {
             /** Z Mm */
             z_mm: number;
-            calibration: components["schemas"]["PlaneAxes"];
-            total: components["schemas"]["PlaneAxes"];
+            /** Calibration */
+            calibration: {
+                [key: string]: (number | null)[][];
+            };
+            /** Total */
+            total: {
+                [key: string]: (number | null)[][];
+            };
         };
         /** @enum {string} */
         Weights: "honest" | "equal";
