@@ -86,13 +86,14 @@ def _of_file(
     document = read_documents(calibration, None)["calibration"]
     with Progress(console=progress_console, transient=True) as progress:
         task = progress.add_task("checking", total=1.0)
-        return check_file(
+        found = check_file(
             lambda share: progress.update(task, completed=share),
             path=capture,
             calibration_frame=calibration_frame_document(frame),
             calibration=document,
             in_place=in_place,
         )
+    return found.model_dump(mode="json")
 
 
 def _through_daemon(

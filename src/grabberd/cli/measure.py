@@ -44,7 +44,7 @@ def measure(
             lambda share: progress.update(task, completed=share), path=capture, made_with=made_with
         )
     if json:
-        print_json(result)
+        print_json(result.model_dump())
     else:
-        words = f"run {result['run']}, {result['points']} points in {result['fields']} fields"
+        words = f"run {result.run}, {result.points} points in {result.fields} fields"
         typer.echo(f"{capture}: {words}")
