@@ -1,0 +1,44 @@
+"""Solves the walls of all cases and writes their tables: `python -m tools.liner_wall FOLDER [CASE …]`."""
+
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from tools.liner_wall.designs import Case, cases, mounted
+from tools.liner_wall.path import follow
+from tools.liner_wall.table import save_table
+
+FROM_MPA, TO_MPA, STEP_MPA = -0.003, 0.050, 0.003
+
+
+def main(arguments: list[str]) -> int:
+    """Solves the named cases, or all, one in each process."""
+    known = {case.name: case for case in cases()}
+    unknown = set(arguments[1:]) - set(known)
+    if not arguments or unknown:
+        print(f"usage: python -m tools.liner_wall FOLDER [CASE …]\ncases: {', '.join(known)}", file=sys.stderr)
+        return 2
+    folder = Path(arguments[0])
+    folder.mkdir(parents=True, exist_ok=True)
+    chosen = [known[name] for name in arguments[1:]] or list(known.values())
+    with ProcessPoolExecutor() as pool:
+        for line in pool.map(solve_case, chosen, [folder] * len(chosen)):
+            print(line, flush=True)
+    return 0
+
+
+def solve_case(case: Case, folder: Path) -> str:
+    """Solves one case; returns a line about it."""
+    began = time.process_time()
+    tube, state = mounted(case.design)
+    rests = list(follow(tube, state, FROM_MPA, TO_MPA, STEP_MPA, case.push()))
+    path = folder / f"{case.name}.npz"
+    save_table(path, case, tube, rests)
+    spent_s, size_kb = time.process_time() - began, path.stat().st_size / 1000
+    snaps = sum(rest.snapped for rest in rests)
+    return f"{case.name}: {len(rests)} states, {snaps} snaps, {size_kb:.0f} kB, {spent_s:.0f} s of processor time"
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,81 @@
+"""What the wall closes on: a compliant teat, and the opposite wall.
+
+Both push back with a pressure that depends on a place alone, normal to the wall's inner face. A teat is a bed
+of springs below a surface of revolution: a tapering barrel with a cap whose height and squareness make it
+round, blunt or pointed. Lengths are in mm, pressure in MPa.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Over this depth a spring's stiffness grows from zero, so that Newton's steps see contact come.
+_SOFT_START_MM = 0.05
+_OPPOSITE_WALL_MPA_PER_MM = 0.5
+"""Stiff against 50 kPa: walls that touch then overlap by a tenth of a millimetre."""
+_AXIS_MM2 = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Teat:
+    """A teat from the mouthpiece, at low x, to its end.
+
+    Attributes:
+        name: Name in the tables.
+        radius_mm: Radius of the barrel where its cap begins.
+        end_x_mm: Place of its end along the liner's axis.
+        cap_mm: Height of the cap; `squareness`: exponent of its outline, 2 for an ellipse.
+        taper: Growth of the radius per length towards the udder.
+        stiffness_mpa_per_mm: Pressure per depth.
+        centre_mm: Place (y, z) of its axis.
+    """
+
+    name: str
+    radius_mm: float
+    end_x_mm: float
+    cap_mm: float
+    squareness: float = 2.0
+    taper: float = 0.02
+    stiffness_mpa_per_mm: float = 0.006
+    centre_mm: tuple[float, float] = (0.0, 0.0)
+
+    def pressure(self, points_mm: Array) -> tuple[Array, Array]:
+        """Pressure (…) at points (…, 3), and its gradient (…, 3)."""
+        base = self.end_x_mm - self.cap_mm
+        off = points_mm[..., 1:] - self.centre_mm
+        distance = np.sqrt((off**2).sum(axis=-1) + _AXIS_MM2)
+        below = np.maximum(points_mm[..., 0] - base, 0.0) / self.cap_mm
+        above = np.maximum(base - points_mm[..., 0], 0.0)
+        radius = self.radius_mm + self.taper * above
+        m = self.squareness
+        ratio = distance / radius
+        outline = (below**m + ratio**m) ** (1 / m)
+        scale = outline ** (1 - m)
+        by_ratio = scale * ratio ** (m - 1)
+        by_x = scale * below ** (m - 1) / self.cap_mm + by_ratio * ratio / radius * self.taper * (above > 0)
+        by_off = (by_ratio / radius / distance)[..., np.newaxis] * off
+        slope = np.concatenate([by_x[..., np.newaxis], by_off], axis=-1)
+        pressure, stiffness = _spring(self.radius_mm * (1 - outline), self.stiffness_mpa_per_mm)
+        return pressure, -stiffness[..., np.newaxis] * self.radius_mm * slope
+
+
+def opposite_wall(points_mm: Array, upper: Array) -> tuple[Array, Array]:
+    """Pressure (…) of the wall's other half, which meets this one in the plane z = 0; its gradient (…, 3).
+
+    Args:
+        points_mm: (…, 3) points.
+        upper: (…) 1 for points of the half above the plane, −1 below it.
+    """
+    pressure, stiffness = _spring(-points_mm[..., 2] * upper, _OPPOSITE_WALL_MPA_PER_MM)
+    gradient = np.zeros_like(points_mm)
+    gradient[..., 2] = -stiffness * upper
+    return pressure, gradient
+
+
+def _spring(depth_mm: Array, stiffness: float) -> tuple[Array, Array]:
+    soft = np.clip(depth_mm, 0.0, _SOFT_START_MM)
+    pressure = stiffness * (soft**2 / (2 * _SOFT_START_MM) + np.maximum(depth_mm - _SOFT_START_MM, 0.0))
+    return pressure, stiffness * soft / _SOFT_START_MM
