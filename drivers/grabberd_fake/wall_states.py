@@ -1,0 +1,150 @@
+"""States of a liner's wall in equilibrium, from the tables that `tools/liner_wall` has solved.
+
+A table holds the outer face and the contact pressure of a quarter of the tube at nodes of quadratic elements,
+for a series of pressure differences. In space the elements' own shape functions interpolate; between the
+pressures, a cubic through the four nearest states.
+"""
+
+import json
+from functools import lru_cache
+from importlib.resources import files
+from typing import Any
+
+import numpy as np
+
+from grabberd_fake.optics import Array
+
+FOLDER = "walls"
+_SHIFT_MM, _CONTACT_KPA = 5e-4, 2e-3
+
+
+class WallStates:
+    """The states of one liner on one teat.
+
+    Attributes:
+        theta: (A,) angles of the nodes from the line that faces the cameras; a quarter, in rad.
+        x_mm: (X,) places of the nodes along the mounted tube.
+        outer_kpa: (S,) pressure differences, outside over inside, ascending.
+        about: the design and the teat that were solved.
+    """
+
+    def __init__(self, name: str) -> None:
+        """Reads a table.
+
+        Raises:
+            ValueError: there is none of that name; the message lists those there are.
+        """
+        table = files(__package__) / FOLDER / f"{name}.npz"
+        if not table.is_file():
+            raise ValueError(f"no wall is named {name!r}; there are {', '.join(wall_names())}")
+        with table.open("rb") as file, np.load(file) as arrays:
+            self.theta, self.x_mm = arrays["theta"], arrays["x_mm"]
+            self.outer_kpa = arrays["outer_kpa"]
+            self.about: dict[str, Any] = json.loads(str(arrays["about"]))
+            shifts = np.cumsum(arrays["shift"], axis=0, dtype=np.int32) * _SHIFT_MM
+            self._outer_mm = (arrays["mounted_mm"] + shifts).astype(np.float32)
+            contact = np.cumsum(arrays["contact"], axis=0, dtype=np.int32) * _CONTACT_KPA
+            self._contact_kpa = contact.astype(np.float32)
+            self._force_n_per_mm = arrays["force_n_per_mm"]
+
+    def outer_mm(self, outer_kpa: float) -> Array:
+        """(X, A, 3) outer nodes at a pressure difference; held at the table's ends."""
+        return self._between(self._outer_mm, outer_kpa)
+
+    def contact_kpa(self, outer_kpa: float) -> Array:
+        """(X, A) contact pressure at the inner nodes."""
+        return np.maximum(self._between(self._contact_kpa, outer_kpa), 0.0)
+
+    def force_n_per_mm(self, outer_kpa: float) -> Array:
+        """(X // 2,) load on one side of the teat over each element along the tube."""
+        return self._between(self._force_n_per_mm, outer_kpa)
+
+    def _between(self, states: Array, outer_kpa: float) -> Array:
+        first, weights = _cubic(self.outer_kpa, outer_kpa)
+        between: Array = np.tensordot(weights, states[first : first + len(weights)], axes=1)
+        return between
+
+
+class Patch:
+    """Places on the wall, a grid of rows along the tube and columns round it."""
+
+    def __init__(self, states: WallStates, x_mm: Array, theta: Array) -> None:
+        """The places.
+
+        Args:
+            states: the table they lie in.
+            x_mm: (R,) along the mounted tube.
+            theta: (C,) angles from the line that faces the cameras, within ±π.
+        """
+        folded = np.abs(theta)
+        self._below = np.where(folded > np.pi / 2, -1.0, 1.0)
+        self._side = np.where(theta < 0, -1.0, 1.0)
+        folded = np.where(folded > np.pi / 2, np.pi - folded, folded)
+        self._rows, self._rows_by_x = quadratic_weights(states.x_mm, x_mm)
+        self._columns, by_theta = quadratic_weights(states.theta, folded)
+        self._columns_by_theta = by_theta * (self._below * self._side)[:, np.newaxis]
+
+    def values(self, grid: Array) -> Array:
+        """(R, C) of a scalar (X, A) that is the same on all four quarters."""
+        values: Array = self._rows @ grid @ self._columns.T
+        return values
+
+    def surface(self, grid_mm: Array) -> tuple[Array, Array]:
+        """Points (R, C, 3) and outward unit normals (R, C, 3) of a face (X, A, 3)."""
+        mirror = np.stack([np.ones_like(self._side), self._side, self._below], axis=-1)
+        points = self._mapped(self._rows, grid_mm, self._columns) * mirror
+        along = self._mapped(self._rows_by_x, grid_mm, self._columns) * mirror
+        around = self._mapped(self._rows, grid_mm, self._columns_by_theta) * mirror
+        normals = np.cross(along, around)
+        return points, normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+
+    @staticmethod
+    def _mapped(rows: Array, grid_mm: Array, columns: Array) -> Array:
+        mapped: Array = np.einsum("rx,xai,ca->rci", rows, grid_mm, columns, optimize=True)
+        return mapped
+
+
+def wall_names() -> list[str]:
+    """Names of all tables."""
+    folder = files(__package__) / FOLDER
+    return sorted(
+        entry.name.removesuffix(".npz") for entry in folder.iterdir() if entry.name.endswith(".npz")
+    )
+
+
+@lru_cache(maxsize=4)
+def wall_states(name: str) -> WallStates:
+    """A table, read once."""
+    return WallStates(name)
+
+
+def quadratic_weights(nodes: Array, at: Array) -> tuple[Array, Array]:
+    """Weights (N, K) of the values at K equidistant nodes for places (N,), and of their slope.
+
+    Each element has three nodes and shares the outer ones with its neighbours.
+    """
+    step = nodes[1] - nodes[0]
+    element = np.clip(np.floor((at - nodes[0]) / (2 * step)), 0, len(nodes) // 2 - 1).astype(np.intp)
+    local = (at - nodes[2 * element + 1]) / step
+    shapes = np.stack([local * (local - 1) / 2, 1 - local**2, local * (local + 1) / 2], axis=1)
+    slopes = np.stack([local - 0.5, -2 * local, local + 0.5], axis=1) / step
+    weights, by = np.zeros((len(at), len(nodes))), np.zeros((len(at), len(nodes)))
+    members = 2 * element[:, np.newaxis] + np.arange(3)
+    np.put_along_axis(weights, members, shapes, axis=1)
+    np.put_along_axis(by, members, slopes, axis=1)
+    return weights, by
+
+
+def _cubic(knots: Array, at: float) -> tuple[int, Array]:
+    """First index, and weights of up to four neighbouring values at `at`: Lagrange's cubic."""
+    inside = float(np.clip(at, knots[0], knots[-1]))
+    interval = int(np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, len(knots) - 2))
+    first = int(np.clip(interval - 1, 0, max(len(knots) - 4, 0)))
+    near = knots[first : first + 4]
+    weights = np.array(
+        [
+            np.prod([(inside - other) / (own - other) for other in np.delete(near, i)])
+            for i, own in enumerate(near)
+        ]
+    )
+    return first, weights
