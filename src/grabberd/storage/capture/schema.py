@@ -6,7 +6,7 @@ import sqlite3
 import typing
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -223,11 +223,6 @@ def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> Non
     """Writes some keys within the caller's transaction."""
     rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
     connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
-
-
-def write_all_meta(connection: sqlite3.Connection, meta: CaptureMeta) -> None:
-    """Writes every key."""
-    write_meta(connection, asdict(meta))
 
 
 def read_meta(connection: sqlite3.Connection) -> CaptureMeta:

@@ -4,6 +4,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,7 +21,6 @@ from grabberd.storage.capture.schema import (
     create,
     read_meta,
     sealed_path,
-    write_all_meta,
     write_meta,
 )
 from grabberd.storage.disk import storage_errors, sync_directory
@@ -62,7 +62,7 @@ class CaptureWriter:
         writer = cls(path, connection, meta)
         with storage_errors(path):
             writer._begin()
-            write_all_meta(connection, meta)
+            write_meta(connection, asdict(meta))
             writer.commit()
         return writer
 

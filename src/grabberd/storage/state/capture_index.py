@@ -31,10 +31,7 @@ class IndexEntry(NamedTuple):
     """One capture.
 
     Attributes:
-        id: Id of the capture.
         file: Path below the folder.
-        device: Name of the device.
-        created_utc: Time of the request.
         state: "sealed" or "damaged".
         note: Note in the file, for searching.
         labels: Labels in the file as a JSON object, for searching.
@@ -91,21 +88,13 @@ class CaptureIndex:
 
     def list(self) -> list[IndexEntry]:
         """All captures, newest first."""
-        self._catch_up()
-        with self._connected() as connection:
-            rows = connection.execute("SELECT * FROM captures ORDER BY created_utc DESC, id DESC").fetchall()
-        return [IndexEntry(*row) for row in rows]
+        return self._select("ORDER BY created_utc DESC, id DESC")
 
     def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
         """At most `limit` captures, newest first, that follow the (created_utc, id) of `after`, if given."""
-        self._catch_up()
         beyond = after or (_LAST, "")
-        query = (
-            "SELECT * FROM captures WHERE (created_utc, id) < (?, ?) "
-            "ORDER BY created_utc DESC, id DESC LIMIT ?"
-        )
-        with self._connected() as connection:
-            return [IndexEntry(*row) for row in connection.execute(query, (*beyond, limit))]
+        which = "WHERE (created_utc, id) < (?, ?) ORDER BY created_utc DESC, id DESC LIMIT ?"
+        return self._select(which, *beyond, limit)
 
     def get(self, capture_id: str) -> IndexEntry:
         """One capture.
@@ -113,19 +102,15 @@ class CaptureIndex:
         Raises:
             NotFound: No capture has that id.
         """
-        self._catch_up()
-        with self._connected() as connection:
-            row = connection.execute("SELECT * FROM captures WHERE id = ?", (capture_id,)).fetchone()
-        if row is None:
+        found = self._select("WHERE id = ?", capture_id)
+        if not found:
             raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists all captures")
-        return IndexEntry(*row)
+        return found[0]
 
     def with_prefix(self, text: str) -> "builtins.list[IndexEntry]":
         """Captures whose id begins with `text`, sorted by id."""
-        self._catch_up()
-        query = "SELECT * FROM captures WHERE substr(id, 1, ?) = ? ORDER BY id"
-        with self._connected() as connection:
-            return [IndexEntry(*row) for row in connection.execute(query, (len(text), text))]
+        # Not LIKE, in which the _ and % of an id stand for any letters.
+        return self._select("WHERE substr(id, 1, ?) = ? ORDER BY id", len(text), text)
 
     def file_of(self, capture_id: str) -> Path:
         """Path of a capture's file.
@@ -135,16 +120,19 @@ class CaptureIndex:
         """
         return self.directory / self.get(capture_id).file
 
+    def _select(self, which: str, *values: object) -> "builtins.list[IndexEntry]":
+        """Captures by the rest of a query, after those that could not be entered before."""
+        if self._kept_out:
+            with suppress(StorageError):
+                self._enter_kept_out()
+        query = f"SELECT * FROM captures {which}"  # noqa: S608 - constants
+        with self._connected() as connection:
+            return [IndexEntry(*row) for row in connection.execute(query, values)]
+
     def _enter_kept_out(self) -> None:
         paths = sorted(self._kept_out)
         self._write([entry_of(path) for path in paths if path.exists()])
         self._kept_out.difference_update(paths)
-
-    def _catch_up(self) -> None:
-        """Enters captures that could not be entered before, if that is possible now."""
-        if self._kept_out:
-            with suppress(StorageError):
-                self._enter_kept_out()
 
     def _write(self, entries: Iterable[IndexEntry]) -> None:
         with self._connected() as connection:
