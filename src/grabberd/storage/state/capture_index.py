@@ -5,12 +5,11 @@ import json
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
-from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import CaptureFileError, LaterVersion, NotFound, StorageError
-from grabberd.storage.capture.crash_recovery import set_aside
+from grabberd.storage.capture.crash_recovery import numbered, set_aside
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.storage.disk import storage_errors
@@ -189,7 +188,6 @@ def _distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
     """Entries with distinct ids: a second file of the same id, such as a copy, gets `ID-2` and so on."""
     taken: set[str] = set()
     for entry in entries:
-        names = chain([entry.id], (f"{entry.id}-{number}" for number in count(2)))
-        free = next(name for name in names if name not in taken)
+        free = next(name for name in numbered(entry.id) if name not in taken)
         taken.add(free)
         yield entry._replace(id=free)
