@@ -21,7 +21,6 @@ def granted(field, lines=576, driver="bttv"):
         columns=COLUMNS,
         lines=lines,
         bytes_per_line=COLUMNS,
-        size_bytes=lines * COLUMNS,
         fourcc="GREY",
         field=int(field),
         standard="PAL",
