@@ -131,6 +131,7 @@ def _set_standard(node: Node, options: V4l2Options) -> int:
             f"{node.path} has no {options.standard} at this input; its standards: {names}",
             "choose a composite or S-Video input (option 'input') or another grabber",
         )
+    # Always, whatever it is at now: stk1160 and usbtv start up in NTSC.
     node.set_standard(wanted)
     granted = node.standard()
     if not standards.is_50_hz(granted):

@@ -66,6 +66,7 @@ class Watch:
         return _Look(signal, self._changed_by_others() or self._wrong_camera(signal))
 
     def _signal(self) -> Signal:
+        # Polled, since hardly any analog card announces a change of its source (SOURCE_CHANGE).
         try:
             if self._source is SignalSource.ENUMINPUT:
                 return _present(not self._node.input().status & _NO_SIGNAL)

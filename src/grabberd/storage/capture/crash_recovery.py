@@ -34,9 +34,8 @@ def recover(part: Path) -> Path:
     except CaptureFileError as error:
         return set_aside(part, error.message)
     with storage_errors(part):
-        part.with_name(part.name + JOURNAL).unlink(
-            missing_ok=True
-        )  # its transaction has ended; SQLite keeps the file
+        # SQLite keeps the journal's file after its transaction (PERSIST), but a sealed capture is one file.
+        part.with_name(part.name + JOURNAL).unlink(missing_ok=True)
         return publish(part)
 
 

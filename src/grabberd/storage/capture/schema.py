@@ -73,6 +73,8 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
         for taken in (path, sealed_path(path)):
             if taken.exists():
                 raise StorageError(f"{taken} exists already", "give the capture another name")
+        # isolation_level None leaves transactions to the writer, which commits twice a second and never by
+        # itself; it is made on one thread and used on another, never on two at once.
         connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         # Not WAL: a copy without its log would be empty, and sealing would fail while somebody reads. PERSIST
         # keeps the journal between commits, since a full disk has no room for a new one.
@@ -85,6 +87,7 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
         connection.execute(f"PRAGMA user_version = {VERSION}")
         if max_pages is not None:
             connection.execute(f"PRAGMA max_page_count = {max_pages:d}")
+        # One transaction: a kill leaves a file with all of its tables, or an empty one.
         connection.executescript("BEGIN;" + TABLES)
         connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (RESERVE_BYTES,))
         connection.execute("COMMIT")

@@ -136,7 +136,9 @@ class CaptureWriter:
             extra = {**read_meta(self._connection).extra, **(findings or {})}
             write_meta(self._connection, {**verdict, "extra": extra})
             self._connection.execute("COMMIT")
-            self._connection.execute("PRAGMA journal_mode = DELETE")  # a sealed capture is one file
+            # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
+            # finds a journal by the name of the database: so after the commit and before the renaming.
+            self._connection.execute("PRAGMA journal_mode = DELETE")
             self._connection.close()
             self.path = publish(self.path)
         return self.path

@@ -31,6 +31,7 @@ from grabberd.storage.state.state_database import MIGRATIONS
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS, CAPTURES = "manifest.json", "state.sqlite", "calibrations", "captures"
+# A crash may have left it; beside the restored database, SQLite would play it back into that one.
 JOURNAL = f"{STATE}-journal"
 REPLACED = "replaced-"
 _MEMBER = re.compile(rf"{STATE}|{CALIBRATIONS}/[0-9A-Za-z_-]{{1,80}}/[0-9A-Za-z][0-9A-Za-z_.-]{{0,80}}")

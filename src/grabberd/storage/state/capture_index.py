@@ -67,6 +67,7 @@ class CaptureIndex:
         """
         readable = [_readable(path) for path in sorted(self.directory.glob(f"*{SUFFIX}"))]
         aside = [path for path in sorted((self.directory / DAMAGED).glob("*")) if path.suffix in CAPTURES]
+        # Deleted rather than emptied: it may be damaged itself.
         with storage_errors(self.path):
             self.path.unlink(missing_ok=True)
         self._write(_distinct([*filter(None, readable), *map(entry_of, unsealed), *map(_damaged, aside)]))

@@ -58,6 +58,7 @@ class StateDatabase:
         """
         with self.errors():
             self.path.parent.mkdir(parents=True, exist_ok=True)
+            # Before SQLite creates it with the umask's permissions: it holds the tokens' hashes.
             self.path.touch(OWNER_ONLY)
         with self.transaction() as connection:
             _migrate(connection, self.path)
