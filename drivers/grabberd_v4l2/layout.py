@@ -119,11 +119,6 @@ class Layout:
             older = _OLDER.get(arrangement, profile.older_parity)
         return cls._frames(granted, arrangement, older)
 
-    @property
-    def columns(self) -> int:
-        """Pixels per row."""
-        return self.granted.columns
-
     def fields(self, buffer: NDArray[np.uint8], buffer_field: int) -> tuple[LaidField, ...]:
         """The fields in a buffer, the older first.
 
