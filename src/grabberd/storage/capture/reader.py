@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, Self
 
@@ -58,8 +58,10 @@ class CaptureReader:
         with reading_errors(self.path):
             fields = self._connection.execute(kept).fetchall()
             entries = self._connection.execute("SELECT * FROM ledger ORDER BY first_n").fetchall()
-        with self._decoding("its ledger contradicts itself", "set the file aside"):
+        try:
             return ledger(fields, entries)
+        except DAMAGE as error:
+            raise self._damaged("its ledger contradicts itself", error, "set the file aside") from error
 
     @property
     def field_count(self) -> int:
@@ -151,12 +153,10 @@ class CaptureReader:
             with reading_errors(self.path):
                 asked = (number, first_n, end_n, every, FIELDS_AT_ONCE)
                 rows = self._connection.execute(query, asked).fetchall()
-            for n, stored_ns, data in rows:
-                with self._decoding(f"field {n}"):
-                    time_ns = _time_ns(stored_ns)
-                with self._decoding(f"points of field {n}", "re-measure the capture"):
-                    points = decode_points(data)
-                yield n, time_ns, points
+            for n, time_ns, data in rows:
+                if not isinstance(time_ns, int):
+                    raise self._damaged(f"field {n}", ValueError(f"time_ns is {time_ns!r}"))
+                yield n, time_ns, self._points(n, data)
             if len(rows) < FIELDS_AT_ONCE:
                 return
             first_n = rows[-1][0]
@@ -205,21 +205,21 @@ class CaptureReader:
             return self._connection.execute(query, values).fetchall()
 
     def _field(self, row: tuple[Any, ...]) -> RecordedField:
-        with self._decoding(f"field {row[0]}"):
-            return recorded_field(row)
-
-    @contextmanager
-    def _decoding(self, what: str, hint: str = "the other fields can be read") -> Iterator[None]:
         try:
-            yield
+            return recorded_field(row)
         except DAMAGE as error:
-            raise CaptureFileError(f"{self.path}: {what}: {error}", hint) from error
+            raise self._damaged(f"field {row[0]}", error) from error
 
+    def _points(self, n: int, data: bytes) -> Points:
+        try:
+            return decode_points(data)
+        except DAMAGE as error:
+            raise self._damaged(f"points of field {n}", error, "re-measure the capture") from error
 
-def _time_ns(value: Any) -> int:
-    if isinstance(value, int):
-        return value
-    raise ValueError(f"time_ns is {value!r}")
+    def _damaged(
+        self, what: str, error: Exception, hint: str = "the other fields can be read"
+    ) -> CaptureFileError:
+        return CaptureFileError(f"{self.path}: {what}: {error}", hint)
 
 
 def stat_at_rest(path: Path) -> os.stat_result:
