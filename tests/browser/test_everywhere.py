@@ -62,7 +62,7 @@ def at(daemon: Daemon, panel: str) -> str:
 
 
 def every_panel(page: Page, daemon: Daemon) -> Iterator[str]:
-    """Goes through the panels in one page: to load it anew for each takes ten times as long."""
+    """Goes through the panels in one page: it is its loading that costs most."""
     for panel in PANELS:
         page.goto(at(daemon, panel))
         page.wait_for_selector(f"[data-panel={IDS.get(panel, panel)}]")
