@@ -20,11 +20,6 @@ COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
 USUAL_FRAME = "calibration-frames/paper-108.yaml"
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("plan")(plan)
-
-
 def plan(  # noqa: PLR0913, PLR0917 - options of a command
     config: ConfigOption = None,
     device: Annotated[

@@ -16,11 +16,6 @@ SWITCH_INTERVAL_S = 0.001
 """Longest wait for the interpreter lock; at Python's default of 5 ms the capture thread loses fields."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("serve")(serve)
-
-
 def serve(
     config: ConfigOption = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on.", show_default=False)] = None,

@@ -15,20 +15,12 @@ if TYPE_CHECKING:
     from grabberd.service.access import Access
 
 commands = typer.Typer(
-    name="token",
-    help="Create, list and remove access tokens. Run it as the daemon's user.",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Create, list and remove access tokens. Run it as the daemon's user.", no_args_is_help=True
 )
 NameArgument = Annotated[str, typer.Argument(help="Name of the owner or purpose, e.g. tablet-north.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.add_typer(commands)
-
-
-@commands.command("add")
+@commands.command()
 def add(
     name: NameArgument,
     role: Annotated[
@@ -75,7 +67,7 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     console.print(table)
 
 
-@commands.command("remove")
+@commands.command()
 def remove(name: NameArgument, config: ConfigOption = None) -> None:
     """Remove a token; it and its sessions end immediately, without a restart.
 

@@ -3,11 +3,13 @@
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.errors import CalibrationMismatch, MeasurementError
 from grabberd.field import NumberedField, PackedField
 from grabberd.geometry import Calibration, LocalField, Rig, View
 from grabberd.kernel import KERNEL
@@ -24,6 +26,8 @@ from grabberd.reconstruction import (
 
 Array = NDArray[np.float64]
 
+FIELDS_A_GROUP = 500
+"""Ten seconds of video."""
 JITTERS, JITTER_EVERY = 9, 25
 """The line jitter is the median of the last nine estimates. It belongs to the equipment and hardly changes,
 so that after the first nine fields only every 25th is used for a new estimate."""
@@ -67,6 +71,43 @@ def measure_fields(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iter
         if step is None or step.y_step != numbered.packed.y_step:
             step = _Step(setup, numbered.packed.y_step)
         yield step.measure(numbered)
+
+
+def measured_groups(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[list[MeasuredField]]:
+    """Measure every field, in groups that bound the memory in use; the results are those of `measure_fields`.
+
+    Raises:
+        CalibrationMismatch: a field's size differs from the calibration's.
+        MeasurementError: there are no fields, or no points in any of them.
+    """
+    measured = measure_fields(_fitting(fields, setup), setup)
+    count = points = 0
+    while group := list(islice(measured, FIELDS_A_GROUP)):
+        count += len(group)
+        points += sum(len(one.points) for one in group)
+        yield group
+    if not count:
+        raise MeasurementError(
+            "the capture has no undamaged field to measure", "the capture's ledger gives the reasons"
+        )
+    if not points:
+        raise MeasurementError(
+            f"no target of the object model was found in any of {count} fields",
+            "check that calibration and object model belong to this capture's rig and object",
+        )
+
+
+def _fitting(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[NumberedField]:
+    known = setup.calibration
+    for numbered in fields:
+        lines = numbered.packed.rows * numbered.packed.y_step
+        if (numbered.packed.columns, lines) != (known.columns, known.lines):
+            raise CalibrationMismatch(
+                f"calibration {known.id} is for pictures of {known.columns} x {known.lines}, "
+                f"field {numbered.n} has {numbered.packed.columns} x {lines}",
+                "measure this capture with a calibration of its own grabber",
+            )
+        yield numbered
 
 
 class _Locating:
