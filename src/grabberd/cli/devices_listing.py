@@ -69,6 +69,7 @@ def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
     """Configuration of these devices under names that are not taken yet."""
     lines = ["devices:"]
     for name, device in zip(_free_names(taken), found, strict=False):
+        # width: yaml would fold a long value, and a folded one is easily spoilt when it is pasted.
         document = {name: {"driver": device.driver, "options": dict(device.options)}}
         text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=1000)
         lines += [f"  # {_one_line(device.card)}", *(f"  {line}" for line in text.splitlines())]

@@ -47,6 +47,7 @@ def capture_directly(
         _wait_until_it_accepts(instrument)
         warn(instrument.board.now.warnings)
         request = _request(order, instrument.rate_hz)
+        # In a hidden folder beside the output until it is sealed; the next run names what a crash left there.
         with recording_folder(out.parent) as folder:
             recording = instrument.start_capture(out.stem, request, folder / f"{out.name}.part")
             _follow(recording, request.fields)

@@ -66,6 +66,7 @@ def with_device(config: Config, file: Path | None, device: str | None) -> Config
     name = only_device(config, None if colon else device, file)
     chosen: DeviceConfig = config.devices[name]
     if colon:
+        # A path in a configuration file is relative to that file; one typed here, to the working directory.
         chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})
     return config.model_copy(update={"devices": {name: chosen}})
 

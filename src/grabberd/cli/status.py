@@ -29,6 +29,7 @@ def status(
         cells = (device["fields"]["received"], lost, live["points"], ring["bits"], ring["threshold"])
         table.add_row(name, device["state"], *(str(cell) for cell in cells), device["capture_id"] or "–")
     console.print(table)
+    # soft_wrap: where the output is piped, rich would break these lines at 80 columns.
     for name, device in state["devices"].items():
         for words in _remarks(device):
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)

@@ -44,6 +44,7 @@ def add(
         expires_utc = next(row.expires_utc for row in access.list() if row.name == name)
         print_json({"name": name, "role": role, "token": secret, "expires_utc": expires_utc})
         return
+    # Beside standard output, which holds the secret alone, so that a script can store it.
     typer.echo("This token is shown only once; keep it as safe as a password:", err=True)
     typer.echo(secret)
 

@@ -139,6 +139,7 @@ class _Step:
         self._locating = _Locating(replace(setup.location, line_jitter_px=setup.line_jitter_px))
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
+        # From the object model alone, never from an earlier track: points are a function of the fields given.
         self._track: Track = self._tracker.start()
         self._last_ns: int | None = None
 
@@ -163,6 +164,8 @@ def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None)
     """
     chosen = _chosen_compiled if KERNEL else _chosen
     xy_px, sigma_px, common_px = chosen(blobs, view.first_column, view.end_column)
+    # Taken off the blobs rather than added to the functional model: equations (4) to (7) stay as printed, and
+    # a rig without a local field pays nothing for it.
     if local_field is not None:
         xy_px = xy_px - local_field.at(xy_px)
     return ViewBlobs(xy_px, sigma_px, common_px, blobs.common_reach_px)

@@ -49,6 +49,7 @@ def capture_group_through(
     names = devices
     if names is None:
         names = [str(one["name"]) for one in daemon.ask("/api/v1/devices")["devices"]]
+    # Before anything starts: a capture whose file cannot be kept would be recorded for nothing.
     check_absent(*(group_file(out, name) for name in names))
     ended = _ended(daemon, GROUPS, {**order, "devices": names})
     for one in ended["captures"]:
@@ -72,6 +73,7 @@ def armed_capture(daemon: Daemon, device: str | None) -> str:
     Raises:
         Conflict: no capture is armed, or several are that do not form one group.
     """
+    # 500 is the longest page that the API gives; captures that wait are far fewer.
     query = f"?limit=500&device={device}" if device else "?limit=500"
     waiting = [one for one in daemon.ask(CAPTURES + query)["captures"] if one["state"] == "armed"]
     armed = [str(one["id"]) for one in waiting]
