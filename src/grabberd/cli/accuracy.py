@@ -19,8 +19,9 @@ from grabberd.cli.options import (
 from grabberd.errors import NotReady
 
 if TYPE_CHECKING:
-    from grabberd.processes.accuracy import Investigation, InvestigationSettings, Truth
+    from grabberd.processes.accuracy import Investigation, InvestigationSettings
     from grabberd.processes.measure import MeasureSetup
+    from grabberd.reconstruction.accuracy.ground_truth import Truth
     from grabberd.storage import CaptureReader
 
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from grabberd.processes.accuracy import Axes, Compared, Investigation
-from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE
+from grabberd.processes.accuracy import Compared, Investigation
+from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE, Axes
 from grabberd.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
 from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
 

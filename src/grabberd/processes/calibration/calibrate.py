@@ -219,7 +219,7 @@ def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blun
     # One blunder inflates the unmodelled share and so hides the next: it is estimated again after each
     # removal. With more than a tenth removed the fault is not in single points; it stops there.
     while True:
-        # Means of many fields are known better than mirrors are even. With their own σ alone, σ0 came out near
+        # Means of many fields are known better than mirrors are even. By their own σ alone σ0 came out near
         # 5, good points left as blunders, and the few with the least scatter decided everything.
         weighted, unmodelled_px = with_unmodelled(network, unknowns)
         adjustment, more = without_blunders(weighted, unknowns)
