@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
 
 from grabberd.acquisition.clock import SystemClock
 from grabberd.cli.options import end_as_ctrl_c_does, progress_console, warn, with_device
@@ -82,12 +82,7 @@ def _request(order: dict[str, Any], rate_hz: float) -> CaptureRequest:
 
 def _follow(recording: Recording, wanted: int | None) -> None:
     """Show progress until the file is sealed; Ctrl-C ends the recording."""
-    columns = (
-        TextColumn("recording"),
-        BarColumn(),
-        TextColumn("{task.completed} fields"),
-        TimeElapsedColumn(),
-    )
+    columns = ("recording", BarColumn(), "{task.completed} fields", TimeElapsedColumn())
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("", total=wanted)
         # Ctrl-C only asks the recording to stop; the loop goes on until its file is sealed, so that a second

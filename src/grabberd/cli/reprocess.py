@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
 from grabberd.cli.options import JsonOption, end_as_ctrl_c_does, given, print_json, progress_console, warn
 
@@ -79,13 +79,8 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
 
 
 def _bar() -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TextColumn("{task.fields[left]}"),
-        TimeRemainingColumn(),
-    )
+    texts = ("{task.fields[rate]}", "{task.fields[left]}")
+    columns = ("{task.description}", BarColumn(), *texts, TimeRemainingColumn())
     return Progress(*columns, console=progress_console, transient=True, speed_estimate_period=RATE_OVER_S)
 
 

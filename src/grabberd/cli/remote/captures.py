@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import typer
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
 from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, progress_console, warn
 from grabberd.cli.remote.client import Daemon
@@ -109,7 +109,7 @@ def _followed(daemon: Daemon, address: str, document: JsonObject) -> JsonObject:
         warn(daemon.ask(f"/api/v1/devices/{document['device']}")["warnings"])
     if any(one["state"] == "armed" for one in _captures(document)):
         typer.echo(f"armed: {document['id']}; now: grabberd trigger --url {daemon.url}", err=True)
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    columns = SpinnerColumn(), "{task.description}", TimeElapsedColumn()
     with Progress(*columns, console=progress_console, transient=True) as progress:
         task = progress.add_task("", total=None)
         while _is_going_on(document):
