@@ -18,7 +18,7 @@ from grabberd.cli.options import (
 )
 
 FIELD_S = 0.02
-"""What the length of an armed capture is counted in: only its trigger decides when it starts."""
+"""Length of a field; the API counts the length of an armed capture in fields from its trigger."""
 
 OutOption = Annotated[Path, typer.Option("--out", "-o", help="Capture file to write, NAME.grab.")]
 DeviceOption = Annotated[
@@ -90,16 +90,15 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     check_folder(out)
     if group_devices and device is not None:
         raise typer.BadParameter("give either --device or --together, not both")
-    if group_devices:
-        document = _capture_group(url, token_file, group_devices, order, out)
-    else:
+    if not group_devices:
         check_absent(out)
-        if url or armed:
-            document = _capture_through(url, token_file, device, order, out)
-        else:
-            from grabberd.cli.direct_capture import capture_directly  # noqa: PLC0415
+    if group_devices or url or armed:
+        daemon = (url or DEFAULT_URL, token_file)
+        document = _capture_through(daemon, group_devices, device, order, out)
+    else:
+        from grabberd.cli.direct_capture import capture_directly  # noqa: PLC0415
 
-            document = capture_directly(load(config), config, device, order, out)
+        document = capture_directly(load(config), config, device, order, out)
     if json:
         print_json(document)
     else:
@@ -137,23 +136,17 @@ def _validated(order: dict[str, Any]) -> dict[str, Any]:
         raise typer.BadParameter("; ".join(faults)) from None
 
 
-def _capture_group(
-    url: str | None, token_file: Path | None, devices: str, order: dict[str, Any], out: Path
-) -> dict[str, Any]:
-    from grabberd.cli.remote.captures import capture_group_through  # noqa: PLC0415
-    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
-
-    names = None if devices == "all" else [name.strip() for name in devices.split(",") if name.strip()]
-    return capture_group_through(Daemon(url or DEFAULT_URL, token_file), names, order, out)
-
-
 def _capture_through(
-    url: str | None, token_file: Path | None, device: str | None, order: dict[str, Any], out: Path
+    daemon: tuple[str, Path | None], devices: str | None, device: str | None, order: dict[str, Any], out: Path
 ) -> dict[str, Any]:
-    from grabberd.cli.remote.captures import capture_through  # noqa: PLC0415
+    """Let the daemon at an address record a capture, or a group of them."""
     from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
+    from grabberd.cli.remote.daemon_captures import capture_group_through, capture_through  # noqa: PLC0415
 
-    return capture_through(Daemon(url or DEFAULT_URL, token_file), device, order, out)
+    if not devices:
+        return capture_through(Daemon(*daemon), device, order, out)
+    names = None if devices == "all" else [name.strip() for name in devices.split(",") if name.strip()]
+    return capture_group_through(Daemon(*daemon), names, order, out)
 
 
 def _summarise(document: dict[str, Any], out: Path) -> None:

@@ -22,7 +22,7 @@ def trigger(
 
     Example: grabberd trigger --device north --url http://barn.local:8050 --token-file token
     """
-    from grabberd.cli.remote import captures  # noqa: PLC0415
+    from grabberd.cli.remote import daemon_captures as captures  # noqa: PLC0415
     from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
 
     daemon = Daemon(url, token_file)
