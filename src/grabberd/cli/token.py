@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
 from grabberd.documents.roles import Role
 
@@ -59,6 +58,8 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     if json:
         print_json([row._asdict() for row in rows])
         return
+    from grabberd.acquisition.clock import SystemClock, iso_utc  # noqa: PLC0415 - loads numpy
+
     now_utc = iso_utc(SystemClock().utc_now())
     table = Table("name", "role", "created", "expires", "sessions")
     for row in rows:
