@@ -87,7 +87,7 @@ def test_a_refused_order_may_come_again(paced: TestClient) -> None:
 def test_an_order_that_was_never_answered_is_not_carried_out_again(fast: TestClient) -> None:
     sealed(fast, started(fast).json()["id"])
     service = fast.app.state.service  # type: ignore[attr-defined]
-    with service.idempotency._store.transaction() as connection:
+    with service.idempotency.transaction() as connection:
         connection.execute("UPDATE idempotency SET status = NULL")
     refused = started(fast)
     assert refused.status_code == 409

@@ -177,11 +177,25 @@ def _nominal(view: View, rng: np.random.Generator) -> View:
     return view.with_vector(values)
 
 
+def full_covariance(adjusted: Adjustment) -> Array:
+    """(U + 3 T, U + 3 T) covariance of the unknowns, then of X, Y, Z of each target in turn."""
+    targets, unknowns = len(adjusted.xyz_mm), len(adjusted.unknowns)
+    coupling = adjusted.place_coupling.reshape(3 * targets, unknowns)
+    scale = 1.0 / adjusted.sigma
+    between = scale[:, np.newaxis] * np.linalg.solve(adjusted.correlation, (coupling * scale).T)
+    full = np.empty((unknowns + 3 * targets, unknowns + 3 * targets))
+    full[:unknowns, :unknowns], full[unknowns:, :unknowns] = adjusted.covariance, coupling
+    full[:unknowns, unknowns:], full[unknowns:, unknowns:] = coupling.T, coupling @ between
+    blocks = full[unknowns:, unknowns:].reshape(targets, 3, targets, 3)
+    blocks[range(targets), :, range(targets)] = adjusted.place_covariance_mm2
+    return full
+
+
 def _ours(given: Network, unknowns: Unknowns) -> tuple[Adjustment, Array]:
     adjusted = adjust(given, unknowns, AdjustmentSettings(settled=SETTLED))
     return (
         adjusted,
-        adjusted.full_covariance if adjusted.network.target_sigma_mm.any() else adjusted.covariance,
+        full_covariance(adjusted) if adjusted.network.target_sigma_mm.any() else adjusted.covariance,
     )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from tests.measurement.rendering import BOTTOM, TOP, errors_px, grid_of_discs
 
-from grabberd.field import Field, PackedField, double_bits, double_lines, quantise
+from grabberd.field import Field, PackedField, double_lines, quantise, unpack
 from grabberd.measurement import LocationSettings, ThresholdRule, choose_threshold, measure
 
 DIAMETERS_PX = (4.85, 5.0, 5.15)
@@ -14,12 +14,17 @@ NOISES = (0.02, 0.05, 0.10)
 SPREAD_PX = 0.8
 
 
+def _after(field: Field, threshold: int, interpolation: str) -> PackedField:
+    """Interpolate the bits themselves, and threshold once more at half the greatest weight."""
+    return quantise(double_lines(unpack(quantise(field, 1, threshold)), interpolation), 1, 127)
+
+
 LINES: dict[str, Callable[[Field, int], PackedField]] = {
     "intact": lambda field, threshold: quantise(field, 1, threshold),
     "linear, before the threshold": lambda field, threshold: quantise(double_lines(field), 1, threshold),
     "3×3 kernel, before": lambda field, threshold: quantise(double_lines(field, "kernel3x3"), 1, threshold),
-    "linear, after": lambda field, threshold: double_bits(quantise(field, 1, threshold)),
-    "3×3 kernel, after": lambda field, threshold: double_bits(quantise(field, 1, threshold), "kernel3x3"),
+    "linear, after": lambda field, threshold: _after(field, threshold, "linear"),
+    "3×3 kernel, after": lambda field, threshold: _after(field, threshold, "kernel3x3"),
 }
 """What may become of the lines that a field lacks (paper 3.3)."""
 

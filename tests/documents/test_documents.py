@@ -10,7 +10,9 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 import grabberd.documents
-from grabberd.documents.captures import CaptureDocument
+from grabberd.config import shipped_configs
+from grabberd.documents.calibrations import CalibrationDocument
+from grabberd.documents.captures import CaptureDocument, MadeWith
 from grabberd.documents.document import Document
 from grabberd.documents.examples import CAPTURE
 from grabberd.documents.requests import NewCapture
@@ -54,6 +56,16 @@ def test_no_two_documents_have_one_name() -> None:
 def test_a_document_refuses_a_key_that_it_does_not_know() -> None:
     with pytest.raises(ValidationError, match="unexpected"):
         CaptureDocument.model_validate({**CAPTURE, "unexpected": 1})
+
+
+def test_a_calibration_that_is_shipped_is_as_described() -> None:
+    content = (shipped_configs() / "fake.calibration.json").read_bytes()
+    assert CalibrationDocument.model_validate_json(content).views.keys() == {"left", "right"}
+
+
+def test_json_of_an_earlier_version_passes_as_it_was_stored() -> None:
+    stored = {"calibration": {"id": "old", "camera": 1}, "object": None, "settings": None}
+    assert MadeWith.model_validate(stored).model_dump(mode="json") == stored
 
 
 def test_a_disarmed_capture_is_the_same_but_for_its_end() -> None:

@@ -4,8 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from grabberd.field import BOTTOM, TOP, Field, double_bits, double_lines, quantise, unpack
-from grabberd.field.line_doubling import doubled_weights
+from grabberd.field import BOTTOM, TOP, Field, double_lines
 
 lumas = hnp.arrays(np.uint8, st.tuples(st.integers(2, 12), st.integers(1, 40)))
 parities = st.sampled_from([TOP, BOTTOM])
@@ -85,45 +84,6 @@ def test_the_kernel_smooths_steps_along_the_line():
     np.testing.assert_array_equal(doubled, np.tile([0, 0, 0, 50, 150, 200, 200, 200], (8, 1)))
 
 
-def moments(weights, first_line, step):
-    """Centre of weights in frame pixels."""
-    y, x = np.indices(weights.shape)
-    return [(weights * x).sum() / weights.sum(), first_line + step * (weights * y).sum() / weights.sum()]
-
-
-bits = hnp.arrays(np.uint8, st.tuples(st.integers(1, 6), st.integers(1, 9)), elements=st.integers(0, 1))
-
-
-@given(bits.filter(np.any), parities, st.sampled_from(["linear", "kernel3x3"]))
-def test_interpolated_after_the_threshold_the_centroid_stays_exactly_where_it_was(pattern, parity, kernel):
-    blob = np.pad(pattern, 2)
-    doubled = doubled_weights(blob, parity, kernel)
-    np.testing.assert_allclose(moments(doubled, 0, 1), moments(blob, parity, 2), rtol=1e-13)
-
-
-@given(bits, parities)
-def test_doubled_bits_are_set_where_a_line_beside_them_is(pattern, parity):
-    intact = quantise(Field.intact(pattern * np.uint8(200), parity), 1, 100)
-    doubled = double_bits(intact)
-    assert (doubled.rows, doubled.y0, doubled.y_step, doubled.parity) == (2 * len(pattern), 0, 1, parity)
-    luma = unpack(doubled).luma // 255
-    np.testing.assert_array_equal(luma[parity::2], pattern)
-    between = luma[1 + parity : -1 + parity or None : 2][: len(pattern) - 1]
-    np.testing.assert_array_equal(between, pattern[:-1] | pattern[1:])
-
-
-def test_doubled_bits_are_not_doubled_again_and_grey_levels_not_at_all():
-    field = Field.intact(np.zeros((4, 8), np.uint8), TOP)
-    once = double_bits(quantise(field, 1, 10))
-    assert double_bits(once) is once
-    with pytest.raises(ValueError, match="at 1 bit, not at 8"):
-        double_bits(quantise(field, 8, 10))
-
-
-@pytest.mark.parametrize(
-    "doubling",
-    [lambda field: double_lines(field, "cubic"), lambda field: double_bits(quantise(field, 1, 9), "cubic")],
-)
-def test_an_unknown_interpolation_is_refused(doubling):
+def test_an_unknown_interpolation_is_refused():
     with pytest.raises(ValueError, match="unknown interpolation 'cubic'; choose from linear, kernel3x3"):
-        doubling(Field.intact(np.zeros((4, 8), np.uint8), TOP))
+        double_lines(Field.intact(np.zeros((4, 8), np.uint8), TOP), "cubic")

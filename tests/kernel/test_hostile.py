@@ -14,7 +14,8 @@ import pytest
 
 import grabberd.kernel
 from grabberd.kernel import DONE, KERNEL, REFUSED, load
-from grabberd.measurement.compiled.location_structs import GreySettings, Settings
+from grabberd.measurement.compiled.binary_location import Settings
+from grabberd.measurement.compiled.grey_location import GreySettings
 from grabberd.reconstruction.correspondence.compiled_search import World
 
 HERE = Path(__file__).parent

@@ -6,7 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import shipped_configs
+from grabberd.documents.calibration_reports import CalibrationReport
+from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import MeasurementError
+from grabberd.geometry import Calibration
 from grabberd.service.jobs.calibration import CalibrationOutput
 from grabberd.service.jobs.progress import Progress
 from grabberd.storage import CaptureReader
@@ -25,23 +28,30 @@ def calibration(calibration_id: str, shift_mm: float = 0.0, **changes: Any) -> D
 
 
 def exact(
-    progress: Progress, *, path: Path, calibration_frame: Mapping[str, Any], options: Mapping[str, Any]
+    progress: Progress,
+    *,
+    path: Path,
+    calibration_frame: Mapping[str, Any],
+    options: CalibrationOptions,
+    note: str | None,
 ) -> CalibrationOutput:
     """Knows the calibration without looking at the fields; its id ends as the calibration frame is called."""
     progress(0.5)
     with CaptureReader(path) as reader:
         details = {
             "fields": reader.field_count,
-            "options": dict(options),
+            "options": options.model_dump(exclude_none=True),
+            "note": note,
             "targets": len(calibration_frame["targets"]),
         }
     document = calibration(f"of-{path.stem}", SHIFT_MM, details=details)
-    report = {"schema": "grabberd/calibration-report/1", "id": document["id"], "warnings": []}
-    return CalibrationOutput(document, report)
+    # Without the numbers, which nobody looks at.
+    report = CalibrationReport.model_construct(
+        schema_="grabberd/calibration-report/1", id=document["id"], warnings=[]
+    )
+    return CalibrationOutput(Calibration.from_document(document), report)
 
 
-def without_result(
-    progress: Progress, *, path: Path, calibration_frame: Mapping[str, Any], options: Mapping[str, Any]
-) -> CalibrationOutput:
+def without_result(progress: Progress, **_: Any) -> CalibrationOutput:
     """Finds no targets."""
     raise MeasurementError("2 of 108 targets were found", "light the calibration frame")

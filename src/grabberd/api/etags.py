@@ -6,9 +6,11 @@ from typing import Annotated, Any
 
 from fastapi import Header, Response, status
 
+Responses = dict[int | str, dict[str, Any]]
+"""Descriptions of a route's responses, by status, as FastAPI takes them."""
 IfNoneMatch = Annotated[str | None, Header(description="ETag of the client's copy; 304 if it is current.")]
 
-NOT_MODIFIED: dict[int | str, dict[str, Any]] = {304: {"description": "The client's copy is current."}}
+NOT_MODIFIED: Responses = {304: {"description": "The client's copy is current."}}
 IMMUTABLE = "private, max-age=31536000, immutable"
 """Cache-Control of content that never changes."""
 REVALIDATE = "private, no-cache"

@@ -7,6 +7,7 @@ import json
 import logging
 import re
 from collections.abc import Awaitable, Callable, Coroutine
+from datetime import timedelta
 from typing import Annotated, Any
 from weakref import WeakValueDictionary
 
@@ -16,13 +17,15 @@ from fastapi.routing import APIRoute
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
+from grabberd.acquisition.clock import iso_utc
 from grabberd.api.guard.refusals import Refusal
 from grabberd.errors import GrabberdError, StorageError
-from grabberd.service.idempotency import Idempotency
+from grabberd.service.service import Service
 from grabberd.storage.state.idempotency_store import KeptAnswer
 
 log = logging.getLogger(__name__)
 
+KEPT = timedelta(days=1)
 HEADER = "Idempotency-Key"
 PATTERN = r"^[!-~]{1,128}$"
 _KEY = re.compile(PATTERN.removeprefix("^").removesuffix("$"))
@@ -62,6 +65,7 @@ class OnceRoute(APIRoute):
                 return await handle(request)
             own = _key_of(request, key)
             locks: Locks = request.app.state.once
+            # The dictionary is weak: a lock goes with the last request that uses it.
             async with locks.setdefault(own, asyncio.Lock()):
                 return await _answer(request, own, handle)
 
@@ -69,14 +73,16 @@ class OnceRoute(APIRoute):
 
 
 async def _answer(request: Request, key: str, handle: Handler) -> Response:
-    kept: Idempotency = request.app.state.service.idempotency
+    service: Service = request.app.state.service
+    kept, now = service.idempotency, service.clock.utc_now()
     digest = _digest(await request.body())
-    known = await run_in_threadpool(kept.begin, key, digest)
+    known = await run_in_threadpool(kept.begin, key, digest, iso_utc(now), iso_utc(now - KEPT))
     if known is not None:
         return _again(known, digest)
     try:
         response = await handle(request)
     except (GrabberdError, RequestValidationError, HTTPException, Refusal):
+        # It had no effect. After any other exception that is unknown, and the key stays unanswered.
         await run_in_threadpool(kept.forget, key)
         raise
     answer = KeptAnswer(digest, response.status_code, response.headers.get("location"), bytes(response.body))

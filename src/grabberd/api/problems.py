@@ -58,6 +58,7 @@ def install(app: FastAPI) -> None:
 
 def status_of(error: errors.GrabberdError) -> HTTPStatus:
     """The HTTP status of an error."""
+    # In the order of resolution, the nearest ancestor comes first.
     known = (STATUS[family] for family in type(error).__mro__ if family in STATUS)
     return next(known, HTTPStatus.INTERNAL_SERVER_ERROR)
 

@@ -112,8 +112,10 @@ def _addresses(host: str, port: int) -> Sequence[tuple[socket.AddressFamily, tup
 def _listen(address: tuple[socket.AddressFamily, tuple[object, ...]]) -> socket.socket:
     one = socket.socket(address[0], socket.SOCK_STREAM)
     try:
+        # Connections of a daemon that has just ended hold the port for a minute (TIME_WAIT).
         one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if address[0] == socket.AF_INET6:
+            # Otherwise a socket for [::] takes the IPv4 port as well, which has a socket of its own.
             one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         _prepare(one)
         one.bind(address[1])

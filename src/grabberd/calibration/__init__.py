@@ -10,30 +10,29 @@ calibration over to a glass plate.
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
 from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
-from grabberd.calibration.adjustment.propagation import Propagated, intersect_network, propagate
-from grabberd.calibration.adjustment.rank import NullVector, check_depth, check_rank
-from grabberd.calibration.adjustment.resection import Resection, resect
+from grabberd.calibration.adjustment.propagation import intersect_network, propagate
+from grabberd.calibration.adjustment.rank import check_depth, check_rank
+from grabberd.calibration.adjustment.resection import resect
 from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
 from grabberd.calibration.adjustment.unmodelled import with_unmodelled
 from grabberd.calibration.glass_transfer import with_glass
-from grabberd.calibration.identification import (
+from grabberd.calibration.identification.acceptance import IdentificationSettings
+from grabberd.calibration.identification.frame_identification import (
     Identification,
-    IdentificationSettings,
-    Mark,
     ViewIdentification,
-    identify_by_hand,
     identify_frame,
 )
+from grabberd.calibration.identification.manual_identification import Mark, identify_by_hand
 from grabberd.calibration.local_field.local_field_trial import (
     LocalFieldSettings,
     LocalFieldTrial,
     try_local_fields,
 )
-from grabberd.calibration.mean_images import FieldImages, MeanImages, MeansSettings, mean_images
+from grabberd.calibration.mean_images import FieldImages, MeanImages, mean_images
 from grabberd.calibration.statistics.blunders import Blunder, without_blunders
 from grabberd.calibration.statistics.cross_validation import Validation, cross_validate, spatial_blocks
 from grabberd.calibration.statistics.normality import Normality, normality
-from grabberd.calibration.statistics.significance import Elimination, FTest, eliminate, f_tests
+from grabberd.calibration.statistics.significance import Elimination, eliminate, f_tests
 from grabberd.calibration.statistics.view_comparison import Difference, compare
 from grabberd.calibration.statistics.volume_sigma import VolumeSigma, volume_sigma
 
@@ -44,7 +43,6 @@ __all__ = [
     "Blunder",
     "Difference",
     "Elimination",
-    "FTest",
     "FieldImages",
     "Identification",
     "IdentificationSettings",
@@ -52,12 +50,8 @@ __all__ = [
     "LocalFieldTrial",
     "Mark",
     "MeanImages",
-    "MeansSettings",
     "Network",
     "Normality",
-    "NullVector",
-    "Propagated",
-    "Resection",
     "Unknowns",
     "Validation",
     "ViewIdentification",

@@ -6,6 +6,7 @@ field of a parity. Fields of the other parity cut it at other lines, so there ar
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,8 +39,7 @@ class FieldImages:
     @property
     def jitter_px2(self) -> Array:
         """(N, 2) variance from line jitter, zero in y."""
-        variance: Array = np.multiply.outer(np.square(self.jitter_px) * np.ones(len(self.xy_px)), (1.0, 0.0))
-        return variance
+        return np.multiply.outer(np.square(self.jitter_px) * np.ones(len(self.xy_px)), (1.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,19 +85,18 @@ class MeanImages:
         return len(self.xy_px)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Sums:
+class _Sums(NamedTuple):
     """Running sums of the clusters of one parity.
 
     Attributes:
-        count: (N,) number of fields.
+        fields: (N,) number of fields.
         xy_px: (N, 2) mean.
         square_px2: (N, 2) Σ (x − mean)².
         variance_px2: (N, 2) mean of the single fields' σ².
         jitter_px2: (N, 2) mean of the single fields' variance from line jitter.
     """
 
-    count: Indices
+    fields: Indices
     xy_px: Array
     square_px2: Array
     variance_px2: Array
@@ -110,23 +109,13 @@ class _Sums:
 
     def joined(self, other: "_Sums") -> "_Sums":
         """Concatenate with others."""
-        return _Sums(
-            np.concatenate([self.count, other.count]),
-            np.concatenate([self.xy_px, other.xy_px]),
-            np.concatenate([self.square_px2, other.square_px2]),
-            np.concatenate([self.variance_px2, other.variance_px2]),
-            np.concatenate([self.jitter_px2, other.jitter_px2]),
-        )
+        both: Any = (np.concatenate(pair) for pair in zip(self, other, strict=True))
+        return _Sums(*both)
 
     def select(self, chosen: NDArray[np.bool_] | Indices) -> "_Sums":
         """Select some of them."""
-        return _Sums(
-            self.count[chosen],
-            self.xy_px[chosen],
-            self.square_px2[chosen],
-            self.variance_px2[chosen],
-            self.jitter_px2[chosen],
-        )
+        some: Any = (values[chosen] for values in self)
+        return _Sums(*some)
 
     @property
     def mean_variance_px2(self) -> Array:
@@ -137,19 +126,19 @@ class _Sums:
         """
         noise = self._noise_px2()
         quantisation = np.clip(self.variance_px2 + self.jitter_px2 - noise, 0.0, self.variance_px2)
-        variance: Array = quantisation + noise / self.count[:, np.newaxis]
-        return variance
+        return quantisation + noise / self.fields[:, np.newaxis]
 
     def _noise_px2(self) -> Array:
         """(N, 2) variance of one field: each target's own, as far as they differ more than by chance.
 
         If no target was found twice, the variance of line jitter.
         """
-        freedom = self.count - 1
+        freedom = self.fields - 1
         if not freedom.any():
             return self.jitter_px2
         common = self.square_px2.sum(axis=0) / freedom.sum()
         own = self.square_px2 / np.maximum(freedom, 1)[:, np.newaxis]
+        # 2σ⁴/f is the variance of a variance estimated with f degrees of freedom.
         chance = 2 * common**2 / np.maximum(freedom, 1)[:, np.newaxis]
         real = np.maximum(own[freedom > 0].var(axis=0) - chance[freedom > 0].mean(axis=0), 0.0)
         share = np.where(freedom[:, np.newaxis] > 0, real / np.maximum(real + chance, 1e-30), 0.0)
@@ -183,7 +172,7 @@ def _still(fields: Sequence[FieldImages], parity: int, settings: MeansSettings) 
     sums = _Sums.new(0)
     for one in fields:
         sums = _added(sums, one, settings.gate_px)
-    kept = sums.select(sums.count >= settings.least_share * len(fields))
+    kept = sums.select(sums.fields >= settings.least_share * len(fields))
     for index, one in enumerate(fields):
         _check_field(kept, one, f"field {index} of parity {parity}", settings)
     return kept
@@ -196,9 +185,9 @@ def _added(sums: _Sums, field: FieldImages, gate_px: float) -> _Sums:
     cluster, blob = _pairs(sums.xy_px, field.xy_px, gate_px)
     new = np.setdiff1d(np.arange(len(field.xy_px)), blob)
     grown = sums.joined(_Sums.new(len(new)))
-    cluster, blob = np.append(cluster, np.arange(len(sums.count), len(grown.count))), np.append(blob, new)
-    grown.count[cluster] += 1
-    count = grown.count[cluster, np.newaxis]
+    cluster, blob = np.append(cluster, np.arange(len(sums.fields), len(grown.fields))), np.append(blob, new)
+    grown.fields[cluster] += 1
+    count = grown.fields[cluster, np.newaxis]
     off = field.xy_px[blob] - grown.xy_px[cluster]
     grown.xy_px[cluster] += off / count
     grown.square_px2[cluster] += off * off * (count - 1) / count
@@ -224,12 +213,12 @@ def _check_field(kept: _Sums, field: FieldImages, name: str, settings: MeansSett
         return
     cluster, blob = _pairs(kept.xy_px, field.xy_px, settings.gate_px)
     hint = "keep calibration frame and rig still, and repeat the capture"
-    gone = 1.0 - len(cluster) / max(len(kept.count), 1)
+    gone = 1.0 - len(cluster) / max(len(kept.fields), 1)
     elsewhere = 1.0 - len(blob) / len(field.xy_px)
-    if min(gone, elsewhere) > settings.most_gone or not len(kept.count):
+    if min(gone, elsewhere) > settings.most_gone or not len(kept.fields):
         raise MeasurementError(
             f"the calibration frame moved: {name} shows {len(field.xy_px)} blobs, of which {len(blob)} are "
-            f"where {len(kept.count)} targets stand in most fields",
+            f"where {len(kept.fields)} targets stand in most fields",
             hint,
         )
     shift = np.median(field.xy_px[blob] - kept.xy_px[cluster], axis=0) if len(blob) else np.zeros(2)
@@ -260,7 +249,7 @@ def _joined(parities: Sequence[_Sums], fields: Sequence[FieldImages], settings: 
     same = _same(parities, settings.gate_px)
     seen = same >= 0
     padded = [one.select(np.maximum(index, 0)) for one, index in zip(parities, same, strict=True)]
-    count = np.where(seen, [one.count for one in padded], 0)
+    count = np.where(seen, [one.fields for one in padded], 0)
     weight = np.array([1.0 / one.mean_variance_px2 for one in padded]) * seen[:, :, np.newaxis]
     total = weight.sum(axis=0)
     square = np.array([one.square_px2 for one in padded]) * seen[:, :, np.newaxis]
@@ -278,12 +267,12 @@ def _joined(parities: Sequence[_Sums], fields: Sequence[FieldImages], settings: 
 def _same(parities: Sequence[_Sums], gate_px: float) -> Indices:
     """(P, N) index of each target in each parity; −1 if it does not show it."""
     first, *others = parities
-    same, places = np.arange(len(first.count))[np.newaxis], first.xy_px
+    same, xy_px = np.arange(len(first.fields))[np.newaxis], first.xy_px
     for other in others:
-        target, index = _pairs(places, other.xy_px, gate_px)
-        new = np.setdiff1d(np.arange(len(other.count)), index)
-        own = np.full(len(places) + len(new), -1)
-        own[target], own[len(places) :] = index, new
+        target, index = _pairs(xy_px, other.xy_px, gate_px)
+        new = np.setdiff1d(np.arange(len(other.fields)), index)
+        own = np.full(len(xy_px) + len(new), -1)
+        own[target], own[len(xy_px) :] = index, new
         same = np.vstack([np.pad(same, ((0, 0), (0, len(new))), constant_values=-1), own])
-        places = np.concatenate([places, other.xy_px[new]])
+        xy_px = np.concatenate([xy_px, other.xy_px[new]])
     return same

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
+from pydantic import ValidationError
 from rich.table import Table
 
 from grabberd.cli.options import (
@@ -19,9 +20,11 @@ from grabberd.cli.options import (
     progress_bar,
 )
 from grabberd.config import RigConfig
-from grabberd.errors import StorageError
+from grabberd.errors import InputError, StorageError
 
 if TYPE_CHECKING:
+    from grabberd.documents.calibration_reports import CalibrationReport
+    from grabberd.documents.requests import CalibrationOptions
     from grabberd.service.jobs.calibration import CalibrationOutput
 
 
@@ -73,26 +76,37 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
     --out rig.calibration.json --report report.html
     """
     _check_new(out, report)
-    options: dict[str, Any] = {
-        "weights": weights,
-        "frame": targets,
-        "shared": lens == "shared",
-        "tied": tied,
-        "free": [name.strip() for name in free.split(",")] if free else None,
-        "alpha": alpha,
-        "local_field": local_field,
-        "handedness": None if handedness == "auto" else int(handedness),
-        "note": note,
-    }
+    options = _options(
+        weights=weights,
+        frame=targets,
+        shared=lens == "shared",
+        tied=tied,
+        free=[name.strip() for name in free.split(",")] if free else None,
+        alpha=alpha,
+        local_field=local_field,
+        handedness=None if handedness == "auto" else int(handedness),
+    )
     rig = load(config).devices[only_device(load(config), device, config)].rig if config else None
-    made = _calibrated(capture, calibration_frame, options, rig, identifications)
-    _write(out, json_module.dumps(made.calibration, indent=2))
+    made = _calibrated(capture, calibration_frame, options, note, rig, identifications)
+    _write(out, json_module.dumps(made.calibration.to_document(), indent=2))
+    document = made.report.model_dump(mode="json", by_alias=True)
     if report:
-        _write_report(report, made.report)
+        _write_report(report, document)
     if json:
-        print_json(made.report)
+        print_json(document)
     else:
-        _show(out, report, made)
+        _show(out, report, made.report)
+
+
+def _options(**given: Any) -> "CalibrationOptions":
+    from grabberd.documents.requests import CalibrationOptions  # noqa: PLC0415
+
+    try:
+        return CalibrationOptions.model_validate(given)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise InputError(f"{where}: {first['msg']}", "see grabberd calibrate --help") from error
 
 
 def _check_new(*paths: Path | None) -> None:
@@ -106,7 +120,8 @@ def _check_new(*paths: Path | None) -> None:
 def _calibrated(
     capture: Path,
     calibration_frame: Path,
-    options: dict[str, Any],
+    options: "CalibrationOptions",
+    note: str,
     rig: RigConfig | None,
     identifications: Path | None,
 ) -> "CalibrationOutput":
@@ -121,6 +136,7 @@ def _calibrated(
             path=capture,
             calibration_frame=read_yaml(calibration_frame),
             options=options,
+            note=note,
             rig=rig,
             by_hand=by_hand,
         )
@@ -139,29 +155,25 @@ def _write_report(path: Path, document: dict[str, Any]) -> None:
     _write(path, calibration_html(document) if path.suffix == ".html" else document_json(document))
 
 
-def _show(out: Path, report: Path | None, made: "CalibrationOutput") -> None:
-    document = made.report
-    result, found = document["result"], document["identification"]
-    table = Table(title=f"{out}: calibration {document['id']}")
+def _show(out: Path, path: Path | None, report: "CalibrationReport") -> None:
+    result, found = report.result, report.identification
+    table = Table(title=f"{out}: calibration {report.id}")
     table.add_column("")
-    views = [view["name"] for view in document["views"]]
+    views = [view.name for view in report.views]
     for name in views:
         table.add_column(name, justify="right")
-    table.add_row("targets identified", *(f"{found['found'][name]} of {found['of']}" for name in views))
-    table.add_row("handedness", *(f"{found['handedness'][name]:+d}" for name in views))
-    for axis in ("x", "y"):
-        table.add_row(f"residuals {axis}, px rms", *(f"{result['rms_px'][name][axis]:.3f}" for name in views))
+    table.add_row("targets identified", *(f"{found.found[name]} of {found.of}" for name in views))
+    table.add_row("handedness", *(f"{found.handedness[name]:+d}" for name in views))
+    table.add_row("residuals x, px rms", *(f"{result.rms_px[name].x:.3f}" for name in views))
+    table.add_row("residuals y, px rms", *(f"{result.rms_px[name].y:.3f}" for name in views))
     console.print(table)
-    validation = document["validation"]
-    if validation:
-        words = ", ".join(
-            f"{axis.upper()} {validation['rmse_mm'][axis]:.3f}" for axis in ("x", "y", "z", "xyz")
-        )
+    if report.validation:
+        words = ", ".join(f"{axis.upper()} {rmse:.3f}" for axis, rmse in report.validation.rmse_mm)
         console.print(f"held-out targets, RMSE in mm: {words}")
-    console.print(f"sigma 0 {result['sigma0']:.2f}, {result['freedom']} degrees of freedom")
-    if document["dropped"]:
-        console.print(f"not significant, held at 0: {', '.join(document['dropped'])}")
-    for warning in document["warnings"]:
+    console.print(f"sigma 0 {result.sigma0:.2f}, {result.freedom} degrees of freedom")
+    if report.dropped:
+        console.print(f"not significant, held at 0: {', '.join(report.dropped)}")
+    for warning in report.warnings:
         console.print(f"[yellow]warning:[/yellow] {warning}")
-    if report:
-        console.print(f"report: {report}")
+    if path:
+        console.print(f"report: {path}")

@@ -78,13 +78,14 @@ def _of_file(
     from grabberd.service.setup import read_documents  # noqa: PLC0415
 
     with progress_bar("checking") as progress:
-        return check_file(
+        found = check_file(
             progress,
             path=capture,
             calibration_frame=calibration_frame_document(frame),
             calibration=read_documents(calibration, None)["calibration"],
             in_place=in_place,
         )
+    return found.model_dump(mode="json")
 
 
 def _through_daemon(

@@ -30,5 +30,5 @@ def measure(
     made_with = {**read_documents(calibration, object_model), "settings": settings}
     with progress_bar("measuring") as progress:
         result = measure_file(progress, path=capture, made_with=made_with)
-    words = f"run {result['run']}, {result['points']} points in {result['fields']} fields"
-    print_result(result, f"{capture}: {words}", as_json=json)
+    words = f"run {result.run}, {result.points} points in {result.fields} fields"
+    print_result(result.model_dump(), f"{capture}: {words}", as_json=json)

@@ -29,6 +29,7 @@ class StorageConfig(Section):
     """Storage of captures: folder, queue, free space and retention."""
 
     directory: Path | None = Field(None, description="default: the service's state directory")
+    # Ten seconds of doubled fields at 1 bit are 26 MB of memory.
     queue_s: float = Field(10.0, ge=1, le=600)
     reserve_gb: float = Field(
         0.2, ge=0.05, le=100_000, description="disk space kept free: no capture starts or continues below it"

@@ -52,6 +52,7 @@ class RigConfig(Section):
     columns: int = Field(720, ge=16, le=4096)
     lines: int = Field(576, ge=16, le=4096, multiple_of=2)
     views: Views = Views()
+    # The defaults are the reference rig's: .25 to .27 mm on the object for a pixel.
     distance_mm: Millimetres = Field(240.0, ge=20, le=5000)
     base_mm: Millimetres = Field(128.0, ge=5, le=2000)
     convergence_deg: float = Field(30.0, ge=0, le=120)
@@ -73,6 +74,7 @@ class RigConfig(Section):
 class RingConfig(Section):
     """The ring of packed fields."""
 
+    # As many as the paper: .64 s. Stalls of .9 s have been seen; the recorder's queue bridges those.
     slots: int = Field(32, ge=4, le=4096)
     bits: BitDepth = 1
     lines: Lines | None = Field(None, description="doubled (default at 1 bit) or field (default for grey)")

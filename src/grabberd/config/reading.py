@@ -83,8 +83,8 @@ def _known_keys(location: tuple[int | str, ...]) -> set[str]:
 
 def _descend(section: Any, part: int | str) -> Any:
     if isinstance(section, type) and issubclass(section, BaseModel):
-        found = section.model_fields.get(str(part))
-        return _without_none(found.annotation) if found else None
+        field = section.model_fields.get(str(part))
+        return _without_none(field.annotation) if field else None
     arguments = get_args(section)
     return _without_none(arguments[-1]) if arguments else None
 

@@ -1,6 +1,6 @@
 """Analyses of a capture."""
 
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -8,10 +8,9 @@ from grabberd.documents.document import Document
 from grabberd.documents.named_types import JsonObject
 
 
-class AnalysisRow(Document):
-    """An analysis in a list; of a damaged one only `analysis` and `problem` are known."""
+class AnalysisRecord(Document):
+    """Origin of an analysis, and a summary of its results."""
 
-    analysis: int = Field(description="Number of the analysis, from 1; no analysis is ever overwritten.")
     created_utc: str | None = None
     version: str | None = None
     device: str | None = Field(None, description="Name of the device that captured it.")
@@ -31,6 +30,12 @@ class AnalysisRow(Document):
         None, description="Optional part that draws the report and was not installed."
     )
     page_problem: str | None = Field(None, description="Any other reason why there is no page.")
+
+
+class AnalysisRow(AnalysisRecord):
+    """An analysis in a list; of a damaged one only `analysis` and `problem` are known."""
+
+    analysis: int = Field(description="Number of the analysis, from 1; no analysis is ever overwritten.")
     problem: str | None = Field(None, description="Why the analysis cannot be used.")
 
 
@@ -38,6 +43,49 @@ class AnalysisList(Document):
     """A capture's analyses, newest first."""
 
     analyses: list[AnalysisRow]
+
+
+class ColumnDocument(Document):
+    """A column of a table."""
+
+    name: str
+    unit: str
+    meaning: str
+    values: list[float | str | None] = Field(description="One value per row; null where there is none.")
+
+
+class TableDocument(Document):
+    """A table, column by column."""
+
+    meaning: str
+    columns: list[ColumnDocument]
+
+
+class TargetState(Document):
+    """The targets of one field, or of one phase of the mean cycle."""
+
+    name: str
+    n: int | None = Field(None, description="Number of the field.")
+    phase: float | None = None
+    targets: TableDocument
+
+
+class AnalysisDocument(Document):
+    """An analysis in numbers, from which its report is drawn."""
+
+    schema_: Literal["grabberd/analysis-report/1"] = Field(alias="schema")
+    id: str = Field(description="Id of the capture.")
+    created_utc: str
+    version: str
+    about: JsonObject = Field(description="What was analysed: capture, run, calibration, object, ledger, …")
+    inputs: JsonObject = Field(description="Inputs as given, what they lack, and where they come from.")
+    problems: list[str]
+    grid: JsonObject = Field(description="The target grid: target, row, column, u_mm, v_mm, triangles.")
+    wall_phases: list[JsonObject] | None = Field(description="Bounds of each wall phase, from 0 to 1.")
+    tables: dict[str, TableDocument] = Field(
+        description="summary, fields, sections, phases, phase_sections, cycles and gaps."
+    )
+    states: list[TargetState] = Field(description="The targets in the middle of each wall phase.")
 
 
 class MapDocument(Document):

@@ -1,9 +1,11 @@
 """Calibrations and the calibration frames they are made from."""
 
+from typing import Literal
+
 from pydantic import Field
 
 from grabberd.documents.document import Document, Next
-from grabberd.documents.named_types import CalibrationOrigin, Glass, ImageSize
+from grabberd.documents.named_types import CalibrationOrigin, Glass, ImageSize, JsonObject
 
 
 class CalibrationRejection(Document):
@@ -68,3 +70,53 @@ class CalibrationFrameList(Document):
     """The calibration frames that come with the program, by name."""
 
     calibration_frames: list[CalibrationFrameRow]
+
+
+class LocalFieldDocument(Document):
+    """Displacement field of a view beyond the functional model, at the nodes of a grid, in frame pixels."""
+
+    origin_px: tuple[float, float]
+    step_px: float
+    x_px: list[list[float]]
+    y_px: list[list[float]]
+    sigma_x_px: list[list[float]]
+    sigma_y_px: list[list[float]]
+
+
+class CalibratedView(Document):
+    """A virtual camera: interior and exterior orientation and the distortion b1 to b9."""
+
+    first_column: int
+    end_column: int
+    pixel_x_mm: float
+    pixel_y_mm: float
+    handedness: int = Field(description="-1 where an odd number of mirrors makes the view left-handed.")
+    f_mm: float
+    x0_px: float
+    y0_px: float
+    omega_rad: float
+    phi_rad: float
+    kappa_rad: float
+    X0_mm: float
+    Y0_mm: float
+    Z0_mm: float
+    b: list[float]
+    local_field: LocalFieldDocument | None = None
+
+
+class CalibrationDocument(Document):
+    """A calibration as it is stored and exported."""
+
+    # Under an alias: a field `schema` would shadow a method of every model.
+    schema_: Literal["grabberd/calibration/1"] = Field(alias="schema")
+    id: str
+    created_utc: str
+    source: str = Field(description="Its origin, for people.")
+    image: ImageSize
+    views: dict[str, CalibratedView] = Field(description="The views `left` and `right`.")
+    covariance: list[list[float]] | None = Field(
+        None, description="Covariance of the left, then the right view's 18 parameters; null if not known."
+    )
+    sigma0_px: float | None = Field(None, description="Standard deviation of unit weight.")
+    glass: Glass | None = Field(None, description="The glass plate in front of the object, if there was one.")
+    details: JsonObject | None = Field(None, description="Certificate, temperature, settings, tests, …")

@@ -1,9 +1,13 @@
 """Captures, their ledgers and runs, and groups of captures."""
 
+from typing import Annotated
+
 from pydantic import Field
 
 from grabberd.acquisition import Outcome
-from grabberd.documents.document import Document, Next, with_examples
+from grabberd.documents.calibrations import CalibrationDocument
+from grabberd.documents.devices import ObjectModelDocument
+from grabberd.documents.document import DescribedBy, Document, Next, with_examples
 from grabberd.documents.examples import CAPTURE, GROUP
 from grabberd.documents.named_types import CaptureState, JsonObject, Verdict
 
@@ -39,8 +43,8 @@ class RunDocument(Document):
 class MadeWith(Document):
     """Documents that points were measured with; null if unknown."""
 
-    calibration: JsonObject | None
-    object: JsonObject | None
+    calibration: Annotated[JsonObject, DescribedBy(CalibrationDocument)] | None
+    object: Annotated[JsonObject, DescribedBy(ObjectModelDocument)] | None
     settings: JsonObject | None
 
 

@@ -40,14 +40,10 @@ class DeviceLackDocument(Document):
     cause_code: Cause | None = Field(description="Machine-readable code of the cause.")
 
 
-class LackDocument(Document):
+class LackDocument(DeviceLackDocument):
     """A reason why a device cannot measure, with the device's name."""
 
     device: str
-    lacks: LackKind
-    message: str
-    hint: str
-    cause_code: Cause | None = Field(description="Machine-readable code of the cause.")
 
 
 class WidthDocument(Document):
@@ -146,6 +142,27 @@ class ObjectDocument(Document):
     z_mm: list[float]
     row: list[int]
     column: list[int]
+
+
+class ObjectTarget(Document):
+    """A target's nominal position and its place in the grid."""
+
+    id: int
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    row: int
+    column: int
+
+
+class ObjectModelDocument(Document):
+    """An object model as its file and a capture hold it."""
+
+    name: str
+    target_diameter_mm: float
+    sigma_mm: float = Field(description="Standard deviation of the nominal coordinates.")
+    homologous: bool = Field(True, description="True if the targets keep their ids through a capture.")
+    targets: list[ObjectTarget]
 
 
 class ViewLightDocument(Document):

@@ -1,8 +1,9 @@
 """The base of every document that enters or leaves the daemon."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler
+from pydantic_core import CoreSchema, core_schema
 
 
 class Document(BaseModel):
@@ -14,6 +15,23 @@ class Document(BaseModel):
 def with_examples(*examples: Any) -> ConfigDict:
     """Configuration of a document whose OpenAPI description shows these examples."""
     return ConfigDict(json_schema_extra={"examples": list(examples)})
+
+
+class DescribedBy(NamedTuple):
+    """Annotation of JSON that passes as it was stored; its model describes it in OpenAPI, but checks nothing.
+
+    A file of an earlier version may lack keys, and must neither be refused for that nor gain them.
+    """
+
+    model: type[Document]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Takes and gives the annotated type; the model stands where only JSON schemas are generated from."""
+        return core_schema.json_or_python_schema(
+            json_schema=handler.generate_schema(self.model),
+            python_schema=handler(source),
+            serialization=core_schema.simple_ser_schema("dict"),
+        )
 
 
 Next = Field(None, description="`cursor` of the next page; null after the last one.")

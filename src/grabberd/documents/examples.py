@@ -1,10 +1,10 @@
 """Example documents for the OpenAPI description."""
 
-from typing import Any
+from grabberd.documents.named_types import JsonObject
 
 _ID = "20260301T093000125Z-barn"
 
-CAPTURE: dict[str, Any] = {
+CAPTURE: JsonObject = {
     "id": _ID,
     "device": "barn",
     "state": "sealed",
@@ -36,7 +36,7 @@ CAPTURE: dict[str, Any] = {
     "pinned": False,
     "size_bytes": 94208,
 }
-POINTS: dict[str, Any] = {
+POINTS: JsonObject = {
     "capture": _ID,
     "run": 1,
     "every": 1,
@@ -58,7 +58,7 @@ POINTS: dict[str, Any] = {
         }
     ],
 }
-JOB: dict[str, Any] = {
+JOB: JsonObject = {
     "id": "job-1764000003",
     "kind": "measure",
     "subject": _ID,
@@ -68,7 +68,7 @@ JOB: dict[str, Any] = {
     "result": None,
     "problem": None,
 }
-PROBLEM: dict[str, Any] = {
+PROBLEM: JsonObject = {
     "type": "urn:grabberd:problem:capture-running",
     "title": "capture running",
     "status": 409,
@@ -76,13 +76,13 @@ PROBLEM: dict[str, Any] = {
     "hint": f"stop it first: POST /api/v1/captures/{_ID}/stop",
 }
 
-_GROUP: dict[str, Any] = {
+_GROUP: JsonObject = {
     "id": "20260301T093000125Z",
     "devices": ["left", "right"],
     "start_utc": "2026-03-01T09:30:00.125Z",
     "start_ns": 81_302_117_400_512,
 }
-GROUP: dict[str, Any] = {
+GROUP: JsonObject = {
     **_GROUP,
     "captures": [
         {

@@ -1,12 +1,11 @@
 """Jobs: work that takes long."""
 
-from typing import Any
-
 from pydantic import Field
 
 from grabberd.documents.document import Document, Next, with_examples
 from grabberd.documents.examples import JOB
-from grabberd.documents.named_types import JobProblem
+from grabberd.documents.problems import JobProblem
+from grabberd.documents.results import JobResult
 from grabberd.documents.states import JobState
 
 
@@ -16,12 +15,14 @@ class JobDocument(Document):
     model_config = with_examples(JOB)
 
     id: str
-    kind: str
-    subject: str
+    kind: str = Field(description="analyse, calibrate, check, identify or measure.")
+    subject: str = Field(description="Id of the capture that it works on.")
     state: JobState
     created_utc: str
-    progress: float
-    result: Any = None
+    progress: float = Field(description="Share of the work that is done, from 0 to 1.")
+    result: JobResult | None = Field(
+        None, description="Result of a job that is done; its keys follow from `kind`."
+    )
     problem: JobProblem | None = Field(None, description="Message and hint of a failed job.")
 
 

@@ -33,7 +33,6 @@ ImageSize = TypeAliasType("ImageSize", dict[str, int])
 LackKind = TypeAliasType("LackKind", Literal["device", "signal", "calibration"])
 Latency = TypeAliasType("Latency", dict[str, float])
 ViewCounts = TypeAliasType("ViewCounts", dict[str, int])
-JobProblem = TypeAliasType("JobProblem", dict[str, str])
 JsonObject = TypeAliasType("JsonObject", dict[str, Any])
 """JSON of another schema: documents from files, configuration, and results that a job kind defines."""
 AllDevices = TypeAliasType("AllDevices", Literal["all"])

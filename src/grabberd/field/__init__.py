@@ -12,21 +12,19 @@ from grabberd.field.field import (
     Field,
     NumberedField,
     PackedField,
+    double_lines,
     quantise,
     split_frame,
     unpack,
 )
-from grabberd.field.line_doubling import INTERPOLATIONS, double_bits, double_lines
 
 __all__ = [
     "BIT_DEPTHS",
     "BOTTOM",
-    "INTERPOLATIONS",
     "TOP",
     "Field",
     "NumberedField",
     "PackedField",
-    "double_bits",
     "double_lines",
     "quantise",
     "split_frame",

@@ -7,12 +7,10 @@ frame pixels and in millimetres of the object's frame; nothing here knows about 
 adjustments.
 """
 
-from grabberd.geometry.calibration import SCHEMA, Calibration
+from grabberd.geometry.calibration import Calibration
 from grabberd.geometry.document_reader import Reading
 from grabberd.geometry.functional_model import (
-    Approach,
     approach,
-    correct,
     correct_all,
     directions_all,
     linearise,
@@ -38,8 +36,6 @@ from grabberd.geometry.view import (
 
 __all__ = [
     "PARAMETERS",
-    "SCHEMA",
-    "Approach",
     "Calibration",
     "LocalField",
     "NominalRig",
@@ -48,7 +44,6 @@ __all__ = [
     "Rig",
     "View",
     "approach",
-    "correct",
     "correct_all",
     "directions_all",
     "distortion",

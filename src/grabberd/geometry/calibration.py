@@ -150,6 +150,7 @@ def _check_schema(reading: Reading, document: Mapping[str, Any]) -> None:
 def _time(reading: Reading, document: Mapping[str, Any]) -> str:
     text = reading.text(document, "created_utc")
     try:
+        # A missing text has been refused already; one problem is enough.
         datetime.fromisoformat(text or "2000-01-01")
     except ValueError:
         reading.refuse("created_utc", text, "a time in ISO 8601")

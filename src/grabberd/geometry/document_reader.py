@@ -1,8 +1,8 @@
 """Reader for external documents: checks every value and collects all problems before refusing anything."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TypeGuard
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeGuard, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grabberd.errors import InputError
 
 _SHOWN = 60
+T = TypeVar("T")
 
 
 class Reading:
@@ -43,45 +44,32 @@ class Reading:
 
     def mapping(self, holder: Mapping[str, object], key: str, where: str = "") -> Mapping[str, object]:
         """Read the mapping at `key`."""
-        value = self._take(holder, key, where, "a mapping")
-        if isinstance(value, Mapping):
-            return value
-        if value is not None:
-            self.refuse(where + key, value, "a mapping")
-        return {}
+        nothing: Mapping[str, object] = {}
+        return self._read(holder, key, where, "a mapping", lambda value: isinstance(value, Mapping), nothing)
 
     def text(self, holder: Mapping[str, object], key: str, where: str = "") -> str:
         """Read a non-empty text."""
-        value = self._take(holder, key, where, "a text")
-        if isinstance(value, str) and value:
-            return value
-        if value is not None:
-            self.refuse(where + key, value, "a text")
-        return ""
+        return self._read(holder, key, where, "a text", lambda value: isinstance(value, str) and value, "")
 
     def integer(
         self, holder: Mapping[str, object], key: str, where: str = "", least: int | None = None
     ) -> int:
         """Read a whole number, not below `least`."""
-        value = self._take(holder, key, where, "a whole number")
         expected = "a whole number" if least is None else f"a whole number from {least}"
-        if is_integer(value) and (least is None or value >= least):
-            return int(value)
-        if value is not None:
-            self.refuse(where + key, value, expected)
-        return least or 0
+        lowest = -math.inf if least is None else least
+        return self._read(
+            holder, key, where, expected, lambda value: is_integer(value) and value >= lowest, least or 0
+        )
 
     def number(
         self, holder: Mapping[str, object], key: str, where: str = "", positive: bool = False
     ) -> float:
         """Read a finite number, above zero if `positive`."""
         expected = "a number above 0" if positive else "a finite number"
-        value = self._take(holder, key, where, expected)
-        if is_number(value) and (value > 0 or not positive):
-            return float(value)
-        if value is not None:
-            self.refuse(where + key, value, expected)
-        return 1.0
+        lowest = 0.0 if positive else -math.inf
+        return float(
+            self._read(holder, key, where, expected, lambda value: is_number(value) and value > lowest, 1.0)
+        )
 
     def numbers(self, value: object, key: str, shape: tuple[int, ...]) -> NDArray[np.float64]:
         """Read an array of finite numbers of the given shape."""
@@ -91,15 +79,28 @@ class Reading:
         self.refuse(key, value, expected)
         return np.zeros(shape)
 
-    def _take(self, holder: Mapping[str, object], key: str, where: str, expected: str) -> object:
-        if holder.get(key) is None:
+    def _read(
+        self,
+        holder: Mapping[str, object],
+        key: str,
+        where: str,
+        expected: str,
+        fits: Callable[[Any], object],
+        harmless: T,
+    ) -> T:
+        value = holder.get(key)
+        if value is None:
             self.problems.append(f"{where}{key}: is missing, expected {expected}")
-            return None
-        return holder[key]
+        elif fits(value):
+            return cast("T", value)
+        else:
+            self.refuse(where + key, value, expected)
+        return harmless
 
 
 def is_integer(value: object) -> TypeGuard[int]:
     """True for a whole number (and not a boolean)."""
+    # A bool is an int in Python, but true in a document is no number.
     return isinstance(value, int) and not isinstance(value, bool)
 
 

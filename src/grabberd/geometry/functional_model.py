@@ -141,36 +141,32 @@ def _perspective_slopes(rig: Rig, ideal: _Ideal, camera_slopes: Array) -> Array:
     return (sideways + inward) * ideal.closeness[:, np.newaxis]
 
 
-def correct(view: View, xy_px: Array) -> Array:
-    """Compute ideal points from observed ones: distortion removed, reduced to the principal point.
-
-    Newton's iteration until its step is below `TOLERANCE_MM`, never a single step.
-
-    Args:
-        view: View that they were observed in.
-        xy_px: (N, 2) float64, frame pixels.
-
-    Returns:
-        (N, 2) float64, mm, y up. NaN where the iteration does not converge, or converges beyond the fold of
-        the distortion, where no object point can be seen; NaN in gives NaN out.
-    """
-    return correct_all(single(view), xy_px.T[:, np.newaxis])[:, 0].T
-
-
 def rays(view: View, xy_px: Array) -> tuple[Array, Array]:
     """Compute the rays on which observed points lie.
 
     Returns:
         The projection centre (3,) in mm and unit vectors (N, 3) from it toward the object, both in the
-        object's frame; NaN where `correct` gives NaN.
+        object's frame; NaN where `correct_all` gives NaN.
     """
     directions = directions_all(single(view), correct_all(single(view), xy_px.T[:, np.newaxis]))
     return view.center_mm, directions[0].T
 
 
 def correct_all(rig: Rig, xy_px: Array) -> Array:
-    """Apply `correct` to all views of a rig at once: (2, V, N) frame pixels to (2, V, N) mm."""
+    """Compute ideal points from observed ones: distortion removed, reduced to the principal point.
+
+    Newton's iteration until its step is below `TOLERANCE_MM`, never a single step.
+
+    Args:
+        rig: Views that they were observed in.
+        xy_px: (2, V, N) float64, frame pixels.
+
+    Returns:
+        (2, V, N) float64, mm, y up. NaN where the iteration does not converge, or converges beyond the fold
+        of the distortion, where no object point can be seen; NaN in gives NaN out.
+    """
     ideal = (xy_px - rig.origin_px) * rig.pixel_mm
+    # Pixels count down where y points up: not folded, the determinant has the sign of both pitches together.
     upright = np.sign(rig.pixel_mm[0] * rig.pixel_mm[1])
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for _ in range(_MOST_STEPS):
@@ -190,8 +186,7 @@ def directions_all(rig: Rig, ideal_mm: Array) -> Array:
     camera[:, :2] = ideal_mm.swapaxes(0, 1)
     camera[:, 2] = -rig.f_mm
     camera /= np.sqrt((camera * camera).sum(axis=1, keepdims=True))
-    turned: Array = rig.rotation.swapaxes(1, 2) @ camera
-    return turned
+    return rig.rotation.swapaxes(1, 2) @ camera
 
 
 def _newton_step(rig: Rig, ideal: Array, observed_px: Array) -> tuple[Array, Array]:
@@ -232,6 +227,7 @@ def approach(left_center: Array, left: Array, right_center: Array, right: Array)
     cosine = _dot(left, right)
     along_left, along_right = _dot(left, base), _dot(right, base)
     slenderness = 1.0 - cosine * cosine
+    # Rays less than 1e-6 rad apart: their closest approach is rounding alone.
     slenderness = np.where(slenderness > 1e-12, slenderness, np.nan)
     reach_left = (along_left - cosine * along_right) / slenderness
     reach_right = (cosine * along_left - along_right) / slenderness

@@ -54,15 +54,13 @@ class Plate:
     def unit(self) -> Array:
         """(3,) unit normal."""
         normal = np.array(self.normal, np.float64)
-        unit: Array = normal / np.linalg.norm(normal)
-        return unit
+        return normal / np.linalg.norm(normal)
 
     def shift_mm(self, directions: Array) -> Array:
         """(N,) apparent shift along the normal toward the camera, for rays with unit directions (N, 3)."""
         cosine = np.abs(directions @ self.unit)
         inside = np.sqrt(self.refractive_index**2 - 1.0 + cosine**2)
-        shift: Array = self.thickness_mm * (1.0 - cosine / inside)
-        return shift
+        return self.thickness_mm * (1.0 - cosine / inside)
 
 
 def seen_through(plate: Plate, center_mm: Array, xyz_mm: Array) -> Array:

@@ -90,10 +90,10 @@ class LocalField:
 
     def _value(self, coefficients: Array, xy_px: Array) -> Array:
         rows, columns, _ = coefficients.shape
-        place = (xy_px - self.origin_px) * (1.0 / self.step_px)
-        np.clip(place, 0.0, (columns - 3 - _SHORT, rows - 3 - _SHORT), out=place)
-        first = place.astype(np.intp)
-        along_x, along_y = _weights(place - first)
+        position = (xy_px - self.origin_px) * (1.0 / self.step_px)
+        np.clip(position, 0.0, (columns - 3 - _SHORT, rows - 3 - _SHORT), out=position)
+        first = position.astype(np.intp)
+        along_x, along_y = _weights(position - first)
         taps = coefficients.reshape(-1, 2).take(
             (first[:, 1] * columns + first[:, 0])[:, np.newaxis] + _taps(columns), axis=0
         )

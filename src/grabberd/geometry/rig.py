@@ -97,6 +97,7 @@ def _factor(covariance: Array) -> Array | None:
         return None
     scale = np.where(sigma > 0, sigma, 1.0)
     values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    # Held parameters have no variance: what the remaining directions show is rounding.
     kept = values > 1e-14 * values[-1]
     factor: Array = sigma[:, np.newaxis] * vectors[:, kept] * np.sqrt(values[kept])
     return factor.reshape(2, len(PARAMETERS), -1)

@@ -91,6 +91,18 @@ class View:
         """(3,) float64, projection centre in the object's frame."""
         return np.array([self.X0_mm, self.Y0_mm, self.Z0_mm])
 
+    @property
+    def axes(self) -> NDArray[np.float64]:
+        """(3, 3) float64, from the object's frame into the camera's, handedness included."""
+        rotation = rotation_matrix(self.omega_rad, self.phi_rad, self.kappa_rad)
+        return np.diag([self.handedness, 1.0, 1.0]) @ rotation
+
+    def with_axes(self, axes: NDArray[np.float64]) -> "View":
+        """Copy the view with other `axes` (3, 3), whose determinant gives the handedness."""
+        handedness = 1 if np.linalg.det(axes) > 0 else -1
+        omega, phi, kappa = rotation_angles(np.diag([handedness, 1.0, 1.0]) @ axes)
+        return replace(self, handedness=handedness, omega_rad=omega, phi_rad=phi, kappa_rad=kappa)
+
     def holds(self, xy_px: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(N,) bool: True for frame pixels (N, 2) in this view's half of the picture."""
         x = xy_px[:, 0]

@@ -47,10 +47,10 @@ class Kernel(Protocol):
 def load(name: str = "grabberd.kernel._kernel") -> Kernel | None:
     """Load the kernel from a module; None if there is none for this computer and this version."""
     try:
-        found = import_module(name)
+        kernel = import_module(name)
     except ImportError:
         return None
-    return cast("Kernel", found) if getattr(found, "LAYOUT", None) == LAYOUT else None
+    return cast("Kernel", kernel) if getattr(kernel, "LAYOUT", None) == LAYOUT else None
 
 
 KERNEL = load()

@@ -5,7 +5,7 @@ room knows about rows, parity or bits. Everything works on the packed bits: in a
 bytes are empty and never touched, and grey values are gathered only where the threshold is exceeded.
 """
 
-from grabberd.measurement.background import Background, background_of
+from grabberd.measurement.background import background_of
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.location import measure
 from grabberd.measurement.settings import METHODS, LocationSettings
@@ -14,7 +14,6 @@ from grabberd.measurement.threshold.threshold_map import threshold_map, with_see
 
 __all__ = [
     "METHODS",
-    "Background",
     "Blobs",
     "LocationSettings",
     "ThresholdRule",

@@ -79,5 +79,5 @@ def _in_frame(seen: Seen, sigma_px: NDArray[np.float64], steady: Steadied) -> Bl
 def _inside(blobs: Blobs, windows: NDArray[np.float64]) -> NDArray[np.bool_]:
     x, y = blobs.xy_px.T[:, :, np.newaxis]
     x0, y0, x1, y1 = np.asarray(windows, np.float64).reshape(-1, 4).T
-    found: NDArray[np.bool_] = ((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)).any(axis=1)
-    return found
+    inside: NDArray[np.bool_] = ((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)).any(axis=1)
+    return inside

@@ -6,7 +6,7 @@ from field to field (`tracking`); `intersection` computes where the rays of both
 """
 
 from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
-from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
+from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.correspondence.displacement_field import Smoothness
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
@@ -20,7 +20,6 @@ __all__ = [
     "ImageNoise",
     "ObjectModel",
     "Points",
-    "Sighting",
     "Smoothness",
     "Track",
     "Tracker",

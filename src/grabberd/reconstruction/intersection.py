@@ -102,9 +102,11 @@ def _adjust(rig: Rig, observed: Array, whitening: Whitening, start_mm: Array) ->
         residual = observed - computed
         design = whitening.of_slopes(slopes).reshape(4, 3, -1)
         misfit = whitening.of_values(residual).reshape(4, 1, -1)
+        # By cofactors: a few operations on all points at once, where LAPACK takes matrices one by one.
         inverse = inverse_symmetric((design[:, FIRST] * design[:, SECOND]).sum(axis=0))
         step = (inverse * (design * misfit).sum(axis=0)).sum(axis=1)
         xyz = xyz + step
+        # Put this way round NaN, rays that do not meet, counts as settled and does not hold up the others.
         if not (np.abs(step) > _SETTLED_MM).any():
             break
     return _Adjusted(xyz, inverse, design, residual - (slopes * step).sum(axis=2))
@@ -123,8 +125,7 @@ def _calibration_share(rig: Rig, observed: Array, whitening: Whitening, adjusted
     moved = errors[0] if len(errors) == 1 else np.concatenate(errors, axis=2)
     image = whitening.of_slopes(moved).reshape(4, -1, count).transpose(2, 0, 1)
     root = adjusted.inverse.transpose(2, 0, 1) @ (adjusted.slopes.transpose(2, 1, 0) @ image)
-    share: Array = root @ root.swapaxes(1, 2)
-    return share
+    return root @ root.swapaxes(1, 2)
 
 
 def _calibration_errors(rig: Rig, observed: Array, xyz: Array) -> list[Array]:

@@ -92,12 +92,12 @@ class ObjectModel:
 
         Neighbours are targets of the same row in adjacent columns, or of the same column in adjacent rows.
         """
-        place = {(int(r), int(c)): i for i, (r, c) in enumerate(zip(self.row, self.column, strict=True))}
+        index_at = {(int(r), int(c)): i for i, (r, c) in enumerate(zip(self.row, self.column, strict=True))}
         pairs = [
-            sorted((index, place[beside]))
-            for (row, column), index in place.items()
+            sorted((index, index_at[beside]))
+            for (row, column), index in index_at.items()
             for beside in ((row + 1, column), (row, column + 1))
-            if beside in place
+            if beside in index_at
         ]
         return np.array(sorted(pairs), np.intp).reshape(-1, 2)
 

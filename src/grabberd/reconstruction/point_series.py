@@ -39,24 +39,32 @@ class PointSeries:
     @classmethod
     def of(cls, measured: Iterable[tuple[int, int, Points]]) -> "PointSeries":
         """Collect from field numbers, times in ns, and points, in order."""
-        numbers, times_ns, points = _columns(measured)
+        rows = list(measured)
+        points = [of_field for _, _, of_field in rows]
         target = np.unique(np.concatenate([np.empty(0, np.int32), *(one.target for one in points)]))
-        filled = [_spread(one, target) for one in points]
+        columns = [np.searchsorted(target, one.target) for one in points]
+
+        def spread(name: str, *shape: int) -> Array:
+            series = np.full((len(points), len(target), *shape), np.nan)
+            for of_field, column, one in zip(series, columns, points, strict=True):
+                of_field[column] = getattr(one, name)
+            return series
+
+        times_ns = np.array([time_ns for _, time_ns, _ in rows], np.int64)
         return cls(
-            n=np.array(numbers, np.int64),
-            time_s=(np.array(times_ns, np.int64) - (times_ns[0] if times_ns else 0)) / 1e9,
+            n=np.array([n for n, _, _ in rows], np.int64),
+            time_s=(times_ns - times_ns[:1]) / 1e9,
             target=target,
-            xyz_mm=_stacked(filled, 0, (len(target), 3)),
-            covariance_mm2=_stacked(filled, 1, (len(target), 3, 3)),
-            calibration_covariance_mm2=_stacked(filled, 2, (len(target), 3, 3)),
-            image_px=_stacked(filled, 3, (len(target), 2, 2)),
+            xyz_mm=spread("xyz_mm", 3),
+            covariance_mm2=spread("covariance_mm2", 3, 3),
+            calibration_covariance_mm2=spread("calibration_covariance_mm2", 3, 3),
+            image_px=spread("image_px", 2, 2),
         )
 
     @property
     def seen(self) -> NDArray[np.bool_]:
         """(F, T) True where a target has a point in a field."""
-        seen: NDArray[np.bool_] = np.isfinite(self.xyz_mm[:, :, 0])
-        return seen
+        return np.isfinite(self.xyz_mm[:, :, 0])
 
     @property
     def parity(self) -> NDArray[np.intp]:
@@ -79,22 +87,3 @@ class PointSeries:
         """Remove some points (F, T)."""
         kept = np.where(gone, np.nan, 1.0)[:, :, np.newaxis]
         return replace(self, xyz_mm=self.xyz_mm * kept)
-
-
-def _columns(measured: Iterable[tuple[int, int, Points]]) -> tuple[list[int], list[int], list[Points]]:
-    rows = list(measured)
-    return [row[0] for row in rows], [row[1] for row in rows], [row[2] for row in rows]
-
-
-def _spread(points: Points, target: NDArray[np.int32]) -> tuple[Array, ...]:
-    """Spread every array of the points over all targets, NaN where there is no point."""
-    place = np.searchsorted(target, points.target)
-    arrays = (points.xyz_mm, points.covariance_mm2, points.calibration_covariance_mm2, points.image_px)
-    spread = tuple(np.full((len(target), *array.shape[1:]), np.nan) for array in arrays)
-    for wide, array in zip(spread, arrays, strict=True):
-        wide[place] = array
-    return spread
-
-
-def _stacked(filled: list[tuple[Array, ...]], which: int, shape: tuple[int, ...]) -> Array:
-    return np.stack([one[which] for one in filled]) if filled else np.empty((0, *shape))

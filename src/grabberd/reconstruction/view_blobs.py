@@ -98,9 +98,11 @@ class ImageNoise:
             common: Error of line jitter in x, if known better than by `expected`.
         """
         sigma, overlap = common or self.expected(lines)
+        # Cholesky by hand: only the two x correlate, so the factor has a single element off its diagonal.
         scale = np.empty_like(sigma_px)
         np.divide(1.0, sigma_px[1], out=scale[1])
         variance = sigma_px[0] * sigma_px[0] + sigma * sigma
+        # Both x share the shifts of their lines: taken as independent, σ of Z comes out half too large.
         shared = sigma[0] * sigma[1] * overlap
         np.divide(1.0, np.sqrt(variance[0]), out=scale[0, 0])
         mixed = shared * scale[0, 0]

@@ -78,7 +78,7 @@ def daemon_parts(service: "Service", *, words: bool = False) -> Parts:
         "configuration.json": lambda: shown(without_secrets(service.configuration)),
         "state.json": lambda: shown(_state(service)),
         "captures.json": lambda: shown(_captures(service)),
-        "jobs.json": lambda: [asdict(job) for job in service.jobs.list()],
+        "jobs.json": lambda: [job.model_dump(mode="json") for job in service.jobs.list()],
         "log.jsonl": lambda: "\n".join(last_lines.lines) + "\n",
     }
 

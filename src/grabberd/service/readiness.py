@@ -1,40 +1,24 @@
 """Readiness of a device: can it measure, and what is missing? Nothing else."""
 
-from typing import Literal, NamedTuple
-
 from grabberd.acquisition import Signal
+from grabberd.documents.devices import LackDocument
+from grabberd.documents.named_types import LackKind
 from grabberd.errors import Cause
 from grabberd.service.device.device_state import STREAMING, DeviceState
 from grabberd.service.device.status_board import DeviceStatus
 from grabberd.service.instrument import Instrument
 
-
-class Lack(NamedTuple):
-    """Something that keeps a device from measuring.
-
-    Attributes:
-        device: Name of the device.
-        lacks: Kind of what is missing.
-        message: Description in a sentence.
-        hint: What an operator can do about it.
-        code: Machine-readable cause.
-    """
-
-    device: str
-    lacks: Literal["device", "signal", "calibration"]
-    message: str
-    hint: str
-    code: Cause | None
+_Reason = tuple[LackKind, str, str, Cause | None]
 
 
-_Reason = tuple[Literal["device", "signal", "calibration"], str, str, Cause | None]
-
-
-def lacks_of(instrument: Instrument) -> list[Lack]:
+def lacks_of(instrument: Instrument) -> list[LackDocument]:
     """List of all that a device lacks; empty if points can be measured."""
     status = instrument.board.now
     reasons = (_device(status), _signal(status), _calibration(instrument))
-    return [Lack(instrument.name, *reason) for reason in reasons if reason]
+    return [
+        LackDocument(device=instrument.name, lacks=lacks, message=message, hint=hint, cause_code=code)
+        for lacks, message, hint, code in filter(None, reasons)
+    ]
 
 
 def _device(status: DeviceStatus) -> _Reason | None:

@@ -3,12 +3,13 @@
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.config import Config
 from grabberd.documents.devices import DeviceDocument
+from grabberd.documents.named_types import JsonObject
 from grabberd.documents.state import StateDocument, StorageDocument
 from grabberd.errors import StorageError
 from grabberd.geometry import Calibration
@@ -18,24 +19,28 @@ from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
+from grabberd.service.calibrations.calibration_documents import Document
 from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
 from grabberd.service.device.worker import FairLock
-from grabberd.service.idempotency import Idempotency
 from grabberd.service.instrument import Instrument
 from grabberd.service.jobs.calibration import Calibrator, calibrate_file
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
-from grabberd.service.mqtt.publisher_setup import MqttPublisher, create_publisher
+from grabberd.service.mqtt.publisher_setup import create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 from grabberd.storage.state.calibration_store import CalibrationRecord
+from grabberd.storage.state.idempotency_store import IdempotencyStore
 from grabberd.storage.state.state_store import StateStore
+
+if TYPE_CHECKING:  # an optional extra
+    from grabberd.service.mqtt.publisher import Publisher
 
 log = logging.getLogger(__name__)
 
@@ -104,7 +109,7 @@ class Service:
         self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
-        self.idempotency = Idempotency(directory, self._clock)
+        self.idempotency = IdempotencyStore(directory / "state.sqlite")
         self.retention = Retention(
             self.archive,
             retention or Policy(),
@@ -113,7 +118,7 @@ class Service:
             self.annotations.spared,
             self.annotations.delete,
         )
-        self.publisher: MqttPublisher | None = None
+        self.publisher: Publisher | None = None
         self._started = False
 
     @property
@@ -162,7 +167,7 @@ class Service:
         Raises:
             StorageError: The state directory cannot be used.
         """
-        self.calibrations.open()
+        self.calibrations.store.open()
         self.analyses.open()
         self._state_store.open()
         self.access.open()
@@ -191,7 +196,7 @@ class Service:
         """
         return of_device(self.instruments, name)
 
-    def import_calibration(self, document: Mapping[str, Any], device: str | None, note: str) -> str:
+    def import_calibration(self, document: Document, device: str | None, note: str) -> str:
         """Stores a complete calibration that fits a device, and returns its id.
 
         Raises:
@@ -252,11 +257,11 @@ class Service:
             self.publisher.capture_ended()
 
 
-def _configuration(setups: Mapping[str, DeviceSetup]) -> dict[str, Any]:
+def _configuration(setups: Mapping[str, DeviceSetup]) -> JsonObject:
     devices = {name: setup.config.model_dump(mode="json") for name, setup in setups.items()}
     return {"devices": without_secrets(devices)}
 
 
-def _configured(setups: Mapping[str, DeviceSetup]) -> dict[str, Mapping[str, Any]]:
+def _configured(setups: Mapping[str, DeviceSetup]) -> dict[str, Document]:
     documents = ((name, setup.documents.get("calibration")) for name, setup in setups.items())
     return {name: document for name, document in documents if document}

@@ -11,6 +11,7 @@ import yaml
 from grabberd.acquisition import registry
 from grabberd.acquisition.device import Grabber
 from grabberd.config import Config, DeviceConfig, RigConfig
+from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CalibrationMismatch, ConfigError, DriverMissing, InputError, Problem
 from grabberd.geometry import Calibration
 from grabberd.measurement import LocationSettings
@@ -40,11 +41,12 @@ class DeviceSetup:
     config: DeviceConfig
     grabber: Grabber
     measuring: MeasureSetup | None
-    documents: Mapping[str, Any]
-    made_with: Mapping[str, Any] = field(init=False)
+    documents: JsonObject
+    made_with: JsonObject = field(init=False)
 
     def __post_init__(self) -> None:
         made_with = {**self.documents, "settings": settings_of(self.config)}
+        # The class is frozen; this value follows from the others.
         object.__setattr__(self, "made_with", made_with)
 
     def with_calibration(self, document: Mapping[str, Any] | None) -> "DeviceSetup":
@@ -91,7 +93,7 @@ def _device(name: str, config: DeviceConfig, file: Path, problems: list[Problem]
     return DeviceSetup(name, config, grabber, measuring, documents)
 
 
-def read_documents(calibration: Path | None, object_model: Path | None) -> dict[str, Any]:
+def read_documents(calibration: Path | None, object_model: Path | None) -> JsonObject:
     """The documents in a calibration (JSON) and an object model (YAML) file, None without a file.
 
     Raises:
@@ -103,7 +105,7 @@ def read_documents(calibration: Path | None, object_model: Path | None) -> dict[
     }
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: Path) -> JsonObject:
     """The document in a YAML file, such as an object model or a calibration frame.
 
     Raises:
@@ -112,7 +114,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     return _read(path, lambda text: yaml.load(text, Loader=_LOADER))  # noqa: S506 - both are safe
 
 
-def _read(path: Path, parse: Callable[[str], Any]) -> dict[str, Any]:
+def _read(path: Path, parse: Callable[[str], Any]) -> JsonObject:
     try:
         document = parse(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -125,7 +127,7 @@ def _read(path: Path, parse: Callable[[str], Any]) -> dict[str, Any]:
     return document
 
 
-def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSetup | None:
+def _measuring(config: DeviceConfig, documents: JsonObject) -> MeasureSetup | None:
     if documents.get("calibration") is None:
         return None
     check_rig(Calibration.from_document(documents["calibration"]), config.rig)
@@ -134,7 +136,7 @@ def _measuring(config: DeviceConfig, documents: Mapping[str, Any]) -> MeasureSet
     return measure_setup(documents, settings_of(config))
 
 
-def measure_setup(documents: Mapping[str, Any], settings: Mapping[str, Any]) -> MeasureSetup:
+def measure_setup(documents: JsonObject, settings: JsonObject) -> MeasureSetup:
     """Makes a measuring setup from documents and settings as a capture file stores them.
 
     Raises:
@@ -149,19 +151,19 @@ def measure_setup(documents: Mapping[str, Any], settings: Mapping[str, Any]) -> 
     )
 
 
-def settings_of(config: DeviceConfig) -> dict[str, Any]:
+def settings_of(config: DeviceConfig) -> JsonObject:
     """The settings of a measurement as a capture file stores them."""
     own = {"line_jitter_px": config.line_jitter_px, "spread_px": config.spread_px}
     return own | config.location.model_dump()
 
 
-def settings_of_capture(config: Mapping[str, Any]) -> dict[str, Any]:
+def settings_of_capture(config: Mapping[str, Any]) -> JsonObject:
     """The same settings, from a device's configuration as a capture file stores it."""
     own = {key: config[key] for key in ("line_jitter_px", "spread_px") if key in config}
     return own | dict(config.get("location") or {})
 
 
-def location_settings(settings: Mapping[str, Any]) -> LocationSettings:
+def location_settings(settings: JsonObject) -> LocationSettings:
     """Settings of the locators; missing ones take the defaults of `LocationSettings`.
 
     Raises:

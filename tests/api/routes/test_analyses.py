@@ -13,6 +13,7 @@ from running import PATIENCE_S, wait_until_it_accepts
 
 from api.conftest import service_in
 from grabberd.api import create_app
+from grabberd.documents.analyses import AnalysisDocument
 from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.service import Service
 from processes.milking import CONSTANT, MATERIAL, PERIOD_S, field, still
@@ -106,7 +107,7 @@ def analysed(client: TestClient) -> str:
         store=service.analyses.directory,
     )
     made = job.run(lambda share: None)
-    assert made["analysis"] == 1
+    assert made.analysis == 1
     return f"{CAPTURES}/pulsating/analyses/1"
 
 
@@ -123,7 +124,7 @@ def test_it_is_listed_with_its_inputs_and_what_was_found(client: TestClient, ana
 
 def test_the_curves_come_as_columns_with_unit_and_sigma(client: TestClient, analysed: str) -> None:
     document = client.get(analysed).json()
-    assert document["schema"] == "grabberd/analysis-report/1"
+    assert AnalysisDocument.model_validate(document).id == "pulsating"
     assert set(document["inputs"]["sources"]) == set(INPUTS)
     fields = document["tables"]["fields"]
     assert column(fields, "n") == [n for n in range(46) if n != 30]

@@ -14,6 +14,7 @@ from running import configuration, wait_until_it_accepts
 from grabberd import reports
 from grabberd.api import create_app
 from grabberd.config import default_config_file
+from grabberd.documents.problems import JobProblem
 from grabberd.service.jobs.calibration import Calibrator
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
@@ -88,7 +89,8 @@ def test_a_capture_is_calibrated_by_a_job_whose_result_is_listed(calibrating: Te
     made = job["result"]["calibration"]
     document = calibrating.get(f"{CALIBRATIONS}/{made}").json()
     assert document["details"]["targets"] == 108
-    assert document["details"]["options"] == {**order["options"], "note": "new mirrors"}
+    assert document["details"]["options"] == order["options"]
+    assert document["details"]["note"] == "new mirrors"
     rows = calibrating.get(CALIBRATIONS).json()["calibrations"]
     [row] = [row for row in rows if row["id"] == made]
     assert (row["origin"], row["capture"], row["note"]) == ("capture", capture_id, "new mirrors")
@@ -100,10 +102,9 @@ def test_what_the_calibrator_refuses_fails_the_job_with_its_hint(tmp_path: Path)
     with client_of(tmp_path, "free", without_result) as client:
         job = client.post(CALIBRATIONS, json={"capture": captured(client)}).json()
         failed = service_of(client).jobs.wait(job["id"], 60)
-        assert failed.problem == {
-            "message": "2 of 108 targets were found",
-            "hint": "light the calibration frame",
-        }
+        assert failed.problem == JobProblem(
+            message="2 of 108 targets were found", hint="light the calibration frame"
+        )
         assert len(client.get(CALIBRATIONS).json()["calibrations"]) == 1
 
 

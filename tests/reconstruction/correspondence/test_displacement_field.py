@@ -9,7 +9,7 @@ from reconstruction.liners import model, wall
 
 SMOOTHNESS = Smoothness(sigma_mm=3.0, reach_mm=30.0, noise_mm=0.15)
 MODEL = model()
-FIELD = DisplacementField.of(MODEL, SMOOTHNESS)
+FIELD = DisplacementField.of(MODEL.xyz_mm, SMOOTHNESS)
 COVARIANCE = np.linalg.inv(FIELD.precision)
 TRUTH = wall(6.0)[0] - MODEL.xyz_mm
 
@@ -65,9 +65,11 @@ def test_the_farther_from_those_who_are_seen_the_less_is_known():
 
 
 def test_what_was_asked_before_changes_no_bit_of_the_answer():
-    asked = DisplacementField.of(MODEL, SMOOTHNESS)
+    asked = DisplacementField.of(MODEL.xyz_mm, SMOOTHNESS)
     masks = np.random.default_rng(2).random((70, 108)) < 0.7
     for mask in [*masks, *masks[::-1]]:
-        found, fresh = (one.expect(mask, TRUTH) for one in (asked, DisplacementField.of(MODEL, SMOOTHNESS)))
+        found, fresh = (
+            one.expect(mask, TRUTH) for one in (asked, DisplacementField.of(MODEL.xyz_mm, SMOOTHNESS))
+        )
         np.testing.assert_array_equal(found.displacement_mm, fresh.displacement_mm)
         np.testing.assert_array_equal(found.sigma_mm, fresh.sigma_mm)

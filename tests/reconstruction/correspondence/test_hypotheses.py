@@ -3,7 +3,7 @@ import numpy as np
 from geometry.rigs import calibration
 from grabberd.geometry import Rig
 from grabberd.reconstruction import ImageNoise
-from grabberd.reconstruction.correspondence.agreement import hypotheses
+from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings, hypotheses
 from reconstruction.liners import model, see, wall
 
 RIG, MODEL = Rig.of(calibration()), model()
@@ -15,7 +15,9 @@ def scene(deflection_mm, seed=0, **changes):
 
 
 def known(seen, gate=3.7, farthest_mm=9.0):
-    return hypotheses(RIG, MODEL, (seen.left, seen.right), NOISE, gate, farthest_mm)
+    return hypotheses(
+        RIG, MODEL, (seen.left, seen.right), NOISE, CorrespondenceSettings(gate=gate, farthest_mm=farthest_mm)
+    )
 
 
 def test_every_visible_target_is_among_its_own_hypotheses():

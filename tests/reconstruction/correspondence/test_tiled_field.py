@@ -14,7 +14,7 @@ from reconstruction.many import grid
 
 MANY = grid(864)
 SMOOTHNESS = Smoothness()
-EXACT = DisplacementField.of(MANY, SMOOTHNESS)
+EXACT = DisplacementField.of(MANY.xyz_mm, SMOOTHNESS)
 TILED = TiledField(MANY.xyz_mm, SMOOTHNESS)
 RNG = np.random.default_rng(1)
 MOVED = np.linalg.cholesky(np.linalg.inv(EXACT.precision)) @ RNG.normal(size=(864, 3))

@@ -11,6 +11,7 @@ from calibrators import SHIFT_MM, calibration, exact
 from running import PATIENCE_S, configuration, running, sealed, wait_until_it_accepts
 
 from grabberd.config import GlassConfig, default_config_file
+from grabberd.documents.requests import CalibrationOptions
 from grabberd.errors import CalibrationMismatch, CaptureRunning, Conflict, InputError, NotFound
 from grabberd.service.calibrations.calibration_frames import calibration_frame_document
 from grabberd.service.capture.capture_request import CaptureRequest
@@ -290,14 +291,14 @@ def test_an_instrument_without_calibration_captures_is_calibrated_and_measures(t
             subject=first.stem,
             path=first,
             calibration_frame=calibration_frame_document(None),
-            options={},
+            options=CalibrationOptions(),
             store=service.calibrations.store.directory,
             device="simulated",
             calibrator=exact,
         )
         done = service.jobs.wait(service.jobs.submit(job).id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
-        service.activate_calibration(done.result["calibration"], None)
+        service.activate_calibration(done.result.calibration, None)
         with CaptureReader(capture(service)) as reader:
             assert reader.runs[0].made_with["calibration"]["id"] == f"of-{first.stem}"
             assert sum(len(points) for _, points in reader.points()) > 400

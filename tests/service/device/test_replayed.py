@@ -33,7 +33,7 @@ def test_measuring_the_file_again_gives_the_same_points_bit_for_bit(tmp_path: Pa
         )
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
-        assert done.result["run"] == 2
+        assert done.result.run == 2
         assert points_of(path, run=2) == points_of(path, run=1)
 
 

@@ -11,6 +11,8 @@ from slots import slot
 
 from grabberd import reports
 from grabberd.acquisition import Ledger
+from grabberd.documents.requests import CalibrationOptions
+from grabberd.documents.results import CalibrationResult
 from grabberd.errors import Conflict, ExtraMissing, MeasurementError
 from grabberd.service.jobs.calibration import CalibrationJob
 from grabberd.storage import CaptureMeta, CaptureWriter
@@ -36,7 +38,7 @@ def run(capture: Path, calibrator: Any = exact, progress: Callable[[float], None
         subject="c1",
         path=capture,
         calibration_frame=FRAME,
-        options={"tied": True},
+        options=CalibrationOptions(tied=True),
         store=store_beside(capture).directory,
         device="cup",
         note="new mirrors",
@@ -51,10 +53,10 @@ def store_beside(capture: Path) -> CalibrationStore:
 
 def test_the_calibration_is_stored_with_its_report_and_what_is_known_of_it(capture: Path) -> None:
     shares: list[float] = []
-    assert run(capture, progress=shares.append) == {"calibration": "of-c1"}
+    assert run(capture, progress=shares.append) == CalibrationResult(calibration="of-c1")
     entry = store_beside(capture).get("of-c1")
-    options = {"tied": True, "note": "new mirrors"}
-    assert entry.document["details"] == {"fields": 3, "options": options, "targets": 2}
+    details = {"fields": 3, "options": {"tied": True}, "note": "new mirrors", "targets": 2}
+    assert entry.document["details"] == details
     assert (entry.record.device, entry.record.note, entry.record.capture) == ("cup", "new mirrors", "c1")
     assert entry.record.stored_utc.endswith("Z")
     report = store_beside(capture).report("of-c1")

@@ -27,10 +27,10 @@ def test_the_daemon_captures_and_checks_and_says_what_to_do(tmp_path: Path) -> N
         job = service.jobs.submit(check(service, seconds=0.4))
         done = service.jobs.wait(job.id, PATIENCE_S)
         assert done.state is JobState.DONE, done.problem
-        assert done.result["verdict"] == "fits"
-        assert "go on measuring" in done.result["advice"]
-        assert done.result["seen"] == done.result["of"] == 108
-        assert done.result["fields"] == 20
+        assert done.result.verdict == "fits"
+        assert "go on measuring" in done.result.advice
+        assert done.result.seen == done.result.of == 108
+        assert done.result.fields == 20
         assert service.archive.document(job.subject).bits == 8
 
 
@@ -42,11 +42,11 @@ def test_a_calibration_of_before_is_told_from_a_capture_file(tmp_path: Path) -> 
     left = known["views"]["left"]
     before = {**known, "views": {**known["views"], "left": {**left, "y0_px": left["y0_px"] + 2.0}}}
     frame = calibration_frame_document(None)
-    assert check_file(lambda _: None, path=path, calibration_frame=frame)["verdict"] == "fits"
+    assert check_file(lambda _: None, path=path, calibration_frame=frame).verdict == "fits"
     found = check_file(lambda _: None, path=path, calibration_frame=frame, calibration=before)
-    assert found["verdict"] == "recalibrate"
-    assert found["parallax_px"] == pytest.approx(2.0, abs=0.2)
-    assert found["reasons"]
+    assert found.verdict == "recalibrate"
+    assert found.parallax_px == pytest.approx(2.0, abs=0.2)
+    assert found.reasons
 
 
 def test_a_device_without_a_calibration_has_none_to_check(tmp_path: Path) -> None:

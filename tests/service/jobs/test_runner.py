@@ -4,16 +4,21 @@ import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import pytest
 from slots import ManualClock
 
+from grabberd.documents.problems import JobProblem
+from grabberd.documents.results import MeasurementResult
 from grabberd.errors import Conflict, InputError, NotFound
 from grabberd.service.jobs.progress import REPORTS, Progress, counted, portion
 from grabberd.service.jobs.runner import NICENESS, JobRunner, JobSpec, JobState
 
 PATIENCE_S = 30.0
+
+
+def counted_to(points: int) -> MeasurementResult:
+    return MeasurementResult(run=1, fields=1, points=points)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,8 +29,8 @@ class TestJob(JobSpec):
     kind = "test"
     subject: str = ""
 
-    def run(self, progress: Progress) -> Any:
-        return None
+    def run(self, progress: Progress) -> MeasurementResult:
+        return counted_to(0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,35 +39,36 @@ class Add(TestJob):
     one: int
     other: int
 
-    def run(self, progress: Progress) -> int:
+    def run(self, progress: Progress) -> MeasurementResult:
         progress(0.5)
-        return self.one + self.other
+        return counted_to(self.one + self.other)
 
 
 class Niceness(TestJob):
-    def run(self, progress: Progress) -> int:
-        return os.nice(0)
+    def run(self, progress: Progress) -> MeasurementResult:
+        return counted_to(os.nice(0))
 
 
 class Refuse(TestJob):
-    def run(self, progress: Progress) -> None:
+    def run(self, progress: Progress) -> MeasurementResult:
         raise InputError("the file is empty", "name another one")
 
 
 class BreakDown(TestJob):
-    def run(self, progress: Progress) -> None:
+    def run(self, progress: Progress) -> MeasurementResult:
         raise ZeroDivisionError("by nothing")
 
 
 class Die(TestJob):
-    def run(self, progress: Progress) -> None:
+    def run(self, progress: Progress) -> MeasurementResult:
         os._exit(1)
 
 
 class Hang(TestJob):
-    def run(self, progress: Progress) -> None:
+    def run(self, progress: Progress) -> MeasurementResult:
         progress(0.1)
         time.sleep(PATIENCE_S)
+        raise TimeoutError
 
 
 @pytest.fixture
@@ -77,30 +83,31 @@ def test_a_job_gives_its_result(jobs: JobRunner) -> None:
     job = jobs.submit(Add(subject="numbers", one=2, other=3))
     assert (job.kind, job.subject, job.state) == ("add", "numbers", JobState.QUEUED)
     done = jobs.wait(job.id, PATIENCE_S)
-    assert (done.state, done.result, done.progress, done.problem) == (JobState.DONE, 5, 1.0, None)
+    assert (done.state, done.result, done.progress, done.problem) == (JobState.DONE, counted_to(5), 1.0, None)
 
 
 def test_jobs_run_niced_so_that_they_never_disturb_a_capture(jobs: JobRunner) -> None:
     done = jobs.wait(jobs.submit(Niceness()).id, PATIENCE_S)
-    assert done.result == min(19, os.nice(0) + NICENESS)
+    assert done.result == counted_to(min(19, os.nice(0) + NICENESS))
 
 
 def test_what_a_job_refuses_it_says_with_its_hint(jobs: JobRunner) -> None:
     failed = jobs.wait(jobs.submit(Refuse()).id, PATIENCE_S)
     assert failed.state is JobState.FAILED
-    assert failed.problem == {"message": "the file is empty", "hint": "name another one"}
+    assert failed.problem == JobProblem(message="the file is empty", hint="name another one")
 
 
 def test_a_fault_of_the_program_fails_one_job_only(jobs: JobRunner) -> None:
     failed = jobs.wait(jobs.submit(BreakDown()).id, PATIENCE_S)
     assert failed.state is JobState.FAILED
-    assert "ZeroDivisionError" in (failed.problem or {})["message"]
-    assert jobs.wait(jobs.submit(Add(one=1, other=1)).id, PATIENCE_S).result == 2
+    assert failed.problem
+    assert "ZeroDivisionError" in failed.problem.message
+    assert jobs.wait(jobs.submit(Add(one=1, other=1)).id, PATIENCE_S).result == counted_to(2)
 
 
 def test_a_process_that_dies_fails_its_job_and_is_replaced(jobs: JobRunner) -> None:
     assert jobs.wait(jobs.submit(Die()).id, PATIENCE_S).state is JobState.FAILED
-    assert jobs.wait(jobs.submit(Add(one=1, other=1)).id, PATIENCE_S).result == 2
+    assert jobs.wait(jobs.submit(Add(one=1, other=1)).id, PATIENCE_S).result == counted_to(2)
 
 
 def test_a_running_and_a_waiting_job_can_be_cancelled(jobs: JobRunner) -> None:
@@ -108,7 +115,7 @@ def test_a_running_and_a_waiting_job_can_be_cancelled(jobs: JobRunner) -> None:
     waiting = jobs.submit(Add(one=1, other=1))
     assert jobs.cancel(waiting.id).state is JobState.CANCELLED
     assert jobs.cancel(running.id).state is JobState.CANCELLED
-    assert jobs.wait(jobs.submit(Add(one=4, other=4)).id, PATIENCE_S).result == 8
+    assert jobs.wait(jobs.submit(Add(one=4, other=4)).id, PATIENCE_S).result == counted_to(8)
     assert jobs.get(waiting.id).state is JobState.CANCELLED
 
 

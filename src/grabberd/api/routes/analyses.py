@@ -8,14 +8,13 @@ from fastapi.responses import FileResponse
 from grabberd.api.etags import IMMUTABLE, NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.routes.dependencies import (
-    ANY_DOCUMENT,
     PROBLEMS,
     REPORT_HEADERS,
     CaptureId,
     ServiceOf,
     accepted,
 )
-from grabberd.documents.analyses import AnalysisList, MapDocument
+from grabberd.documents.analyses import AnalysisDocument, AnalysisList, MapDocument
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.documents.requests import AnalysisRequest
@@ -72,7 +71,7 @@ def list_analyses(capture_id: CaptureId, service: ServiceOf) -> AnalysisList:
     "/{capture_id}/analyses/{number}",
     response_class=Response,
     summary="Get an analysis as JSON",
-    responses={200: {"content": {"application/json": {"schema": ANY_DOCUMENT}}}, **NOT_MODIFIED},
+    responses={200: {"model": AnalysisDocument}, **NOT_MODIFIED},
 )
 def get_analysis(
     capture_id: CaptureId, number: AnalysisNumber, service: ServiceOf, if_none_match: IfNoneMatch = None

@@ -10,7 +10,6 @@ from fastapi import APIRouter, Path, Request, Response, status
 from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.routes.dependencies import (
-    ANY_DOCUMENT,
     PROBLEMS,
     REPORT_HEADERS,
     CaptureId,
@@ -18,11 +17,18 @@ from grabberd.api.routes.dependencies import (
     accepted,
 )
 from grabberd.api.routes.paging import Cursor, Limit, page_of
-from grabberd.documents.calibrations import CalibrationFrameList, CalibrationList, CalibrationRow
+from grabberd.documents.calibration_reports import CalibrationReport
+from grabberd.documents.calibrations import (
+    CalibrationDocument,
+    CalibrationFrameList,
+    CalibrationList,
+    CalibrationRow,
+)
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.documents.requests import (
     CalibrationChoice,
+    CalibrationOptions,
     CalibrationRequest,
     IdentificationRequest,
     RejectionRequest,
@@ -86,7 +92,6 @@ def make_calibration(
         response.status_code = status.HTTP_201_CREATED
         response.headers["Location"] = str(request.url_for("get_calibration", calibration_id=calibration_id))
         return service.active.row(calibration_id)
-    options = new.options.model_dump(exclude_none=True) if new.options else {}
     capture_id = new.capture or ""
     path = service.archive.sealed_path(capture_id)
     device = new.device or service.archive.document(capture_id).device
@@ -95,7 +100,7 @@ def make_calibration(
             subject=capture_id,
             path=path,
             calibration_frame=calibration_frame_document(new.calibration_frame),
-            options=options,
+            options=new.options or CalibrationOptions(),
             store=service.calibrations.store.directory,
             device=service.instrument(device).name,
             calibrator=service.calibrator,
@@ -136,7 +141,7 @@ def reject_calibration(
     "/calibrations/{calibration_id}",
     response_class=Response,
     summary="Download a calibration",
-    responses={200: {"content": {"application/json": {"schema": ANY_DOCUMENT}}}, **NOT_MODIFIED},
+    responses={200: {"model": CalibrationDocument}, **NOT_MODIFIED},
 )
 def get_calibration(
     calibration_id: CalibrationId, service: ServiceOf, if_none_match: IfNoneMatch = None
@@ -161,7 +166,7 @@ def get_calibration_report(calibration_id: CalibrationId, service: ServiceOf) ->
     "/calibrations/{calibration_id}/report.json",
     response_class=Response,
     summary="Get a calibration's report as JSON",
-    responses={200: {"content": {"application/json": {"schema": ANY_DOCUMENT}}}},
+    responses={200: {"model": CalibrationReport}},
 )
 def get_calibration_report_json(calibration_id: CalibrationId, service: ServiceOf) -> Response:
     """The numbers of the report."""

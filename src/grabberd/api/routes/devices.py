@@ -9,6 +9,7 @@ from grabberd.api.routes.dependencies import PROBLEMS, DeviceName, ServiceOf, ac
 from grabberd.documents.devices import (
     DeviceDocument,
     DeviceList,
+    LackDocument,
     LightDocument,
     ObjectDocument,
     PulsationDocument,
@@ -20,10 +21,9 @@ from grabberd.documents.problems import NotReadyProblem
 from grabberd.documents.requests import CheckRequest
 from grabberd.service.archive.analysis_documents import pulsation_document
 from grabberd.service.jobs.check import CheckJob
-from grabberd.service.live.device_document import lack_document
-from grabberd.service.live.illumination import light_document
 from grabberd.service.live.live_document import newest_points, object_document
-from grabberd.service.readiness import Lack, lacks_of
+from grabberd.service.live.newest_field import light_document
+from grabberd.service.readiness import lacks_of
 
 router = APIRouter(tags=["devices"])
 
@@ -115,8 +115,7 @@ def get_readiness(service: ServiceOf) -> ReadyDocument | Response:
     return _not_ready(lacks) if lacks else ReadyDocument()
 
 
-def _not_ready(lacks: list[Lack]) -> Response:
+def _not_ready(lacks: list[LackDocument]) -> Response:
     detail = "; ".join(f"{lack.device}: {lack.message}" for lack in lacks)
     hint = "; ".join(dict.fromkeys(lack.hint for lack in lacks))
-    documents = [lack_document(lack) for lack in lacks]
-    return problem(503, "not-ready", detail, hint, NotReadyProblem, lacks=documents)
+    return problem(503, "not-ready", detail, hint, NotReadyProblem, lacks=lacks)

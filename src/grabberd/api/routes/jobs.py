@@ -4,10 +4,9 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path
 
-from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf, job_document
+from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.api.routes.paging import Cursor, Limit, page_of
 from grabberd.documents.jobs import JobDocument, JobList
-from grabberd.service.jobs.runner import Job
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], responses=PROBLEMS)
 
@@ -18,21 +17,21 @@ JobId = Annotated[str, Path(pattern=r"^job-[0-9]{1,12}$", description="Id of the
 def list_jobs(service: ServiceOf, limit: Limit = 100, cursor: Cursor = None) -> JobList:
     """The jobs since the daemon started, newest first, page by page."""
     page, following = page_of(service.jobs.list(), _position, limit, cursor)
-    return JobList(jobs=[job_document(job) for job in page], next=following)
+    return JobList(jobs=page, next=following)
 
 
 @router.get("/{job_id}", summary="Look up a job")
 def get_job(job_id: JobId, service: ServiceOf) -> JobDocument:
     """State and progress of a job."""
-    return job_document(service.jobs.get(job_id))
+    return service.jobs.get(job_id)
 
 
 @router.delete("/{job_id}", summary="Cancel a job")
 def cancel_job(job_id: JobId, service: ServiceOf) -> JobDocument:
     """Cancel a queued or running job; a finished job stays as it is."""
-    return job_document(service.jobs.cancel(job_id))
+    return service.jobs.cancel(job_id)
 
 
-def _position(job: Job) -> tuple[str, str]:
+def _position(job: JobDocument) -> tuple[str, str]:
     """Position by number, because two jobs may be submitted in the same millisecond."""
     return job.id.removeprefix("job-").zfill(12), job.id

@@ -14,6 +14,7 @@ from grabberd.api.streams.feeds import Feeds
 
 PATIENCE_S = 60.0
 GOING_AWAY = 1001
+"""Close code of a server that goes down (RFC 6455, 7.4.1)."""
 
 router = APIRouter(tags=["live"])
 
@@ -37,6 +38,7 @@ async def get_events(
 ) -> EventStream:
     """Server-sent events: the state, then its changes, at most five times a second."""
     feeds: Feeds = request.app.state.feeds
+    # nginx would otherwise hold events back until its buffer is full.
     headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
     return EventStream(feeds.events.events(last_event_id), headers=headers)
 
@@ -77,6 +79,7 @@ async def _send(socket: WebSocket, broadcast: Broadcast[bytes], timeout_s: float
 
 async def _until_gone(socket: WebSocket) -> None:
     """Waits until the client has gone; anything it sends is ignored."""
+    # A closed connection is noticed only by receiving: while there is nothing to send, no send fails.
     while (await socket.receive())["type"] != "websocket.disconnect":
         pass
 

@@ -46,6 +46,7 @@ class Broadcast(Generic[T]):
             self._newest = None  # it may be old
             self._task = asyncio.create_task(self._run())
         try:
+            # One less than the count if there is a message: the new listener has not seen it.
             yield Listener(self, self._count - (self._newest is not None))
         finally:
             self._listeners -= 1
@@ -79,6 +80,7 @@ class Broadcast(Generic[T]):
             self._wake()
 
     def _wake(self) -> None:
+        # Replaced before it is set: a listener that wakes up and waits again needs an event that is not set.
         changed, self._changed = self._changed, asyncio.Event()
         changed.set()
 

@@ -2,15 +2,15 @@
 
 import json
 import secrets
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator
 from contextlib import aclosing
 from functools import lru_cache
-from typing import Any
 
 from fastapi.responses import StreamingResponse
 from starlette.types import Send
 
 from grabberd.api.streams.broadcast import Broadcast
+from grabberd.documents.named_types import JsonObject
 from grabberd.service.live.state_changes import History, Version, changes
 from grabberd.service.service import Service
 
@@ -60,11 +60,12 @@ class EventFeed:
     def _make_text(self, seen: int | None, number: int) -> str:
         version, known = self._history.find(number), None if seen is None else self._history.find(seen)
         assert version is not None, "the newest is never forgotten"
+        # The client is new, was away for longer than versions are kept, or knew another start of the daemon.
         if known is None:
             return self._event("state", number, version.document)
         return self._event("change", number, changes(known.document, version.document))
 
-    def _event(self, kind: str, number: int, document: Mapping[str, Any]) -> str:
+    def _event(self, kind: str, number: int, document: JsonObject) -> str:
         data = json.dumps(document, ensure_ascii=False, separators=(",", ":"))
         return f"id: {self._start}-{number}\nevent: {kind}\ndata: {data}\n\n"
 

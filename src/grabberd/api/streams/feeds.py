@@ -2,8 +2,8 @@
 
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.api.streams.events import EventFeed
+from grabberd.service.live.newest_field import PreviewPicture
 from grabberd.service.live.preview import Preview
-from grabberd.service.live.preview_picture import PreviewPicture
 from grabberd.service.service import Service
 
 PREVIEW_EVERY_S = 1 / 12

@@ -89,31 +89,11 @@ class Adjustment:
     def parameter_covariance(self) -> Array:
         """(18 V, 18 V) covariance of all views' `PARAMETERS`, zero where held."""
         selection = self.unknowns.selection
-        full: Array = selection @ self.covariance @ selection.T
-        return full
-
-    @property
-    def full_covariance(self) -> Array:
-        """(U + 3 T, U + 3 T) covariance of the unknowns, then of X, Y, Z of each target in turn."""
-        targets, unknowns = len(self.xyz_mm), len(self.unknowns)
-        coupling = self.place_coupling.reshape(3 * targets, unknowns)
-        scale = 1.0 / self.sigma
-        between = scale[:, np.newaxis] * np.linalg.solve(self.correlation, (coupling * scale).T)
-        full = np.empty((unknowns + 3 * targets, unknowns + 3 * targets))
-        full[:unknowns, :unknowns], full[unknowns:, :unknowns] = self.covariance, coupling
-        full[:unknowns, unknowns:], full[unknowns:, unknowns:] = coupling.T, coupling @ between
-        blocks = full[unknowns:, unknowns:].reshape(targets, 3, targets, 3)
-        blocks[range(targets), :, range(targets)] = self.place_covariance_mm2
-        return full
+        return selection @ self.covariance @ selection.T
 
 
 def adjust(network: Network, unknowns: Unknowns, settings: AdjustmentSettings | None = None) -> Adjustment:
     """Adjust a network by least squares.
-
-    Args:
-        network: Image points, targets, and the views to start from.
-        unknowns: Parameters to estimate.
-        settings: Criteria of convergence.
 
     Raises:
         MeasurementError: There are fewer observations than unknowns, targets seen too rarely, a start behind
@@ -148,6 +128,7 @@ def _result(problem: Problem, minimum: Minimum) -> Adjustment:
 
 
 def _cofactor(problem: Problem, minimum: Minimum, without: Reduced) -> Array:
+    # Inverted with a unit diagonal, because the parameters' units span twenty decades.
     scale = 1.0 / np.sqrt(np.diag(minimum.normals.matrix))
     try:
         inverse = np.asarray(np.linalg.inv(without.matrix * scale * scale[:, np.newaxis]), np.float64)
@@ -192,5 +173,4 @@ def _redundancy(problem: Problem, linear: Linear, without: Reduced, cofactor: Ar
         rows[:, :, moving] -= np.einsum("cvkp,kpu->cvpu", places, without.coupling)
         used[:, :, moving] = np.einsum("cvkp,klp,cvlp->cvp", places, without.inverse, places, optimize=True)
     used += ((rows @ cofactor) * rows).sum(axis=3)
-    redundancy: Array = 1.0 - used[:, network.view, network.target].T
-    return redundancy
+    return 1.0 - used[:, network.view, network.target].T

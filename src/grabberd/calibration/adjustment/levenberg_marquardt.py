@@ -66,6 +66,7 @@ def minimise(problem: Problem, settings: AdjustmentSettings) -> Minimum:
         enough = settings.settled * max(linear.omega, _EXACT * problem.freedom)
         while True:
             step = _step(normals, scale, damping)
+            # Strongly damped steps promise little anywhere; only a free one tells the minimum.
             if step.promise <= enough and damping < 1.0:
                 return Minimum(state, linear, normals, steps)
             trial = problem.moved(state, step.unknowns, step.places)

@@ -151,6 +151,7 @@ class Problem:
         image = (self._observed - computed) * self._weight
         slopes *= self._weight[:, :, np.newaxis]
         if self._unseen is not None:
+            # Zero weight leaves NaN as it is, and an unseen target may lie behind the camera.
             image[self._unseen] = 0.0
             slopes.swapaxes(2, 3)[self._unseen] = 0.0
         offset = (self.network.target_mm - state.xyz_mm)[self.moving].T * self.prior
@@ -177,14 +178,12 @@ class Problem:
 
     def whitened_rows(self, linear: Linear) -> Array:
         """(2, V, T, U) whitened slopes of the image points by the unknowns."""
-        rows: Array = linear.slopes.swapaxes(2, 3) @ self._blocks
-        return rows
+        return linear.slopes.swapaxes(2, 3) @ self._blocks
 
     def residuals_px(self, linear: Linear) -> Array:
         """(M, 2) misclosures of the image points in px."""
         network = self.network
-        residuals: Array = linear.image[:, network.view, network.target].T * network.sigma_px
-        return residuals
+        return linear.image[:, network.view, network.target].T * network.sigma_px
 
     def _of_parameters(self, linear: Linear) -> tuple[Array, Array]:
         """Parameter block: one block per view, since views share no slopes, folded onto the unknowns."""

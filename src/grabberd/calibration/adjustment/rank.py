@@ -71,9 +71,9 @@ def check_rank(network: Network, unknowns: Unknowns) -> None:
             "check the rig's nominal geometry and the calibration frame's file",
         )
     normals = problem.normals(linear)
-    found = null_vectors(reduced(normals).matrix, np.diag(normals.matrix), unknowns.names)
-    if found:
-        raise _deficient(found)
+    nulls = null_vectors(reduced(normals).matrix, np.diag(normals.matrix), unknowns.names)
+    if nulls:
+        raise _deficient(nulls)
     _check_depth(network, unknowns)
 
 
@@ -112,11 +112,11 @@ def _named(vector: Array, names: Sequence[str], singular: float) -> NullVector:
     return NullVector(tuple(names[i] for i in order), tuple(float(vector[i]) for i in order), singular)
 
 
-def _deficient(found: Sequence[NullVector]) -> RankDeficient:
-    names = list(dict.fromkeys(name for vector in found for name in vector.parameters))
+def _deficient(nulls: Sequence[NullVector]) -> RankDeficient:
+    names = list(dict.fromkeys(name for vector in nulls for name in vector.parameters))
     return RankDeficient(
         f"the image points do not determine {', '.join(names)} apart from one another; they do not show "
-        + "; nor ".join(str(vector) for vector in found),
+        + "; nor ".join(str(vector) for vector in nulls),
         "hold some of these parameters, or use a calibration frame with more depth",
         names,
     )
@@ -129,8 +129,8 @@ def _check_depth(network: Network, unknowns: Unknowns) -> None:
         ]
         names = [f"{view.name}.{name}" for name in sought if name in _INTERIOR + _POSE]
         if set(sought) & set(_INTERIOR):
-            places = network.target_mm[network.target[network.view == index]]
-            check_depth(places, names, f"the targets in view {view.name}")
+            xyz_mm = network.target_mm[network.target[network.view == index]]
+            check_depth(xyz_mm, names, f"the targets in view {view.name}")
 
 
 def check_depth(places_mm: Array, names: Sequence[str], what: str) -> None:

@@ -78,12 +78,12 @@ def _step(view: View, middle: Array, xyz_mm: Array, xy_px: Array, sigma_px: floa
     slopes = parameter_derivatives(view, xyz_mm[seen]) * PRIOR_SIGMA * weight[seen, :, np.newaxis]
     flat, whitened = slopes.reshape(-1, len(PRIOR_SIGMA)), (misfit * weight)[seen].ravel()
     off = (view.vector() - middle) / PRIOR_SIGMA
-    step: Array = np.linalg.solve(flat.T @ flat + np.eye(len(PRIOR_SIGMA)), flat.T @ whitened - off)
-    return step
+    return np.linalg.solve(flat.T @ flat + np.eye(len(PRIOR_SIGMA)), flat.T @ whitened - off)
 
 
 def _weight(misfit: Array, sigma_px: float) -> Array:
     """(N,) square roots of Cauchy weights, in 1/px; zero behind the camera."""
     square = (misfit * misfit).sum(axis=1) / sigma_px**2
+    # Cauchy's weight is one half at 3 σ.
     weight: Array = 1.0 / (sigma_px * np.sqrt(1.0 + square / 9.0))
     return np.where(np.isnan(weight), 0.0, weight)

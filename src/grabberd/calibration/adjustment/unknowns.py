@@ -51,10 +51,10 @@ class Unknowns:
         names: dict[str, int] = {}
         number = np.full((len(views), len(PARAMETERS)), -1, np.intp)
         for index, view in enumerate(views):
-            for place, parameter in enumerate(PARAMETERS):
+            for column, parameter in enumerate(PARAMETERS):
                 if parameter in free or f"{view.name}.{parameter}" in free:
                     name = _name(view.name, parameter, parameter in shared, tied)
-                    number[index, place] = names.setdefault(name, len(names))
+                    number[index, column] = names.setdefault(name, len(names))
         return cls(tuple(names), number)
 
     def __len__(self) -> int:
@@ -72,8 +72,7 @@ class Unknowns:
         flat, number = np.array([view.vector() for view in views]).ravel(), self.number.ravel()
         chosen = number >= 0
         total = np.bincount(number[chosen], flat[chosen], len(self))
-        mean: Array = total / np.bincount(number[chosen], minlength=len(self))
-        return mean
+        return total / np.bincount(number[chosen], minlength=len(self))
 
     def with_values(self, views: Sequence[View], values: Array) -> tuple[View, ...]:
         """Copy the views with other values (U,) of the unknowns; held parameters stay."""

@@ -27,11 +27,6 @@ def with_unmodelled(
 ) -> tuple[Network, float]:
     """Enlarge the σ of a network in quadrature so that σ0 becomes 1.
 
-    Args:
-        network: Image points with their own σ.
-        unknowns: Parameters to estimate.
-        settings: Settings of the adjustments.
-
     Returns:
         The network, and the σ added in px: 0 if the points' own σ explain their residuals.
 

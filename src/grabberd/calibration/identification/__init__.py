@@ -2,23 +2,6 @@
 
 Every target is tried at a few blobs, rotated and mirrored (`poses`); hypotheses grow over the calibration
 frame (`hypothesis_growth`), and the best is challenged by its neighbours a pitch away (`hypothesis_ranking`).
-Both views must then agree with each other and with the nominal rig (`view_pair_check`). What stays ambiguous
+Both views must then agree with each other and with the nominal rig (`acceptance`). What stays ambiguous
 is refused, and can be decided by marking some targets (`manual_identification`).
 """
-
-from grabberd.calibration.identification.frame_identification import (
-    Identification,
-    ViewIdentification,
-    identify_frame,
-)
-from grabberd.calibration.identification.identification_settings import IdentificationSettings
-from grabberd.calibration.identification.manual_identification import Mark, identify_by_hand
-
-__all__ = [
-    "Identification",
-    "IdentificationSettings",
-    "Mark",
-    "ViewIdentification",
-    "identify_by_hand",
-    "identify_frame",
-]

@@ -2,8 +2,8 @@
 
 The nominal rig is good to ten per cent, which on a periodic grid is a whole pitch, so every hypothesis is
 tried: every target at some blobs, the calibration frame rotated in any way, either handedness of either view.
-    Each is judged by
-the view that it implies: depth differences of the targets reveal a wrong one. An ambiguous winner is refused.
+Each is judged by the view that it implies: depth differences of the targets reveal a wrong one. An ambiguous
+winner is refused.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.calibration.identification.acceptance import IdentificationSettings, check_pair
 from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
 from grabberd.calibration.identification.hypothesis_growth import Half
 from grabberd.calibration.identification.hypothesis_ranking import Outcome, contest, settled
-from grabberd.calibration.identification.identification_settings import IdentificationSettings
-from grabberd.calibration.identification.view_pair_check import check_pair
 from grabberd.errors import MeasurementError
 from grabberd.geometry import NominalRig, View
 from grabberd.reconstruction import ObjectModel
@@ -103,6 +102,7 @@ def identify_frame(
     try:
         return _found(nominal, frame, (left_px, right_px), settings)
     except MeasurementError:
+        # Tried only now, because it is another whole search.
         if _swapped(nominal, frame, (left_px, right_px), settings):
             raise MeasurementError(
                 "the views are swapped: the left one sees the calibration frame from the right, the "
@@ -169,12 +169,7 @@ def identified(
 ) -> ViewIdentification:
     """Accept the winner of a contest of hypotheses.
 
-    Args:
-        half: The blobs.
-        rivals: The hypotheses.
-        frame: The calibration frame.
-        settings: Criteria of acceptance.
-        handedness: The only one allowed, if any.
+    If a handedness is given, it is the only one allowed.
 
     Raises:
         MeasurementError: The winner is ambiguous, or clearly not of the handedness allowed.

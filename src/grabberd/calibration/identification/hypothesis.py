@@ -82,18 +82,14 @@ class Explainer:
         """Distance beyond which a blob is more likely false than the target predicted there."""
         return self.sigma_px * math.sqrt(FALSE_BLOB)
 
-    def predicted(self, view: View) -> Array:
-        """(T, 2) predicted frame pixels of all targets."""
-        return project(view, self.xyz_mm)
-
     def explain(self, start: View) -> Hypothesis:
         """Refine a rough view to a hypothesis by alternately predicting targets and assigning blobs."""
         view = start
         for share in _GATES:
             target = self._assigned(view, share * self.half.spacing_px)
             known = np.flatnonzero(target >= 0)
-            places, seen_px = self.xyz_mm[target[known]], self.half.xy_px[known]
-            view = resect(view, places, seen_px, self.sigma_px, prior=start, most_steps=_STEPS).view
+            targets_mm, seen_px = self.xyz_mm[target[known]], self.half.xy_px[known]
+            view = resect(view, targets_mm, seen_px, self.sigma_px, prior=start, most_steps=_STEPS).view
         target = self._undoubted(view)
         residual = np.full(self.half.xy_px.shape, np.nan)
         known = np.flatnonzero(target >= 0)
@@ -116,7 +112,7 @@ class Explainer:
 
     def _between(self, view: View) -> Array:
         """(B, T) distances of blobs from predictions in px; given targets have distance 0."""
-        between: Array = np.linalg.norm(self.half.xy_px[:, np.newaxis] - self.predicted(view), axis=2)
+        between: Array = np.linalg.norm(self.half.xy_px[:, np.newaxis] - project(view, self.xyz_mm), axis=2)
         between[np.isnan(between)] = np.inf
         for blob, target in self.given.items():
             between[blob], between[:, target] = np.inf, np.inf
@@ -125,7 +121,7 @@ class Explainer:
 
     def _cost(self, view: View, residual_px: Array) -> float:
         square = np.nan_to_num((residual_px**2).sum(axis=1) / self.sigma_px**2, nan=FALSE_BLOB)
-        visible = self.half.shows(self.predicted(view)).sum()
+        visible = self.half.shows(project(view, self.xyz_mm)).sum()
         behind = _BEHIND if view.Z0_mm < float(np.median(self.xyz_mm[:, 2])) else 0.0
         missing = max(0, int(visible) - int(np.isfinite(residual_px[:, 0]).sum()))
         return float(np.minimum(square, FALSE_BLOB).sum()) + MISSING_TARGET * missing + behind

@@ -87,6 +87,7 @@ class Half:
         """Prepare at least two blobs."""
         spacing = float(np.median(np.sqrt(np.sort(_squares(xy_px, xy_px), axis=1)[:, 1])))
         corner = xy_px.min(axis=0) - spacing
+        # A raster finds the nearest blob by one look-up, for thousands of hypotheses at once.
         cells = np.ceil((xy_px.max(axis=0) + spacing - corner) / _CELL_PX).astype(int)
         middles = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in cells), indexing="ij"), axis=-1)
         nearest = _squares(corner + _CELL_PX * middles.reshape(-1, 2), xy_px).argmin(axis=1)
@@ -112,8 +113,7 @@ class Half:
         """(…) True for predictions inside this half."""
         x, y = predicted_px[..., 0], predicted_px[..., 1]
         across = (x >= self.view.first_column) & (x <= self.view.end_column - 1)
-        inside: NDArray[np.bool_] = across & (y >= 0) & (y <= self.lines - 1)
-        return inside
+        return across & (y >= 0) & (y <= self.lines - 1)
 
     def anchors(self, count: int) -> Indices:
         """Choose blobs to start from, central ones first, and away from one another."""
@@ -162,13 +162,7 @@ class Growth:
 
 
 def grow(half: Half, xyz_mm: Array, effort: Effort) -> Growth:
-    """Grow hypotheses of the handedness of the half's nominal view, with any target at any anchor.
-
-    Args:
-        half: The blobs, with the nominal view.
-        xyz_mm: (T, 3) targets of the calibration frame.
-        effort: Effort of the search.
-    """
+    """Grow hypotheses of the handedness of the half's nominal view, with any target at any anchor."""
     return _grown(half, xyz_mm, half.anchors(effort.anchors), np.arange(len(xyz_mm)), effort)
 
 
@@ -192,15 +186,15 @@ def _grown(half: Half, xyz_mm: Array, anchors: Indices, targets: Indices, effort
 
 def _round(growth: Growth, xyz_mm: Array, nearby: Indices, gate: float) -> Growth:
     """Predict targets (T, K) near the start, match blobs, improve the pose; the cost is that before."""
-    half, places = growth.half, xyz_mm[nearby[growth.start]]
-    predicted = pixels(half.view, growth.poses.seen_mm(places))
+    half, targets_mm = growth.half, xyz_mm[nearby[growth.start]]
+    predicted = pixels(half.view, growth.poses.seen_mm(targets_mm))
     _, misfit = half.closest(predicted)
     square = (misfit * misfit).sum(axis=2) / (gate * half.spacing_px) ** 2
     shown = half.shows(predicted)
     fits = shown & (square < 1.0)
     weight = np.where(fits, (1.0 - np.where(fits, square, 0.0)) ** 2, 0.0)
     misfit = np.where(fits[:, :, np.newaxis], misfit, 0.0)
-    poses = improved(half.view, growth.poses, places, misfit, weight)
+    poses = improved(half.view, growth.poses, targets_mm, misfit, weight)
     return replace(growth, poses=poses, cost=_cost(square, shown))
 
 
@@ -208,8 +202,7 @@ def _cost(square: Array, shown: NDArray[np.bool_]) -> Array:
     """(H,) mean truncated square over targets that should be seen; 1 if most lie outside the half."""
     count = shown.sum(axis=1)
     total = np.where(shown, np.minimum(square, 1.0), 0.0).sum(axis=1)
-    cost: Array = np.where(count >= 0.5 * shown.shape[1], total / np.maximum(count, 1), 1.0)
-    return cost
+    return np.where(count >= 0.5 * shown.shape[1], total / np.maximum(count, 1), 1.0)
 
 
 def _squares(first: Array, second: Array) -> Array:

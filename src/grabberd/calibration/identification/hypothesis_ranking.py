@@ -9,6 +9,7 @@ from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
 from grabberd.calibration.identification.hypothesis_growth import QUICK, THOROUGH, Effort, grow, regrow
 from grabberd.geometry import View
 
+# Both are always tried: on a nearly planar frame a mirrored view fits almost as well.
 HANDEDNESS = (1, -1)
 _FINALISTS = 3
 _CHALLENGED = 24
@@ -32,9 +33,7 @@ class Outcome:
 def contest(explainer: Explainer, convincing: float) -> list[Hypothesis]:
     """Find the hypotheses of either handedness that explain a view best, including the winner's challengers.
 
-    Args:
-        explainer: Explainer of the view's blobs.
-        convincing: Share of the blobs that a winner must explain; otherwise the search is repeated harder.
+    The search is repeated harder unless the winner explains a `convincing` share of the blobs.
     """
     rivals: list[Hypothesis] = []
     for effort in (QUICK, THOROUGH):

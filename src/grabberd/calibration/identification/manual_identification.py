@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.calibration.identification.acceptance import IdentificationSettings, check_pair
 from grabberd.calibration.identification.frame_identification import (
     NAMES,
     Identification,
@@ -17,11 +18,9 @@ from grabberd.calibration.identification.frame_identification import (
 from grabberd.calibration.identification.hypothesis import Explainer
 from grabberd.calibration.identification.hypothesis_growth import TURNS, Half
 from grabberd.calibration.identification.hypothesis_ranking import HANDEDNESS, settled
-from grabberd.calibration.identification.identification_settings import IdentificationSettings
 from grabberd.calibration.identification.poses import Poses, improved, pixels
-from grabberd.calibration.identification.view_pair_check import check_pair
 from grabberd.errors import InputError
-from grabberd.geometry import NominalRig, View
+from grabberd.geometry import NominalRig, View, project
 from grabberd.reconstruction import ObjectModel
 
 Array = NDArray[np.float64]
@@ -53,13 +52,7 @@ def identify_by_hand(
 
     The blob nearest to a mark gets its target; the rest are predicted from the view that the marks determine.
 
-    Args:
-        nominal: The nominal rig.
-        frame: The calibration frame.
-        left_px: (B, 2) frame pixels of the left view's blobs.
-        right_px: Likewise for the right view.
-        marks: At least four in each view.
-        settings: Criteria of acceptance.
+    At least four marks are needed in each view; the other arguments are those of `identify_frame`.
 
     Raises:
         InputError: There are too few marks, an unknown target, one marked twice, no blob near a mark, or a
@@ -138,18 +131,20 @@ def _seen(half: Half, frame: ObjectModel, given: Mapping[int, int]) -> View:
     xy_px, xyz_mm = half.xy_px[list(given)], frame.xyz_mm[list(given.values())]
     middle = np.array([xy_px.mean(axis=0)])
     poses = Poses.anchored(half.view, TURNS, middle, np.array([xyz_mm.mean(axis=0)]))
-    places = np.broadcast_to(xyz_mm, (len(poses), *xyz_mm.shape))
-    weight = np.ones(places.shape[:2])
+    targets_mm = np.broadcast_to(xyz_mm, (len(poses), *xyz_mm.shape))
+    weight = np.ones(targets_mm.shape[:2])
     for _ in range(_STEPS):
-        poses = improved(half.view, poses, places, xy_px - pixels(half.view, poses.seen_mm(places)), weight)
-    off = np.linalg.norm(xy_px - pixels(half.view, poses.seen_mm(places)), axis=2).sum(axis=1)
+        poses = improved(
+            half.view, poses, targets_mm, xy_px - pixels(half.view, poses.seen_mm(targets_mm)), weight
+        )
+    off = np.linalg.norm(xy_px - pixels(half.view, poses.seen_mm(targets_mm)), axis=2).sum(axis=1)
     return poses.view(half.view, int(np.nan_to_num(off, nan=np.inf).argmin()))
 
 
 def _check_marks(explainer: Explainer, view: View, frame: ObjectModel) -> None:
     """Check that each mark lies where the winner sees its target."""
     blobs, targets = list(explainer.given), list(explainer.given.values())
-    predicted = explainer.predicted(view)[targets]
+    predicted = project(view, explainer.xyz_mm[targets])
     away = np.linalg.norm(explainer.half.xy_px[blobs] - predicted, axis=1)
     worst = int(np.nan_to_num(away, nan=np.inf).argmax())
     if not away[worst] <= 2 * explainer.gate_px:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry import View, rotation_angles, rotation_matrix
+from grabberd.geometry import View, rotation_matrix
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -48,7 +48,7 @@ class Poses:
         Returns:
             A · turns · T poses, the target running fastest.
         """
-        upright = _axes(view)
+        upright = view.axes
         angles = 2 * np.pi * np.arange(turns) / turns
         axes = np.array([upright @ rotation_matrix(0.0, 0.0, angle) for angle in angles])
         depth = float((upright @ view.center_mm)[2])
@@ -70,18 +70,15 @@ class Poses:
 
     def moved(self, step: Array, about_mm: Array) -> "Poses":
         """Rotate by step (H, 6)[:3] about points (H, 3) in camera coordinates, and shift by [3:]."""
+        # About the targets' middle, where a rotation hardly shifts them, so the two do not mix in one step.
         turn = _turns(step[:, :3])
         away = np.einsum("hij,hj->hi", turn, self.away_mm - about_mm) + about_mm + step[:, 3:]
         return Poses(turn @ self.axes, away)
 
     def view(self, nominal: View, index: int) -> View:
         """Convert one of them to a view, with the nominal lens."""
-        axes, away = self.axes[index], self.away_mm[index]
-        handedness = 1 if np.linalg.det(axes) > 0 else -1
-        omega, phi, kappa = rotation_angles(np.diag([handedness, 1.0, 1.0]) @ axes)
-        vector = nominal.vector()
-        vector[3:9] = omega, phi, kappa, *(-axes.T @ away)
-        return nominal.with_vector(vector)
+        x, y, z = (-self.axes[index].T @ self.away_mm[index]).tolist()
+        return replace(nominal.with_axes(self.axes[index]), X0_mm=x, Y0_mm=y, Z0_mm=z)
 
 
 def mirrored(view: View, at_px: Array) -> View:
@@ -93,9 +90,7 @@ def mirrored(view: View, at_px: Array) -> View:
     """
     normal = np.cross(_rays(view, at_px[np.newaxis])[0], (0.0, 1.0, 0.0))
     mirror = np.eye(3) - 2 * np.outer(normal, normal) / (normal @ normal)
-    rotation = np.diag([-view.handedness, 1.0, 1.0]) @ mirror @ _axes(view)
-    omega, phi, kappa = rotation_angles(rotation)
-    return replace(view, handedness=-view.handedness, omega_rad=omega, phi_rad=phi, kappa_rad=kappa)
+    return view.with_axes(mirror @ view.axes)
 
 
 def pixels(view: View, seen_mm: Array) -> Array:
@@ -141,18 +136,11 @@ def _slopes(view: View, seen: Array, about: Array) -> Array:
     moved[..., 2, 0], moved[..., 2, 1] = arm[..., 1], -arm[..., 0]
     moved[..., range(3), range(3, 6)] = 1.0
     sideways = moved[..., :2, :] + ideal[..., np.newaxis] * moved[..., 2:, :]
-    slopes: Array = sideways * (closeness[..., np.newaxis] * _scale(view))[..., np.newaxis]
-    return slopes
+    return sideways * (closeness[..., np.newaxis] * _scale(view))[..., np.newaxis]
 
 
 def _scale(view: View) -> Array:
     return view.f_mm / np.array([view.pixel_x_mm, -view.pixel_y_mm])
-
-
-def _axes(view: View) -> Array:
-    rotation = rotation_matrix(view.omega_rad, view.phi_rad, view.kappa_rad)
-    axes: Array = np.diag([view.handedness, 1.0, 1.0]) @ rotation
-    return axes
 
 
 def _rays(view: View, xy_px: Array) -> Array:

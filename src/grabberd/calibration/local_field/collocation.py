@@ -44,8 +44,7 @@ class Components(NamedTuple):
         """Covariance of the signal at two positions; zero at infinite distance, which stands for another
         view.
         """
-        signal: Array = self.signal_px**2 * np.exp(-0.5 * (distance_px / self.length_px) ** 2)
-        return signal
+        return self.signal_px**2 * np.exp(-0.5 * (distance_px / self.length_px) ** 2)
 
     @property
     def uncorrelated(self) -> "Components":
@@ -116,8 +115,7 @@ class Collocation:
         slopes = parameter_slopes(Rig.of_views(self.views), xyz_mm).swapaxes(2, 3)
         rows = np.zeros((2, len(network), len(self.views), slopes.shape[3]))
         rows[:, range(len(network)), network.view] = slopes[:, network.view, network.target]
-        trend: Array = rows.reshape(2 * len(network), -1) @ self.unknowns.selection
-        return trend
+        return rows.reshape(2 * len(network), -1) @ self.unknowns.selection
 
     def _by_places(self, slopes: Array) -> Array:
         target = self.network.target
@@ -151,8 +149,7 @@ class Solution:
     def signal(self, view: NDArray[np.intp] | int, xy_px: Array) -> Array:
         """(N, 2) float64 signal at positions (N, 2) of a view, or of one view each, frame pixels."""
         covariance = self.components.covariance(self.collocation.distances(view, xy_px))
-        signal: Array = covariance @ self.influence.reshape(2, -1).T
-        return signal
+        return covariance @ self.influence.reshape(2, -1).T
 
     def variance(self, view: int, xy_px: Array, trend: Array) -> Array:
         """(2, N) variance in px² of trend and signal together at positions (N, 2) of a view.
@@ -186,6 +183,7 @@ class Solution:
         for target in np.unique(network.target):
             own = np.flatnonzero(network.target == target)
             rows = np.concatenate([own, count + own])
+            # Errors of prediction from one inverse, without solving anew for every target left out.
             own_share = self.projected[np.ix_(rows, rows)]
             error[rows] = np.linalg.lstsq(own_share, self.influence[rows], rcond=None)[0]
         return error.reshape(2, count).T

@@ -65,8 +65,8 @@ class _Search:
 
     def components(self, logs: Logs) -> Components:
         """Convert the logarithms to components; held positions have no errors."""
-        found = [unit * 2.0**log for unit, log in zip(self._units, logs, strict=False)]
-        return Components(found[0], found[1], found[2], found[3] if self._axes == 4 else 0.0)
+        sizes = [unit * 2.0**log for unit, log in zip(self._units, logs, strict=False)]
+        return Components(sizes[0], sizes[1], sizes[2], sizes[3] if self._axes == 4 else 0.0)
 
 
 def _left_px(collocation: Collocation) -> float:

@@ -135,6 +135,7 @@ def _refined(adjustment: Adjustment, network: Network, components: Components) -
     )
     solution = Solution(_collocation(adjustment, network), components)
     for _ in range(_ROUNDS):
+        # Adjusted to what is left of the image points, the views no longer bend to follow the signal.
         signal = solution.signal(network.view, network.xy_px)
         corrected = replace(weighted, xy_px=network.xy_px - signal, views=adjustment.views)
         adjustment = adjust(corrected, adjustment.unknowns, _SETTLED)
@@ -176,8 +177,7 @@ def _sigma(solution: Solution, adjustment: Adjustment, view: int, xy_px: Array) 
     own = ((trend @ adjustment.covariance) * trend).sum(axis=2)
     left = np.maximum(solution.variance(view, xy_px, trend) - own, 0.0)
     seen = np.isfinite(left)  # beyond the fold of the distortion no target can be
-    sigma: Array = np.sqrt(np.where(seen, left, solution.components.signal_px**2)).T
-    return sigma
+    return np.sqrt(np.where(seen, left, solution.components.signal_px**2)).T
 
 
 def _trend(adjustment: Adjustment, view: int, xy_px: Array) -> Array:

@@ -85,7 +85,7 @@ def without_blunders(
         MeasurementError: More than that share would have to be left out; or as `adjust`.
     """
     most = most_share * len(network)
-    found: list[Blunder] = []
+    blunders: list[Blunder] = []
     strict = settings or AdjustmentSettings()
     for current in (replace(strict, settled=max(strict.settled, _SETTLED)), strict):
         while True:
@@ -94,11 +94,11 @@ def without_blunders(
             network = network.starting_from(adjusted.views)
             if blunder is None:
                 break
-            found.append(blunder)
-            if len(found) > most:
-                raise _too_many(found, most)
+            blunders.append(blunder)
+            if len(blunders) > most:
+                raise _too_many(blunders, most)
             network = _determined(network.select(kept))
-    return adjusted, tuple(found)
+    return adjusted, tuple(blunders)
 
 
 def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[np.bool_]]:
@@ -106,6 +106,7 @@ def _worst(adjusted: Adjustment, alpha: float) -> tuple[Blunder | None, NDArray[
     kept = np.ones(len(network), np.bool_)
     size = np.abs(adjusted.standardised)
     worst = np.nan_to_num(size).max(axis=1)
+    # One at a time: a blunder raises the residuals of good points around it.
     index = int(worst.argmax())
     critical = critical_tau(2 * len(network), adjusted.freedom, alpha) if adjusted.freedom > 1 else np.inf
     if max(worst[index], worst[index] / (_MASKED * _inflation(adjusted, size))) <= critical:
@@ -139,8 +140,8 @@ def _pair(values: Array) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def _too_many(found: list[Blunder], most: float) -> MeasurementError:
-    some = ", ".join(f"target {one.target} in view {one.view}" for one in found[:5])
+def _too_many(blunders: list[Blunder], most: float) -> MeasurementError:
+    some = ", ".join(f"target {one.target} in view {one.view}" for one in blunders[:5])
     return MeasurementError(
         f"more than {most:.0f} image points contradict the others, starting with {some}",
         "this many cannot be blunders: check the calibration frame's file, which target is which, and the "

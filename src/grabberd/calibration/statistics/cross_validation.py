@@ -66,6 +66,7 @@ def spatial_blocks(places_mm: Array, count: int) -> NDArray[np.intp]:
         raise MeasurementError(
             f"{len(places_mm)} targets cannot be divided into {count} blocks", "ask for fewer blocks"
         )
+    # Neighbours share errors of frame, mirrors and quantisation, and would vouch for each other.
     block = np.zeros(len(places_mm), np.intp)
     for new in range(1, count):
         members = np.flatnonzero(block == np.bincount(block).argmax())
@@ -80,11 +81,7 @@ def cross_validate(
 ) -> Validation:
     """Hold the targets out block by block, calibrate with the others, and intersect those held out.
 
-    Args:
-        network: Image points; targets seen by two views and with a given position can be held out.
-        unknowns: Parameters to estimate.
-        blocks: Number of blocks.
-        settings: Settings of the adjustments.
+    Only targets seen by two views, with a given position, can be held out.
 
     Raises:
         MeasurementError: There are fewer such targets than blocks; or as `adjust`, without one of the blocks.

@@ -79,9 +79,9 @@ def eliminate(
     dropped: list[str] = []
     for number in count(1):
         adjusted = adjust(network, unknowns, settings)
-        found = f_tests(adjusted, number)
-        weakest = _weakest(found, alpha)
-        tests += [replace(test, dropped=test is weakest) for test in found]
+        of_round = f_tests(adjusted, number)
+        weakest = _weakest(of_round, alpha)
+        tests += [replace(test, dropped=test is weakest) for test in of_round]
         if weakest is None:
             break
         dropped += weakest.parameters

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtr
 
 from grabberd.calibration.adjustment.adjustment import Adjustment
@@ -38,24 +37,17 @@ class Difference:
 
 def compare(adjusted: Adjustment, first: int = 0, second: int = 1) -> tuple[Difference, ...]:
     """Compare parameters of two views, by index, that were adjusted in at least one and are not shared."""
-    one, other = (adjusted.unknowns.number[index] for index in (first, second))
-    wanted = [
-        index for index, name in enumerate(PARAMETERS) if name in COMPARED and one[index] != other[index]
-    ]
-    values = [adjusted.views[index].vector() for index in (first, second)]
+    number, size = adjusted.unknowns.number, len(PARAMETERS)
+    vectors = [adjusted.views[index].vector().tolist() for index in (first, second)]
     covariance = adjusted.parameter_covariance
-    size = len(PARAMETERS)
     differences = []
-    for index in wanted:
+    for index, (name, one, other) in enumerate(zip(PARAMETERS, *vectors, strict=True)):
+        if name not in COMPARED or number[first, index] == number[second, index]:
+            continue
         at, beside = first * size + index, second * size + index
         variance = covariance[at, at] + covariance[beside, beside] - 2 * covariance[at, beside]
         sigma = float(np.sqrt(variance))
-        differences.append(_difference(index, values, sigma, adjusted.freedom))
+        z = (one - other) / sigma
+        p = 2.0 * float(stdtr(adjusted.freedom, -abs(z)))
+        differences.append(Difference(name, one, other, one - other, sigma, z, p))
     return tuple(differences)
-
-
-def _difference(index: int, values: list[NDArray[np.float64]], sigma: float, freedom: int) -> Difference:
-    first, second = float(values[0][index]), float(values[1][index])
-    z = (first - second) / sigma
-    p = 2.0 * float(stdtr(freedom, -abs(z)))
-    return Difference(PARAMETERS[index], first, second, first - second, sigma, z, p)

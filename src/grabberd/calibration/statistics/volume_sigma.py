@@ -81,8 +81,8 @@ def _field_share(local_fields: Sequence[LocalField | None], xy: Array, influence
     return share
 
 
-def _grid(places: Array, shape: tuple[int, int, int]) -> Array:
-    lowest, highest = places.min(axis=0), places.max(axis=0)
+def _grid(xyz_mm: Array, shape: tuple[int, int, int]) -> Array:
+    lowest, highest = xyz_mm.min(axis=0), xyz_mm.max(axis=0)
     planes, rows, columns = shape
     steps = zip(lowest, highest, (rows, columns, planes), strict=True)
     x, y, z = (np.linspace(low, high, number) for low, high, number in steps)
@@ -94,11 +94,11 @@ def _sees(view: View, xy_px: Array) -> NDArray[np.bool_]:
     return view.holds(xy_px.T) & np.isfinite(xy_px).all(axis=0)
 
 
-def _pictures(views: tuple[View, ...], places: Array, xy: Array, seen: Array, sigma: Array) -> Network:
+def _pictures(views: tuple[View, ...], xyz_mm: Array, xy: Array, seen: Array, sigma: Array) -> Network:
     view, target = np.nonzero(seen)
     points = xy[:, view, target].T
     return Network(
-        views, view, target, points, np.broadcast_to(sigma, points.shape), places, np.zeros(places.shape)
+        views, view, target, points, np.broadcast_to(sigma, points.shape), xyz_mm, np.zeros(xyz_mm.shape)
     )
 
 

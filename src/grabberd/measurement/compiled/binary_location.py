@@ -6,6 +6,7 @@ made by the same functions as numpy's, and kept.
 
 import ctypes
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,10 @@ from grabberd.errors import MeasurementError
 from grabberd.field import PackedField
 from grabberd.kernel import DONE, MORE_ROOM, NO_FULLNESS, NO_MEMORY, NO_TABLE, Kernel
 from grabberd.measurement.blobs import Blobs
-from grabberd.measurement.compiled.location_structs import Fullness, Settings, Table
 from grabberd.measurement.locale.locale import NOISES
 from grabberd.measurement.locale.locale_model import Appearance
 from grabberd.measurement.locale.locale_patterns import ROUNDED_PX as KIND_PX
-from grabberd.measurement.locale.locale_sizes import ROUNDED_PX, fullness
+from grabberd.measurement.locale.locale_sizes import FRACTIONS, ROUNDED_PX, fullness
 from grabberd.measurement.locale.locale_table import TABLES, table
 from grabberd.measurement.settings import LocationSettings
 
@@ -29,6 +29,45 @@ ROOM = 256
 """Blobs that the first call has room for; a field of 216 targets needs no second one."""
 MOST_TABLES, MOST_FULLNESS = TABLES // len(NOISES), 64
 """Number of sizes kept from field to field before all are dropped."""
+
+
+_WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+
+
+class Table(ctypes.Structure):
+    """Tables for one target size and one threshold, one per noise level."""
+
+    _fields_ = (
+        ("values", _ADDRESS * len(NOISES)),
+        ("length", _WHOLE),
+        ("columns", _WHOLE),
+        ("rows", _WHOLE),
+        ("wide", ctypes.c_int32),
+        ("high", ctypes.c_int32),
+        ("fraction", _REAL),
+    )
+    windows: Any
+
+
+class Fullness(ctypes.Structure):
+    """Fullness of interpolated rows for one target size."""
+
+    _fields_ = (("half_width_px", _REAL), ("half_height_px", _REAL), ("ratio", _REAL * len(FRACTIONS)))
+
+
+class Settings(ctypes.Structure):
+    """Inputs of location at 1 bit, other than the picture."""
+
+    _fields_ = (
+        ("min_diameter_px", _REAL),
+        ("max_diameter_px", _REAL),
+        ("line_jitter_px", _REAL),
+        ("locale", _WHOLE),
+        ("tables", _ADDRESS),
+        ("table_count", _WHOLE),
+        ("fullness", _ADDRESS),
+        ("fullness_count", _WHOLE),
+    )
 
 
 class _Kept:
@@ -72,6 +111,7 @@ class _Known:
             addresses, _floats(windows[0]), int(grid.columns), int(grid.rows), int(wide), int(high), fraction
         )
         own.windows = windows  # the arrays at the addresses must stay alive
+        # Threads may replace each other's tables here: a lost one is named, and made, once more.
         self.kept = _Kept(self, (*kept.tables, own), kept.fullnesses)
         return self.kept
 
@@ -127,6 +167,7 @@ def measure_compiled(kernel: Kernel, packed: PackedField, settings: LocationSett
     room, kept = ROOM, known.begin()
     while True:
         out = np.empty(COLUMNS * room)
+        # The kernel keeps no state: it names what it lacks, and is called again with that.
         status, count, reach_px, *missing = kernel.locate(data, picture, kept.settings, out)
         if status == DONE:
             return blobs_of(out.reshape(COLUMNS, room), count, reach_px)

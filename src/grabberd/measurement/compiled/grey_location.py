@@ -3,6 +3,7 @@
 import ctypes
 import math
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +11,29 @@ from grabberd.field import PackedField
 from grabberd.kernel import DONE, MORE_ROOM, Kernel
 from grabberd.measurement.blobs import Blobs
 from grabberd.measurement.compiled.binary_location import COLUMNS, ROOM, blobs_of, fail
-from grabberd.measurement.compiled.location_structs import GreySettings
 from grabberd.measurement.locators.disc_image import edge_table
 from grabberd.measurement.locators.locator import GREY
 from grabberd.measurement.settings import LocationSettings
 
 BY_KERNEL = ("automatic", "template")
+_WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+
+
+class GreySettings(ctypes.Structure):
+    """Inputs of location with more than 1 bit, other than the picture."""
+
+    _fields_ = (
+        ("min_diameter_px", _REAL),
+        ("max_diameter_px", _REAL),
+        ("line_jitter_px", _REAL),
+        ("spread_px", _REAL),
+        ("noise_levels", _REAL),
+        ("shifts_solved", _WHOLE),
+        ("jitter_known", _WHOLE),
+        ("edge", _ADDRESS),
+        ("edge_values", _WHOLE),
+    )
+    edge_values_kept: Any
 
 
 def takes_grey(packed: PackedField, settings: LocationSettings) -> bool:
@@ -38,11 +56,11 @@ def measure_grey(kernel: Kernel, packed: PackedField, settings: LocationSettings
     data = np.ascontiguousarray(packed.data)
     _, rows, stride = data.shape
     picture = (packed.bits, rows, stride, packed.columns)
-    places = (packed.parity, packed.y0, packed.y_step, packed.threshold)
+    layout = (packed.parity, packed.y0, packed.y_step, packed.threshold)
     wanted, room = _settings(settings), ROOM
     while True:
         out = np.empty(COLUMNS * room)
-        status, count, reach_px, jitter_px = kernel.locate_grey(data, picture + places, wanted, out)
+        status, count, reach_px, jitter_px = kernel.locate_grey(data, picture + layout, wanted, out)
         if status == DONE:
             jitter = None if math.isnan(jitter_px) else jitter_px
             return blobs_of(out.reshape(COLUMNS, room), count, reach_px, jitter)

@@ -58,9 +58,10 @@ def short(values: NDArray[np.int64], end: int) -> NDArray[np.integer]:
 
 
 def _neighbours_above(runs: Runs) -> _Above:
+    # Rows lie farther apart than they are long, so diagonal neighbours never reach round a row's end.
     stride = int(runs.last.max(initial=0)) + 3
-    place = runs.row * stride
-    start, end = place + runs.first, place + runs.last
+    begin = runs.row * stride
+    start, end = begin + runs.first, begin + runs.last
     reach = end - (stride - 1)
     first = end.searchsorted(start - (stride + 1))
     start_or_none = np.append(start, np.iinfo(np.int64).max)
@@ -96,6 +97,7 @@ def _unite(
         if not apart.any():
             return parent
         lower, upper, a, b = lower[apart], upper[apart], a[apart], b[apart]
+        # minimum.at: several edges may hook the same root, and the earliest of them must win.
         parent = parent.copy()
         np.minimum.at(parent, np.maximum(a, b), np.minimum(a, b))
         parent = _roots(parent)

@@ -58,17 +58,17 @@ def run_greys(
     begin = np.cumsum(length) - length
     stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
     row_start = runs.row * stride
-    place = np.repeat(row_start + runs.first - begin, length) + np.arange(int(length.sum()))
-    return greys_at(packed, place), place - np.repeat(row_start, length), begin
+    pixel = np.repeat(row_start + runs.first - begin, length) + np.arange(int(length.sum()))
+    return greys_at(packed, pixel), pixel - np.repeat(row_start, length), begin
 
 
-def greys_at(packed: PackedField, place: NDArray[np.int64]) -> NDArray[np.int64]:
+def greys_at(packed: PackedField, pixel: NDArray[np.int64]) -> NDArray[np.int64]:
     """Gather grey values at flat pixel positions, with rows as long as their bytes."""
     if packed.bits == 8:
-        return packed.data.reshape(-1)[place].astype(np.int64)
-    bytes_there = packed.data.reshape(packed.bits, -1)[:, place >> 3]
-    bit = bytes_there >> (7 - (place & 7)).astype(np.uint8) & 1
-    level = np.full(len(place), 128 >> packed.bits)
+        return packed.data.reshape(-1)[pixel].astype(np.int64)
+    bytes_there = packed.data.reshape(packed.bits, -1)[:, pixel >> 3]
+    bit = bytes_there >> (7 - (pixel & 7)).astype(np.uint8) & 1
+    level = np.full(len(pixel), 128 >> packed.bits)
     for plane, value in enumerate(bit):
         level += value * np.int64(128 >> plane)
     return level

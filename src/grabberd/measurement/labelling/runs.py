@@ -38,10 +38,11 @@ def find_runs(bits: NDArray[np.uint8]) -> Runs:
             bits beyond the last column are zero.
     """
     words = _words(bits)
+    # Big-endian bytes keep the leftmost pixel first, the order of np.unpackbits.
     edges = _edges(words).astype(BIG_ENDIAN).view(np.uint8)
-    place = (edges != 0).nonzero()[0]
-    position = np.unpackbits(edges[place]).view(np.bool_).nonzero()[0]
-    pixel = (place[position >> 3] << 3) + (position & 7)
+    byte = (edges != 0).nonzero()[0]
+    position = np.unpackbits(edges[byte]).view(np.bool_).nonzero()[0]
+    pixel = (byte[position >> 3] << 3) + (position & 7)
     first, end = pixel[::2], pixel[1::2]
     width = words.shape[1] * WORD_BYTES * 8
     row = first // width
@@ -52,6 +53,7 @@ def find_runs(bits: NDArray[np.uint8]) -> Runs:
 def _words(bits: NDArray[np.uint8]) -> NDArray[np.uint64]:
     """(rows, words) of 64 pixels, the leftmost in the highest bit; each row ends with an empty pixel."""
     rows, stride = bits.shape
+    # An empty pixel behind every row ends its last run there, so runs never reach into the next row.
     padded = np.zeros((rows, (stride // WORD_BYTES + 1) * WORD_BYTES), np.uint8)
     padded[:, :stride] = bits
     return padded.view(BIG_ENDIAN).astype(np.uint64)

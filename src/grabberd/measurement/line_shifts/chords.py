@@ -120,8 +120,7 @@ class _Grid(NamedTuple):
     def part_before(self, amount: Array) -> Array:
         """(R,) share of a row that belongs to the line before it: all or nothing if only one is bright."""
         bright = amount.ravel() > 0
-        part: Array = 0.5 + 0.5 * (bright[self.before].astype(np.float64) - bright[self.after])
-        return part
+        return 0.5 + 0.5 * (bright[self.before].astype(np.float64) - bright[self.after])
 
     def sums(self, values: NDArray[np.floating] | NDArray[np.integer], *, after: bool = False) -> Array:
         """(N, h) sums of values (R,)."""

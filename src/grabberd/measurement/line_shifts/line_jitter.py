@@ -43,8 +43,8 @@ def steadied(seen: Seen, located: Located) -> Steadied:
         return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
     line = line_of_row(seen.packed, located.centres[chords.blob, 1])
     known = seen.settings.line_jitter_known
-    found = line_shifts(chords, line, lines_of(seen.packed), expected_px, known=known)
-    steady = _corrected(located.centres, chords.blob, found)
+    shifts = line_shifts(chords, line, lines_of(seen.packed), expected_px, known=known)
+    steady = _corrected(located.centres, chords.blob, shifts)
     return steady._replace(line_jitter_px=None) if known else steady
 
 
@@ -54,15 +54,15 @@ def _unsolved(seen: Seen, located: Located) -> Steadied:
     shares = _shares(seen) if located.chords is None else located.chords
     if not len(shares.blob):
         return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
-    found = unsolved(shares.share, expected_px)
-    return _corrected(located.centres, shares.blob, found)._replace(line_jitter_px=None)
+    shifts = unsolved(shares.share, expected_px)
+    return _corrected(located.centres, shares.blob, shifts)._replace(line_jitter_px=None)
 
 
-def _corrected(centres: Array, blob: NDArray[np.int64], found: LineShifts) -> Steadied:
-    steady, common = centres.copy(), np.full(len(centres), found.line_jitter_px)
-    steady[blob, 0] -= found.x_px
-    common[blob] = found.common_px
-    return Steadied(steady, common, found.common_reach_px, found.line_jitter_px)
+def _corrected(centres: Array, blob: NDArray[np.int64], shifts: LineShifts) -> Steadied:
+    steady, common = centres.copy(), np.full(len(centres), shifts.line_jitter_px)
+    steady[blob, 0] -= shifts.x_px
+    common[blob] = shifts.common_px
+    return Steadied(steady, common, shifts.common_reach_px, shifts.line_jitter_px)
 
 
 def _shares(seen: Seen) -> Shares | Chords:

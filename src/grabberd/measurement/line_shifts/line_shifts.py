@@ -68,6 +68,8 @@ def line_shifts(
     chords = chords._replace(centre=_from_the_surest(chords))
     system = _System.of(chords, centre, lines, LEAN)
     residual, lean = system.residuals(expected_px)
+    # Outliers bend the shifts of whole lines, and a prior too tight for the discs' leans leaks them into the
+    # shifts (docs/decisions/0006); both show in the residuals, and one repetition cures them.
     if lean > LEAN or np.abs(residual).max() > OUTLYING:
         trusted = chords._replace(weight=chords.weight * _trust(residual))
         system = _System.of(trusted, centre, lines, max(lean, LEAN))
@@ -93,13 +95,13 @@ def unsolved(share: Array, jitter_px: float) -> LineShifts:
 def _reach_px(common: Array, beside: Array) -> float:
     """Reach of the error, from its variance and its covariance with that of a blob one line further down."""
     correlation = float(np.median(beside / np.maximum(common, TINY)))
+    # Kept inside (0, 1), where the logarithm is finite and below 0.
     return LINES_APART / math.sqrt(-2.0 * math.log(min(max(correlation, 0.05), 0.99)))
 
 
 def _trust(residual: Array) -> Array:
     """Factors for the weights of chords, by their residuals in units of σ."""
-    trust: Array = (OUTLYING / np.maximum(np.abs(residual), OUTLYING)) ** 2
-    return trust
+    return (OUTLYING / np.maximum(np.abs(residual), OUTLYING)) ** 2
 
 
 class _System(NamedTuple):
@@ -162,10 +164,11 @@ class _System(NamedTuple):
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
         """(N,) variance of x from errors of the shifts; for some, its covariance with x one line down."""
         some = slice(None, None, ASKED_BESIDE)
+        # Solved for every blob; the kernel reads it from the inverse's band alone (docs/decisions/0014).
         both = np.concatenate([self.at, np.minimum(self.at[some] + 1, len(self.right) - 1)])
         share = np.concatenate([self.chords.share, self.chords.share[some]])
-        place = np.arange(len(both))[:, np.newaxis] * len(self.right) + both
-        shares = np.bincount(place.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
+        flat = np.arange(len(both))[:, np.newaxis] * len(self.right) + both
+        shares = np.bincount(flat.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
         lower = band_factor(self.band, jitter_px**-2)
         halves = band_half_solve(lower, shares.reshape(len(both), -1).T).T
         own, below = halves[: len(self.at)], halves[len(self.at) :]
@@ -219,9 +222,8 @@ def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, sha
         shape: h and the number of equations.
     """
     height, count = shape
-    place = (row - column) * count + column
-    band: Array = np.bincount(place.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
-    return band
+    flat = (row - column) * count + column
+    return np.bincount(flat.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
 
 
 def band_factor(band: Array, more: float) -> Array:

@@ -55,13 +55,13 @@ def locate_by_locale(seen: Seen) -> Located:
         return Located(centres, sigma_px)
     spread_px, jitter_px = seen.settings.spread_px, seen.settings.line_jitter_px
     look = Appearance(1.0, 1.0, patterns.fraction, NOISES[0], spread_px, jitter_px, seen.packed.y_step)
-    found = _posterior(patterns, look)
-    explained = found.evidence > np.median(found.evidence) - UNEXPLAINED
+    posterior = _posterior(patterns, look)
+    explained = posterior.evidence > np.median(posterior.evidence) - UNEXPLAINED
     blob = patterns.blob[explained]
     stretched = patterns.stretched[explained]
-    from_middle_px = found.from_middle_px[explained] / stretched
+    from_middle_px = posterior.from_middle_px[explained] / stretched
     centres[blob] = patterns.middle[explained] + from_middle_px / (1, seen.packed.y_step)
-    variance = found.variance_px2[explained] / stretched**2
+    variance = posterior.variance_px2[explained] / stretched**2
     variance[:, 0] *= SHARED_NOISE[seen.packed.y_step]
     variance[:, 0] -= np.minimum(_jitter_px2(seen, blob), MOST_JITTER * variance[:, 0])
     sigma_px[blob] = np.sqrt(variance)

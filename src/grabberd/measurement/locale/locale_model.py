@@ -55,14 +55,12 @@ class Appearance(NamedTuple):
 
 def normal_share(z: Array) -> Array:
     """Normal distribution function, accurate to 2e-4."""
-    share: Array = 1 / (1 + np.exp(-normal_log_odds(np.clip(z, -8.0, 8.0))))
-    return share
+    return 1 / (1 + np.exp(-normal_log_odds(np.clip(z, -8.0, 8.0))))
 
 
 def normal_log_odds(z: Array) -> Array:
     """Log odds of a standard normal variable being below z, by the usual cubic approximation."""
-    odds: Array = z * (1.5976 + 0.070566 * z * z)
-    return odds
+    return z * (1.5976 + 0.070566 * z * z)
 
 
 def light(half_axes_px: tuple[float, float], blur_px: tuple[float, float], x: Array, y: Array) -> Array:
@@ -74,8 +72,8 @@ def light(half_axes_px: tuple[float, float], blur_px: tuple[float, float], x: Ar
     along = normal_share((x + reach) / blur_px[0]) - normal_share((x - reach) / blur_px[0])
     thickness = half_height * np.cos(angle) * (np.pi / CHORDS)
     across = np.exp(-0.5 * ((y[:, np.newaxis] - height) / blur_px[1]) ** 2) * thickness
-    found: Array = across @ along.T / (blur_px[1] * math.sqrt(2 * math.pi))
-    return found
+    picture: Array = across @ along.T / (blur_px[1] * math.sqrt(2 * math.pi))
+    return picture
 
 
 @lru_cache(maxsize=256)
@@ -85,6 +83,7 @@ def half_axes_px(
     """Half axes of the ellipse whose light falls to `fraction` at the half axes seen."""
     wanted = np.array(seen_px)
     axes, origin = wanted.copy(), np.zeros(1)
+    # A fixed slope, a little below the .40/σ of a straight edge: converging needs no derivative.
     slope = 0.35 / np.array(blur_px)
     for _ in range(_NEWTON_STEPS):
         both = (float(axes[0]), float(axes[1]))

@@ -27,15 +27,8 @@ ROUNDED_PX = (0.5, 0.25)
 """Steps to which half axes are rounded, so that few tables are needed; blobs are stretched to match."""
 
 
-class Kind(NamedTuple):
-    """Properties shared by blobs that use the same table.
-
-    Attributes:
-        half_width_px, half_height_px: Half axes of the region above the threshold.
-    """
-
-    half_width_px: float
-    half_height_px: float
+Kind = tuple[float, float]
+"""Half axes of the region above the threshold, in x and y: what blobs that use the same table share."""
 
 
 class Cuts(NamedTuple):
@@ -117,8 +110,7 @@ def _by_kind(blob: Whole, sizes: Sizes) -> tuple[Whole, list[Kind], list[int]]:
     rank = np.empty(len(count), np.int64)
     rank[by_count] = np.arange(len(by_count))
     wide, high = np.divmod(by_count, heights)
-    half_axes = zip((ROUNDED_PX[0] * wide).tolist(), (ROUNDED_PX[1] * high).tolist(), strict=True)
-    kinds = [Kind(*one) for one in half_axes]
+    kinds = list(zip((ROUNDED_PX[0] * wide).tolist(), (ROUNDED_PX[1] * high).tolist(), strict=True))
     order = short(rank[code], len(by_count)).argsort(kind="stable")
     return blob[order], kinds, count[by_count].tolist()
 

@@ -75,11 +75,9 @@ class Entries(NamedTuple):
         row = grid.row_of(cuts.row)
         width = 2 * int(rows.max(initial=0)) + 2
         flat = np.repeat(of_blob.empty, width)
-        place = np.repeat(np.arange(len(rows)) * width - 2 * cuts.first, rows) + 2 * np.arange(
-            1, len(row) + 1
-        )
+        slot = np.repeat(np.arange(len(rows)) * width - 2 * cuts.first, rows) + 2 * np.arange(1, len(row) + 1)
         for part, x in enumerate((cuts.start, cuts.end)):
-            flat[place + part] = grid.entry_of_cut(part, cuts.interpolated, x, row)
+            flat[slot + part] = grid.entry_of_cut(part, cuts.interpolated, x, row)
         entry = flat.reshape(-1, width)
         for part, at in enumerate((cuts.first, bounds[1:] - 1)):
             entry[:, part] = of_blob.entry_of_cap(part, cuts.interpolated[at], cuts.phase, row[at])
@@ -100,12 +98,12 @@ def likelihoods(tables: Sequence[Table], blobs: Sequence[int], entries: Entries)
         entries: Their entries in the tables.
     """
     _, *size = tables[0].windows.shape
-    places = size[0] * size[1]
-    found = np.empty((sum(blobs), 1, places), np.float32)
+    positions = size[0] * size[1]
+    summed = np.empty((sum(blobs), 1, positions), np.float32)
     ones, begin = np.ones((1, entries.entry.shape[1]), np.float32), 0
     for (windows, _), count, rows in zip(tables, blobs, entries.rows, strict=True):
         end, width = begin + count, 2 * rows + 2
-        looked_up = windows[entries.entry[begin:end, :width]].reshape(count, width, places)
-        np.matmul(ones[:, :width], looked_up, out=found[begin:end])
+        looked_up = windows[entries.entry[begin:end, :width]].reshape(count, width, positions)
+        np.matmul(ones[:, :width], looked_up, out=summed[begin:end])
         begin = end
-    return found[:, 0]
+    return summed[:, 0]

@@ -80,8 +80,8 @@ def _variance(scene: Scene, fraction: float, diameter_px: float) -> Array:
     seen = _appearance(scene, fraction, diameter_px)
     one, cuts = new_table(seen), _cuts(seen)
     blobs = [len(cuts.first)]
-    found = Posterior.of(likelihoods([one], blobs, Entries.of(cuts, [one.grid], blobs)), scene.y_step)
-    mean: Array = found.variance_px2.mean(axis=0)
+    posterior = Posterior.of(likelihoods([one], blobs, Entries.of(cuts, [one.grid], blobs)), scene.y_step)
+    mean: Array = posterior.variance_px2.mean(axis=0)
     return mean
 
 

@@ -64,8 +64,7 @@ def moments_of(packed: PackedField, runs: Runs, label: NDArray[np.int64], centre
 
 def is_delivered(packed: PackedField, row: NDArray[np.int64]) -> NDArray[np.bool_]:
     """True for rows that the camera delivered; the others of a doubled field are interpolated."""
-    delivered: NDArray[np.bool_] = (row & 1) == packed.parity if packed.y_step == 1 else row >= 0
-    return delivered
+    return (row & 1) == packed.parity if packed.y_step == 1 else row >= 0
 
 
 def sizes_of(moments: Moments, counted: NDArray[np.bool_], centres: Array, packed: PackedField) -> Sizes:
@@ -92,6 +91,7 @@ def _smoothed(moments: Array, centres: Array, columns: int) -> Array:
     blobs = np.maximum(counted.sum(axis=1), 1)
     terms = _terms(centres, weight / total[:, np.newaxis], right.astype(np.int64))
     held = (STIFFNESS * total / blobs)[:, np.newaxis, np.newaxis] * HELD
+    # Keeps the equations regular for a half without a single blob.
     held[:, 0, 0] = 1e-9
     normal = (terms * weight[:, np.newaxis]) @ terms.T + held
     own = moments[1:] * counted[:, np.newaxis]
@@ -107,6 +107,7 @@ def _terms(centres: Array, share: Array, half: NDArray[np.int64]) -> Array:
     middle = share @ centres
     extent = np.sqrt(np.maximum(share @ (centres * centres) - middle * middle, 1.0))
     x, y = ((centres - middle[half]) / extent[half]).T
+    # Squares less their mean of 1 leave the constant, which nothing holds, the mean size.
     return np.array([np.ones_like(x), x, y, x * y, x * x - 1, y * y - 1])
 
 

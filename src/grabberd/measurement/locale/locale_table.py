@@ -2,9 +2,8 @@
 
 Given the position, the bits of a blob are independent, so the log likelihood of a position is a sum over
 pixels: one constant for an empty picture, and for each run the log odds of its pixels. These are cumulated
-    along the rows,
-so that a run needs only its two ends. Positions form a fine grid through the whole picture, so a table
-depends only on where an end is relative to the target.
+along the rows, so that a run needs only its two ends. Positions form a fine grid through the whole picture,
+so a table depends only on where an end is relative to the target.
 """
 
 import math
@@ -44,8 +43,8 @@ def moments(y_step: int) -> Single:
     Ordered as the windows of a `Table`: from the right and from below.
     """
     x, y = np.mgrid[-REACH_X : REACH_X + 1, -REACH_Y[y_step] : REACH_Y[y_step] + 1].reshape(2, -1)
-    places = np.stack([-x / STEPS_X, -y / STEPS_Y]).astype(np.float32)
-    return np.concatenate([np.ones_like(places[:1]), places, places * places]).T
+    xy_px = np.stack([-x / STEPS_X, -y / STEPS_Y]).astype(np.float32)
+    return np.concatenate([np.ones_like(xy_px[:1]), xy_px, xy_px * xy_px]).T
 
 
 class Table(NamedTuple):
@@ -63,16 +62,9 @@ class Table(NamedTuple):
     grid: "Grid"
 
 
-class Extent(NamedTuple):
-    """Extent of tables from the middle, in columns and frame lines."""
-
-    columns: int
-    lines: int
-
-    @classmethod
-    def around(cls, half_width_px: float, half_height_px: float) -> "Extent":
-        """Extent sufficient for targets of these half axes."""
-        return cls(math.ceil(half_width_px) + BEYOND_PX, math.ceil(half_height_px) + BEYOND_PX)
+def _extent(half_axis_px: float) -> int:
+    """Whole pixels or frame lines from the middle that suffice for targets of this half axis."""
+    return math.ceil(half_axis_px) + BEYOND_PX
 
 
 class Grid(NamedTuple):
@@ -103,8 +95,7 @@ class Grid(NamedTuple):
     @lru_cache(maxsize=TABLES)
     def of(cls, half_width_px: float, half_height_px: float, y_step: int) -> "Grid":
         """Layout of all tables for targets of these half axes."""
-        extent = Extent.around(half_width_px, half_height_px)
-        columns, rows = 2 * extent.columns * STEPS_X, 2 * extent.lines * STEPS_Y
+        columns, rows = 2 * _extent(half_width_px) * STEPS_X, 2 * _extent(half_height_px) * STEPS_Y
         return cls(
             columns,
             rows,
@@ -143,8 +134,7 @@ def table(seen: Appearance) -> Table:
 
 def new_table(seen: Appearance) -> Table:
     """Make the table of an appearance without keeping it."""
-    extent = Extent.around(seen.half_width_px, seen.half_height_px)
-    columns, lines = extent
+    columns, lines = _extent(seen.half_width_px), _extent(seen.half_height_px)
     u = np.arange(-columns * STEPS_X, columns * STEPS_X)
     v = np.arange(-lines * STEPS_Y, lines * STEPS_Y)
     odds = np.stack(log_odds(seen, u / STEPS_X, v / STEPS_Y))
@@ -175,15 +165,15 @@ def _ends(odds: Array, unset: Array) -> Array:
     """(2, V, U) log likelihood of all pixels of a row, given a run's end; those to its left are set."""
     of_pixels, of_unset = _by_pixel(odds), _by_pixel(unset)
     left = np.cumsum(of_pixels, axis=2) - of_pixels
-    found: Array = (left + of_unset.sum(axis=2, keepdims=True)).reshape(odds.shape)
-    return found
+    cumulated: Array = (left + of_unset.sum(axis=2, keepdims=True)).reshape(odds.shape)
+    return cumulated
 
 
 def _starts(odds: Array, unset: Array) -> Array:
     """Likewise given its start; that pixel and those to its right are set."""
     all_set = np.tile(_by_pixel(odds).sum(axis=2), odds.shape[2] // STEPS_X)
-    found: Array = _ends(-odds, unset) + all_set
-    return found
+    cumulated: Array = _ends(-odds, unset) + all_set
+    return cumulated
 
 
 def _by_pixel(values: Array) -> Array:

@@ -56,15 +56,15 @@ def locate_by_correlation(seen: Seen) -> Located:
     """
     meant_for(seen, "correlation", GREY)
     windows, noise = windows_of(seen), noise_of(seen)
-    place, sigma = np.zeros((len(windows.blob), 2), np.float32), np.zeros((len(windows.blob), 2), np.float32)
+    xy_px, sigma = np.zeros((len(windows.blob), 2), np.float32), np.zeros((len(windows.blob), 2), np.float32)
     regular = np.array([windows.x_px[-1] // 2, windows.y_px[-1] / 2 // LINES_APART * LINES_APART])
     displaced = np.abs(windows.middle - regular).max(axis=1, keepdims=True) > LINES_APART
     middles = np.where(displaced, np.rint(windows.middle), regular)
     usual, group = np.unique(middles, axis=0, return_inverse=True)
     for index, middle in enumerate(usual):
         own = group.ravel() == index
-        place[own], sigma[own] = _located(windows.grey[own], _templates(seen, windows, middle))
-    return Located(*windows.located(seen, place[:, 0], place[:, 1], noise * sigma))
+        xy_px[own], sigma[own] = _located(windows.grey[own], _templates(seen, windows, middle))
+    return Located(*windows.located(seen, xy_px[:, 0], xy_px[:, 1], noise * sigma))
 
 
 def _located(grey: Single, templates: _Templates) -> tuple[Single, Single]:

@@ -57,9 +57,9 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
 
 def _looked_up(distance: Array) -> tuple[Array, Array]:
     """Look up an edge's profile and its slope at distances in σ."""
-    place = ((distance + np.float32(REACH)) * np.float32(PER_SIGMA) + np.float32(0.5)).astype(np.intp)
+    entry = ((distance + np.float32(REACH)) * np.float32(PER_SIGMA) + np.float32(0.5)).astype(np.intp)
     inside, density = edge_table()
-    return inside.take(place, mode="clip"), density.take(place, mode="clip")
+    return inside.take(entry, mode="clip"), density.take(entry, mode="clip")
 
 
 @cache

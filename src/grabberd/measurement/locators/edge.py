@@ -66,13 +66,13 @@ def _edges(windows: Windows, height: Array) -> _Edge:
     )
 
 
-def _passed(before: Array, after: Array, place: Array) -> tuple[Array, Array]:
+def _passed(before: Array, after: Array, axis_px: Array) -> tuple[Array, Array]:
     """Zero crossings of log odds between neighbours on the last axis, with their weights."""
-    step = place[1] - place[0]
+    step = axis_px[1] - axis_px[0]
     passing = (before > 0) != (after > 0)
     rise = np.where(passing, after - before, 1.0)
     weight = np.where(passing, (rise / (4.0 * step)) ** 2, 0.0)
-    return np.where(passing, place[:-1] - before / rise * step, 0.0), weight
+    return np.where(passing, axis_px[:-1] - before / rise * step, 0.0), weight
 
 
 def _side_by_side(one: Array, other: Array) -> Array:
@@ -95,6 +95,7 @@ def _ellipses(edge: _Edge) -> tuple[Array, Array]:
     inverse = np.linalg.inv(weighted @ design.swapaxes(1, 2) + BELIEF * np.eye(5))
     p, q, d, e, _ = -(inverse @ (weighted @ radius2[:, :, np.newaxis]))[:, :, 0].T
     scale = 4.0 * (1.0 - p * p) - q * q
+    # Near 0 the conic is no ellipse any more; 4 is the value of a circle.
     scale = np.where(np.abs(scale) > 1.0, scale, 4.0)
     centre = (
         np.stack([q * e - 2.0 * (1.0 - p) * d, q * d - 2.0 * (1.0 + p) * e], axis=1) / scale[:, np.newaxis]

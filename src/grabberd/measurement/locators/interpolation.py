@@ -48,28 +48,27 @@ def locate_by_tian_huhns(seen: Seen) -> Located:
     windows = windows_of(seen)
     signal = _signal(windows)
     twice = _peaks(_self_convolved(signal))
-    places = twice / 2 * (1.0, LINES_APART)
+    xy_px = twice / 2 * (1.0, LINES_APART)
     height = np.maximum(signal.max(axis=(1, 2), initial=1.0), 1.0)
     radius = np.sqrt(seen.area_px[windows.blob] / np.pi)
     spread = seen.settings.spread_px
     bound = _noise_levels(seen) / height * np.sqrt(2 * spread * LINES_APART / (np.pi**0.5 * radius))
     sigma = np.hypot(PARABOLA_NOISE * bound[:, np.newaxis], PARABOLA_CURVED)
-    return _located(seen, windows, places, sigma)
+    return _located(seen, windows, xy_px, sigma)
 
 
-def _located(seen: Seen, windows: Windows, places: Array, sigma: Array) -> Located:
+def _located(seen: Seen, windows: Windows, xy_px: Array, sigma: Array) -> Located:
     """Assign σ; at 1 bit noise is negligible beside quantisation."""
     if seen.packed.bits == 1:
         sigma = binary_sigma_px(seen.area_px[windows.blob], LINES_APART)
-    centres, sigma_px = windows.located(seen, places[:, 0], places[:, 1], sigma)
+    centres, sigma_px = windows.located(seen, xy_px[:, 0], xy_px[:, 1], sigma)
     return Located(centres, sigma_px)
 
 
 def _signal(windows: Windows) -> Array:
     """Grey values above each window's background."""
     above = windows.grey - windows.background[:, np.newaxis, np.newaxis]
-    signal: Array = above.astype(np.float64)
-    return signal
+    return above.astype(np.float64)
 
 
 def _noise_levels(seen: Seen) -> float:
@@ -111,10 +110,10 @@ def _crossing(outer: Array, inner: Array, half: Array) -> tuple[Array, Array]:
 
 def _self_convolved(signal: Array) -> Array:
     """(N, 2h − 1, 2w − 1) self-convolution of windows (N, h, w), indexed by the sum of two positions."""
+    # Padded to the full length, or the convolution would wrap around.
     size = (2 * signal.shape[1] - 1, 2 * signal.shape[2] - 1)
     transformed = np.fft.rfft2(signal, size)
-    found: Array = np.fft.irfft2(transformed * transformed, size)
-    return found
+    return np.fft.irfft2(transformed * transformed, size)
 
 
 def _peaks(correlation: Array) -> Array:

@@ -61,8 +61,7 @@ class Seen:
     def low(self) -> NDArray[np.bool_]:
         """(N,) bool, True for those that are not too tall either: tall ones are costly and no targets."""
         height_px = (self.shapes.last_row - self.shapes.first_row + 1) * self.packed.y_step
-        low: NDArray[np.bool_] = self.of_size & (height_px <= TALLEST * self.settings.max_diameter_px)
-        return low
+        return self.of_size & (height_px <= TALLEST * self.settings.max_diameter_px)
 
 
 class Chords(NamedTuple):

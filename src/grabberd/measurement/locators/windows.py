@@ -102,9 +102,9 @@ def _beyond_px(packed: PackedField, x: NDArray[np.float64], row: NDArray[np.floa
     if not len(x):
         return BEYOND_PX[0]
     stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
-    place = row.astype(np.int64) * stride + x.astype(np.int64)
+    pixel = row.astype(np.int64) * stride + x.astype(np.int64)
     background = background_in(packed).level
-    height = max(float(np.median(greys_at(packed, place))) - background, 1.0)
+    height = max(float(np.median(greys_at(packed, pixel))) - background, 1.0)
     share = (packed.threshold - background) / height
     return BEYOND_PX[0] + BEYOND_PX[1] * min(max(share, 0.0), LARGEST_SHARE)
 
@@ -126,8 +126,8 @@ def _gathered(
     stride = packed.data.shape[2] * (1 if packed.bits == 8 else 8)
     first = (line * (LINES_APART // packed.y_step) + first_row(packed)) * stride + column
     within = np.arange(lines)[:, np.newaxis] * (LINES_APART // packed.y_step * stride) + np.arange(columns)
-    place = first[:, np.newaxis, np.newaxis] + within
-    return greys_at(packed, place.ravel()).reshape(place.shape).astype(np.float32)
+    pixel = first[:, np.newaxis, np.newaxis] + within
+    return greys_at(packed, pixel.ravel()).reshape(pixel.shape).astype(np.float32)
 
 
 def first_row(packed: PackedField) -> int:

@@ -83,21 +83,21 @@ def threshold_map(
 
 
 def _parts_of(luma: NDArray[np.uint8]) -> _Parts:
-    found = []
+    parts = []
     for y, band in enumerate(np.array_split(luma, PARTS_Y)):
         for x, part in enumerate(np.array_split(band, PARTS_X, axis=1)):
             histogram = np.bincount(part.ravel(), minlength=256)
             background = background_of(histogram)
             with suppress(MeasurementError):
                 contrast = contrast_levels(histogram, background)
-                place = (2 * x + 1) / PARTS_X - 1, (2 * y + 1) / PARTS_Y - 1
-                found.append((*place, background.level, background.noise, contrast))
-    if not found:
+                middle = (2 * x + 1) / PARTS_X - 1, (2 * y + 1) / PARTS_Y - 1
+                parts.append((*middle, background.level, background.noise, contrast))
+    if not parts:
         raise MeasurementError(
             f"no targets stand out in any of {PARTS_X} by {PARTS_Y} parts of the picture",
             "look at the preview: light, lens cap, iris; or set a fixed threshold",
         )
-    return _Parts(*np.array(found).T)
+    return _Parts(*np.array(parts).T)
 
 
 def _surface(parts: _Parts, values: Array, shape: tuple[int, ...]) -> Array:
@@ -111,6 +111,7 @@ def _surface(parts: _Parts, values: Array, shape: tuple[int, ...]) -> Array:
     matrix = np.zeros((DEGREE + 1, DEGREE + 1))
     for (i, j), value in zip(terms, factor, strict=True):
         matrix[j, i] = value
+    # From the middle of the first pixel to that of the last, as the parts' middles are given.
     columns, rows = (np.linspace(-1 + 1 / size, 1 - 1 / size, size) for size in shape[::-1])
     surface = np.stack(_powers(rows), axis=1) @ matrix @ np.stack(_powers(columns)) + mean
     limited: Array = np.maximum(surface, values.min() / 2)

@@ -114,24 +114,24 @@ class DriftCheck:
         if len(seen) < LEAST_TARGETS:
             return RigFit(RigVerdict.UNKNOWN, np.nan, np.nan, np.nan, residual, len(seen), fields)
         median, sigma = _medians(self._parallax_px[:, seen])
-        found = self._pattern(seen, median, sigma)
-        return RigFit(_verdict(found), *found, residual, len(seen), fields)
+        pattern = self._pattern(seen, median, sigma)
+        return RigFit(_verdict(pattern), *pattern, residual, len(seen), fields)
 
     def _pattern(self, seen: NDArray[np.intp], median_px: Array, sigma_px: Array) -> _Pattern:
         terms = _terms(self._image_px[seen])
         fitted, covariance = _fitted(terms, median_px, np.hypot(sigma_px, UNMODELLED_PX))
-        places = self._model.xyz_mm[seen]
-        shares = np.linalg.lstsq(terms, parallax_of_calibration(self._rig, places), rcond=None)[0]
+        xyz_mm = self._model.xyz_mm[seen]
+        shares = np.linalg.lstsq(terms, parallax_of_calibration(self._rig, xyz_mm), rcond=None)[0]
         covariance = covariance + shares @ shares.T
         ratio = np.sqrt(fitted @ np.linalg.solve(covariance, fitted) / _TERMS)
         expected = np.sqrt(((terms @ covariance) * terms).sum(axis=1).mean())
         return _Pattern(_size(terms @ fitted), float(expected), float(ratio))
 
 
-def _verdict(found: _Pattern) -> RigVerdict:
-    if found.ratio > MOVED_RATIO and found.shift_px > MOVED_PX:
+def _verdict(pattern: _Pattern) -> RigVerdict:
+    if pattern.ratio > MOVED_RATIO and pattern.shift_px > MOVED_PX:
         return RigVerdict.MOVED
-    doubtful = found.ratio > DOUBTFUL_RATIO and found.shift_px > DOUBTFUL_PX
+    doubtful = pattern.ratio > DOUBTFUL_RATIO and pattern.shift_px > DOUBTFUL_PX
     return RigVerdict.DOUBTFUL if doubtful else RigVerdict.FITS
 
 
@@ -139,20 +139,21 @@ def _medians(values: Array) -> tuple[Array, Array]:
     """Median of every column of (F, K) with gaps, and its σ from the median absolute deviation."""
     count = np.isfinite(values).sum(axis=0)
     median = _median(values, count)
+    # Of normal errors σ is 1.4826 median deviations, and a median scatters √(π/2) = 1.2533 times a mean.
     spread = 1.4826 * _median(np.abs(values - median), count)
     return median, 1.2533 * spread / np.sqrt(count)
 
 
 def _median(values: Array, count: NDArray[np.intp]) -> Array:
     """Median of the `count` numbers in every column; sorting puts NaN last."""
-    middle: Array = np.sort(values, axis=0)[count // 2, np.arange(values.shape[1])]
-    return middle
+    return np.sort(values, axis=0)[count // 2, np.arange(values.shape[1])]
 
 
 def _terms(image_px: Array) -> Array:
     """(K, 5) terms at positions in the left view: effect of a changed relative orientation on the
     parallax.
     """
+    # Scaled to about 1 over a half picture, so that one prior suits all terms.
     x, y = ((image_px - image_px.mean(axis=0)) / (_HALF_WIDTH_PX, _HALF_HEIGHT_PX)).T
     return np.column_stack([np.ones_like(x), x, y, x * y, y * y])
 
@@ -173,8 +174,7 @@ def _fitted(terms: Array, values: Array, sigma: Array) -> tuple[Array, Array]:
 
 
 def _believed(off: Array) -> Array:
-    weight: Array = np.clip(1.0 - (off / _TUKEY) ** 2, 0.0, None) ** 2
-    return weight
+    return np.clip(1.0 - (off / _TUKEY) ** 2, 0.0, None) ** 2
 
 
 def _size(values: Array) -> float:
@@ -183,8 +183,7 @@ def _size(values: Array) -> float:
 
 def _rms(squares: Array) -> Array:
     known = squares[np.isfinite(squares[:, 0, 0])]
-    root: Array = np.sqrt(known.mean(axis=0)) if len(known) else np.full((2, 2), np.nan)
-    return root
+    return np.sqrt(known.mean(axis=0)) if len(known) else np.full((2, 2), np.nan)
 
 
 def parallax(rig: Rig, points: Points) -> tuple[Array, Array]:

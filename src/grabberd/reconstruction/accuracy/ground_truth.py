@@ -99,12 +99,13 @@ class Truth:
             return np.empty(0, np.intp), np.zeros(len(n), np.bool_)
         keys, wanted = _key(self.n, self.target), _key(n, target)
         order = np.argsort(keys)
-        place = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(keys) - 1)]
-        known: NDArray[np.bool_] = keys[place] == wanted
-        return place[known], known
+        nearest = order[np.searchsorted(keys, wanted, sorter=order).clip(max=len(keys) - 1)]
+        known: NDArray[np.bool_] = keys[nearest] == wanted
+        return nearest[known], known
 
 
 def _key(n: NDArray[np.int64], target: NDArray[np.int32]) -> NDArray[np.int64]:
+    # One number for field and target, so that a single sorted search finds both.
     return (n << 32) + target
 
 
@@ -113,6 +114,6 @@ def true_places(truth: Truth, series: PointSeries) -> NDArray[np.float64]:
     rows = truth.in_fields(series.n)
     fields, targets = series.xyz_mm.shape[:2]
     row, known = rows.row_of(np.repeat(series.n, targets), np.tile(series.target, fields))
-    places = np.full((fields * targets, 3), np.nan)
-    places[known] = rows.xyz_mm[row]
-    return places.reshape(fields, targets, 3)
+    xyz_mm = np.full((fields * targets, 3), np.nan)
+    xyz_mm[known] = rows.xyz_mm[row]
+    return xyz_mm.reshape(fields, targets, 3)

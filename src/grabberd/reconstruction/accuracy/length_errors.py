@@ -140,8 +140,7 @@ def _candidates(xyz_mm: Array) -> Indices:
         lines.append(((xyz_mm - point[:, np.newaxis]) ** 2).sum(axis=2).argmin(axis=1))
     candidates = np.stack([*lines, last], axis=1)
     ordered = np.sort(candidates, axis=1)
-    different: Indices = candidates[(np.diff(ordered, axis=1) > 0).all(axis=1)]
-    return different
+    return candidates[(np.diff(ordered, axis=1) > 0).all(axis=1)]
 
 
 def _scaled(xyz_mm: Array) -> Array:

@@ -28,13 +28,11 @@ class RigidMotion:
 
     def apply(self, xyz_mm: Array) -> Array:
         """Move points (…, 3)."""
-        moved: Array = xyz_mm @ self.rotation.T + self.shift_mm
-        return moved
+        return xyz_mm @ self.rotation.T + self.shift_mm
 
     def turn(self, covariance_mm2: Array) -> Array:
         """Rotate covariances (…, 3, 3)."""
-        turned: Array = self.rotation @ covariance_mm2 @ self.rotation.T
-        return turned
+        return self.rotation @ covariance_mm2 @ self.rotation.T
 
     @property
     def angle_deg(self) -> float:
@@ -62,6 +60,7 @@ def rigid_motion(from_mm: Array, to_mm: Array) -> RigidMotion:
             "compare without a fit, or measure more targets",
         )
     u, _, vt = np.linalg.svd((from_mm - middle_from).T @ (to_mm - middle_to))
+    # A determinant of −1 would be a reflection; turning the weakest direction costs the fit least.
     proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation: Array = (u @ proper @ vt).T
     return RigidMotion(rotation, middle_to - rotation @ middle_from)

@@ -1,5 +1,5 @@
-"""Hypotheses: pairs of blobs that may be a target, as far as rays and object model allow; and their agreement
-with one another, because neighbouring targets move alike.
+"""Hypotheses: pairs of blobs that may be a target, as far as rays and object model allow; their agreement
+with one another, because neighbouring targets move alike; and the sighting that remains.
 """
 
 from dataclasses import dataclass, field
@@ -11,6 +11,7 @@ from grabberd.geometry import Rig, approach, rays
 from grabberd.reconstruction.correspondence.displacement_field import Expected, Smoothness, field_of
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
+from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 Array = NDArray[np.float64]
@@ -64,8 +65,7 @@ def hypotheses(
     model: ObjectModel,
     blobs: tuple[ViewBlobs, ViewBlobs],
     noise: ImageNoise,
-    gate: float,
-    farthest_mm: float,
+    settings: "CorrespondenceSettings",
 ) -> Hypotheses:
     """List every pair of blobs whose rays meet, for every target nominally near their meeting point.
 
@@ -74,15 +74,15 @@ def hypotheses(
         model: The object.
         blobs: Blobs of the left and the right view, with all their uncertainty in σ.
         noise: Line jitter, and the scale at the object.
-        gate: Greatest distance between rays, in standard deviations.
-        farthest_mm: Greatest distance of a target from its nominal position.
+        settings: Greatest distance between rays, and of a target from its nominal position.
     """
     line_mm = 0.5 * model.target_diameter_mm / noise.radius_lines
-    left, right = _pairs(rig, *blobs, gate * line_mm)
+    # Every pair that meets: on a regular grid the rays alone leave only 16 of 108 pairs without a rival.
+    left, right = _pairs(rig, *blobs, settings.gate * line_mm)
     number = np.arange(len(left), dtype=np.int32)
     met = intersect(rig, number, blobs[0].select(left), blobs[1].select(right), noise)
     apart = met.xyz_mm - model.xyz_mm[:, np.newaxis]
-    target, pair = np.nonzero((apart * apart).sum(axis=2) <= farthest_mm**2)
+    target, pair = np.nonzero((apart * apart).sum(axis=2) <= settings.farthest_mm**2)
     variance = np.diagonal(met.covariance_mm2, axis1=1, axis2=2)
     return Hypotheses(target, left[pair], right[pair], apart[target, pair], variance[pair])
 
@@ -119,6 +119,32 @@ class CorrespondenceSettings:
     stretch: float = 0.35
     unmodelled_px: float = 0.1
     smoothness: Smoothness = field(default_factory=Smoothness)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sighting:
+    """K targets found in one field, by ascending target.
+
+    Attributes:
+        points: Their points.
+        target: (K,) their indices in the object model.
+        left: (K,) indices of their blobs in the left view.
+        right: (K,) indices of their blobs in the right view.
+        expected: Prediction of all targets of the model from them.
+        settled: (M, 3) positions of all targets and (M,) standard deviations, if already computed.
+        surprise: Root mean square distance from the predicted positions, in standard deviations; likewise.
+    """
+
+    points: Points
+    target: Indices
+    left: Indices
+    right: Indices
+    expected: Expected
+    settled: tuple[Array, Array] | None = None
+    surprise: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.target)
 
 
 class Agreement:
@@ -162,9 +188,9 @@ class Agreement:
         for _ in range(_MOST_STARTS):
             if not len(starts):
                 break
-            found = self._agreeing(known, starts[:1])
-            best = max(best, found, key=lambda chosen: _worth(known, chosen))
-            against = _far(known, self._expected(known, found)) > self.settings.gate**2
+            agreeing = self._agreeing(known, starts[:1])
+            best = max(best, agreeing, key=lambda chosen: _worth(known, chosen))
+            against = _far(known, self._expected(known, agreeing)) > self.settings.gate**2
             starts = starts[1:][against[starts[1:]]]
         return np.sort(best)
 
@@ -230,11 +256,11 @@ class Agreement:
 
     def _torn(self, known: Hypotheses, chosen: Indices) -> Mask:
         """Mark chosen hypotheses that are too near to a neighbour or too far from it."""
-        places = np.full_like(self.model.xyz_mm, np.nan)
+        xyz_mm = np.full_like(self.model.xyz_mm, np.nan)
         target = known.target[chosen]
-        places[target] = self.model.xyz_mm[target] + known.displacement_mm[chosen]
-        off = np.abs(_lengths(places, self._neighbours) - self._apart_mm)
-        torn = np.zeros(len(places), np.bool_)
+        xyz_mm[target] = self.model.xyz_mm[target] + known.displacement_mm[chosen]
+        off = np.abs(_lengths(xyz_mm, self._neighbours) - self._apart_mm)
+        torn = np.zeros(len(xyz_mm), np.bool_)
         torn[self._neighbours[off > self.settings.stretch * self._apart_mm]] = True
         return torn[target]
 
@@ -283,11 +309,11 @@ def _median(values: Array) -> float:
     return float(np.sort(values)[len(values) // 2]) if len(values) else np.inf
 
 
-def _between(places: Array) -> Array:
-    distances: Array = np.linalg.norm(places[:, np.newaxis] - places, axis=2)
+def _between(xyz_mm: Array) -> Array:
+    distances: Array = np.linalg.norm(xyz_mm[:, np.newaxis] - xyz_mm, axis=2)
     return distances
 
 
-def _lengths(places: Array, pairs: Indices) -> Array:
-    lengths: Array = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
+def _lengths(xyz_mm: Array, pairs: Indices) -> Array:
+    lengths: Array = np.linalg.norm(xyz_mm[pairs[:, 0]] - xyz_mm[pairs[:, 1]], axis=1)
     return lengths

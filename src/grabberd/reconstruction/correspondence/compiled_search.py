@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from grabberd.errors import MeasurementError
 from grabberd.geometry import LocalField, Rig
 from grabberd.kernel import DONE, Kernel
-from grabberd.reconstruction.correspondence.agreement import Agreement
+from grabberd.reconstruction.correspondence.agreement import Agreement, Sighting
 from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Expected
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 _WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+# Two views of 18 parameters have no more independent errors.
 _MOST_ERRORS = 36
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -73,12 +74,24 @@ class World(ctypes.Structure):
     kept: list[Any]
 
     @classmethod
-    def of(cls, rig: Rig, arrays: dict[str, NDArray[Any]], numbers: dict[str, float]) -> Self:
-        """Fill in from a rig of two views and the object's arrays and numbers, by the names above."""
-        kept = {name: np.ascontiguousarray(one) for name, one in arrays.items()}
-        addresses = {name: one.ctypes.data for name, one in kept.items()}
-        world = cls(targets=len(kept["nominal_mm"]), pairs=len(kept["neighbours"]), **addresses, **numbers)
-        world.kept = [kept, world._fill(rig)]
+    def of(cls, rig: Rig, agreement: Agreement, noise: ImageNoise) -> Self:
+        """Fill in what the kernel needs about a rig of two views, the object and the noise."""
+        neighbours, apart_mm = agreement.pairs
+        arrays = (agreement.model.xyz_mm, neighbours.astype(np.int64), apart_mm)
+        kept = [np.ascontiguousarray(values) for values in arrays]
+        world = cls(
+            _Rig(),
+            len(agreement.model),
+            len(neighbours),
+            *(values.ctypes.data for values in kept),
+            agreement.settings.gate,
+            agreement.settings.stretch,
+            agreement.settings.unmodelled_px,
+            agreement.field.noise_mm,
+            noise.blob_jitter_px,
+            noise.radius_lines,
+        )
+        world.kept = [*kept, *world._fill(rig)]
         return world
 
     def _fill(self, rig: Rig) -> list[NDArray[np.float64]]:
@@ -108,55 +121,15 @@ def takes(rig: Rig) -> bool:
     return len(rig.views) == 2 and (rig.factor is None or rig.factor.shape[2] <= _MOST_ERRORS)
 
 
-class Near(NamedTuple):
-    """Contents of a `Sighting` of K targets.
-
-    Attributes:
-        points: Their points.
-        target, left, right, expected: As in `Sighting`.
-        settled: (M, 3) positions of all targets of the model, and (M,) their standard deviations.
-        surprise: Root mean square distance from the predicted positions, in standard deviations; None if a
-            target was dropped.
-    """
-
-    points: Points
-    target: Indices
-    left: Indices
-    right: Indices
-    expected: Expected
-    settled: tuple[Array, Array]
-    surprise: float | None
-
-
-def world_of(rig: Rig, agreement: Agreement, noise: ImageNoise) -> World:
-    """Collect what the kernel needs about rig, object and noise."""
-    settings, field = agreement.settings, agreement.field
-    neighbours, apart_mm = agreement.pairs
-    arrays = {
-        "nominal_mm": agreement.model.xyz_mm,
-        "neighbours": neighbours.astype(np.int64),
-        "apart_mm": apart_mm,
-    }
-    numbers = {
-        "gate": settings.gate,
-        "stretch": settings.stretch,
-        "unmodelled_px": settings.unmodelled_px,
-        "noise_mm": field.noise_mm,
-        "blob_jitter_px": noise.blob_jitter_px,
-        "radius_lines": noise.radius_lines,
-    }
-    return World.of(rig, arrays, numbers)
-
-
 class Nearby:
     """Search for one object's targets near their expected positions, as seen by one rig."""
 
     def __init__(self, kernel: Kernel, rig: Rig, agreement: Agreement, noise: ImageNoise) -> None:
         self._kernel = kernel
         self._agreement = agreement
-        self._world = world_of(rig, agreement, noise)
+        self._world = World.of(rig, agreement, noise)
 
-    def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Near:
+    def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """Search as `Correspondence.near`.
 
         Raises:
@@ -181,7 +154,7 @@ class Nearby:
             )
         return self._agreeing(_Found.of(index, number, count, room), surprise)
 
-    def _agreeing(self, found: "_Found", surprise: float) -> Near:
+    def _agreeing(self, found: "_Found", surprise: float) -> Sighting:
         """Drop targets that the others contradict, the worst first (as `Agreement.consistent`)."""
         model, all_stay = self._agreement.model, True
         count = len(model)
@@ -192,14 +165,14 @@ class Nearby:
             if worst < 0:
                 break
             found, all_stay = found.without(worst), False
-        places = settled[: 3 * count].reshape(count, 3), settled[9 * count :]
-        return Near(
+        settled_mm = settled[: 3 * count].reshape(count, 3), settled[9 * count :]
+        return Sighting(
             found.points(model.target),
             found.target,
             found.left,
             found.right,
             Expected(expected, sigma_mm),
-            places,
+            settled_mm,
             surprise if all_stay else None,
         )
 

@@ -6,7 +6,7 @@ with σ, because neighbours move alike. Doubtful targets are left out; a wrong t
 one.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from grabberd.reconstruction.correspondence.agreement import (
     Agreement,
     CorrespondenceSettings,
     Hypotheses,
+    Sighting,
     hypotheses,
 )
 from grabberd.reconstruction.correspondence.compiled_search import Nearby, takes
@@ -24,37 +25,10 @@ from grabberd.reconstruction.correspondence.displacement_field import Expected
 from grabberd.reconstruction.correspondence.prediction import Prediction
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
-from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sighting:
-    """K targets found in one field, by ascending target.
-
-    Attributes:
-        points: Their points.
-        target: (K,) their indices in the object model.
-        left: (K,) indices of their blobs in the left view.
-        right: (K,) indices of their blobs in the right view.
-        expected: Prediction of all targets of the model from them.
-        settled: (M, 3) positions of all targets and (M,) standard deviations, if already computed.
-        surprise: Root mean square distance from the predicted positions, in standard deviations; likewise.
-    """
-
-    points: Points
-    target: Indices
-    left: Indices
-    right: Indices
-    expected: Expected
-    settled: tuple[Array, Array] | None = None
-    surprise: float | None = None
-
-    def __len__(self) -> int:
-        return len(self.target)
 
 
 class Correspondence:
@@ -93,14 +67,8 @@ class Correspondence:
         Returns:
             All targets identified beyond doubt; none if nothing agrees with the object model.
         """
-        known = hypotheses(
-            self.rig,
-            self.model,
-            (self._blurred(left), self._blurred(right)),
-            self.noise,
-            self.settings.gate,
-            self.settings.farthest_mm,
-        )
+        blurred = self._blurred(left), self._blurred(right)
+        known = hypotheses(self.rig, self.model, blurred, self.noise, self.settings)
         grown = self.agreement.largest(known)
         if not len(grown):
             return self._sight(grown, grown, grown, left, right)
@@ -117,7 +85,7 @@ class Correspondence:
             right: Blobs of the right view.
         """
         if self._nearby is not None:
-            return Sighting(*self._nearby.near(places_mm, sigma_mm, left, right))
+            return self._nearby.near(places_mm, sigma_mm, left, right)
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
@@ -144,6 +112,7 @@ class Correspondence:
         left, right = left.select(of_left), right.select(of_right)
         points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
         blurring = self._blurring(left, right)
+        # A parallax p leaves p/2 in either view, whose root mean square over four coordinates is p/√8.
         across_px = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1]) * np.sqrt(blurring / 8.0)
         meeting = np.flatnonzero(points.residual_px <= self.settings.gate * across_px)
         variance = np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis]

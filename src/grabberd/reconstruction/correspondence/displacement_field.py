@@ -92,14 +92,7 @@ class DisplacementField:
     _kept: "dict[bytes, Say]" = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def of(cls, model: ObjectModel, smoothness: Smoothness) -> "DisplacementField":
-        """Make the field of an object."""
-        return cls.through(model.xyz_mm, smoothness)
-
-    @classmethod
-    def through(
-        cls, nominal_mm: Array, smoothness: Smoothness, most_kept: int = _KEPT
-    ) -> "DisplacementField":
+    def of(cls, nominal_mm: Array, smoothness: Smoothness, most_kept: int = _KEPT) -> "DisplacementField":
         """Make the field of targets at nominal positions (M, 3)."""
         apart = np.linalg.norm(nominal_mm[:, np.newaxis] - nominal_mm, axis=2) / smoothness.reach_mm
         scaled = np.sqrt(5.0) * apart
@@ -209,7 +202,7 @@ class TiledField:
 def field_of(model: ObjectModel, smoothness: Smoothness) -> "DisplacementField | TiledField":
     """Make the field of an object: as a whole for few targets, by parts for many."""
     if len(model) <= MOST_AT_ONCE:
-        return DisplacementField.of(model, smoothness)
+        return DisplacementField.of(model.xyz_mm, smoothness)
     return TiledField(model.xyz_mm, smoothness)
 
 
@@ -217,9 +210,9 @@ def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:
     """Halve across the longest side until no part has more than `most` targets."""
     if len(targets) <= most:
         return [targets]
-    places = nominal_mm[targets]
-    side = int(np.ptp(places, axis=0).argmax())
-    order = targets[places[:, side].argsort(kind="stable")]
+    xyz_mm = nominal_mm[targets]
+    side = int(np.ptp(xyz_mm, axis=0).argmax())
+    order = targets[xyz_mm[:, side].argsort(kind="stable")]
     halves = np.split(order, [len(order) // 2])
     return [part for half in halves for part in _parted(nominal_mm, half, most)]
 
@@ -232,4 +225,4 @@ def _part(nominal_mm: Array, targets: Indices, everywhere: Indices, smoothness: 
     near = away.argsort(kind="stable")[:ROUND]
     others = np.setdiff1d(np.union1d(near, everywhere), targets)
     asked = np.concatenate([targets, others])
-    return _Part(asked, len(targets), DisplacementField.through(nominal_mm[asked], smoothness, most_kept=1))
+    return _Part(asked, len(targets), DisplacementField.of(nominal_mm[asked], smoothness, most_kept=1))

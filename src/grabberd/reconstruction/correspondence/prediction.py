@@ -20,12 +20,10 @@ class Prediction:
     """Predicted images of M targets in V views.
 
     Attributes:
-        places_mm: (M, 3) predicted positions.
         image_px: (2, V, M) predicted images, frame pixels x and y; infinite behind a camera.
         reach_px: (2, V, M) greatest distance from there at which they may appear.
     """
 
-    places_mm: Array
     image_px: Array
     reach_px: Array
 
@@ -45,7 +43,7 @@ class Prediction:
         image, slopes = linearise(rig, places_mm)
         reach = gate * np.hypot(np.sqrt((slopes * slopes).sum(axis=2)) * sigma_mm, sigma_px)
         before = np.isfinite(image)
-        return cls(places_mm, np.where(before, image, np.inf), np.where(before, reach, 1.0))
+        return cls(np.where(before, image, np.inf), np.where(before, reach, 1.0))
 
     def nearest(self, view: int, xy_px: Array) -> Indices:
         """Assign a blob to each target: (M,) indices, −1 for none.
@@ -77,9 +75,9 @@ class Prediction:
         return flat[flat[:, 0] < flat[:, 2]]
 
 
-def _of_all(image: Array, reach: Array, places: Array) -> Indices:
+def _of_all(image: Array, reach: Array, blobs: Array) -> Indices:
     """Compare every target (2, M) with every blob (2, N)."""
-    off = places[:, np.newaxis] - image[:, :, np.newaxis]
+    off = blobs[:, np.newaxis] - image[:, :, np.newaxis]
     off *= 1.0 / reach[:, :, np.newaxis]
     off *= off
     away = off[0] + off[1]
@@ -89,21 +87,21 @@ def _of_all(image: Array, reach: Array, places: Array) -> Indices:
     return np.where(own, blob, -1)
 
 
-def _of_those_beside(image: Array, reach: Array, places: Array) -> Indices:
+def _of_those_beside(image: Array, reach: Array, blobs: Array) -> Indices:
     """Do the same in time linear in the number of targets."""
-    target, blob = _beside(image, reach, places)
-    off = (places[:, blob] - image[:, target]) * (1.0 / reach[:, target])
+    target, blob = _beside(image, reach, blobs)
+    off = (blobs[:, blob] - image[:, target]) * (1.0 / reach[:, target])
     away = (off * off).sum(axis=0)
     within = np.flatnonzero(away <= 1.0)
     target, blob, away = target[within], blob[within], away[within]
     both = _least(away, target, blob), _least(away, blob, target)
     mutual = np.intersect1d(*both, assume_unique=True)
-    found = np.full(image.shape[1], -1)
-    found[target[mutual]] = blob[mutual]
-    return found
+    assigned = np.full(image.shape[1], -1)
+    assigned[target[mutual]] = blob[mutual]
+    return assigned
 
 
-def _beside(image: Array, reach: Array, places: Array) -> tuple[Indices, Indices]:
+def _beside(image: Array, reach: Array, blobs: Array) -> tuple[Indices, Indices]:
     """Targets (P,) and blobs (P,) of all pairs that may be within reach, and some more.
 
     Blobs are sorted into cells the size of the farthest reach, so that a target's candidates are in nine
@@ -112,16 +110,17 @@ def _beside(image: Array, reach: Array, places: Array) -> tuple[Indices, Indices
     Args:
         image: (2, M) predicted images of the targets.
         reach: (2, M) their reach.
-        places: (2, N) blobs.
+        blobs: (2, N) their positions, frame pixels.
     """
     targets = np.flatnonzero(np.isfinite(image).all(axis=0))
-    if not (len(targets) and places.shape[1]):
+    if not (len(targets) and blobs.shape[1]):
         return np.empty(0, np.intp), np.empty(0, np.intp)
-    first = places.min(axis=1, keepdims=True)
-    extent = np.maximum(np.ptp(places, axis=1, keepdims=True), 1.0)
+    first = blobs.min(axis=1, keepdims=True)
+    extent = np.maximum(np.ptp(blobs, axis=1, keepdims=True), 1.0)
+    # Not below a 1024th of the extent, or a tiny reach would make millions of cells.
     cell = np.maximum(reach[:, targets].max(axis=1, keepdims=True), extent / 1024)
     columns, rows = (int(one) + 1 for one in (extent / cell)[:, 0])
-    x, y = ((places - first) / cell).astype(np.int64)
+    x, y = ((blobs - first) / cell).astype(np.int64)
     order = (y * columns + x).argsort(kind="stable")
     key = (y * columns + x)[order]
     at = np.floor((image[:, targets] - first) / cell).clip(-2, [[columns + 1], [rows + 1]]).astype(np.int64)
@@ -131,8 +130,8 @@ def _beside(image: Array, reach: Array, places: Array) -> tuple[Indices, Indices
         inside = (row >= 0) & (row < rows) & (low <= high)
         begin = key.searchsorted(row * columns + low)
         number = np.where(inside, key.searchsorted(row * columns + high, side="right") - begin, 0)
-        place = np.arange(int(number.sum())) - np.repeat(number.cumsum() - number - begin, number)
-        parts.append((np.repeat(targets, number), order[place]))
+        index = np.arange(int(number.sum())) - np.repeat(number.cumsum() - number - begin, number)
+        parts.append((np.repeat(targets, number), order[index]))
     target, blob = (np.concatenate(some) for some in zip(*parts, strict=True))
     return target, blob
 

@@ -156,6 +156,7 @@ def _predicted(chains: Chains, k: int, state: Array, covariance: Array) -> tuple
     covariance[:, 2:] *= keeps
     covariance[2, 2] += 1.0 - keeps * keeps
     covariance[3, 3] += 1.0 - keeps * keeps
+    # White acceleration, integrated over the elapsed time to velocity and position.
     disturbed = chains.acceleration_mm_s2[k] ** 2 * _ACCELERATES_EVERY_S
     covariance[0, 0] += disturbed * elapsed**3 / 3.0
     covariance[0, 1] += disturbed * elapsed**2 / 2.0

@@ -177,8 +177,8 @@ def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
 
 def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
     """(F, T) movement of a target's image since the previous field."""
-    places = flat_mm.reshape(series.xyz_mm.shape)
-    moved_mm = np.linalg.norm(np.diff(places, axis=0, prepend=places[:1]), axis=2)
+    xyz_mm = flat_mm.reshape(series.xyz_mm.shape)
+    moved_mm = np.linalg.norm(np.diff(xyz_mm, axis=0, prepend=xyz_mm[:1]), axis=2)
     spread_px = np.nanvar(series.image_px, axis=(0, 1)).sum() / 2.0
     spread_mm = np.nanvar(series.xyz_mm, axis=(0, 1)).sum()
     moved: Array = moved_mm * np.sqrt(spread_px / spread_mm) if spread_mm else moved_mm
@@ -212,8 +212,7 @@ def _nearest_seen(seen: Mask) -> NDArray[np.intp]:
     """(F, T) index of the last field up to this one in which a target was seen; else of its first."""
     index = np.where(seen, np.arange(len(seen))[:, np.newaxis], -1)
     last = np.maximum.accumulate(index, axis=0)
-    nearest: NDArray[np.intp] = np.where(last >= 0, last, seen.argmax(axis=0))
-    return nearest
+    return np.where(last >= 0, last, seen.argmax(axis=0))
 
 
 def _contradicted(series: PointSeries, smoothed: PointSeries, gate: float) -> Mask:

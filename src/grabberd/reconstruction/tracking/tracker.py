@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.geometry import Rig
-from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
-from grabberd.reconstruction.correspondence.correspondence import Correspondence, Sighting
+from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings, Sighting
+from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
@@ -174,35 +174,32 @@ class Tracker:
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
-        places = track.xyz_mm + track.velocity_mm_s * elapsed_s
-        return places, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
+        # The liner's wall moves up to 2 mm a field, .3 of the pitch: too far to be followed without velocity.
+        xyz_mm = track.xyz_mm + track.velocity_mm_s * elapsed_s
+        return xyz_mm, np.hypot(track.sigma_mm, track.speed_sigma_mm_s * elapsed_s)
 
     def _begun(self, sighting: Sighting, unseen_s: Array) -> Track:
         """Make the track after identification, at rest until the next field shows more."""
-        places, sigma = self._settled(sighting)
-        return Track(
-            target=self.model.target,
-            xyz_mm=places,
-            sigma_mm=sigma,
-            velocity_mm_s=np.zeros_like(self.model.xyz_mm),
-            speed_sigma_mm_s=self.settings.speed_mm_s,
-            unseen_s=_seen_again(unseen_s, sighting),
-            age_s=0.0,
-            found=len(sighting),
-        )
+        at_rest = np.zeros_like(self.model.xyz_mm)
+        return self._after(sighting, self._settled(sighting), unseen_s, at_rest, self.settings.speed_mm_s)
 
     def _continued(self, track: Track, sighting: Sighting, unseen_s: Array, elapsed_s: float) -> Track:
-        places, sigma = self._settled(sighting)
-        return Track(
-            target=self.model.target,
-            xyz_mm=places,
-            sigma_mm=sigma,
-            velocity_mm_s=(places - track.xyz_mm) / elapsed_s,
-            speed_sigma_mm_s=self.settings.acceleration_mm_s2 * elapsed_s,
-            unseen_s=_seen_again(unseen_s, sighting),
-            age_s=0.0,
-            found=len(sighting),
-        )
+        settled = self._settled(sighting)
+        velocity_mm_s = (settled[0] - track.xyz_mm) / elapsed_s
+        speed_sigma_mm_s = self.settings.acceleration_mm_s2 * elapsed_s
+        return self._after(sighting, settled, unseen_s, velocity_mm_s, speed_sigma_mm_s)
+
+    def _after(
+        self,
+        sighting: Sighting,
+        settled: tuple[Array, Array],
+        unseen_s: Array,
+        velocity_mm_s: Array,
+        speed_sigma_mm_s: float,
+    ) -> Track:
+        seconds, found = unseen_s.copy(), len(sighting)
+        seconds[sighting.target] = 0.0
+        return Track(self.model.target, *settled, velocity_mm_s, speed_sigma_mm_s, seconds, 0.0, found)
 
     def _settled(self, sighting: Sighting) -> tuple[Array, Array]:
         """Positions (M, 3) of all targets, and their standard deviations (M,)."""
@@ -234,9 +231,3 @@ def _surprise(sighting: Sighting, places_mm: Array, sigma_mm: Array) -> float:
     off = sighting.points.xyz_mm - places_mm[sighting.target]
     own = np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2)
     return float(np.sqrt((off * off / (own + sigma_mm[sighting.target, np.newaxis] ** 2)).mean()))
-
-
-def _seen_again(unseen_s: Array, sighting: Sighting) -> Array:
-    seconds = unseen_s.copy()
-    seconds[sighting.target] = 0.0
-    return seconds

@@ -145,6 +145,7 @@ class Archive:
 
     def documents(self) -> list[CaptureDocument]:
         """Returns the documents of all captures, newest first."""
+        # Read before the index: a capture that is sealed in between is not listed twice.
         running = {recording.id for recording in self._recordings()}
         shown = [self.document(capture_id) for capture_id in running]
         sealed = [self._sealed_document(entry) for entry in self.index.list() if entry.id not in running]

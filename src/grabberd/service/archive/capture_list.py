@@ -50,6 +50,7 @@ class CaptureQuery:
     @property
     def start(self) -> Position | None:
         """Position after which the page starts; None for the newest capture."""
+        # "" sorts before every id, so a capture that started at that very moment is left out.
         given = (self.after, Position(self.until_utc, "") if self.until_utc else None)
         return min((position for position in given if position), default=None)
 
@@ -114,6 +115,7 @@ def _indexed(archive: Archive, query: CaptureQuery) -> Iterator[IndexEntry]:
 def _document(archive: Archive, entry: IndexEntry) -> CaptureDocument | None:
     """Returns a capture's document; None if it was deleted since its entry was read."""
     try:
+        # Pages are cut by the time in the index, so that is the time shown, whatever the file has.
         return archive.document(entry.id).model_copy(update={"created_utc": entry.created_utc})
     except NotFound:
         return None

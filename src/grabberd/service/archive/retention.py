@@ -75,6 +75,7 @@ def removals(captures: Iterable[Candidate], policy: Policy, now: datetime, free_
         because = _because(capture, policy, now, free_bytes)
         if because:
             found.append(Removal(capture.id, capture.size_bytes, because))
+            # Nothing is deleted yet, but what has been chosen makes room for what remains.
             free_bytes += capture.size_bytes
     return found
 

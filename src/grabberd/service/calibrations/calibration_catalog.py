@@ -3,14 +3,16 @@
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
 
 from grabberd.documents.calibrations import CalibrationRow
 from grabberd.errors import Conflict, ExtraMissing, GrabberdError, NotFound
-from grabberd.service.calibrations.calibration_documents import configured_row, newest_first, stored_row
+from grabberd.service.calibrations.calibration_documents import (
+    Document,
+    configured_row,
+    newest_first,
+    stored_row,
+)
 from grabberd.storage.state.calibration_store import CalibrationRecord, CalibrationStore, StoredCalibration
-
-Document = Mapping[str, Any]
 
 HIDDEN = "the configuration has another calibration of this id, which takes precedence"
 
@@ -31,17 +33,10 @@ class CalibrationCatalog:
         self.store = CalibrationStore(directory)
         self.configured = dict(configured)
 
-    def open(self) -> None:
-        """Creates the folder and removes what a crash left unfinished.
-
-        Raises:
-            StorageError: The folder cannot be written.
-        """
-        self.store.open()
-
     def rows(self) -> list[CalibrationRow]:
         """Returns all calibrations as they are listed, newest first, damaged ones last."""
         stored = self.store.list()
+        # One that is both configured and stored is listed once, with its record.
         also_stored = {entry.id for entry in stored if entry.document in self.configured.values()}
         rows = [self._stored_row(entry, entry.id in also_stored) for entry in stored]
         rows += [

@@ -5,14 +5,17 @@ from datetime import datetime
 from typing import Any
 
 from grabberd.documents.calibrations import ActiveCalibration, CalibrationRow
+from grabberd.documents.named_types import JsonObject
 from grabberd.storage.state.calibration_store import StoredCalibration, moment_of
 
+Document = Mapping[str, Any]
+"""A calibration as its file has it."""
 CONFIGURATION = "configuration"
 SECONDS_A_DAY = 86400.0
 _OF_THE_DOCUMENT = ("created_utc", "source", "sigma0_px", "glass", "image")
 
 
-def configured_row(document: Mapping[str, Any], device: str) -> CalibrationRow:
+def configured_row(document: Document, device: str) -> CalibrationRow:
     """A calibration that the configuration names."""
     return _row(document["id"], document, device=device, origin=CONFIGURATION)
 
@@ -33,9 +36,7 @@ def stored_row(entry: StoredCalibration) -> CalibrationRow:
     )
 
 
-def active_calibration(
-    document: Mapping[str, Any], now: datetime, activated_utc: str | None
-) -> ActiveCalibration:
+def active_calibration(document: Document, now: datetime, activated_utc: str | None) -> ActiveCalibration:
     """The calibration that a device measures with, and its age."""
     return ActiveCalibration(
         id=document["id"],
@@ -55,9 +56,9 @@ def age_days(created_utc: str, now: datetime) -> float:
     return (now - moment_of(created_utc)).total_seconds() / SECONDS_A_DAY
 
 
-def _row(calibration_id: str, document: Mapping[str, Any], **known: str | None) -> CalibrationRow:
+def _row(calibration_id: str, document: Document, **known: str | None) -> CalibrationRow:
     """A row of what its document and its record tell; `active`, `misfit` and `rejected` are entered later."""
-    row: dict[str, Any] = dict.fromkeys(CalibrationRow.model_fields)
+    row: JsonObject = dict.fromkeys(CalibrationRow.model_fields)
     row |= {"id": calibration_id, "device": "", "note": "", "active": False}
     row |= {key: document.get(key) for key in _OF_THE_DOCUMENT}
     return CalibrationRow.model_validate(row | known)

@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from grabberd.config import shipped_configs
 from grabberd.documents.calibrations import CalibrationFrameRow
+from grabberd.documents.named_types import JsonObject
 from grabberd.errors import NotFound
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.setup import read_yaml
@@ -39,7 +39,7 @@ def _row(name: str, path: Path) -> CalibrationFrameRow:
     )
 
 
-def calibration_frame_document(wanted: str | Mapping[str, Any] | None) -> dict[str, Any]:
+def calibration_frame_document(wanted: str | JsonObject | None) -> JsonObject:
     """Returns a calibration frame's document: as given, by name, or the only one there is.
 
     Raises:
@@ -60,7 +60,7 @@ def calibration_frame_document(wanted: str | Mapping[str, Any] | None) -> dict[s
     return read_yaml(known[name])
 
 
-def calibration_frame_model(document: Mapping[str, Any]) -> ObjectModel:
+def calibration_frame_model(document: JsonObject) -> ObjectModel:
     """Returns the targets of a calibration frame's document.
 
     Raises:

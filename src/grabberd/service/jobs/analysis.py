@@ -3,15 +3,17 @@
 What computes and draws is imported where it is used: the daemon declares the job, but never analyses.
 """
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from grabberd import __version__
 from grabberd.acquisition import Ledger
 from grabberd.acquisition.clock import SystemClock, iso_utc
+from grabberd.documents.analyses import AnalysisRecord
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError, NotReady
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.jobs.progress import Progress, portion
@@ -36,7 +38,7 @@ class AnalysisOutput:
 
     analysis: "Analysis"
     tables: "AnalysisTables"
-    about: dict[str, Any]
+    about: JsonObject
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ class _Source:
 
     fields: "list[FieldPoints]"
     model: ObjectModel
-    about: dict[str, Any]
+    about: JsonObject
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,17 +61,14 @@ class AnalysisJob(JobSpec):
 
     kind = "analyse"
     path: Path
-    inputs: Mapping[str, Any]
+    inputs: JsonObject
     store: Path
     bursts: Sequence[Path] = ()
     run_number: int | None = None
     vacuum_log: str | None = None
 
-    def run(self, progress: Progress) -> dict[str, Any]:
+    def run(self, progress: Progress) -> AnalysisResult:
         """Analyses and stores.
-
-        Returns:
-            The number of the analysis, as `analysis`, and its record.
 
         Raises:
             GrabberdError: As `analyse_file`.
@@ -86,14 +85,14 @@ class AnalysisJob(JobSpec):
         analyses = AnalysisStore(self.store)
         with analyses.scratch() as folder:
             record = _write_all(folder, made)
-            return {"analysis": analyses.publish(self.subject, folder), **record}
+            return AnalysisResult(analysis=analyses.publish(self.subject, folder), **dict(record))
 
 
 def analyse_file(
     progress: Progress,
     *,
     path: Path,
-    inputs: Mapping[str, Any],
+    inputs: JsonObject,
     bursts: Sequence[Path] = (),
     run: int | None = None,
     vacuum_log: str | None = None,
@@ -138,7 +137,7 @@ def analyse_file(
     return AnalysisOutput(analysis, tables(analysis), about)
 
 
-def write_document(folder: Path, made: AnalysisOutput) -> dict[str, Any]:
+def write_document(folder: Path, made: AnalysisOutput) -> JsonObject:
     """Writes `report.json` and returns its content.
 
     Raises:
@@ -152,7 +151,7 @@ def write_document(folder: Path, made: AnalysisOutput) -> dict[str, Any]:
     return document
 
 
-def write_page(folder: Path, document: Mapping[str, Any]) -> Path:
+def write_page(folder: Path, document: JsonObject) -> Path:
     """Writes `report.html`.
 
     Raises:
@@ -189,7 +188,7 @@ def _read(path: Path, run: int | None) -> _Source:
         return _Source(fields, ObjectModel.from_document(info.made_with["object"]), _origin(reader, info.run))
 
 
-def _origin(reader: CaptureReader, run: int) -> dict[str, Any]:
+def _origin(reader: CaptureReader, run: int) -> JsonObject:
     meta, info = reader.meta, reader.run(run)
     return {
         "id": meta.id,
@@ -208,7 +207,7 @@ def _origin(reader: CaptureReader, run: int) -> dict[str, Any]:
     }
 
 
-def _ledger(ledger: Ledger) -> dict[str, Any]:
+def _ledger(ledger: Ledger) -> JsonObject:
     lacking = [{**entry._asdict(), "outcome": str(entry.outcome)} for entry in ledger.entries]
     return {"total": ledger.total, "received": ledger.received, "lacking": lacking}
 
@@ -230,7 +229,7 @@ def _check_same_model(captures: Sequence[_Source]) -> None:
             )
 
 
-def _with_log(inputs: Mapping[str, Any], vacuum_log: str | None) -> Mapping[str, Any]:
+def _with_log(inputs: JsonObject, vacuum_log: str | None) -> JsonObject:
     if vacuum_log is None:
         return inputs
     vacuum = inputs.get("vacuum")
@@ -242,7 +241,7 @@ def _with_log(inputs: Mapping[str, Any], vacuum_log: str | None) -> Mapping[str,
     return {**inputs, "vacuum": {**vacuum, "log": vacuum_log}}
 
 
-def _write_all(folder: Path, made: AnalysisOutput) -> dict[str, Any]:
+def _write_all(folder: Path, made: AnalysisOutput) -> AnalysisRecord:
     """Writes every file of a stored analysis; returns its record."""
     from grabberd.processes.analysis.maps import map_units, target_maps
     from grabberd.storage.export.analysis_export import write_csv
@@ -251,27 +250,34 @@ def _write_all(folder: Path, made: AnalysisOutput) -> dict[str, Any]:
     write_csv(folder, made.tables)
     write_maps(folder, target_maps(made.tables, made.analysis.grid), map_units(made.tables))
     document = write_document(folder, made)
-    record = {
-        **{key: document[key] for key in ("created_utc", "version", "problems")},
-        "device": made.about["device"],
-        "run": made.about["run"],
-        "bursts": made.about["bursts"],
-        "lacks": document["inputs"]["lacks"],
-        "inputs": document["inputs"]["given"],
-        "summary": {one["name"]: one["values"][0] for one in document["tables"]["summary"]["columns"]},
-        **_drawn(folder, document),
-    }
+    missing_extra, page_problem = _drawn(folder, document)
+    record = AnalysisRecord(
+        created_utc=document["created_utc"],
+        version=document["version"],
+        device=made.about["device"],
+        run=made.about["run"],
+        bursts=made.about["bursts"],
+        inputs=document["inputs"]["given"],
+        lacks=document["inputs"]["lacks"],
+        problems=document["problems"],
+        summary={one["name"]: one["values"][0] for one in document["tables"]["summary"]["columns"]},
+        missing_extra=missing_extra,
+        page_problem=page_problem,
+    )
     with storage_errors(folder / RECORD):
-        (folder / RECORD).write_text(json.dumps(record, ensure_ascii=False), encoding="utf-8")
+        (folder / RECORD).write_text(record.model_dump_json(), encoding="utf-8")
     return record
 
 
-def _drawn(folder: Path, document: Mapping[str, Any]) -> dict[str, str | None]:
-    """Draws the page and returns why there is none: a bug in a picture must not cost the analysis."""
+def _drawn(folder: Path, document: JsonObject) -> tuple[str | None, str | None]:
+    """Draws the page; returns the extra that is missing, or another reason why there is none.
+
+    A bug in a picture must not cost the analysis.
+    """
     try:
         write_page(folder, document)
     except ExtraMissing as error:
-        return {"missing_extra": error.extra, "page_problem": None}
+        return error.extra, None
     except Exception as error:
-        return {"missing_extra": None, "page_problem": f"{type(error).__name__}: {error}"}
-    return {"missing_extra": None, "page_problem": None}
+        return None, f"{type(error).__name__}: {error}"
+    return None, None

@@ -1,11 +1,11 @@
 """Calibrates both virtual cameras from a capture of the calibration frame, and reports how it went."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 from pydantic import ValidationError
 
@@ -13,8 +13,12 @@ from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.calibration import LENS, Mark
 from grabberd.config import RigConfig
+from grabberd.documents.calibration_reports import CalibrationReport
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.requests import CalibrationOptions
+from grabberd.documents.results import CalibrationResult
 from grabberd.errors import ExtraMissing, InputError
-from grabberd.geometry import PARAMETERS, NominalRig
+from grabberd.geometry import PARAMETERS, Calibration, NominalRig
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
@@ -34,10 +38,10 @@ _LOCATED = 0.8
 
 @dataclass(frozen=True, slots=True)
 class CalibrationOutput:
-    """Two JSON documents: the `calibration`, and the `report` of how it was made."""
+    """A calibration, and the report of how it was made."""
 
-    calibration: dict[str, Any]
-    report: dict[str, Any]
+    calibration: Calibration
+    report: CalibrationReport
 
 
 class Calibrator(Protocol):
@@ -48,8 +52,9 @@ class Calibrator(Protocol):
         progress: Progress,
         *,
         path: Path,
-        calibration_frame: Mapping[str, Any],
-        options: Mapping[str, Any],
+        calibration_frame: JsonObject,
+        options: CalibrationOptions,
+        note: str | None,
     ) -> CalibrationOutput:
         """Calibrates; nothing is written."""
         ...
@@ -69,35 +74,38 @@ class CalibrationJob(JobSpec):
 
     kind = "calibrate"
     path: Path
-    calibration_frame: Mapping[str, Any]
-    options: Mapping[str, Any]
+    calibration_frame: JsonObject
+    options: CalibrationOptions
     store: Path
     device: str
     calibrator: Calibrator
     note: str = ""
 
-    def run(self, progress: Progress) -> dict[str, Any]:
+    def run(self, progress: Progress) -> CalibrationResult:
         """Calibrates and stores.
-
-        Returns:
-            The id of the new calibration, as `calibration`.
 
         Raises:
             Conflict: The id is taken.
             GrabberdError: The calibrator refuses the capture.
         """
-        options = {**self.options, **({"note": self.note} if self.note else {})}
         made = self.calibrator(
-            progress, path=self.path, calibration_frame=self.calibration_frame, options=options
+            progress,
+            path=self.path,
+            calibration_frame=self.calibration_frame,
+            options=self.options,
+            note=self.note or None,
         )
-        record = CalibrationRecord(self.device, "capture", note=self.note, capture=self.subject)
-        page, record = _drawn(made.report, record)
+        report = made.report.model_dump(mode="json", by_alias=True)
+        page, record = _drawn(
+            report, CalibrationRecord(self.device, "capture", note=self.note, capture=self.subject)
+        )
         record = replace(record, stored_utc=iso_utc(SystemClock().utc_now()))
-        stored = CalibrationStore(self.store).add(made.calibration, record, report=made.report, page=page)
-        return {"calibration": stored.id}
+        store = CalibrationStore(self.store)
+        stored = store.add(made.calibration.to_document(), record, report=report, page=page)
+        return CalibrationResult(calibration=stored.id)
 
 
-def _drawn(report: Mapping[str, Any], record: CalibrationRecord) -> tuple[str | None, CalibrationRecord]:
+def _drawn(report: JsonObject, record: CalibrationRecord) -> tuple[str | None, CalibrationRecord]:
     """Draws the report as a page; where that fails, the record says why.
 
     A bug in a picture must not cost the calibration.
@@ -116,8 +124,9 @@ def calibrate_file(
     progress: Progress,
     *,
     path: Path,
-    calibration_frame: Mapping[str, Any],
-    options: Mapping[str, Any],
+    calibration_frame: JsonObject,
+    options: CalibrationOptions,
+    note: str | None = None,
     rig: RigConfig | None = None,
     by_hand: Sequence[Mark] | None = None,
 ) -> CalibrationOutput:
@@ -127,7 +136,8 @@ def calibrate_file(
         progress: Called with the share that is done.
         path: A capture of the calibration frame.
         calibration_frame: Document of the calibration frame.
-        options: As the API takes them; those missing or None default as in `CalibrateSettings`.
+        options: Options of the adjustment; those that are None default as in `CalibrateSettings`.
+        note: Free text, kept with the calibration.
         rig: The nominal rig; None for the one in the capture's own configuration.
         by_hand: Identifications made by hand.
 
@@ -139,12 +149,12 @@ def calibrate_file(
     model = calibration_frame_model(calibration_frame)
     with CaptureReader(path) as reader:
         rig = rig or recorded_rig(reader)
-        settings = _settings(options, reader.meta.config)
+        settings = _settings(options, settings_of_capture(reader.meta.config))
         fields = counted(reader.received(), reader.field_count, portion(progress, 0.0, _LOCATED))
         result = calibrate(fields, nominal_rig(rig), model, settings, by_hand)
-        about = _about(reader, calibration_frame, options, rig)
-    report = report_document(result, about)
-    return CalibrationOutput(_document(result, about, report), report)
+        about = _about(reader, calibration_frame, note, rig)
+    report = CalibrationReport.model_validate(report_document(result, about))
+    return CalibrationOutput(_calibration(result, about, report), report)
 
 
 def nominal_rig(rig: RigConfig) -> NominalRig:
@@ -178,26 +188,19 @@ def recorded_rig(reader: CaptureReader) -> RigConfig:
         ) from error
 
 
-def _settings(options: Mapping[str, Any], config: Mapping[str, Any]) -> CalibrateSettings:
-    """Combines the API's options with the location settings of the capture's configuration.
-
-    Raises:
-        InputError: An option has an unknown value.
-    """
-    given = {key: value for key, value in options.items() if value is not None}
-    _check_choice(given, "weights", ("honest", "equal"))
-    _check_choice(given, "frame", ("weighted", "held"))
+def _settings(options: CalibrationOptions, measured: JsonObject) -> CalibrateSettings:
+    """Combines the options with the settings that the capture was measured with."""
     default = CalibrateSettings()
     return CalibrateSettings(
-        equal_weights=given.get("weights") == "equal",
-        held=given.get("frame") == "held",
-        free=tuple(given.get("free", PARAMETERS)),
-        shared=_shared(given.get("shared", False)),
-        tied=bool(given.get("tied", default.tied)),
-        alpha=given.get("alpha", default.alpha),
-        local_field=bool(given.get("local_field", default.local_field)),
-        handedness=given.get("handedness"),
-        location=location_settings(settings_of_capture(config)),
+        equal_weights=options.weights == "equal",
+        held=options.frame == "held",
+        free=PARAMETERS if options.free is None else tuple(options.free),
+        shared=_shared(options.shared or False),
+        tied=default.tied if options.tied is None else options.tied,
+        alpha=default.alpha if options.alpha is None else options.alpha,
+        local_field=default.local_field if options.local_field is None else options.local_field,
+        handedness=options.handedness,
+        location=location_settings(measured),
     )
 
 
@@ -208,20 +211,15 @@ def _shared(given: bool | Sequence[str]) -> tuple[str, ...]:
     return tuple(given)
 
 
-def _check_choice(given: Mapping[str, Any], key: str, known: Sequence[str]) -> None:
-    if key in given and given[key] not in known:
-        raise InputError(f"{key} {given[key]!r} is not one of {', '.join(known)}", "choose one of them")
-
-
 def _about(
-    reader: CaptureReader, calibration_frame: Mapping[str, Any], options: Mapping[str, Any], rig: RigConfig
-) -> dict[str, Any]:
+    reader: CaptureReader, calibration_frame: JsonObject, note: str | None, rig: RigConfig
+) -> JsonObject:
     created, meta = iso_utc(SystemClock().utc_now()), reader.meta
     return {
         "id": _id(meta.id, created),
         "created_utc": created,
         "version": f"grabberd {__version__}",
-        "note": options.get("note"),
+        "note": note,
         "glass": rig.glass.model_dump() if rig.glass else None,
         "capture": {
             "id": meta.id,
@@ -242,7 +240,7 @@ def _id(capture: str, created_utc: str) -> str:
     return f"{re.sub('[^0-9A-Za-z_-]+', '-', capture)[:50]}-{moment}"
 
 
-def _document(result: CalibrateResult, about: Mapping[str, Any], report: Mapping[str, Any]) -> dict[str, Any]:
+def _calibration(result: CalibrateResult, about: JsonObject, report: CalibrationReport) -> Calibration:
     """Builds the calibration; of its report it holds what a later reader of this file alone would ask for."""
     frame = result.frame
     details = {
@@ -252,8 +250,7 @@ def _document(result: CalibrateResult, about: Mapping[str, Any], report: Mapping
         "note": about["note"],
         "version": about["version"],
         "sigma0": result.adjustment.sigma0,
-        **{key: report[key] for key in ("settings", "tests", "dropped", "warnings")},
+        **report.model_dump(mode="json", include={"settings", "tests", "dropped", "warnings"}),
     }
     source = f"capture {about['capture']['id']} of calibration frame {frame.name}"
-    calibration = result.calibration(about["id"], about["created_utc"], source, about["glass"], details)
-    return calibration.to_document()
+    return result.calibration(about["id"], about["created_utc"], source, about["glass"], details)

@@ -4,11 +4,18 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.documents.calibration_reports import PixelAxes
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.requests import CHECK_S
+from grabberd.documents.results import AxesDocument, CheckResult, Placement
 from grabberd.errors import NotReady
 from grabberd.geometry import Calibration
-from grabberd.processes.calibration.calibration_check import Check, CheckVerdict, check
+from grabberd.processes.calibration.calibration_check import CheckVerdict, check
 from grabberd.service.calibrations.calibration_frames import (
     calibration_frame_document,
     calibration_frame_model,
@@ -26,14 +33,13 @@ if TYPE_CHECKING:  # the job process carries values, not the daemon's own object
     from grabberd.service.capture.capture_control import CaptureControl
     from grabberd.service.instrument import Instrument
 
-SECONDS = 10.0
 SEALING_S = 60.0
 """A capture that is not sealed this long after its end never will be."""
 POLL_S = 0.1
 _CAPTURED = 0.5
 """Share of the work that the capture is."""
 NOTE = "check of the calibration"
-VIEWS, AXES = ("left", "right"), ("x", "y")
+VIEWS = ("left", "right")
 ADVICE: Mapping[CheckVerdict, str] = {
     CheckVerdict.FITS: "the calibration fits: go on measuring",
     CheckVerdict.DOUBTFUL: "the calibration is doubtful: clean the mirrors and the glass, make sure the "
@@ -57,8 +63,8 @@ class CheckJob(JobSpec):
     kind = "check"
     path: Path
     seconds: float
-    calibration_frame: Mapping[str, Any]
-    calibration: Mapping[str, Any]
+    calibration_frame: JsonObject
+    calibration: JsonObject
     in_place: bool
 
     @classmethod
@@ -67,10 +73,10 @@ class CheckJob(JobSpec):
         captures: "CaptureControl",
         archive: "Archive",
         instrument: "Instrument",
-        calibration_frame: str | Mapping[str, Any] | None = None,
+        calibration_frame: str | JsonObject | None = None,
         *,
         in_place: bool = False,
-        seconds: float = SECONDS,
+        seconds: float = CHECK_S,
     ) -> "CheckJob":
         """Starts a capture of the calibration frame and declares its check with the device's calibration.
 
@@ -101,11 +107,11 @@ class CheckJob(JobSpec):
             path=archive.directory / f"{capture_id}{SUFFIX}",
             seconds=seconds,
             calibration_frame=document,
-            calibration=dict(calibration),
+            calibration=calibration,
             in_place=in_place,
         )
 
-    def run(self, progress: Progress) -> dict[str, Any]:
+    def run(self, progress: Progress) -> CheckResult:
         """Waits until the capture has its final name, then runs `check_file`.
 
         Raises:
@@ -138,10 +144,10 @@ def check_file(
     progress: Progress,
     *,
     path: Path,
-    calibration_frame: Mapping[str, Any],
-    calibration: Mapping[str, Any] | None = None,
+    calibration_frame: JsonObject,
+    calibration: JsonObject | None = None,
     in_place: bool = False,
-) -> dict[str, Any]:
+) -> CheckResult:
     """Checks a calibration with a sealed capture of the calibration frame.
 
     Args:
@@ -173,27 +179,28 @@ def check_file(
             location_settings(settings_of_capture(reader.meta.config)),
             in_place=in_place,
         )
-        about = {"capture": reader.meta.id, "calibration": document["id"], "calibration_frame": model.name}
-    return {**about, "in_place": in_place, **_document(found)}
+        capture = reader.meta.id
+    return CheckResult(
+        capture=capture,
+        calibration=document["id"],
+        calibration_frame=model.name,
+        in_place=in_place,
+        verdict=found.verdict.value,
+        advice=ADVICE[found.verdict],
+        reasons=list(found.reasons),
+        fields=found.fields,
+        seen=found.seen,
+        of=found.of,
+        rmse=AxesDocument(**found.rmse._asdict()),
+        chi2=found.chi2,
+        parallax_px=found.parallax_px,
+        shift_px=_by_view(found.shift_px),
+        residual_px=_by_view(found.residual_px),
+        as_placed=AxesDocument(**found.as_placed._asdict()),
+        placed=Placement(angle_deg=found.placed.angle_deg, shift_mm=found.placed.shift_mm.tolist()),
+    )
 
 
-def _document(found: Check) -> dict[str, Any]:
-    return {
-        "verdict": found.verdict.value,
-        "advice": ADVICE[found.verdict],
-        "reasons": list(found.reasons),
-        "fields": found.fields,
-        "seen": found.seen,
-        "of": found.of,
-        "rmse": found.rmse._asdict(),
-        "chi2": found.chi2,
-        "parallax_px": found.parallax_px,
-        "shift_px": _by_view(found.shift_px),
-        "residual_px": _by_view(found.residual_px),
-        "as_placed": found.as_placed._asdict(),
-        "placed": {"angle_deg": found.placed.angle_deg, "shift_mm": found.placed.shift_mm.tolist()},
-    }
-
-
-def _by_view(values: Any) -> dict[str, dict[str, float]]:
-    return {view: dict(zip(AXES, row.tolist(), strict=True)) for view, row in zip(VIEWS, values, strict=True)}
+def _by_view(xy_px: NDArray[np.float64]) -> dict[str, PixelAxes]:
+    """Names the rows of a (2, 2) array, in frame pixels."""
+    return {view: PixelAxes(x=x, y=y) for view, (x, y) in zip(VIEWS, xy_px.tolist(), strict=True)}

@@ -1,13 +1,14 @@
 """Re-measures a sealed capture: the points become a further run in its file."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, iso_utc
+from grabberd.documents.named_types import JsonObject
+from grabberd.documents.results import MeasurementResult
 from grabberd.errors import MeasurementError, NotReady
 from grabberd.processes.measure import MeasuredField, measure_fields
 from grabberd.reconstruction.points import Points
@@ -23,23 +24,20 @@ class MeasurementJob(JobSpec):
 
     kind = "measure"
     path: Path
-    made_with: Mapping[str, Any]
+    made_with: JsonObject
 
-    def run(self, progress: Progress) -> dict[str, int]:
+    def run(self, progress: Progress) -> MeasurementResult:
         """Runs `measure_file`."""
         return measure_file(progress, path=self.path, made_with=self.made_with)
 
 
-def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]) -> dict[str, int]:
+def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> MeasurementResult:
     """Measures every good field and appends the points as a new run, whole or not at all.
 
     Args:
         progress: Called with the share that is done.
         path: A sealed capture.
         made_with: The documents `calibration`, `object` and `settings`.
-
-    Returns:
-        The number of the `run`, and of its `fields` and `points`.
 
     Raises:
         NotReady: The calibration or the object model is missing.
@@ -55,7 +53,7 @@ def measure_file(progress: Progress, *, path: Path, made_with: Mapping[str, Any]
         points = _counted_points(measure_fields(fields, setup), counts)
         created = iso_utc(SystemClock().utc_now())
         run = append_run(path, "measure", created, __version__, made_with, points)
-    return {"run": run, **counts}
+    return MeasurementResult(run=run, **counts)
 
 
 def _counted_points(measured: Iterable[MeasuredField], counts: Counter[str]) -> Iterator[tuple[int, Points]]:

@@ -5,13 +5,15 @@ import multiprocessing
 import os
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Any, ClassVar
 
 from grabberd.acquisition.clock import UtcClock, iso_utc
+from grabberd.documents.jobs import JobDocument
+from grabberd.documents.problems import JobProblem
+from grabberd.documents.results import JobResult
 from grabberd.documents.states import JobState
 from grabberd.errors import Conflict, GrabberdError, NotFound
 from grabberd.service.jobs.progress import Progress
@@ -38,8 +40,8 @@ class JobSpec(ABC):
     subject: str
 
     @abstractmethod
-    def run(self, progress: Progress) -> Any:
-        """Does the work in the job process and returns the result, a JSON document.
+    def run(self, progress: Progress) -> JobResult:
+        """Does the work in the job process and returns the result.
 
         Raises:
             GrabberdError: The job fails; message and hint become its `problem`.
@@ -49,23 +51,9 @@ class JobSpec(ABC):
 ENDED = frozenset({JobState.DONE, JobState.FAILED, JobState.CANCELLED})
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
-    """A submitted job at one moment; `problem` has the message and hint of a failed one."""
-
-    id: str
-    kind: str
-    subject: str
-    state: JobState
-    created_utc: str
-    progress: float = 0.0
-    result: Any = None
-    problem: Mapping[str, str] | None = None
-
-
 @dataclass(slots=True)
 class _Entry:
-    job: Job
+    job: JobDocument
     spec: JobSpec
 
 
@@ -98,16 +86,23 @@ class JobRunner:
         if self._thread.is_alive():
             self._thread.join(KILLED_S)
 
-    def submit(self, spec: JobSpec) -> Job:
+    def submit(self, spec: JobSpec) -> JobDocument:
         """Queues a job."""
         created = iso_utc(self._clock.utc_now())
         with self._changed:
-            job = Job(f"job-{next(self._numbers)}", spec.kind, spec.subject, JobState.QUEUED, created)
+            job = JobDocument(
+                id=f"job-{next(self._numbers)}",
+                kind=spec.kind,
+                subject=spec.subject,
+                state=JobState.QUEUED,
+                created_utc=created,
+                progress=0.0,
+            )
             self._entries[job.id] = _Entry(job, spec)
             self._changed.notify_all()
         return job
 
-    def get(self, job_id: str) -> Job:
+    def get(self, job_id: str) -> JobDocument:
         """Returns a job as it now stands.
 
         Raises:
@@ -120,7 +115,7 @@ class JobRunner:
                 )
             return self._entries[job_id].job
 
-    def list(self) -> list[Job]:
+    def list(self) -> list[JobDocument]:
         """Returns all jobs, newest first."""
         with self._changed:
             return [entry.job for entry in reversed(self._entries.values())]
@@ -142,7 +137,7 @@ class JobRunner:
                     f"wait for it to end, or cancel it: DELETE /api/v1/jobs/{job.id}",
                 )
 
-    def cancel(self, job_id: str) -> Job:
+    def cancel(self, job_id: str) -> JobDocument:
         """Cancels a queued or running job; one that has ended stays as it is.
 
         Raises:
@@ -156,7 +151,7 @@ class JobRunner:
                 self._process.kill()
             return self.get(job_id)
 
-    def wait(self, job_id: str, timeout_s: float) -> Job:
+    def wait(self, job_id: str, timeout_s: float) -> JobDocument:
         """Returns the job once it has ended, or as it stands after `timeout_s`."""
         with self._changed:
             self._changed.wait_for(lambda: self._entries[job_id].job.state in ENDED, timeout_s)
@@ -166,7 +161,7 @@ class JobRunner:
         with self._changed:
             entry = self._entries[job_id]
             if entry.job.state not in ENDED:
-                entry.job = replace(entry.job, **changes)
+                entry.job = entry.job.model_copy(update=changes)
                 self._changed.notify_all()
 
     def _run(self) -> None:
@@ -194,7 +189,7 @@ class JobRunner:
         except (EOFError, OSError):  # the process has ended: killed, out of memory, or crashed
             self._process.kill()
             hint = "try again; if it fails again, see the journal for why the process ended"
-            problem = {"message": "the job's process ended before the job was done", "hint": hint}
+            problem = JobProblem(message="the job's process ended before the job was done", hint=hint)
             self._update(entry.job.id, state=JobState.FAILED, problem=problem)
 
     def _receive(self, job_id: str, process: "_JobProcess") -> bool:
@@ -253,7 +248,7 @@ def _outcome(connection: Connection, spec: JobSpec) -> tuple[str, Any]:
     try:
         return "done", spec.run(lambda share: connection.send(("progress", share)))
     except GrabberdError as error:
-        return "failed", {"message": error.message, "hint": error.hint}
+        return "failed", JobProblem(message=error.message, hint=error.hint)
     except Exception as error:
         message = f"{type(error).__name__}: {error}"
-        return "failed", {"message": message, "hint": "this is a fault of the program; please report it"}
+        return "failed", JobProblem(message=message, hint="this is a fault of the program; please report it")

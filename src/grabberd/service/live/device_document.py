@@ -6,7 +6,6 @@ from grabberd.acquisition import Outcome
 from grabberd.documents.devices import (
     DeviceDocument,
     DeviceLackDocument,
-    LackDocument,
     RingDocument,
     ViewColumnsDocument,
 )
@@ -14,7 +13,7 @@ from grabberd.documents.states import Rung
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.instrument import Instrument
 from grabberd.service.live.live_document import live_document
-from grabberd.service.readiness import Lack, lacks_of
+from grabberd.service.readiness import lacks_of
 
 
 def device_document(instrument: Instrument, active: ActiveCalibrations) -> DeviceDocument:
@@ -46,7 +45,7 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
             for name, one in views
         },
         calibration=active.document(instrument),
-        lacks=[_device_lack(one) for one in lacks_of(instrument)],
+        lacks=[DeviceLackDocument(**one.model_dump(exclude={"device"})) for one in lacks_of(instrument)],
         warnings=[*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
         capture_id=running.id if running else None,
         armed_capture_id=armed.id if armed else None,
@@ -54,17 +53,6 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
         rig=instrument.worker.rig.document,
         live=live_document(instrument),
     )
-
-
-def lack_document(lack: Lack) -> LackDocument:
-    """A reason why a device cannot measure, with the device's name."""
-    return LackDocument(
-        device=lack.device, lacks=lack.lacks, message=lack.message, hint=lack.hint, cause_code=lack.code
-    )
-
-
-def _device_lack(lack: Lack) -> DeviceLackDocument:
-    return DeviceLackDocument(lacks=lack.lacks, message=lack.message, hint=lack.hint, cause_code=lack.code)
 
 
 def _ring(instrument: Instrument) -> RingDocument:

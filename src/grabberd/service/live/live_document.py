@@ -14,6 +14,7 @@ from grabberd.service.instrument import Instrument
 from grabberd.storage.export.points_document import point_columns
 
 LATENCY_OF_LATEST = 500
+"""Fields whose latencies are summarised: those of the last ten seconds at 50 Hz."""
 
 
 def live_document(instrument: Instrument) -> LiveDocument | None:

@@ -1,14 +1,15 @@
 """Changes of a JSON document since the version that a client has seen."""
 
 from collections import deque
-from collections.abc import Mapping
 from typing import Any, NamedTuple
+
+from grabberd.documents.named_types import JsonObject
 
 KEPT = 150
 """At five versions a second, a client that reconnects within half a minute gets the changes alone."""
 
 
-def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, Any]:
+def changes(before: JsonObject, after: JsonObject) -> JsonObject:
     """The keys whose values differ, with their new values, recursively.
 
     The result is a JSON merge patch (RFC 7396): a key that is gone, or has become null, is null.
@@ -19,13 +20,13 @@ def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> dict[str, An
     }
 
 
-def merged(document: Mapping[str, Any], change: Mapping[str, Any]) -> dict[str, Any]:
+def merged(document: JsonObject, change: JsonObject) -> JsonObject:
     """Applies a change to a document; null values stay, to distinguish them from keys that never existed."""
     result = dict(document)
     for key, value in change.items():
-        inner = isinstance(value, Mapping)
         known = result.get(key)
-        result[key] = merged(known if isinstance(known, Mapping) else {}, value) if inner else value
+        inner = known if isinstance(known, dict) else {}
+        result[key] = merged(inner, value) if isinstance(value, dict) else value
     return result
 
 
@@ -33,7 +34,7 @@ class Version(NamedTuple):
     """A document and its version number, from 1."""
 
     number: int
-    document: Mapping[str, Any]
+    document: JsonObject
 
 
 class History:
@@ -42,7 +43,7 @@ class History:
     def __init__(self, kept: int = KEPT) -> None:
         self._versions: deque[Version] = deque(maxlen=kept)
 
-    def enter(self, document: Mapping[str, Any]) -> Version | None:
+    def enter(self, document: JsonObject) -> Version | None:
         """Adds the present document as a new version; returns None if it has not changed."""
         newest = self._versions[-1] if self._versions else Version(0, {})
         if document == newest.document:
@@ -55,10 +56,10 @@ class History:
         return next((version for version in list(self._versions) if version.number == number), None)
 
 
-def _differs(key: str, before: Mapping[str, Any], value: Any) -> bool:
+def _differs(key: str, before: JsonObject, value: Any) -> bool:
     return key not in before or before[key] != value
 
 
 def _change(before: Any, after: Any) -> Any:
-    both = isinstance(before, Mapping) and isinstance(after, Mapping)
+    both = isinstance(before, dict) and isinstance(after, dict)
     return changes(before, after) if both else after

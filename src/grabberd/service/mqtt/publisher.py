@@ -174,6 +174,7 @@ class Publisher:
                 published[name] = message
 
     async def _publish_summaries(self, connection: Connection) -> None:
+        # Removed only once acknowledged: a connection that breaks may repeat a summary, but loses none.
         for _ in range(min(self.summaries.waiting, IN_A_ROW)):
             first = self.summaries.first()
             if first is None:

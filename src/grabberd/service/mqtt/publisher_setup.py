@@ -6,34 +6,17 @@ The MQTT library is an optional extra, so it is imported only where a broker is 
 import importlib.util
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from grabberd.acquisition.clock import UtcClock
 from grabberd.config import Config
-from grabberd.documents.state import MqttDocument, StateDocument
+from grabberd.documents.state import StateDocument
 from grabberd.errors import ConfigError, ExtraMissing, Problem
 from grabberd.service.archive.archive import Archive
 
-
-class MqttPublisher(Protocol):
-    """The publisher as the service sees it, without importing the MQTT library."""
-
-    def start(self) -> None:
-        """Starts publishing; returns at once."""
-        ...
-
-    def capture_ended(self) -> None:
-        """Publishes the summary of a capture that has just ended."""
-        ...
-
-    def stop(self) -> None:
-        """Disconnects cleanly."""
-        ...
-
-    def document(self) -> MqttDocument:
-        """The connection to the broker, and the captures that wait for it."""
-        ...
+if TYPE_CHECKING:
+    from grabberd.service.mqtt.publisher import Publisher
 
 
 def check_mqtt(config: Config, file: Path) -> None:
@@ -51,7 +34,7 @@ def check_mqtt(config: Config, file: Path) -> None:
 
 def create_publisher(
     config: Config, archive: Archive, state: Callable[[], StateDocument], clock: UtcClock
-) -> MqttPublisher | None:
+) -> "Publisher | None":
     """Creates the publisher of a checked configuration; None if no broker is configured.
 
     Args:

@@ -65,6 +65,7 @@ class SummaryQueue:
         """
         files = self._files()
         entered = self._outbox.entered()
+        # What remained after the last call and has no file any more has been deleted since.
         self._note_missed(self.remaining - set(files) - entered)
         new = sorted(set(files) - entered)
         room = max(self._limit - self._outbox.waiting(), 0)
@@ -73,6 +74,7 @@ class SummaryQueue:
             self._enter(capture_id, files[capture_id])
         self.remaining = frozenset(new[len(now) :])
         self._note_full(len(new) > room)
+        # Without this, the ids of deleted captures would accumulate for ever.
         self._outbox.forget(entered - set(files))
         self.waiting = self._outbox.waiting()
 

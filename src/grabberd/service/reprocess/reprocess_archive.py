@@ -1,13 +1,14 @@
 """Re-measures an archive of captures into a data set that grows for years."""
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import CancelledError
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+from grabberd.documents.named_types import JsonObject
 from grabberd.errors import NotReady, StorageError
 from grabberd.geometry import Calibration
 from grabberd.reconstruction import ObjectModel
@@ -48,7 +49,7 @@ class ReprocessRequest:
     out: Path
     calibration: Path
     object_model: Path | None = None
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: JsonObject = field(default_factory=dict)
     barn: str | None = None
     replace: bool = False
 
@@ -121,7 +122,7 @@ def reprocess_archive(
             return _run(selection, dataset, started, on_progress)
 
 
-def _documents(request: ReprocessRequest) -> dict[str, Any]:
+def _documents(request: ReprocessRequest) -> JsonObject:
     documents = read_documents(request.calibration, request.object_model)
     Calibration.from_document(documents["calibration"])
     if documents["object"] is not None:

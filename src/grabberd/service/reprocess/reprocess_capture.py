@@ -2,7 +2,7 @@
 
 import errno
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 from grabberd import __version__
 from grabberd.config import RigConfig
+from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 from grabberd.processes.columns import Rows
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measured_groups
@@ -37,9 +38,9 @@ class Recipe:
 
     calibration: str
     object: str | None = None
-    settings: Mapping[str, Any] = field(default_factory=dict)
+    settings: JsonObject = field(default_factory=dict)
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> JsonObject:
         """Returns it as a file of the data set keeps it, under `asked`."""
         return {"calibration": self.calibration, "object": self.object, "settings": dict(self.settings)}
 
@@ -110,7 +111,7 @@ def _rows(reader: CaptureReader, setup: MeasureSetup) -> Iterator[list[Rows]]:
         yield [rows(one) for one in group]
 
 
-def _made_with(task: CaptureTask, reader: CaptureReader) -> dict[str, Any]:
+def _made_with(task: CaptureTask, reader: CaptureReader) -> JsonObject:
     own = next((run.made_with["object"] for run in reversed(reader.runs) if run.made_with["object"]), None)
     object_model = own if task.recipe.object is None else _document(task.documents, task.recipe.object)
     if object_model is None:
@@ -132,7 +133,7 @@ def _document(folder: Path, sha256: str) -> Any:
         ) from error
 
 
-def _about(task: CaptureTask, reader: CaptureReader, made_with: Mapping[str, Any]) -> dict[str, Any]:
+def _about(task: CaptureTask, reader: CaptureReader, made_with: JsonObject) -> JsonObject:
     meta, known = reader.meta, task.capture.stat()
     capture = {
         "id": meta.id,
@@ -157,7 +158,7 @@ def _about(task: CaptureTask, reader: CaptureReader, made_with: Mapping[str, Any
     }
 
 
-def _same(there: Mapping[str, Any], about: Mapping[str, Any]) -> bool:
+def _same(there: JsonObject, about: JsonObject) -> bool:
     """True if a file was made from the same content; the capture's own file may have been copied since."""
     keys = ("calibration", "object", "parameters", "version", "site")
     content = (there.get("capture") or {}).get("content_sha256")

@@ -28,9 +28,26 @@ export type ObjectModel = Answer<"get", "/devices/{}/object">;
 
 export type Job = Answer<"get", "/jobs/{}">;
 export type JobProblem = NonNullable<Job["problem"]>;
+type JobResult = NonNullable<Job["result"]>;
+/** A job that is done, with the result of its kind. */
+export type JobWith<Result> = Omit<Job, "result"> & { result: Result };
+export type AnalysisResult = Extract<JobResult, { analysis: number }>;
+export type CheckResult = Extract<JobResult, { verdict: string }>;
+export type Identification = Extract<JobResult, { picture: unknown }>;
+export type IdentifiedView = Identification["views"][string];
+export type Place = IdentifiedView["other"][number];
 export type CalibrationRow = Answer<"get", "/calibrations">["calibrations"][number];
 export type CalibrationFrame = Answer<"get", "/calibration-frames">["calibration_frames"][number];
 
+export type Calibration = Answer<"get", "/calibrations/{}">;
+export type CalibrationView = Calibration["views"][string];
+export type CalibrationReport = Answer<"get", "/calibrations/{}/report.json">;
+export type PerAxis = Record<"x" | "y" | "z", number>;
+export type MadeWith = Answer<"get", "/captures/{}/runs/{}">["made_with"];
+export type StoredObject = NonNullable<MadeWith["object"]>;
+
+export type Analysis = Answer<"get", "/captures/{}/analyses/{}">;
+export type Table = Analysis["tables"][string];
 export type AnalysisRow = Answer<"get", "/captures/{}/analyses">["analyses"][number];
 
 /** A refusal, as RFC 9457 has it. */

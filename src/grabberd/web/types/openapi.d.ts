@@ -1077,8 +1077,115 @@ export interface components {
              */
             activated_utc: string | null;
         };
+        /**
+         * AdjustmentResult
+         * @description Result of the adjustment as a whole.
+         */
+        AdjustmentResult: {
+            /**
+             * Sigma0
+             * @description Standard deviation of unit weight.
+             */
+            sigma0: number;
+            /** Sigma0 Px */
+            sigma0_px: number;
+            /** Freedom */
+            freedom: number;
+            /** Steps */
+            steps: number;
+            /** Image Points */
+            image_points: number;
+            /** Targets */
+            targets: number;
+            /**
+             * Rms Px
+             * @description Root mean square of the residuals, by view.
+             */
+            rms_px: {
+                [key: string]: components["schemas"]["PixelAxes"];
+            };
+            /**
+             * Unmodelled Px
+             * @description σ of what no parameter describes.
+             */
+            unmodelled_px: number;
+        };
+        /**
+         * AdjustmentSettings
+         * @description The settings of the adjustment.
+         */
+        AdjustmentSettings: {
+            weights: components["schemas"]["Weights"];
+            /**
+             * Frame
+             * @enum {string}
+             */
+            frame: "weighted" | "held";
+            /** Free */
+            free: string[];
+            /** Shared */
+            shared: string[];
+            /** Tied */
+            tied: boolean;
+            /** Alpha */
+            alpha: number;
+            /** Local Field */
+            local_field: boolean;
+            /** Handedness */
+            handedness: number | null;
+            /**
+             * Method
+             * @description Locator of the targets.
+             */
+            method: string;
+        };
         /** @constant */
         AllDevices: "all";
+        /**
+         * AnalysisDocument
+         * @description An analysis in numbers, from which its report is drawn.
+         */
+        AnalysisDocument: {
+            /**
+             * Schema
+             * @constant
+             */
+            schema: "grabberd/analysis-report/1";
+            /**
+             * Id
+             * @description Id of the capture.
+             */
+            id: string;
+            /** Created Utc */
+            created_utc: string;
+            /** Version */
+            version: string;
+            /** @description What was analysed: capture, run, calibration, object, ledger, … */
+            about: components["schemas"]["JsonObject"];
+            /** @description Inputs as given, what they lack, and where they come from. */
+            inputs: components["schemas"]["JsonObject"];
+            /** Problems */
+            problems: string[];
+            /** @description The target grid: target, row, column, u_mm, v_mm, triangles. */
+            grid: components["schemas"]["JsonObject"];
+            /**
+             * Wall Phases
+             * @description Bounds of each wall phase, from 0 to 1.
+             */
+            wall_phases: components["schemas"]["JsonObject"][] | null;
+            /**
+             * Tables
+             * @description summary, fields, sections, phases, phase_sections, cycles and gaps.
+             */
+            tables: {
+                [key: string]: components["schemas"]["TableDocument"];
+            };
+            /**
+             * States
+             * @description The targets in the middle of each wall phase.
+             */
+            states: components["schemas"]["TargetState"][];
+        };
         /**
          * AnalysisList
          * @description A capture's analyses, newest first.
@@ -1138,15 +1245,10 @@ export interface components {
             vacuum_log?: string | null;
         };
         /**
-         * AnalysisRow
-         * @description An analysis in a list; of a damaged one only `analysis` and `problem` are known.
+         * AnalysisResult
+         * @description Result of a job `analyse`: the record of the analysis that it has stored.
          */
-        AnalysisRow: {
-            /**
-             * Analysis
-             * @description Number of the analysis, from 1; no analysis is ever overwritten.
-             */
-            analysis: number;
+        AnalysisResult: {
             /** Created Utc */
             created_utc?: string | null;
             /** Version */
@@ -1196,13 +1298,170 @@ export interface components {
              */
             page_problem?: string | null;
             /**
+             * Analysis
+             * @description Number of the analysis.
+             */
+            analysis: number;
+        };
+        /**
+         * AnalysisRow
+         * @description An analysis in a list; of a damaged one only `analysis` and `problem` are known.
+         */
+        AnalysisRow: {
+            /** Created Utc */
+            created_utc?: string | null;
+            /** Version */
+            version?: string | null;
+            /**
+             * Device
+             * @description Name of the device that captured it.
+             */
+            device?: string | null;
+            /**
+             * Run
+             * @description Run whose points were analysed.
+             */
+            run?: number | null;
+            /**
+             * Bursts
+             * @description Further captures that were merged with it by phase.
+             */
+            bursts?: string[];
+            /** @description Inputs as they were given. */
+            inputs?: components["schemas"]["JsonObject"];
+            /**
+             * Lacks
+             * @description Missing inputs and their consequences.
+             */
+            lacks?: string[];
+            /**
+             * Problems
+             * @description Problems in spite of which the analysis was completed.
+             */
+            problems?: string[];
+            /**
+             * Summary
+             * @description The row of the table `summary`, by column name.
+             */
+            summary?: {
+                [key: string]: number | null;
+            };
+            /**
+             * Missing Extra
+             * @description Optional part that draws the report and was not installed.
+             */
+            missing_extra?: string | null;
+            /**
+             * Page Problem
+             * @description Any other reason why there is no page.
+             */
+            page_problem?: string | null;
+            /**
+             * Analysis
+             * @description Number of the analysis, from 1; no analysis is ever overwritten.
+             */
+            analysis: number;
+            /**
              * Problem
              * @description Why the analysis cannot be used.
              */
             problem?: string | null;
         };
+        /**
+         * AxesDocument
+         * @description One length for each axis, and one for all three combined.
+         */
+        AxesDocument: {
+            /** X Mm */
+            x_mm: number;
+            /** Y Mm */
+            y_mm: number;
+            /** Z Mm */
+            z_mm: number;
+            /** Xyz Mm */
+            xyz_mm: number;
+        };
+        /**
+         * AxesMm
+         * @description A length for each axis and for all three combined, in mm.
+         */
+        AxesMm: {
+            /** X */
+            x: number;
+            /** Y */
+            y: number;
+            /** Z */
+            z: number;
+            /** Xyz */
+            xyz: number;
+        };
         /** @enum {integer} */
         Bits: 1 | 2 | 3 | 4 | 5 | 6 | 8;
+        /**
+         * BlunderRow
+         * @description An image that was left out, by its worse coordinate.
+         */
+        BlunderRow: {
+            /** View */
+            view: string;
+            /** Target */
+            target: number;
+            /** X Px */
+            x_px: number | null;
+            /** Y Px */
+            y_px: number | null;
+            /**
+             * Axis
+             * @enum {string}
+             */
+            axis: "x" | "y";
+            /** Residual Px */
+            residual_px: number;
+            /** Tau */
+            tau: number;
+            /** Critical */
+            critical: number;
+        };
+        /**
+         * CalibratedView
+         * @description A virtual camera: interior and exterior orientation and the distortion b1 to b9.
+         */
+        CalibratedView: {
+            /** First Column */
+            first_column: number;
+            /** End Column */
+            end_column: number;
+            /** Pixel X Mm */
+            pixel_x_mm: number;
+            /** Pixel Y Mm */
+            pixel_y_mm: number;
+            /**
+             * Handedness
+             * @description -1 where an odd number of mirrors makes the view left-handed.
+             */
+            handedness: number;
+            /** F Mm */
+            f_mm: number;
+            /** X0 Px */
+            x0_px: number;
+            /** Y0 Px */
+            y0_px: number;
+            /** Omega Rad */
+            omega_rad: number;
+            /** Phi Rad */
+            phi_rad: number;
+            /** Kappa Rad */
+            kappa_rad: number;
+            /** X0 Mm */
+            X0_mm: number;
+            /** Y0 Mm */
+            Y0_mm: number;
+            /** Z0 Mm */
+            Z0_mm: number;
+            /** B */
+            b: number[];
+            local_field?: components["schemas"]["LocalFieldDocument"] | null;
+        };
         /**
          * CalibrationChoice
          * @description The calibration that a device shall measure with.
@@ -1218,6 +1477,48 @@ export interface components {
              * @description Name of the device; not needed if there is only one.
              */
             device?: string | null;
+        };
+        /**
+         * CalibrationDocument
+         * @description A calibration as it is stored and exported.
+         */
+        CalibrationDocument: {
+            /**
+             * Schema
+             * @constant
+             */
+            schema: "grabberd/calibration/1";
+            /** Id */
+            id: string;
+            /** Created Utc */
+            created_utc: string;
+            /**
+             * Source
+             * @description Its origin, for people.
+             */
+            source: string;
+            image: components["schemas"]["ImageSize"];
+            /**
+             * Views
+             * @description The views `left` and `right`.
+             */
+            views: {
+                [key: string]: components["schemas"]["CalibratedView"];
+            };
+            /**
+             * Covariance
+             * @description Covariance of the left, then the right view's 18 parameters; null if not known.
+             */
+            covariance?: number[][] | null;
+            /**
+             * Sigma0 Px
+             * @description Standard deviation of unit weight.
+             */
+            sigma0_px?: number | null;
+            /** @description The glass plate in front of the object, if there was one. */
+            glass?: components["schemas"]["Glass"] | null;
+            /** @description Certificate, temperature, settings, tests, … */
+            details?: components["schemas"]["JsonObject"] | null;
         };
         /**
          * CalibrationFrameList
@@ -1309,6 +1610,59 @@ export interface components {
             note: string;
         };
         /**
+         * CalibrationReport
+         * @description Report of a calibration that was made from a capture; the page for people is drawn from it.
+         */
+        CalibrationReport: {
+            /**
+             * Schema
+             * @constant
+             */
+            schema: "grabberd/calibration-report/1";
+            /** Id */
+            id: string;
+            /** Created Utc */
+            created_utc: string;
+            /** Version */
+            version: string | null;
+            /** Note */
+            note: string | null;
+            capture: components["schemas"]["CapturedFrame"] | null;
+            calibration_frame: components["schemas"]["ReportedFrame"];
+            image: components["schemas"]["ImageSize"];
+            glass: components["schemas"]["Glass"] | null;
+            settings: components["schemas"]["AdjustmentSettings"];
+            identification: components["schemas"]["FrameIdentification"];
+            result: components["schemas"]["AdjustmentResult"];
+            /** Views */
+            views: components["schemas"]["ReportedView"][];
+            unknowns: components["schemas"]["Unknowns"];
+            /** Comparison */
+            comparison: components["schemas"]["ParameterComparison"][];
+            /** Tests */
+            tests: components["schemas"]["SignificanceTest"][];
+            /**
+             * Dropped
+             * @description Parameters dropped because they are not significant.
+             */
+            dropped: string[];
+            /** Residuals */
+            residuals: components["schemas"]["ResidualRow"][];
+            /** Blunders */
+            blunders: components["schemas"]["BlunderRow"][];
+            /** Normality */
+            normality: components["schemas"]["NormalityTest"][];
+            validation: components["schemas"]["Validation"] | null;
+            volume: components["schemas"]["Volume"];
+            /** Distortion */
+            distortion: components["schemas"]["ShiftGrid"][];
+            /** @description Null if none was requested. */
+            local_field: components["schemas"]["LocalFieldTrial"] | null;
+            geometry: components["schemas"]["ImagingGeometry"];
+            /** Warnings */
+            warnings: string[];
+        };
+        /**
          * CalibrationRequest
          * @description A calibration to make from a capture of the calibration frame, or a complete one to store.
          * @example {
@@ -1342,6 +1696,17 @@ export interface components {
              * @default
              */
             note?: string;
+        };
+        /**
+         * CalibrationResult
+         * @description Result of a job `calibrate`.
+         */
+        CalibrationResult: {
+            /**
+             * Calibration
+             * @description Id of the new calibration.
+             */
+            calibration: string;
         };
         /**
          * CalibrationRow
@@ -1684,6 +2049,24 @@ export interface components {
         /** @enum {string} */
         CaptureState: "armed" | "recording" | "sealing" | "sealed" | "unsealed" | "damaged" | "disarmed";
         /**
+         * CapturedFrame
+         * @description The capture that a calibration was made from.
+         */
+        CapturedFrame: {
+            /** Id */
+            id: string;
+            /** Device */
+            device: string | null;
+            /** Started Utc */
+            started_utc: string;
+            /** Fields */
+            fields: number;
+            /** Bits */
+            bits: number;
+            /** Lines */
+            lines: string;
+        };
+        /**
          * Cause
          * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
          * @enum {string}
@@ -1715,6 +2098,103 @@ export interface components {
              * @default 10
              */
             duration_s?: number;
+        };
+        /**
+         * CheckResult
+         * @description Result of a job `check`: the calibration frame as measured, against its certificate.
+         */
+        CheckResult: {
+            /** Capture */
+            capture: string;
+            /**
+             * Calibration
+             * @description Id of the calibration that was checked.
+             */
+            calibration: string;
+            /**
+             * Calibration Frame
+             * @description Name of the calibration frame.
+             */
+            calibration_frame: string;
+            /** In Place */
+            in_place: boolean;
+            /**
+             * Verdict
+             * @enum {string}
+             */
+            verdict: "fits" | "doubtful" | "recalibrate";
+            /**
+             * Advice
+             * @description What to do about the verdict.
+             */
+            advice: string;
+            /**
+             * Reasons
+             * @description Reasons for the verdict; empty if the calibration fits.
+             */
+            reasons: string[];
+            /**
+             * Fields
+             * @description Number of fields measured.
+             */
+            fields: number;
+            /**
+             * Seen
+             * @description Number of targets found in both views.
+             */
+            seen: number;
+            /**
+             * Of
+             * @description Number of targets on the calibration frame.
+             */
+            of: number;
+            /** @description Errors of the points against the certificate, after a rigid fit unless in place. */
+            rmse: components["schemas"]["AxesDocument"];
+            /**
+             * Chi2
+             * @description Mean squared error in units of σ; 1 if the calibration is as good as its covariance.
+             */
+            chi2: number;
+            /**
+             * Parallax Px
+             * @description Root mean square disagreement of the views across the epipolar lines.
+             */
+            parallax_px: number;
+            /**
+             * Shift Px
+             * @description Mean of observed minus expected images, by view, in frame pixels.
+             */
+            shift_px: {
+                [key: string]: components["schemas"]["PixelAxes"];
+            };
+            /**
+             * Residual Px
+             * @description Root mean square of the same.
+             */
+            residual_px: {
+                [key: string]: components["schemas"]["PixelAxes"];
+            };
+            /** @description Errors without the rigid fit. */
+            as_placed: components["schemas"]["AxesDocument"];
+            /** @description Pose of the calibration frame relative to its pose at calibration. */
+            placed: components["schemas"]["Placement"];
+        };
+        /**
+         * ColumnDocument
+         * @description A column of a table.
+         */
+        ColumnDocument: {
+            /** Name */
+            name: string;
+            /** Unit */
+            unit: string;
+            /** Meaning */
+            meaning: string;
+            /**
+             * Values
+             * @description One value per row; null where there is none.
+             */
+            values: (number | string | null)[];
         };
         /**
          * DeviceDocument
@@ -1884,6 +2364,44 @@ export interface components {
              */
             time_s: number;
         };
+        /**
+         * FrameIdentification
+         * @description Identification of the calibration frame's targets, by view.
+         */
+        FrameIdentification: {
+            /** Handedness */
+            handedness: {
+                [key: string]: number;
+            };
+            /** Rms Px */
+            rms_px: {
+                [key: string]: number | null;
+            };
+            /**
+             * Runner Up Rms Px
+             * @description The same of the second best assignment.
+             */
+            runner_up_rms_px: {
+                [key: string]: number | null;
+            };
+            /** Found */
+            found: {
+                [key: string]: number;
+            };
+            /**
+             * Of
+             * @description Number of targets on the calibration frame.
+             */
+            of: number;
+            /** Unmatched Blobs */
+            unmatched_blobs: {
+                [key: string]: number;
+            };
+            /** Description */
+            description: {
+                [key: string]: string;
+            };
+        };
         Glass: {
             [key: string]: number;
         };
@@ -1924,6 +2442,34 @@ export interface components {
             version: string;
         };
         /**
+         * HeldOutPoint
+         * @description A target that was measured without having taken part: position, error and σ.
+         */
+        HeldOutPoint: {
+            /** Target */
+            target: number;
+            /** Block */
+            block: number;
+            /** X Mm */
+            x_mm: number | null;
+            /** Y Mm */
+            y_mm: number | null;
+            /** Z Mm */
+            z_mm: number | null;
+            /** Dx Mm */
+            dx_mm: number | null;
+            /** Dy Mm */
+            dy_mm: number | null;
+            /** Dz Mm */
+            dz_mm: number | null;
+            /** Sigma X Mm */
+            sigma_x_mm: number | null;
+            /** Sigma Y Mm */
+            sigma_y_mm: number | null;
+            /** Sigma Z Mm */
+            sigma_z_mm: number | null;
+        };
+        /**
          * IdentificationRequest
          * @description The calibration frame to look for.
          * @example {
@@ -1937,8 +2483,92 @@ export interface components {
              */
             calibration_frame?: string | components["schemas"]["JsonObject"] | null;
         };
+        /**
+         * IdentificationResult
+         * @description Result of a job `identify`: the calibration frame's targets that a capture shows.
+         */
+        IdentificationResult: {
+            /** Capture */
+            capture: string;
+            /**
+             * Calibration Frame
+             * @description Name of the calibration frame.
+             */
+            calibration_frame: string;
+            /**
+             * Of
+             * @description Number of targets on the calibration frame.
+             */
+            of: number;
+            picture: components["schemas"]["ShownField"];
+            /** Views */
+            views: {
+                [key: string]: components["schemas"]["IdentifiedView"];
+            };
+            /**
+             * Moved
+             * @description True if the calibration frame did not stand still.
+             */
+            moved: boolean;
+            /** @description Why it is unclear which target is which. */
+            problem: components["schemas"]["JobProblem"] | null;
+        };
+        /**
+         * IdentifiedTarget
+         * @description Image of a target.
+         */
+        IdentifiedTarget: {
+            /** X Px */
+            x_px: number;
+            /** Y Px */
+            y_px: number;
+            /** Target */
+            target: number;
+        };
+        /**
+         * IdentifiedView
+         * @description Targets of the calibration frame in one view.
+         */
+        IdentifiedView: {
+            /**
+             * Found
+             * @description Sorted by target.
+             */
+            found: components["schemas"]["IdentifiedTarget"][];
+            /**
+             * Missing
+             * @description Targets that were not found.
+             */
+            missing: number[];
+            /**
+             * Other
+             * @description Images that are no target.
+             */
+            other: components["schemas"]["Place"][];
+        };
         ImageSize: {
             [key: string]: number;
+        };
+        /**
+         * ImagingGeometry
+         * @description The virtual cameras and the targets in the object's frame.
+         */
+        ImagingGeometry: {
+            /** Cameras */
+            cameras: components["schemas"]["VirtualCamera"][];
+            /** Targets Mm */
+            targets_mm: number[][];
+            /** Base Mm */
+            base_mm: number;
+            /** Distance Mm */
+            distance_mm: number;
+            /** Convergence Deg */
+            convergence_deg: number;
+            /**
+             * Planar Motion Mm
+             * @description The base along the axis of the relative rotation: zero where each view has one mirror.
+             */
+            planar_motion_mm: number | null;
         };
         /** @enum {string} */
         InterruptionPolicy: "continue" | "end";
@@ -1957,17 +2587,29 @@ export interface components {
         JobDocument: {
             /** Id */
             id: string;
-            /** Kind */
+            /**
+             * Kind
+             * @description analyse, calibrate, check, identify or measure.
+             */
             kind: string;
-            /** Subject */
+            /**
+             * Subject
+             * @description Id of the capture that it works on.
+             */
             subject: string;
             state: components["schemas"]["JobState"];
             /** Created Utc */
             created_utc: string;
-            /** Progress */
+            /**
+             * Progress
+             * @description Share of the work that is done, from 0 to 1.
+             */
             progress: number;
-            /** Result */
-            result?: unknown;
+            /**
+             * Result
+             * @description Result of a job that is done; its keys follow from `kind`.
+             */
+            result?: components["schemas"]["AnalysisResult"] | components["schemas"]["CheckResult"] | components["schemas"]["IdentificationResult"] | components["schemas"]["MeasurementResult"] | components["schemas"]["CalibrationResult"] | null;
             /** @description Message and hint of a failed job. */
             problem?: components["schemas"]["JobProblem"] | null;
         };
@@ -1984,8 +2626,15 @@ export interface components {
              */
             next?: string | null;
         };
+        /**
+         * JobProblem
+         * @description Message and hint of what has failed.
+         */
         JobProblem: {
-            [key: string]: string;
+            /** Message */
+            message: string;
+            /** Hint */
+            hint: string;
         };
         /**
          * JobState
@@ -2007,8 +2656,6 @@ export interface components {
          * @description A reason why a device cannot measure, with the device's name.
          */
         LackDocument: {
-            /** Device */
-            device: string;
             lacks: components["schemas"]["LackKind"];
             /** Message */
             message: string;
@@ -2016,6 +2663,8 @@ export interface components {
             hint: string;
             /** @description Machine-readable code of the cause. */
             cause_code: components["schemas"]["Cause"] | null;
+            /** Device */
+            device: string;
         };
         /** @enum {string} */
         LackKind: "device" | "signal" | "calibration";
@@ -2088,12 +2737,70 @@ export interface components {
             latency_ms: components["schemas"]["Latency"] | null;
         };
         /**
+         * LocalFieldDocument
+         * @description Displacement field of a view beyond the functional model, at the nodes of a grid, in frame pixels.
+         */
+        LocalFieldDocument: {
+            /** Origin Px */
+            origin_px: [
+                number,
+                number
+            ];
+            /** Step Px */
+            step_px: number;
+            /** X Px */
+            x_px: number[][];
+            /** Y Px */
+            y_px: number[][];
+            /** Sigma X Px */
+            sigma_x_px: number[][];
+            /** Sigma Y Px */
+            sigma_y_px: number[][];
+        };
+        /**
+         * LocalFieldTrial
+         * @description Trial of a local field in each view, and whether it was accepted.
+         */
+        LocalFieldTrial: {
+            /** Accepted */
+            accepted: boolean;
+            /**
+             * Held Out Rms Px
+             * @description Root mean square of the residuals of held-out targets without and with it, by view.
+             */
+            held_out_rms_px: {
+                [key: string]: {
+                    [key: string]: number;
+                };
+            };
+            /** Gain */
+            gain: number | null;
+            /**
+             * Length Px
+             * @description Length of correlation, by view.
+             */
+            length_px: {
+                [key: string]: number | null;
+            };
+            /**
+             * Signal Px
+             * @description σ of the field, by view.
+             */
+            signal_px: {
+                [key: string]: number | null;
+            };
+            /** Grids */
+            grids: components["schemas"]["ShiftGrid"][];
+        };
+        /**
          * MadeWith
          * @description Documents that points were measured with; null if unknown.
          */
         MadeWith: {
-            calibration: components["schemas"]["JsonObject"] | null;
-            object: components["schemas"]["JsonObject"] | null;
+            /** Calibration */
+            calibration: components["schemas"]["CalibrationDocument"] | null;
+            /** Object */
+            object: components["schemas"]["ObjectModelDocument"] | null;
             settings: components["schemas"]["JsonObject"] | null;
         };
         /**
@@ -2119,6 +2826,27 @@ export interface components {
             columns: {
                 [key: string]: unknown[];
             };
+        };
+        /**
+         * MeasurementResult
+         * @description Result of a job `measure`.
+         */
+        MeasurementResult: {
+            /**
+             * Run
+             * @description Number of the new run.
+             */
+            run: number;
+            /**
+             * Fields
+             * @description Number of fields measured.
+             */
+            fields: number;
+            /**
+             * Points
+             * @description Number of points found.
+             */
+            points: number;
         };
         /**
          * MqttDocument
@@ -2351,6 +3079,26 @@ export interface components {
             utc: string;
         };
         /**
+         * NormalityTest
+         * @description Test of the residuals' normality.
+         */
+        NormalityTest: {
+            /** View */
+            view: string;
+            /** Count */
+            count: number;
+            /** Skewness */
+            skewness: number | null;
+            /** Excess Kurtosis */
+            excess_kurtosis: number | null;
+            /** Test */
+            test: string;
+            /** Statistic */
+            statistic: number | null;
+            /** P */
+            p: number | null;
+        };
+        /**
          * NotReadyProblem
          * @description A device cannot measure.
          * @example {
@@ -2406,6 +3154,47 @@ export interface components {
             column: number[];
         };
         /**
+         * ObjectModelDocument
+         * @description An object model as its file and a capture hold it.
+         */
+        ObjectModelDocument: {
+            /** Name */
+            name: string;
+            /** Target Diameter Mm */
+            target_diameter_mm: number;
+            /**
+             * Sigma Mm
+             * @description Standard deviation of the nominal coordinates.
+             */
+            sigma_mm: number;
+            /**
+             * Homologous
+             * @description True if the targets keep their ids through a capture.
+             * @default true
+             */
+            homologous?: boolean;
+            /** Targets */
+            targets: components["schemas"]["ObjectTarget"][];
+        };
+        /**
+         * ObjectTarget
+         * @description A target's nominal position and its place in the grid.
+         */
+        ObjectTarget: {
+            /** Id */
+            id: number;
+            /** X Mm */
+            x_mm: number;
+            /** Y Mm */
+            y_mm: number;
+            /** Z Mm */
+            z_mm: number;
+            /** Row */
+            row: number;
+            /** Column */
+            column: number;
+        };
+        /**
          * Outcome
          * @description Outcome of a field.
          * @enum {string}
@@ -2413,6 +3202,85 @@ export interface components {
         Outcome: "received" | "lost" | "damaged" | "no_signal" | "overrun";
         /** @enum {string} */
         OverrunPolicy: "count" | "stop";
+        /**
+         * ParameterComparison
+         * @description A parameter of the left view compared with that of the right one.
+         */
+        ParameterComparison: {
+            /** Parameter */
+            parameter: string;
+            /** Unit */
+            unit: string;
+            /** Left */
+            left: number;
+            /** Right */
+            right: number;
+            /** Difference */
+            difference: number;
+            /** Sigma */
+            sigma: number | null;
+            /** Statistic */
+            statistic: number | null;
+            /** P */
+            p: number | null;
+        };
+        /**
+         * ParameterRow
+         * @description A parameter of the functional model; σ is null if it was not adjusted.
+         */
+        ParameterRow: {
+            /** Name */
+            name: string;
+            /** Unit */
+            unit: string;
+            /** Value */
+            value: number;
+            /** Sigma */
+            sigma: number | null;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "adjusted" | "held" | "dropped";
+            /**
+             * Unknown
+             * @description Name of its unknown, which both views may share.
+             */
+            unknown: string | null;
+        };
+        /**
+         * PixelAxes
+         * @description A length in the picture along each axis, in frame pixels.
+         */
+        PixelAxes: {
+            /** X */
+            x: number;
+            /** Y */
+            y: number;
+        };
+        /**
+         * Place
+         * @description Position of an image, in frame pixels.
+         */
+        Place: {
+            /** X Px */
+            x_px: number;
+            /** Y Px */
+            y_px: number;
+        };
+        /**
+         * Placement
+         * @description Rigid motion between two poses of the calibration frame.
+         */
+        Placement: {
+            /** Angle Deg */
+            angle_deg: number;
+            /**
+             * Shift Mm
+             * @description Along X, Y and Z.
+             */
+            shift_mm: number[];
+        };
         /**
          * PointsDocument
          * @description Points of a run, thinned out.
@@ -2546,6 +3414,78 @@ export interface components {
              * @default
              */
             note?: string;
+        };
+        /**
+         * ReportedFrame
+         * @description The calibration frame and its certificate.
+         */
+        ReportedFrame: {
+            /** Name */
+            name: string;
+            /** Targets */
+            targets: number;
+            /** Sigma Mm */
+            sigma_mm: number;
+            /** Target Diameter Mm */
+            target_diameter_mm: number;
+            /**
+             * Certificate
+             * @description As the calibration frame's document has it.
+             */
+            certificate: unknown;
+            /**
+             * Temperature C
+             * @description As the calibration frame's document has it.
+             */
+            temperature_C: unknown;
+        };
+        /**
+         * ReportedView
+         * @description Parameters of one view.
+         */
+        ReportedView: {
+            /** Name */
+            name: string;
+            /** Handedness */
+            handedness: number;
+            /** First Column */
+            first_column: number;
+            /** End Column */
+            end_column: number;
+            /** Parameters */
+            parameters: components["schemas"]["ParameterRow"][];
+        };
+        /**
+         * ResidualRow
+         * @description A target's image in one view: position, residual, σ, redundancy and standardised residual.
+         */
+        ResidualRow: {
+            /** View */
+            view: string;
+            /** Target */
+            target: number;
+            /** Fields */
+            fields: number;
+            /** X Px */
+            x_px: number | null;
+            /** Y Px */
+            y_px: number | null;
+            /** Dx Px */
+            dx_px: number | null;
+            /** Dy Px */
+            dy_px: number | null;
+            /** Sigma X Px */
+            sigma_x_px: number | null;
+            /** Sigma Y Px */
+            sigma_y_px: number | null;
+            /** Redundancy X */
+            redundancy_x: number | null;
+            /** Redundancy Y */
+            redundancy_y: number | null;
+            /** Tau X */
+            tau_x: number | null;
+            /** Tau Y */
+            tau_y: number | null;
         };
         /**
          * RigDocument
@@ -2697,6 +3637,64 @@ export interface components {
             threshold: components["schemas"]["ThresholdConfig"] | null;
         };
         /**
+         * ShiftGrid
+         * @description A displacement over a view's half of the picture, in frame pixels.
+         */
+        ShiftGrid: {
+            /** View */
+            view: string;
+            /** Columns */
+            columns: number[];
+            /** Lines */
+            lines: number[];
+            /** Dx Px */
+            dx_px: (number | null)[][];
+            /** Dy Px */
+            dy_px: (number | null)[][];
+        };
+        /**
+         * ShownField
+         * @description A field to show targets on: its row k is frame line y0 + k · y_step.
+         */
+        ShownField: {
+            /**
+             * Field
+             * @description Number of the field.
+             */
+            field: number;
+            /** Y0 */
+            y0: number;
+            /** Y Step */
+            y_step: number;
+        };
+        /**
+         * SignificanceTest
+         * @description F test of the hypothesis that parameters are zero.
+         */
+        SignificanceTest: {
+            /** Parameters */
+            parameters: string[];
+            /** Round */
+            round: number;
+            /** Kind */
+            kind: string;
+            /** Statistic */
+            statistic: number;
+            /** Q */
+            q: number;
+            /** Freedom */
+            freedom: number;
+            /** P */
+            p: number;
+            /**
+             * Effect Px
+             * @description Greatest shift of a target's image by them.
+             */
+            effect_px: number;
+            /** Dropped */
+            dropped: boolean;
+        };
+        /**
          * StateDocument
          * @description State of the devices, the disk and the daemon at a glance.
          */
@@ -2739,6 +3737,32 @@ export interface components {
             removed_bytes: number;
         };
         /**
+         * TableDocument
+         * @description A table, column by column.
+         */
+        TableDocument: {
+            /** Meaning */
+            meaning: string;
+            /** Columns */
+            columns: components["schemas"]["ColumnDocument"][];
+        };
+        /**
+         * TargetState
+         * @description The targets of one field, or of one phase of the mean cycle.
+         */
+        TargetState: {
+            /** Name */
+            name: string;
+            /**
+             * N
+             * @description Number of the field.
+             */
+            n?: number | null;
+            /** Phase */
+            phase?: number | null;
+            targets: components["schemas"]["TableDocument"];
+        };
+        /**
          * ThresholdConfig
          * @description Choice of the grey value that separates targets from the background.
          */
@@ -2757,6 +3781,34 @@ export interface components {
              * @default false
              */
             map?: boolean;
+        };
+        /**
+         * Unknowns
+         * @description The unknowns of the adjustment and the correlations between them.
+         */
+        Unknowns: {
+            /** Names */
+            names: string[];
+            /** Correlation */
+            correlation: (number | null)[][];
+        };
+        /**
+         * Validation
+         * @description Cross-validation with held-out targets, block by block.
+         */
+        Validation: {
+            /** Blocks */
+            blocks: number;
+            rmse_mm: components["schemas"]["AxesMm"];
+            predicted_mm: components["schemas"]["AxesMm"];
+            /** Chi2 */
+            chi2: number;
+            /** Freedom */
+            freedom: number;
+            /** P */
+            p: number;
+            /** Points */
+            points: components["schemas"]["HeldOutPoint"][];
         };
         /** @enum {string} */
         Verdict: "complete" | "incomplete";
@@ -2808,6 +3860,50 @@ export interface components {
              * @description Fraction of the targets' pixels at the camera's white level.
              */
             clipped: number;
+        };
+        /**
+         * VirtualCamera
+         * @description A virtual camera with the rays of its half's corners, as unit vectors.
+         */
+        VirtualCamera: {
+            /** Name */
+            name: string;
+            /** Center Mm */
+            center_mm: number[];
+            /** Axis */
+            axis: number[];
+            /** Corners */
+            corners: number[][];
+        };
+        /**
+         * Volume
+         * @description Expected σ of X, Y and Z over the volume, plane by plane.
+         */
+        Volume: {
+            /** X Mm */
+            x_mm: number[];
+            /** Y Mm */
+            y_mm: number[];
+            /** Planes */
+            planes: components["schemas"]["VolumePlane"][];
+            /** Pointing Px */
+            pointing_px: number[];
+        };
+        /**
+         * VolumePlane
+         * @description Expected σ over a plane of the volume: from the calibration alone, and in total.
+         */
+        VolumePlane: {
+            /** Z Mm */
+            z_mm: number;
+            /** Calibration */
+            calibration: {
+                [key: string]: (number | null)[][];
+            };
+            /** Total */
+            total: {
+                [key: string]: (number | null)[][];
+            };
         };
         /** @enum {string} */
         Weights: "honest" | "equal";
@@ -3839,7 +4935,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["JsonObject"];
+                    "application/json": components["schemas"]["AnalysisDocument"];
                 };
             };
             /** @description The client's copy is current. */
@@ -4247,7 +5343,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["JsonObject"];
+                    "application/json": components["schemas"]["CalibrationDocument"];
                 };
             };
             /** @description The client's copy is current. */
@@ -4325,7 +5421,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["JsonObject"];
+                    "application/json": components["schemas"]["CalibrationReport"];
                 };
             };
             401: components["responses"]["Problem401"];

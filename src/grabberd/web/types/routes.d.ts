@@ -1,5 +1,5 @@
 // The daemon's routes as the page asks for them: from an address to its body and its answer, out of OpenAPI.
-import type { Analysis, AnalysisMap, Calibration, CalibrationReport, MadeWith } from "./open_documents.d.ts";
+import type { AnalysisMap } from "./open_documents.d.ts";
 import type { paths } from "./openapi.d.ts";
 
 type Method = "get" | "post" | "put" | "patch" | "delete";
@@ -21,11 +21,7 @@ type Succeeded = 200 | 201 | 202;
 
 /** Answers that OpenAPI leaves open, as the page reads them. */
 interface Open {
-  "/captures/{}/analyses/{}": Analysis;
   "/captures/{}/analyses/{}/maps": AnalysisMap;
-  "/captures/{}/runs/{}": Success<paths["/api/v1/captures/{capture_id}/runs/{run}"]["get"]["responses"]> & { made_with: MadeWith };
-  "/calibrations/{}": Calibration;
-  "/calibrations/{}/report.json": CalibrationReport | { result?: undefined };
 }
 
 type Success<Responses> =

@@ -6,7 +6,7 @@ import { columnsOf, summaryOf } from "../plots/series.js";
 import { column, hasAny } from "./tables.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Analysis, Table } from "types/open_documents" */
+/** @import { Analysis, Table } from "types/documents" */
 
 /** @typedef {"time" | "phase"} Over the capture, or the mean cycle */
 

@@ -8,7 +8,8 @@ import { QUANTITIES, reasonIn, shown } from "./quantities.js";
 import { column, hasAny } from "./tables.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Analysis, AnalysisMap } from "types/open_documents" */
+/** @import { Analysis } from "types/documents" */
+/** @import { AnalysisMap } from "types/open_documents" */
 
 const PAUSE_MS = 120;
 

@@ -8,7 +8,7 @@ import { valuesOf } from "./inputs.js";
 import { lastInputs } from "./take_over.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { AnalysisRow, Capture } from "types/documents" */
+/** @import { AnalysisResult, AnalysisRow, Capture, JobWith } from "types/documents" */
 /** @import { AnalysisInputs } from "types/open_documents" */
 
 /**
@@ -28,7 +28,7 @@ export function createRequest(context, capture, own, made) {
   let asked = null;
   const form = (asked = createForm(context, tell));
   const bursts = createBursts(context, capture);
-  const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {{result: {analysis: number}}} */ ended) => made(ended.result.analysis) });
+  const job = createJob(context, { title: t("analysis.running"), busy: setBusy, done: (/** @type {JobWith<AnalysisResult>} */ ended) => made(ended.result.analysis) });
   const body = el("form", { class: "stack", novalidate: true, on: { submit: submit } }, el("p", {}, t("analysis.ask")), offer, form.element, bursts.element, el("div", { class: "row" }, start, why));
   const element = el("div", { class: "stack" }, job.element, body);
 

@@ -3,8 +3,7 @@ import { el, symbol } from "../core/dom.js";
 import { column, single } from "./tables.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { AnalysisRow } from "types/documents" */
-/** @import { Analysis } from "types/open_documents" */
+/** @import { Analysis, AnalysisRow } from "types/documents" */
 
 const FACTS = /** @type {[string, string, number][]} */ ([["rate_per_min", "1/min", 2], ["period_s", "s", 3], ["stroke_mm", "mm", 2], ["wall_ratio", "%", 1], ["iso_ratio", "%", 1], ["offset_s", "s", 3]]);
 const PHASES = ["a", "b", "c", "d"];

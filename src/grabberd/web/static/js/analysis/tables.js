@@ -1,12 +1,12 @@
 // Columns out of an analysis' document.
 
-/** @import { Table } from "types/open_documents" */
+/** @import { Table } from "types/documents" */
 
 /** @typedef {(number | null)[]} Column */
 
-/** The values of a column; none where there is no such column. @param {Table | undefined} table @param {string} name @returns {Column} */
+/** The values of a column of numbers; none where there is no such column. @param {Table | undefined} table @param {string} name */
 export function column(table, name) {
-  return table?.columns.find((one) => one.name === name)?.values ?? [];
+  return /** @type {Column} */ (table?.columns.find((one) => one.name === name)?.values ?? []);
 }
 
 /** The value of the only row of a table, with its σ. @param {Table | undefined} table @param {string} name */

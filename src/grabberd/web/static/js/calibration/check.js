@@ -7,8 +7,7 @@ import { latestJob } from "./latest_job.js";
 import { note } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Job } from "types/documents" */
-/** @import { CheckResult } from "types/open_documents" */
+/** @import { CheckResult, Job, JobWith } from "types/documents" */
 
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", recalibrate: "bad" });
 
@@ -63,7 +62,7 @@ export function createCheck(context) {
     why.hidden = why.textContent === "";
   }
 
-  /** @param {Job & {result: CheckResult}} job */
+  /** @param {JobWith<CheckResult>} job */
   function show({ result: found, created_utc }) {
     const facts = t("calibration.check.facts", { seen: found.seen, of: found.of, mm: format.number(found.rmse.xyz_mm, 3), px: format.number(found.parallax_px, 2) });
     fill(result, note(LEVELS[found.verdict], el("strong", { data: { check: found.verdict } }, t(`calibration.check.verdict.${found.verdict}`)), el("p", {}, t(`calibration.check.advice.${found.verdict}`))),

@@ -7,7 +7,7 @@ import { addressOf, note, way } from "./steps.js";
 import { createTargetPicture } from "./target_picture.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Identification } from "types/open_documents" */
+/** @import { Identification, JobWith } from "types/documents" */
 
 const ENOUGH = 0.6;
 const VIEWS = ["left", "right"];
@@ -15,7 +15,7 @@ const VIEWS = ["left", "right"];
 /** @param {Context} context @param {string} id of the capture */
 export function createFound(context, id) {
   const { t, api, may } = context;
-  const job = createJob(context, { title: t("calibration.found.looking"), done: (/** @type {{result: Identification}} */ { result }) => show(result), busy: (on) => (ways.hidden = on) });
+  const job = createJob(context, { title: t("calibration.found.looking"), done: (/** @type {JobWith<Identification>} */ { result }) => show(result), busy: (on) => (ways.hidden = on) });
   const body = el("div", { class: "stack" });
   const ways = el("div", { class: "row between" });
   const element = el("div", { class: "stack" }, el("section", { class: "card stack" }, el("h2", {}, t("calibration.found.title")), job.element, body, ways));

@@ -1,6 +1,6 @@
 // The verdict on a calibration, from its report. Nothing here touches the page.
 
-/** @import { CalibrationReport, PerAxis } from "types/open_documents" */
+/** @import { CalibrationReport, PerAxis } from "types/documents" */
 
 const SEEN = 0.9;
 const DROPPED = 0.03;

@@ -8,8 +8,7 @@ import { addressOf, forget, note, way } from "./steps.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Reason } from "./judge.js" */
-/** @import { CalibrationRow } from "types/documents" */
-/** @import { CalibrationReport, PerAxis } from "types/open_documents" */
+/** @import { CalibrationReport, CalibrationRow, PerAxis } from "types/documents" */
 
 /** @param {Context} context @param {string} id of the calibration */
 export function createReview(context, id) {

@@ -2,8 +2,7 @@
 import { el } from "../core/dom.js";
 import { colourOf } from "../live/overlay.js";
 
-/** @import { Views } from "types/documents" */
-/** @import { Identification, IdentifiedView, Place } from "types/open_documents" */
+/** @import { Identification, IdentifiedView, Place, Views } from "types/documents" */
 
 const RING_PX = 7;
 const LINES = 576;

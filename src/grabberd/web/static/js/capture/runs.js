@@ -5,8 +5,7 @@ import { createJob } from "../jobs/job.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { PointSample } from "./sample.js" */
-/** @import { Capture, Rig, Run } from "types/documents" */
-/** @import { MadeWith } from "types/open_documents" */
+/** @import { Capture, MadeWith, Rig, Run } from "types/documents" */
 
 const SHOWN = 6;
 /** @type {Partial<Record<Rig["verdict"], [string, string]>>} level and symbol */

@@ -6,8 +6,7 @@ import { depthOf, facingOf, widthOf } from "./course.js";
 
 /** @import { PointSample } from "../capture/sample.js" */
 /** @import { Grid } from "../scene/grid.js" */
-/** @import { AnalysisRow, Capture } from "types/documents" */
-/** @import { Calibration } from "types/open_documents" */
+/** @import { AnalysisRow, Calibration, Capture } from "types/documents" */
 /** @import { Api } from "types/routes" */
 
 const MOST_POINTS = 200_000;

@@ -3,7 +3,7 @@ import { statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Job, JobProblem } from "types/documents" */
+/** @import { Job, JobProblem, JobWith } from "types/documents" */
 
 const EVERY_MS = 1000;
 const ENDED = new Set(["done", "failed", "cancelled"]);
@@ -12,7 +12,7 @@ const ENDED = new Set(["done", "failed", "cancelled"]);
  * @template Result what a job of this kind results in
  * @typedef {object} Hooks
  * @property {string} title what is being done
- * @property {(job: Job & {result: Result}) => void} done it has succeeded
+ * @property {(job: JobWith<Result>) => void} done it has succeeded
  * @property {(job: Job) => void} [cancelled] it has been cancelled here
  * @property {(busy: boolean) => void} [busy] it has started to run, or has ended
  */
@@ -76,7 +76,7 @@ export function createJob(context, hooks) {
     if (job.state === "failed") return fail(job.problem);
     hooks.busy?.(false);
     element.hidden = job.state === "done";
-    if (job.state === "done") hooks.done(/** @type {Job & {result: Result}} */ (job));
+    if (job.state === "done") hooks.done(/** @type {JobWith<Result>} */ (job));
     else fill(element, note("info", "is-idle", t("jobs.cancelled")));
   }
 

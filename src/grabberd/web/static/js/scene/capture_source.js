@@ -1,4 +1,5 @@
 // The points of a capture, a part of it at a time, and the states that its analyses have made of them.
+import { column } from "../analysis/tables.js";
 import { displacement, measuredMoment, momentOf } from "./moments.js";
 import { frustaOf } from "./frustum.js";
 import { gridOf } from "./grid.js";
@@ -8,7 +9,7 @@ import { MEASURED, REACH_MM } from "./live_source.js";
 /** @import { Frustum } from "./frustum.js" */
 /** @import { Grid } from "./grid.js" */
 /** @import { AnalysisRow, Capture } from "types/documents" */
-/** @import { AnalysisMap, Table } from "types/open_documents" */
+/** @import { AnalysisMap } from "types/open_documents" */
 /** @import { Api } from "types/routes" */
 
 /** Fields played at a time: five seconds, without leaving any out. */
@@ -85,11 +86,6 @@ export async function meanCycle(api, opened, number) {
 function phaseMoment(grid, map, names) {
   const moment = momentOf(grid, map.columns, names, { phase: map.phase });
   return { ...moment, values: { ...moment.values, displacement_mm: displacement(moment.xyz_mm, grid.nominal_mm) } };
-}
-
-/** @param {Table | undefined} table @param {string} name */
-function column(table, name) {
-  return table?.columns.find((one) => one.name === name)?.values ?? [];
 }
 
 /** A few at a time, in order. @template T, R @param {T[]} items @param {(item: T) => Promise<R>} ask @returns {Promise<R[]>} */

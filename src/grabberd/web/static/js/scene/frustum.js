@@ -2,7 +2,7 @@
 // R = Rκ·Rφ·Rω, the camera looks along −z; a left-handed one (odd number of mirrors) is diag(−1, 1, 1)·R.
 // The lens's distortion, a few pixels, is left out: at the size drawn it is not to be seen.
 
-/** @import { Calibration, CalibrationView } from "types/open_documents" */
+/** @import { Calibration, CalibrationView } from "types/documents" */
 
 /**
  * @typedef {object} Frustum

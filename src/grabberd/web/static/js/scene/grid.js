@@ -1,7 +1,6 @@
 // The target grid of an object model: which targets there are, and which are neighbours.
 
-/** @import { ObjectModel } from "types/documents" */
-/** @import { StoredObject } from "types/open_documents" */
+/** @import { ObjectModel, StoredObject } from "types/documents" */
 
 /**
  * @typedef {object} Grid

@@ -1,15 +1,43 @@
-"""Check of both views together: two identifications must belong to one rig, close to the nominal one."""
+"""Acceptance of an identification: its criteria, and the check that both views belong to one rig, close to
+the nominal one.
+"""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration.identification.identification_settings import IdentificationSettings
 from grabberd.errors import MeasurementError
-from grabberd.geometry import NominalRig, View, rotation_matrix
+from grabberd.geometry import NominalRig, View
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class IdentificationSettings:
+    """Criteria for accepting an identification.
+
+    Attributes:
+        handedness: Of the left and the right view, +1 or −1; None finds it from the picture.
+        least_targets: Least number of identified targets that determines a view.
+        least_share: Share of a view's blobs that the winner must explain.
+        sigma_px: Total standard deviation of an image coordinate, including errors of the rough model.
+        most_rms_px: Greatest RMS of the identified targets' residuals; more indicates another calibration
+            frame.
+        margin: Least difference of −2 ln(likelihood) between runner-up and winner.
+        relative: Greatest relative deviation of base and distance from nominal.
+        relative_deg: Greatest deviation of the views' relative orientation from nominal.
+    """
+
+    handedness: tuple[int | None, int | None] = (None, None)
+    least_targets: int = 12
+    least_share: float = 0.8
+    sigma_px: float = 0.5
+    most_rms_px: float = 0.5
+    margin: float = 60.0
+    relative: float = 0.3
+    relative_deg: float = 20.0
 
 
 def check_pair(left: View, right: View, nominal: NominalRig, settings: IdentificationSettings) -> None:
@@ -44,23 +72,14 @@ def _check_length(what: str, found_mm: float, nominal_mm: float, allowed: float)
         )
 
 
-def axes_of(view: View) -> Array:
-    """(3, 3) from the object's frame into the camera's, handedness included."""
-    rotation = rotation_matrix(view.omega_rad, view.phi_rad, view.kappa_rad)
-    axes: Array = np.diag([view.handedness, 1.0, 1.0]) @ rotation
-    return axes
-
-
 def _base(left: View, right: View) -> Array:
     """(3,) from the left centre to the right one, in the left camera's coordinates."""
-    base: Array = axes_of(left) @ (right.center_mm - left.center_mm)
-    return base
+    return left.axes @ (right.center_mm - left.center_mm)
 
 
 def _relative(left: View, right: View) -> Array:
     """(3, 3) from the left camera's coordinates into the right one's."""
-    relative: Array = axes_of(right) @ axes_of(left).T
-    return relative
+    return right.axes @ left.axes.T
 
 
 def _far(view: View) -> float:

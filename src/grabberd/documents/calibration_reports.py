@@ -1,0 +1,310 @@
+"""The report of a calibration: everything that the calibration rests on."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from grabberd.documents.document import Document
+from grabberd.documents.named_types import Glass, ImageSize, Weights
+
+Axis = Literal["x", "y", "z"]
+Grid = list[list[float | None]]
+"""Rows of numbers; null where a view does not reach."""
+
+
+class CapturedFrame(Document):
+    """The capture that a calibration was made from."""
+
+    id: str
+    device: str | None
+    started_utc: str
+    fields: int
+    bits: int
+    lines: str
+
+
+class ReportedFrame(Document):
+    """The calibration frame and its certificate."""
+
+    name: str
+    targets: int
+    sigma_mm: float
+    target_diameter_mm: float
+    certificate: object = Field(description="As the calibration frame's document has it.")
+    temperature_C: object = Field(  # noqa: N815 - the key that users write
+        description="As the calibration frame's document has it."
+    )
+
+
+class AdjustmentSettings(Document):
+    """The settings of the adjustment."""
+
+    weights: Weights
+    frame: Literal["weighted", "held"]
+    free: list[str]
+    shared: list[str]
+    tied: bool
+    alpha: float
+    local_field: bool
+    handedness: int | None
+    method: str = Field(description="Locator of the targets.")
+
+
+class FrameIdentification(Document):
+    """Identification of the calibration frame's targets, by view."""
+
+    handedness: dict[str, int]
+    rms_px: dict[str, float | None]
+    runner_up_rms_px: dict[str, float | None] = Field(description="The same of the second best assignment.")
+    found: dict[str, int]
+    of: int = Field(description="Number of targets on the calibration frame.")
+    unmatched_blobs: dict[str, int]
+    description: dict[str, str]
+
+
+class PixelAxes(Document):
+    """A length in the picture along each axis, in frame pixels."""
+
+    x: float
+    y: float
+
+
+class AdjustmentResult(Document):
+    """Result of the adjustment as a whole."""
+
+    sigma0: float = Field(description="Standard deviation of unit weight.")
+    sigma0_px: float
+    freedom: int
+    steps: int
+    image_points: int
+    targets: int
+    rms_px: dict[str, PixelAxes] = Field(description="Root mean square of the residuals, by view.")
+    unmodelled_px: float = Field(description="σ of what no parameter describes.")
+
+
+class ParameterRow(Document):
+    """A parameter of the functional model; σ is null if it was not adjusted."""
+
+    name: str
+    unit: str
+    value: float
+    sigma: float | None
+    state: Literal["adjusted", "held", "dropped"]
+    unknown: str | None = Field(description="Name of its unknown, which both views may share.")
+
+
+class ReportedView(Document):
+    """Parameters of one view."""
+
+    name: str
+    handedness: int
+    first_column: int
+    end_column: int
+    parameters: list[ParameterRow]
+
+
+class Unknowns(Document):
+    """The unknowns of the adjustment and the correlations between them."""
+
+    names: list[str]
+    correlation: Grid
+
+
+class ParameterComparison(Document):
+    """A parameter of the left view compared with that of the right one."""
+
+    parameter: str
+    unit: str
+    left: float
+    right: float
+    difference: float
+    sigma: float | None
+    statistic: float | None
+    p: float | None
+
+
+class SignificanceTest(Document):
+    """F test of the hypothesis that parameters are zero."""
+
+    parameters: list[str]
+    round: int
+    kind: str
+    statistic: float
+    q: int
+    freedom: int
+    p: float
+    effect_px: float = Field(description="Greatest shift of a target's image by them.")
+    dropped: bool
+
+
+class ResidualRow(Document):
+    """A target's image in one view: position, residual, σ, redundancy and standardised residual."""
+
+    view: str
+    target: int
+    fields: int
+    x_px: float | None
+    y_px: float | None
+    dx_px: float | None
+    dy_px: float | None
+    sigma_x_px: float | None
+    sigma_y_px: float | None
+    redundancy_x: float | None
+    redundancy_y: float | None
+    tau_x: float | None
+    tau_y: float | None
+
+
+class BlunderRow(Document):
+    """An image that was left out, by its worse coordinate."""
+
+    view: str
+    target: int
+    x_px: float | None
+    y_px: float | None
+    axis: Literal["x", "y"]
+    residual_px: float
+    tau: float
+    critical: float
+
+
+class NormalityTest(Document):
+    """Test of the residuals' normality."""
+
+    view: str
+    count: int
+    skewness: float | None
+    excess_kurtosis: float | None
+    test: str
+    statistic: float | None
+    p: float | None
+
+
+class AxesMm(Document):
+    """A length for each axis and for all three combined, in mm."""
+
+    x: float
+    y: float
+    z: float
+    xyz: float
+
+
+class HeldOutPoint(Document):
+    """A target that was measured without having taken part: position, error and σ."""
+
+    target: int
+    block: int
+    x_mm: float | None
+    y_mm: float | None
+    z_mm: float | None
+    dx_mm: float | None
+    dy_mm: float | None
+    dz_mm: float | None
+    sigma_x_mm: float | None
+    sigma_y_mm: float | None
+    sigma_z_mm: float | None
+
+
+class Validation(Document):
+    """Cross-validation with held-out targets, block by block."""
+
+    blocks: int
+    rmse_mm: AxesMm
+    predicted_mm: AxesMm
+    chi2: float
+    freedom: int
+    p: float
+    points: list[HeldOutPoint]
+
+
+class VolumePlane(Document):
+    """Expected σ over a plane of the volume: from the calibration alone, and in total."""
+
+    z_mm: float
+    calibration: dict[Axis, Grid]
+    total: dict[Axis, Grid]
+
+
+class Volume(Document):
+    """Expected σ of X, Y and Z over the volume, plane by plane."""
+
+    x_mm: list[float]
+    y_mm: list[float]
+    planes: list[VolumePlane]
+    pointing_px: list[float]
+
+
+class ShiftGrid(Document):
+    """A displacement over a view's half of the picture, in frame pixels."""
+
+    view: str
+    columns: list[float]
+    lines: list[float]
+    dx_px: Grid
+    dy_px: Grid
+
+
+class LocalFieldTrial(Document):
+    """Trial of a local field in each view, and whether it was accepted."""
+
+    accepted: bool
+    held_out_rms_px: dict[str, dict[Literal["without", "with"], float]] = Field(
+        description="Root mean square of the residuals of held-out targets without and with it, by view."
+    )
+    gain: float | None
+    length_px: dict[str, float | None] = Field(description="Length of correlation, by view.")
+    signal_px: dict[str, float | None] = Field(description="σ of the field, by view.")
+    grids: list[ShiftGrid]
+
+
+class VirtualCamera(Document):
+    """A virtual camera with the rays of its half's corners, as unit vectors."""
+
+    name: str
+    center_mm: list[float]
+    axis: list[float]
+    corners: list[list[float]]
+
+
+class ImagingGeometry(Document):
+    """The virtual cameras and the targets in the object's frame."""
+
+    cameras: list[VirtualCamera]
+    targets_mm: list[list[float]]
+    base_mm: float
+    distance_mm: float
+    convergence_deg: float
+    planar_motion_mm: float | None = Field(
+        description="The base along the axis of the relative rotation: zero where each view has one mirror."
+    )
+
+
+class CalibrationReport(Document):
+    """Report of a calibration that was made from a capture; the page for people is drawn from it."""
+
+    schema_: Literal["grabberd/calibration-report/1"] = Field(alias="schema")
+    id: str
+    created_utc: str
+    version: str | None
+    note: str | None
+    capture: CapturedFrame | None
+    calibration_frame: ReportedFrame
+    image: ImageSize
+    glass: Glass | None
+    settings: AdjustmentSettings
+    identification: FrameIdentification
+    result: AdjustmentResult
+    views: list[ReportedView]
+    unknowns: Unknowns
+    comparison: list[ParameterComparison]
+    tests: list[SignificanceTest]
+    dropped: list[str] = Field(description="Parameters dropped because they are not significant.")
+    residuals: list[ResidualRow]
+    blunders: list[BlunderRow]
+    normality: list[NormalityTest]
+    validation: Validation | None
+    volume: Volume
+    distortion: list[ShiftGrid]
+    local_field: LocalFieldTrial | None = Field(description="Null if none was requested.")
+    geometry: ImagingGeometry
+    warnings: list[str]

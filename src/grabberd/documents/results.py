@@ -1,0 +1,122 @@
+"""Results of jobs, one document for each kind of job."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from grabberd.documents.analyses import AnalysisRecord
+from grabberd.documents.calibration_reports import PixelAxes
+from grabberd.documents.document import Document
+from grabberd.documents.problems import JobProblem
+
+
+class AnalysisResult(AnalysisRecord):
+    """Result of a job `analyse`: the record of the analysis that it has stored."""
+
+    analysis: int = Field(description="Number of the analysis.")
+
+
+class CalibrationResult(Document):
+    """Result of a job `calibrate`."""
+
+    calibration: str = Field(description="Id of the new calibration.")
+
+
+class MeasurementResult(Document):
+    """Result of a job `measure`."""
+
+    run: int = Field(description="Number of the new run.")
+    fields: int = Field(description="Number of fields measured.")
+    points: int = Field(description="Number of points found.")
+
+
+class AxesDocument(Document):
+    """One length for each axis, and one for all three combined."""
+
+    x_mm: float
+    y_mm: float
+    z_mm: float
+    xyz_mm: float
+
+
+class Placement(Document):
+    """Rigid motion between two poses of the calibration frame."""
+
+    angle_deg: float
+    shift_mm: list[float] = Field(description="Along X, Y and Z.")
+
+
+class CheckResult(Document):
+    """Result of a job `check`: the calibration frame as measured, against its certificate."""
+
+    capture: str
+    calibration: str = Field(description="Id of the calibration that was checked.")
+    calibration_frame: str = Field(description="Name of the calibration frame.")
+    in_place: bool
+    verdict: Literal["fits", "doubtful", "recalibrate"]
+    advice: str = Field(description="What to do about the verdict.")
+    reasons: list[str] = Field(description="Reasons for the verdict; empty if the calibration fits.")
+    fields: int = Field(description="Number of fields measured.")
+    seen: int = Field(description="Number of targets found in both views.")
+    of: int = Field(description="Number of targets on the calibration frame.")
+    rmse: AxesDocument = Field(
+        description="Errors of the points against the certificate, after a rigid fit unless in place."
+    )
+    chi2: float = Field(
+        description="Mean squared error in units of σ; 1 if the calibration is as good as its covariance."
+    )
+    parallax_px: float = Field(
+        description="Root mean square disagreement of the views across the epipolar lines."
+    )
+    shift_px: dict[str, PixelAxes] = Field(
+        description="Mean of observed minus expected images, by view, in frame pixels."
+    )
+    residual_px: dict[str, PixelAxes] = Field(description="Root mean square of the same.")
+    as_placed: AxesDocument = Field(description="Errors without the rigid fit.")
+    placed: Placement = Field(
+        description="Pose of the calibration frame relative to its pose at calibration."
+    )
+
+
+class Place(Document):
+    """Position of an image, in frame pixels."""
+
+    x_px: float
+    y_px: float
+
+
+class IdentifiedTarget(Place):
+    """Image of a target."""
+
+    target: int
+
+
+class IdentifiedView(Document):
+    """Targets of the calibration frame in one view."""
+
+    found: list[IdentifiedTarget] = Field(description="Sorted by target.")
+    missing: list[int] = Field(description="Targets that were not found.")
+    other: list[Place] = Field(description="Images that are no target.")
+
+
+class ShownField(Document):
+    """A field to show targets on: its row k is frame line y0 + k · y_step."""
+
+    field: int = Field(description="Number of the field.")
+    y0: int
+    y_step: int
+
+
+class IdentificationResult(Document):
+    """Result of a job `identify`: the calibration frame's targets that a capture shows."""
+
+    capture: str
+    calibration_frame: str = Field(description="Name of the calibration frame.")
+    of: int = Field(description="Number of targets on the calibration frame.")
+    picture: ShownField
+    views: dict[str, IdentifiedView]
+    moved: bool = Field(description="True if the calibration frame did not stand still.")
+    problem: JobProblem | None = Field(description="Why it is unclear which target is which.")
+
+
+JobResult = AnalysisResult | CheckResult | IdentificationResult | MeasurementResult | CalibrationResult

@@ -1,0 +1,68 @@
+"""A device's newest field: its illumination, and the field as a picture."""
+
+import threading
+
+import cv2
+
+from grabberd.documents.devices import LightDocument, ViewLightDocument
+from grabberd.errors import NotReady
+from grabberd.processes.light import light_of
+from grabberd.service.device.threshold_keeper import Shown
+from grabberd.service.instrument import Instrument
+
+FIELD_WITHIN_S = 0.5
+FAST = 1
+
+
+def light_document(instrument: Instrument, threshold: int | None) -> LightDocument:
+    """Illumination of the newest field, with targets at the given threshold or at the one in force.
+
+    Raises:
+        NotReady: The device delivers no field.
+    """
+    shown = _newest(instrument)
+    level = instrument.pipeline.thresholds.in_force.level if threshold is None else threshold
+    views = instrument.setup.config.rig.views
+    columns = {name: (one.first_column, one.end_column) for name, one in views}
+    lights = light_of(shown.field, level, columns)
+    described = {
+        name: ViewLightDocument.model_validate(one, from_attributes=True) for name, one in lights.items()
+    }
+    return LightDocument(threshold=level, views=described)
+
+
+class PreviewPicture:
+    """The newest field of one device as a PNG, encoded once for all clients; any thread may call."""
+
+    def __init__(self, instrument: Instrument) -> None:
+        self._instrument = instrument
+        self._encoding = threading.Lock()
+        self._of: Shown | None = None
+        self._png = b""
+
+    def png(self) -> bytes:
+        """The newest field in 8 bits, with its lines as recorded.
+
+        Raises:
+            NotReady: The device delivers no field.
+        """
+        shown = _newest(self._instrument)
+        with self._encoding:
+            if self._of is not shown:
+                self._of, self._png = shown, _png(shown)
+            return self._png
+
+
+def _newest(instrument: Instrument) -> Shown:
+    shown = instrument.pipeline.newest.recent(FIELD_WITHIN_S)
+    if shown is None:
+        status = instrument.board.now
+        raise NotReady(
+            f"device {instrument.name} is {status.state} and has delivered no field for {FIELD_WITHIN_S:g} s",
+            status.hint or "wait until its state is ready: GET /api/v1/state",
+        )
+    return shown
+
+
+def _png(shown: Shown) -> bytes:
+    return bytes(cv2.imencode(".png", shown.field.luma, [cv2.IMWRITE_PNG_COMPRESSION, FAST])[1])
