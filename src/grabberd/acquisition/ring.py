@@ -51,13 +51,17 @@ class Ring:
 
     Attributes:
         slots: Number of slots kept.
+        bits: Bits per pixel of the fields that it is configured for.
+        lines: "doubled" or "field".
         deepest: Greatest number of slots that ever waited for a reader.
     """
 
-    def __init__(self, slots: int = 32) -> None:
+    def __init__(self, slots: int = 32, bits: int = 1, lines: str = "doubled") -> None:
         if slots < 1:
             raise ValueError(f"a ring needs at least one slot, not {slots}")
         self.slots = slots
+        self.bits = bits
+        self.lines = lines
         self.deepest = 0
         self._readers: weakref.WeakSet[RingReader] = weakref.WeakSet()
         self._kept: deque[Slot] = deque(maxlen=slots)

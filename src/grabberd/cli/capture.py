@@ -222,7 +222,7 @@ def _request(order: dict[str, Any], rate_hz: float) -> "CaptureRequest":
 
 
 def _wait_until_it_accepts(instrument: "Instrument") -> None:
-    from grabberd.service.device.device_state import DeviceState  # noqa: PLC0415
+    from grabberd.documents.states import DeviceState  # noqa: PLC0415
 
     board = instrument.board
     with board.changed:

@@ -3,9 +3,9 @@
 from typing import Literal, NamedTuple
 
 from grabberd.acquisition import Signal
+from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
-from grabberd.service.device.device_state import STREAMING, DeviceState
-from grabberd.service.device.status_board import DeviceStatus
+from grabberd.service.device.status_board import STREAMING, DeviceStatus
 from grabberd.service.instrument import Instrument
 
 

@@ -53,7 +53,7 @@ class CaptureStart:
         """
         self.device.check_no_capture()
         self.check_streams()
-        asked, slots = self.new.request.pre_trigger_fields, self.device.pipeline.configured.ring.slots
+        asked, slots = self.new.request.pre_trigger_fields, self.device.pipeline.ring.slots
         if asked > slots:
             raise InputError(
                 f"pre_trigger_fields is {asked}, but the ring has {slots} slots",
@@ -98,7 +98,7 @@ class CaptureStart:
 
     def arm(self, armed_utc: str) -> ArmedCapture:
         """Keeps the ring as it is until the trigger."""
-        ring = self.device.pipeline.configured
+        ring = self.device.pipeline.ring
         armed = self.device.armed = ArmedCapture(
             self.new.id, self.device.name, armed_utc, self.new.request, ring.bits, ring.lines, self.new.group
         )
@@ -110,7 +110,7 @@ class CaptureStart:
         There is no file yet. However long that takes to be made, no field is missed meanwhile.
         """
         pipeline, request, stream = self.device.pipeline, self.new.request, self.device.stream
-        reader = pipeline.configured.ring.reader(request.overrun, back=request.pre_trigger_fields)
+        reader = pipeline.ring.reader(request.overrun, back=request.pre_trigger_fields)
         backlog: Backlog[Slot] = Backlog(capacity=round(self.device.queue_s * stream.rate_hz))
         fields = request.fields
         if fields is not None and self.new.armed_utc is not None:
@@ -160,7 +160,7 @@ class CaptureStart:
     def _meta(self, start: Moment, trigger_n: int) -> CaptureMeta:
         """Metadata of the capture; `trigger_n` is the number of the first field after the trigger."""
         device, request, group = self.device, self.new.request, self.new.group
-        config, stream, ring = device.setup.config, device.stream, device.pipeline.configured
+        config, stream, ring = device.setup.config, device.stream, device.pipeline.ring
         return CaptureMeta(
             id=self.new.id,
             created_utc=start.utc,

@@ -249,7 +249,7 @@ class Worker(threading.Thread):
         """The ring's good fields until a capture begins, ring or setup are exchanged, or the worker is
         stopped.
         """
-        with self._pipeline.configured.ring.reader(Policy.COUNT) as reader:
+        with self._pipeline.ring.reader(Policy.COUNT) as reader:
             while not (self._stopping.is_set() or self._unmeasured() or reader.ended):
                 if self._setup is not setup:
                     return
