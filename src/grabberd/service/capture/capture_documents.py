@@ -83,7 +83,7 @@ def running_document(recording: Recording) -> CaptureDocument:
         recording.meta,
         recorder.ledger,
         recording.runs,
-        first_time_ns=recording.writing.first_time_ns,
+        first_time_ns=recording.first_time_ns,
         size_bytes=recording.size_bytes,
     )
     ended = "unsealed" if recording.sealed.is_set() and not recording.is_sealed else "sealing"
