@@ -52,12 +52,6 @@ def test_a_live_stamp_after_more_than_ten_silent_seconds_is_not_believed(seconds
     assert found.n == (500 if believed else 2)
 
 
-def test_the_longest_gap_that_is_believed_can_be_chosen():
-    numbering = FieldNumbering(info(), max_gap_s=1.0)
-    numbering.number(grab(0))
-    assert numbering.number(grab(52)).reason == "time predicted (far-off timestamp)"
-
-
 @pytest.mark.parametrize(("after_ms", "doubt"), [(6, None), (4, "backward timestamp")])
 def test_a_stamp_less_than_a_quarter_period_after_the_last_counts_as_backward(after_ms, doubt):
     found = numbers([grab(0), grab(1), grab(2, time_ns=START_NS + PERIOD_NS + after_ms * MS)])[-1]

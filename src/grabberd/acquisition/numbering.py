@@ -14,6 +14,9 @@ whole one. A stamp less than the remaining quarter after the last counts as runn
 _WOVEN = (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
 _FUTURE_NS = 100_000_000
 """Grace time: how far a stamp may be ahead of the arrival of its field before it is doubted."""
+_LONGEST_GAP_S = 10.0
+"""Longest gap that a live timestamp is believed: a stream silent for longer has been interrupted, which the
+capture thread reports by `interrupt`."""
 _SIGHTINGS = 3
 """Doubted stamps that must agree among themselves before another clock is accepted."""
 
@@ -63,16 +66,14 @@ class FieldNumbering:
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
-        max_gap_s: Longest gap that a live timestamp may report and still be believed. A stream silent for
-            longer has been interrupted, which its user reports by `interrupt`.
     """
 
-    def __init__(self, info: StreamInfo, max_gap_s: float = 10.0) -> None:
+    def __init__(self, info: StreamInfo) -> None:
         self._live = info.live
         self._keeps_pace = info.live and not info.waits_for_reader
         self._has_parity = info.field_order is not FieldOrder.ONE_PARITY
         self._woven = info.field_order in _WOVEN
-        self._max_steps = max_gap_s * info.rate_hz if info.live else float("inf")
+        self._max_steps = _LONGEST_GAP_S * info.rate_hz if info.live else float("inf")
         self._period_ns = 1e9 / info.rate_hz
         self._clock = FieldClock(self._period_ns, exact=not info.live)
         self._counts = info.counts_losses

@@ -65,14 +65,6 @@ class CaptureStart:
                 f"ask for fewer, or raise devices.{self.device.name}.ring.slots",
             )
 
-    def check_armed(self) -> None:
-        """Checks that the capture is armed.
-
-        Raises:
-            Conflict: It is not.
-        """
-        self.device.check_armed(self.new.id)
-
     def check_streams(self) -> None:
         """Checks that the device streams pictures, and ones that fit its calibration if it has one.
 
@@ -96,10 +88,6 @@ class CaptureStart:
         if self.device.board.now.signal is not Signal.ABSENT:
             pipeline.thresholds.settle(configured)
         pipeline.thresholds.hold()
-
-    def release(self) -> None:
-        """Lets the threshold follow the light again: the capture does not start after all."""
-        self.device.pipeline.thresholds.release()
 
     def arm(self, armed_utc: str) -> ArmedCapture:
         """Keeps the ring as it is until the trigger."""
@@ -200,14 +188,8 @@ def start(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
         StorageError: A file cannot be created, or the disk has no room for all of them.
         GroupRefused: Some of several cannot start, so none does.
     """
-    with _locks_of(starts):
-        _each(starts, CaptureStart.check_free)
-        try:
-            _each(starts, CaptureStart.configure_ring)
-            _begin(starts, current)
-        except GrabberdError:
-            _release(starts)
-            raise
+    with _configured(starts):
+        _begin(starts, current)
 
 
 def arm(starts: Sequence[CaptureStart]) -> list[ArmedCapture]:
@@ -216,13 +198,7 @@ def arm(starts: Sequence[CaptureStart]) -> list[ArmedCapture]:
     Raises:
         CaptureRunning, NotReady, InputError, CalibrationMismatch, GroupRefused: As `start`.
     """
-    with _locks_of(starts):
-        _each(starts, CaptureStart.check_free)
-        try:
-            _each(starts, CaptureStart.configure_ring)
-        except GrabberdError:
-            _release(starts)
-            raise
+    with _configured(starts):
         armed_utc = iso_utc(starts[0].device.clock.utc_now())
         return [one.arm(armed_utc) for one in starts]
 
@@ -236,7 +212,7 @@ def trigger(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
     """
     with _locks_of(starts):
         # Asked again under the locks: another request may have triggered or stopped one meanwhile.
-        _each(starts, CaptureStart.check_armed)
+        _each(starts, lambda one: one.device.check_armed(one.new.id))
         _each(starts, CaptureStart.check_streams)
         _begin(starts, current)
 
@@ -251,10 +227,20 @@ def _locks_of(starts: Sequence[CaptureStart]) -> Iterator[None]:
         yield
 
 
-def _release(starts: Sequence[CaptureStart]) -> None:
-    """Frees the thresholds of all: also a device whose own ring was configured without an error."""
-    for one in starts:
-        one.release()
+@contextmanager
+def _configured(starts: Sequence[CaptureStart]) -> Iterator[None]:
+    """Holds the locks of all devices, with their rings configured and their thresholds held."""
+    with _locks_of(starts):
+        # Before any ring is touched: a running capture's must stay as it is.
+        _each(starts, CaptureStart.check_free)
+        try:
+            _each(starts, CaptureStart.configure_ring)
+            yield
+        except GrabberdError:
+            # Of all: also of a device whose own ring was configured without an error.
+            for one in starts:
+                one.device.pipeline.thresholds.release()
+            raise
 
 
 def _begin(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:

@@ -42,11 +42,6 @@ class FairLock:
     def __init__(self) -> None:
         self._lock = threading.Lock()
 
-    @property
-    def is_held(self) -> bool:
-        """True if a worker holds the lock."""
-        return self._lock.locked()
-
     def one_by_one(self, fields: Iterator[T]) -> Generator[T]:
         """The same fields; the lock is held from when one has come until the next is asked for.
 
