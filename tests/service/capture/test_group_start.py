@@ -186,14 +186,14 @@ def test_thresholds_stay_held_after_a_trigger_that_failed(
 
 
 def test_the_disk_has_to_have_room_for_all_of_them(tmp_path: Path) -> None:
-    wanted = CaptureRequest(fields=3000, bits=8)
+    wanted = CaptureRequest(fields=4400, bits=8)
     room = 1.5 * 60 * 50 * bytes_per_field(8, 288, 720)
     with several(tmp_path, PACED, disk=DiskGuard(GB, lambda _: round(GB + room))) as service:
-        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes"):
+        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes .* 1\.5 are needed"):
             service.capture_control.start_group(both(wanted))
         assert parts(service) == []
         running = service.capture_control.start("left", wanted).id
-        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes"):
+        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes .* 1\.5 are needed"):
             service.capture_control.start("right", wanted)
         service.capture_control.stop(running)
         sealed_all(service)
