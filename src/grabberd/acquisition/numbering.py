@@ -134,6 +134,7 @@ class FieldNumbering:
 
     def _step(self, grabbed: GrabbedField, time_ns: int, now_ns: int | None) -> _Step:
         parity = grabbed.field.parity
+        # Of every field, also where time decides: it learns from each, and remembers the last count.
         count = self._sequence.step(grabbed.sequence, parity) if self._counts else None
         doubt = self._doubt(time_ns, now_ns)
         if self._n < 0:
@@ -171,6 +172,7 @@ class FieldNumbering:
         nearest = max(1, round(steps))
         if self._fits(nearest, parity):
             return nearest
+        # Never back to 0: no two fields have the same number.
         return nearest + 1 if steps >= nearest or nearest == 1 else nearest - 1
 
     def _fits(self, step: int, parity: int) -> bool:
@@ -219,6 +221,7 @@ class FieldNumbering:
     def _watch_another_clock(self, time_ns: int, predicted_ns: int) -> None:
         if self._doubted:
             n, before_ns = self._doubted[-1]
+            # Half a period: closer to the steps counted than to any other number of them.
             if abs((time_ns - before_ns) / self._period_ns - (self._n - n)) > 0.5:
                 self._doubted.clear()
         self._doubted.append((self._n, time_ns))
@@ -264,6 +267,7 @@ class SequenceSteps:
             return None
         self._learn(sequence - last[0], parity)
         step = (self._index(sequence, parity) - self._index(*last)) % self._modulus
+        # Half a wrap ahead or more means that the counter ran backward: it was restarted.
         return step if self._known and 0 < step < self._modulus // 2 else None
 
     @property
@@ -277,6 +281,7 @@ class SequenceSteps:
     def _learn(self, difference: int, parity: int) -> None:
         if self._alternate and difference == 0:
             self._newer = parity
+        # Where a frame's fields share a number, every second difference is 0: two of 1 in a row exclude that.
         self._single_steps = self._single_steps + 1 if difference == 1 else 0 if self._single_steps < 2 else 2
 
     def _index(self, sequence: int, parity: int) -> int:

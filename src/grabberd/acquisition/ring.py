@@ -63,6 +63,7 @@ class Ring:
         self.bits = bits
         self.lines = lines
         self.deepest = 0
+        # Weak: a reader that its owner dropped without closing it does not count as waiting for ever.
         self._readers: weakref.WeakSet[RingReader] = weakref.WeakSet()
         self._kept: deque[Slot] = deque(maxlen=slots)
         self._head = 0

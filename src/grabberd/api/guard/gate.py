@@ -212,6 +212,7 @@ class Gate:
         least = await self._admit(scope)
         if least is not None:
             answer.watch(_Watch(lambda: self._authenticator.still_is(scope, least), self._now_s))
+        # After the identity: a stranger does not learn how long a body may be.
         if scope["type"] == "http":
             check_length(scope, self._front.limits)
             receive = LimitedBody(receive, self._front.limits)
