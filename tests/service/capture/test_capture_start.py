@@ -1,9 +1,11 @@
-"""Starting a capture: what is checked first, and what a refusal says."""
+"""Starting a capture: what is checked first, what a refusal says, and what a disarmed one leaves."""
 
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from running import patient, running
+from several import several
 
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Conflict, InputError, NotReady
@@ -46,3 +48,31 @@ def test_a_capture_that_was_disarmed_meanwhile_is_not_triggered(tmp_path: Path) 
             capture_start.trigger([late], CurrentCaptures({captures.name: captures}))
         assert captures.recording is None
         assert not captures.pipeline.thresholds.held
+
+
+def test_a_disarmed_capture_leaves_no_annotations(tmp_path: Path) -> None:
+    with running(tmp_path) as service:
+        armed = service.capture_control.arm(None, CaptureRequest())
+        service.annotations.annotate(armed.id, note="new liners")
+        assert service.archive.document(armed.id).note == "new liners"
+        service.capture_control.stop(armed.id)
+        assert service.capture_control._annotations.all() == {}
+
+
+class FrozenClock:
+    """A clock that stands still."""
+
+    def now_ns(self) -> int:
+        return 0
+
+    def utc_now(self) -> datetime:
+        return datetime(2026, 1, 1, 0, 0, 0, 999_500, UTC)
+
+
+def test_groups_of_the_same_moment_have_ids_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with several(tmp_path, {"left": {}, "right": {"seed": 2}}) as service:
+        monkeypatch.setattr(service.capture_control, "_clock", FrozenClock())
+        ids = [service.capture_control.arm_group({name: CaptureRequest()}) for name in ("left", "right")]
+        assert ids == ["20260101T000000999Z", "20260101T000001000Z"]
