@@ -11,11 +11,11 @@ from grabberd.acquisition.clock import SystemClock
 from grabberd.cli.options import end_as_ctrl_c_does, progress_console, warn, with_device
 from grabberd.cli.serve import SWITCH_INTERVAL_S
 from grabberd.config import Config, default_config_file
+from grabberd.documents.states import DeviceState
 from grabberd.errors import DeviceAbsent
 from grabberd.service.capture.capture_documents import describe
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.recording import Recording
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.instrument import Instrument
 from grabberd.service.setup import set_up
 from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder
