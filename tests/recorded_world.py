@@ -1,4 +1,4 @@
-"""The simulated camera's pictures, each drawn once a process and shown again every two seconds of its clock.
+"""The simulated camera's pictures, each drawn once a process and shown again every second of its clock.
 
 Drawing takes most of a field's time, and where a whole service is the subject, the pictures are not. The
 liner moves once a second, so its truth holds for every copy; the stamp of field and parity is written anew.
@@ -8,6 +8,7 @@ import threading
 from dataclasses import replace
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,12 +18,14 @@ from grabberd_fake.render import ROWS
 from grabberd_fake.stamp import Stamp, write_stamp
 from grabberd_fake.world import World
 
-CYCLE_FIELDS = 100
-"""Two cycles of the liner. The check of contents takes rows for stale that were there among the last 64 fields;
-the number is even, so a field keeps its parity.
+CYCLE_FIELDS = 50
+"""A cycle of the liner; even, so that a field keeps its parity."""
+LIFTS = 16
+"""Each cycle is a grey value brighter than the one before, so many times: rows that come again bit
+for bit would be taken for stale.
 """
 FILMS = 4
-"""Kept at a time; each takes 20 MB."""
+"""Kept at a time; each takes 10 MB."""
 
 
 class Film:
@@ -56,7 +59,8 @@ class RecordedWorld:
 
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
         """Writes the luma of the camera's field into `out` (288, 720)."""
-        out[:] = self._film.field(field % CYCLE_FIELDS)
+        cycle, number = divmod(field, CYCLE_FIELDS)
+        cv2.add(self._film.field(number), float(cycle % LIFTS), dst=out)
         if self._stamp:
             write_stamp(out, Stamp(field, field % 2))
 
@@ -66,6 +70,6 @@ class RecordedWorld:
 
 
 def world_of(options: FakeOptions) -> World | RecordedWorld:
-    """A recorded world, unless what it shows does not come again after them."""
+    """A recorded world, unless the scene's period or its gain would tell the copies apart."""
     repeats = options.liner.period_s == 1.0 and options.picture.agc_level is None
     return RecordedWorld(options) if repeats else World(options)
