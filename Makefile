@@ -26,7 +26,11 @@ help:  ## this list
 run: $(READY)  ## start the daemon on the simulated grabber at http://127.0.0.1:8050
 	STATE_DIRECTORY="$(abspath $(STATE))" exec $(BIN)/grabberd serve
 
-test: check pytest test-wheel test-install  ## every check and test that this machine can run
+# Checks and installations wait for the disk, the network and each other's single processes: side by side they leave no
+# processor idle. The tests come after them, alone: they keep all processors at work by themselves.
+test: $(READY) npm  ## every check and test that this machine can run
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=target check test-wheel test-install
+	@$(MAKE) --no-print-directory pytest
 
 check: $(READY) check-page  ## ruff, mypy, the arrows between the rooms and the page's types
 	$(BIN)/ruff format --check src drivers tests docs

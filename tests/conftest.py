@@ -3,11 +3,13 @@
 Arithmetic runs on one thread: beside other work, two that wait for each other take up to ten times as long.
 Hypothesis does not judge by the clock how long examples take to draw and to run. Whoever is started in the
 background by a script is told to ignore Ctrl-C, and passes that on: tests that press it have it heard again.
-How long each file's tests take is kept for `make test-affected`.
+How long each file's tests take is kept for `make test-affected`. Services show recorded pictures in the rooms
+where these are not the subject.
 """
 
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,6 +25,23 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 LONGEST = ("browser", "faults")
 """Rooms whose few tests take longest; begun last, they would keep a single processor at work at the end."""
+
+SERVED = ("api", "cli", "service")
+"""Rooms of whole services and their captures."""
+SUBJECT = ("cli/test_field_order.py",)
+"""Files in them whose subject is what moves from picture to picture."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def pictures_drawn_once(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Drawing would take most of the processor's time in these rooms."""
+    with pytest.MonkeyPatch.context() as patch:
+        file = request.path.relative_to(HERE)
+        if file.parts[0] in SERVED and file.as_posix() not in SUBJECT:
+            from recorded_world import world_of  # noqa: PLC0415 - after the environment is set
+
+            patch.setattr("grabberd_fake.grabber.World", world_of)
+        yield
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

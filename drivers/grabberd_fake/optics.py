@@ -51,12 +51,8 @@ class Camera:
     center_mm: Array
     axes: Array
 
-    def project(self, xyz_mm: Array) -> Array:
-        """(N, 2) sensor pixels (column, sensor line) of points (N, 3); NaN for those behind it."""
-        return self.to_pixels(self.axes @ (xyz_mm - self.center_mm).T)
-
     def to_pixels(self, along_mm: Array) -> Array:
-        """(N, 2) sensor pixels of points given along the camera's axes, (3, N)."""
+        """(N, 2) sensor pixels (column, sensor line) of points along its axes, (3, N); NaN behind it."""
         options = self.options
         scale = options.f_mm / np.where(along_mm[2] < -1e-6, -along_mm[2], np.nan)
         x, y = self._distort(along_mm[0] * scale, along_mm[1] * scale)

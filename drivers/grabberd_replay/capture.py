@@ -8,10 +8,10 @@ from grabberd.acquisition import FieldOrder, GrabbedField, Outcome
 from grabberd.errors import CaptureFileError, PictureError
 from grabberd.field import unpack
 from grabberd.storage import CaptureReader, RecordedField
-from grabberd_replay.recording import Batch, Format
+from grabberd_replay.recording import Batch, Format, Recording
 
 
-class CaptureRecording:
+class CaptureRecording(Recording):
     """The fields of a capture, one per batch; damaged ones are delivered as damaged.
 
     Raises:

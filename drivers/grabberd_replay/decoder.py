@@ -20,6 +20,7 @@ from grabberd.errors import DeviceRefused, PictureError
 
 Picture = NDArray[np.uint8]
 
+# OpenCV takes options of its FFmpeg from the environment alone, when a file is opened.
 _ENVIRONMENT = {
     "OPENCV_FFMPEG_LOGLEVEL": "-8",  # nothing on stderr: errors report all that matters
     "OPENCV_FFMPEG_CAPTURE_OPTIONS": "fflags;discardcorrupt",  # drop incomplete pictures

@@ -9,12 +9,12 @@ from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError
 from grabberd_replay.pictures import Pictures, Splitter, recognise
 from grabberd_replay.png import Header, read_png
-from grabberd_replay.recording import Batch
+from grabberd_replay.recording import Batch, Recording
 
 _NUMBER = re.compile(r"^(.*?)(\d+)(\D*)$")
 
 
-class FolderRecording:
+class FolderRecording(Recording):
     """The pictures of a folder in the order of their names, a field every 1 / rate_hz from time zero.
 
     Raises:
@@ -40,9 +40,6 @@ class FolderRecording:
             if path.name in missing:
                 raise _missing(path.parent / missing[path.name], self._header)
             yield self._splitter.batch(read_png(path, self._header)[1], number)
-
-    def close(self) -> None:
-        """Does nothing: no file is kept open."""
 
 
 def in_order(directory: Path) -> list[Path]:

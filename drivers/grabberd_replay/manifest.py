@@ -1,7 +1,7 @@
 """A folder of pictures that grabberd exported, with kind and time of each picture in its `fields.csv`."""
 
 import csv
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from grabberd.field import Field
 from grabberd_replay.folder import colours_of
 from grabberd_replay.pictures import Pictures
 from grabberd_replay.png import read_png
-from grabberd_replay.recording import Batch, Format, counts_like_numbers
+from grabberd_replay.recording import Batch, Format, Recording
 
 MANIFEST = "fields.csv"
 
@@ -33,7 +33,7 @@ class Row(NamedTuple):
     file: str
 
 
-class ManifestRecording:
+class ManifestRecording(Recording):
     """The fields that a manifest lists, with their own times, parities and gaps.
 
     Raises:
@@ -53,7 +53,7 @@ class ManifestRecording:
             rate_hz=rate_hz,
             field_order=FieldOrder.ALTERNATE if len(parities) > 1 else FieldOrder.ONE_PARITY,
             pixel_format="GREY",
-            counts_losses=counts_like_numbers([r.sequence for r in self._rows], [r.n for r in self._rows]),
+            counts_losses=_counts_like_numbers(self._rows),
             details={
                 "pictures": str(self._pictures),
                 "size": f"{self._header.columns}x{self._header.lines}",
@@ -70,9 +70,6 @@ class ManifestRecording:
             damage = None if row.outcome is Outcome.RECEIVED else str(row.outcome)
             yield (GrabbedField(self._field(luma, row), row.time_ns, row.sequence, damage),)
 
-    def close(self) -> None:
-        """Does nothing: no file is kept open."""
-
     def _field(self, luma: NDArray[np.uint8], row: Row) -> Field:
         return Field(luma[row.parity :: 2] if self._woven else luma, row.parity, row.y0, row.y_step)
 
@@ -85,6 +82,12 @@ class ManifestRecording:
         if self._woven:
             return Pictures.FRAMES
         return Pictures.DOUBLED if self._rows[0].y_step == 1 else Pictures.FIELDS
+
+
+def _counts_like_numbers(rows: Sequence[Row]) -> bool:
+    """True if the driver's count grew with the field numbers, and so showed every loss."""
+    shifts = {row.n - row.sequence if row.sequence is not None else None for row in rows}
+    return len(shifts) == 1 and None not in shifts
 
 
 def read_manifest(path: Path) -> list[Row]:

@@ -8,14 +8,14 @@ from grabberd.errors import PictureError
 from grabberd_replay.containers import Container
 from grabberd_replay.decoder import Decoder, Picture
 from grabberd_replay.pictures import PAL_HZ, Pictures, Splitter, recognise
-from grabberd_replay.recording import Batch
+from grabberd_replay.recording import Batch, Recording
 
 _PAL_SIZES = ((720, 576), (720, 288))
 # Codecs that return the pixels they were given; all others displace edges, and so targets.
 _LOSSLESS = ("FFV1", "HFYU", "FFVH", "MPNG", "ULY0", "ULY2", "ULRA", "ULRG", "LAGS", "MAGY", "ZLIB")
 
 
-class VideoRecording:
+class VideoRecording(Recording):
     """The pictures of a video at their own times; gaps in the recording remain gaps.
 
     Raises:
@@ -68,9 +68,6 @@ class VideoRecording:
                 "next one cannot be decoded",
                 "copy it again; what came before it is kept",
             )
-
-    def close(self) -> None:
-        """Does nothing: the file is open only while `batches` is being read."""
 
     def _numbered(self) -> Iterator[tuple[int, Picture]]:
         """Pictures with their number: time since the first picture, in steps of the rate."""

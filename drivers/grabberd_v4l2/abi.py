@@ -25,9 +25,6 @@ CAP_META_CAPTURE = 0x00800000
 CAP_STREAMING = 0x04000000
 CAP_DEVICE_CAPS = 0x80000000
 
-FIELD_ANY, FIELD_NONE, FIELD_TOP, FIELD_BOTTOM, FIELD_INTERLACED = range(5)
-FIELD_SEQ_TB, FIELD_SEQ_BT, FIELD_ALTERNATE, FIELD_INTERLACED_TB, FIELD_INTERLACED_BT = range(5, 10)
-
 
 class Arrangement(IntEnum):
     """V4L2_FIELD_*: arrangement of fields in buffers; profiles use the names in lower case.
@@ -35,17 +32,20 @@ class Arrangement(IntEnum):
     Woven: the lines of two fields alternate in one buffer. Stacked: one field lies below the other.
     """
 
-    ANY = FIELD_ANY
-    NONE = FIELD_NONE
-    TOP = FIELD_TOP
-    BOTTOM = FIELD_BOTTOM
-    INTERLACED = FIELD_INTERLACED
-    SEQ_TB = FIELD_SEQ_TB
-    SEQ_BT = FIELD_SEQ_BT
-    ALTERNATE = FIELD_ALTERNATE
-    INTERLACED_TB = FIELD_INTERLACED_TB
-    INTERLACED_BT = FIELD_INTERLACED_BT
+    ANY = 0
+    NONE = 1
+    TOP = 2
+    BOTTOM = 3
+    INTERLACED = 4
+    SEQ_TB = 5
+    SEQ_BT = 6
+    ALTERNATE = 7
+    INTERLACED_TB = 8
+    INTERLACED_BT = 9
 
+
+ONE_FIELD = (Arrangement.TOP, Arrangement.BOTTOM, Arrangement.ALTERNATE)
+"""Arrangements with one field a buffer."""
 
 BUF_FLAG_QUEUED = 0x00000002
 BUF_FLAG_DONE = 0x00000004

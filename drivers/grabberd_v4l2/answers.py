@@ -8,15 +8,12 @@ from operator import or_
 from pathlib import Path
 
 from grabberd_v4l2 import abi
-from grabberd_v4l2.abi import Arrangement
+from grabberd_v4l2.abi import ONE_FIELD, Arrangement
 from grabberd_v4l2.formats import FORMATS
 from grabberd_v4l2.kernel import Kernel
 from grabberd_v4l2.node import Node
 
-COLUMNS, FRAME_LINES, FIELD_LINES = 720, 576, 288
-SINGLE = (Arrangement.ALTERNATE, Arrangement.TOP, Arrangement.BOTTOM)
-"""Arrangements with one field a buffer."""
-
+_COLUMNS, _FRAME_LINES, _FIELD_LINES = 720, 576, 288
 FAMILIES = {
     "PAL": abi.STD_PAL,
     "PAL-M": 0x0100,
@@ -103,7 +100,7 @@ def _field_orders(node: Node, formats: tuple[str, ...]) -> Iterator[Arrangement]
     if fourcc is None:
         return
     for wanted in Arrangement:
-        lines = FIELD_LINES if wanted in SINGLE else FRAME_LINES
+        lines = _FIELD_LINES if wanted in ONE_FIELD else _FRAME_LINES
         if wanted is not Arrangement.ANY and _grants(node, lines, fourcc, wanted):
             yield wanted
 
@@ -111,6 +108,6 @@ def _field_orders(node: Node, formats: tuple[str, ...]) -> Iterator[Arrangement]
 def _grants(node: Node, lines: int, fourcc: str, wanted: Arrangement) -> bool:
     """True if TRY_FMT returns the arrangement; drivers refuse one by an error or by returning another."""
     try:
-        return bool(node.tried_format(COLUMNS, lines, fourcc, wanted).field == wanted)
+        return bool(node.tried_format(_COLUMNS, lines, fourcc, wanted).field == wanted)
     except OSError:
         return False

@@ -88,6 +88,8 @@ class Buffers:
 
     def release(self) -> None:
         """Unmaps and frees all buffers; may be called twice, and on a node that is gone."""
+        # Unmapped first: except where V4L2_BUF_CAP_SUPPORTS_ORPHANED_BUFS is set, the kernel refuses to free
+        # buffers that are mapped.
         for pages in self._pages:
             pages.unmap()
         self._pages.clear()

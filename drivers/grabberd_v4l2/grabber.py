@@ -132,6 +132,8 @@ class V4l2Grabber:
             DeviceAbsent: the device is not there.
             DeviceRefused: the device is open or not on USB, or libusb or permissions are missing.
         """
+        # A reset unbinds the kernel driver and binds it again; a device whose node is still open or whose
+        # buffers are mapped does not come back.
         if self._node is not None:
             raise DeviceRefused(f"{self._node.path} is open", "close it first")
         reset_of(self.options.identity, self._roots)
@@ -153,7 +155,8 @@ class V4l2Grabber:
         capability = capture_node(node)
         profiles = Profiles.load(self.options.profiles)
         profile = profiles.of(capability.driver)
-        # Everything is set before buffers exist: drivers refuse a new standard or format while they have any.
+        # Everything is set before buffers exist: drivers refuse a new standard or format while they have any,
+        # and usbtv, which does not, must not be given another standard while it streams.
         granted = negotiate(node, capability, self.options, profile)
         watch = _settled(node, profile)
         remarks = (*profiles.remarks, *remarks_on_place(node.path, self._roots))

@@ -56,7 +56,7 @@ class Kernel(Protocol):
         """CLOCK_MONOTONIC."""
         ...
 
-    def sleep(self, seconds: float) -> None:
+    def sleep(self, seconds: float, /) -> None:
         """Sleeps."""
         ...
 
@@ -68,9 +68,9 @@ class LinuxKernel:
         """Read and write, non-blocking, not inherited."""
         return os.open(path, os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
 
-    def close(self, fd: int) -> None:
-        """Closes a descriptor."""
-        os.close(fd)
+    close = staticmethod(os.close)
+    now_ns = staticmethod(time.monotonic_ns)
+    sleep = staticmethod(time.sleep)
 
     def ioctl(self, fd: int, request: int, argument: Any) -> None:
         """Makes a call, and repeats it if a signal interrupts it."""
@@ -93,25 +93,11 @@ class LinuxKernel:
         ready = poller.poll(max(timeout_s, 0.0) * 1e3)
         return ready[0][1] if ready else 0
 
-    def now_ns(self) -> int:
-        """CLOCK_MONOTONIC."""
-        return time.monotonic_ns()
-
-    def sleep(self, seconds: float) -> None:
-        """Sleeps."""
-        time.sleep(seconds)
-
 
 _libc = ctypes.CDLL(None, use_errno=True)
 _libc.mmap.restype = ctypes.c_void_p
-_libc.mmap.argtypes = (
-    ctypes.c_void_p,
-    ctypes.c_size_t,
-    ctypes.c_int,
-    ctypes.c_int,
-    ctypes.c_int,
-    ctypes.c_long,
-)
+# Declared, since ctypes would pass undeclared arguments as C's int and cut addresses to 32 bits.
+_libc.mmap.argtypes = (ctypes.c_void_p, ctypes.c_size_t, *[ctypes.c_int] * 3, ctypes.c_long)
 _libc.munmap.argtypes = (ctypes.c_void_p, ctypes.c_size_t)
 _MAP_FIXED = 0x10
 _MAP_FAILED = ctypes.c_void_p(-1).value

@@ -37,7 +37,6 @@ class Granted:
     Attributes:
         columns: pixels per line; `lines`: lines per buffer, 576 of a frame or 288 of one field.
         bytes_per_line: distance of two lines in the first plane.
-        size_bytes: size of a whole picture in a buffer.
         fourcc: pixel format, e.g. "YUYV".
         field: V4L2_FIELD_*, never ANY.
         standard: video standard, e.g. "PAL".
@@ -48,7 +47,6 @@ class Granted:
     columns: int
     lines: int
     bytes_per_line: int
-    size_bytes: int
     fourcc: str
     field: int
     standard: str
@@ -117,13 +115,9 @@ class Layout:
             return cls._single(granted, _SINGLE[arrangement])
         # The installer's word comes first, then the arrangement, which some drivers state wrongly; plain
         # INTERLACED leaves it to the profile: usbtv's older field is the bottom one.
-        first = _first_not_none(older, _OLDER.get(arrangement), profile.older_parity, TOP)
-        return cls._frames(granted, arrangement, first)
-
-    @property
-    def columns(self) -> int:
-        """Pixels per row."""
-        return self.granted.columns
+        if older is None:
+            older = _OLDER.get(arrangement, profile.older_parity)
+        return cls._frames(granted, arrangement, older)
 
     def fields(self, buffer: NDArray[np.uint8], buffer_field: int) -> tuple[LaidField, ...]:
         """The fields in a buffer, the older first.
@@ -207,10 +201,6 @@ def _height(granted: Granted, rows: int) -> tuple[int, tuple[str, ...]]:
         raise _refused(granted, what, "switch its scaler off, or request woven frames of 576 lines")
     remark = f"a field has only {rows} of {FIELD_ROWS} rows: the driver cuts or scales the picture"
     return rows, (remark,) if rows < FIELD_ROWS else ()
-
-
-def _first_not_none(*values: int | None) -> int:
-    return next(value for value in values if value is not None)
 
 
 def _no_parity(granted: Granted, buffer_field: int) -> DeviceRefused:

@@ -7,7 +7,7 @@ from itertools import product
 from grabberd.acquisition.discovery import Verdict
 from grabberd.errors import DeviceRefused
 from grabberd_v4l2 import abi, standards
-from grabberd_v4l2.abi import Arrangement
+from grabberd_v4l2.abi import ONE_FIELD, Arrangement
 from grabberd_v4l2.formats import FORMATS, bytes_per_pixel, needed_bytes
 from grabberd_v4l2.layout import Granted
 from grabberd_v4l2.node import Capability, Node
@@ -18,7 +18,6 @@ COLUMNS = 720
 # Only lines have to be whole: cards that sample square pixels (768 columns) or fewer ones are usable.
 FEWEST_COLUMNS, MOST_COLUMNS = 640, 1024
 FRAME_LINES = 576
-_ONE_FIELD = (Arrangement.TOP, Arrangement.BOTTOM, Arrangement.ALTERNATE)
 _LIST = "'grabberd devices' lists the available grabbers"
 _OTHER_KINDS = {
     abi.CAP_META_CAPTURE: "metadata",
@@ -68,7 +67,6 @@ def negotiate(node: Node, capability: Capability, options: V4l2Options, profile:
         columns=columns,
         lines=int(pix.height),
         bytes_per_line=int(pix.bytesperline) or columns * bytes_per_pixel(fourcc),
-        size_bytes=int(pix.sizeimage),
         fourcc=fourcc,
         field=int(pix.field),
         standard=standards.name(standard),
@@ -133,6 +131,7 @@ def _set_standard(node: Node, options: V4l2Options) -> int:
             f"{node.path} has no {options.standard} at this input; its standards: {names}",
             "choose a composite or S-Video input (option 'input') or another grabber",
         )
+    # Always, whatever it is at now: stk1160 and usbtv start up in NTSC.
     node.set_standard(wanted)
     granted = node.standard()
     if not standards.is_50_hz(granted):
@@ -202,7 +201,7 @@ def _format_of(answer: abi.PixFormat) -> tuple[str, int]:
 
 
 def _lines(order: int) -> int:
-    return FRAME_LINES // 2 if order in _ONE_FIELD else FRAME_LINES
+    return FRAME_LINES // 2 if order in ONE_FIELD else FRAME_LINES
 
 
 def _is_our_size(answer: abi.PixFormat) -> bool:

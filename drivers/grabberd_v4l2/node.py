@@ -94,6 +94,7 @@ class Node:
 
     def tried_format(self, columns: int, lines: int, fourcc: str, field: int) -> abi.PixFormat:
         """Format that would be granted, without setting it."""
+        # TRY_FMT is never refused as busy: it works while another program streams, unlike S_FMT.
         return _picture(self._call(ioctls.TRY_FMT, _format(columns, lines, fourcc, field)))
 
     def format(self) -> abi.PixFormat:

@@ -80,6 +80,7 @@ class Stream:
 
     def stop(self) -> None:
         """Stops the stream and releases its buffers; may be called twice, and on a node that is gone."""
+        # In this order: the kernel refuses to free the buffers of a queue that streams.
         with contextlib.suppress(OSError):
             self._node.stream_off()
         self._buffers.release()

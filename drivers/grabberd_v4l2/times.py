@@ -83,10 +83,6 @@ class FieldTimes:
         """Standard deviation of a field's time."""
         return self._sigma_ns
 
-    def restarted(self) -> None:
-        """Forgets the driver's count, which starts again."""
-        self._count, self._last_ns = None, None
-
     def handed_back(self, stamp: Stamp) -> bool:
         """True if a buffer was returned without a field of the camera; call it for each buffer, in order.
 

@@ -1,7 +1,5 @@
 """Signal and standard of a streaming card, polled about once a second."""
 
-from typing import NamedTuple
-
 from grabberd.acquisition.device import Signal
 from grabberd_v4l2 import abi, standards
 from grabberd_v4l2.node import Node
@@ -10,13 +8,6 @@ from grabberd_v4l2.profiles import SignalSource
 _NO_SIGNAL = abi.IN_ST_NO_POWER | abi.IN_ST_NO_SIGNAL | abi.IN_ST_NO_H_LOCK
 # Time for a decoder to lock.
 _RECHECK_NS = 250_000_000
-
-
-class _Look(NamedTuple):
-    """Signal status, and the problem with the standard, if any."""
-
-    signal: Signal
-    trouble: str | None
 
 
 class Watch:
@@ -38,7 +29,8 @@ class Watch:
 
     def look(self) -> Signal:
         """Signal status; unknown if the card does not report one."""
-        signal, trouble = self._look()
+        signal = self._signal()
+        trouble = self._changed_by_others() or self._wrong_camera(signal)
         self.tells = signal is not Signal.UNKNOWN
         if trouble is None:
             self._suspect_ns = None
@@ -61,11 +53,8 @@ class Watch:
             self.look()
         return self.trouble
 
-    def _look(self) -> _Look:
-        signal = self._signal()
-        return _Look(signal, self._changed_by_others() or self._wrong_camera(signal))
-
     def _signal(self) -> Signal:
+        # Polled, since hardly any analog card announces a change of its source (SOURCE_CHANGE).
         try:
             if self._source is SignalSource.ENUMINPUT:
                 return _present(not self._node.input().status & _NO_SIGNAL)

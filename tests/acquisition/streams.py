@@ -3,8 +3,10 @@
 import numpy as np
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, StreamInfo
+from grabberd.acquisition.numbering import FieldNumbering
 from grabberd.field import Field
 
+MS = 1_000_000
 PERIOD_NS = 20_000_000
 START_NS = 5_000_000_000_000
 _LUMA = np.zeros((4, 8), np.uint8)
@@ -34,3 +36,14 @@ def grab(n, *, late_ns=0, time_ns=None, parity=None, sequence=None, damage=None)
     parity = n % 2 if parity is None else parity
     time_ns = START_NS + n * PERIOD_NS + late_ns if time_ns is None else time_ns
     return GrabbedField(Field.intact(_LUMA, parity), time_ns, sequence, damage)
+
+
+def numbers(grabbed, stream=None):
+    """The fields as a new numbering numbers them, without their arrivals."""
+    numbering = FieldNumbering(stream or info())
+    return [numbering.number(field) for field in grabbed]
+
+
+def lost(entries):
+    """The entries without their outcome."""
+    return [(entry.first_n, entry.count, entry.reason) for entry in entries]

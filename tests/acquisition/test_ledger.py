@@ -1,7 +1,5 @@
 """The ledger accounts for every field exactly once."""
 
-import json
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -199,12 +197,6 @@ def test_every_number_is_counted_exactly_once(happened):
     assert sum(ledger.counts().values()) == ledger.total
     ends = [entry.end_n for entry in ledger.entries]
     assert all(entry.first_n >= end for entry, end in zip(ledger.entries[1:], ends, strict=False))
-
-
-@given(events)
-def test_an_account_survives_being_written_as_json(happened):
-    ledger, _ = account(happened)
-    assert Ledger.from_document(json.loads(json.dumps(ledger.to_document()))) == ledger
 
 
 @given(events)

@@ -62,5 +62,5 @@ def test_after_an_interruption_the_count_may_begin_anew():
     sequence = SequenceSteps(alternate=False)
     sequence.step(100, 0)
     sequence.forget()
-    assert sequence.step(2, 0) is None
-    assert sequence.step(3, 1) == 1
+    assert sequence.step(103, 1) is None
+    assert sequence.step(104, 0) == 1

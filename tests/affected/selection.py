@@ -11,7 +11,14 @@ from typing import NamedTuple
 
 from tests.affected.imports import Imports
 
-WHOLE = ("pyproject.toml", "constraints.txt", "hatch_build.py", "Makefile", "tests/conftest.py")
+WHOLE = (
+    "pyproject.toml",
+    "constraints.txt",
+    "hatch_build.py",
+    "Makefile",
+    "tests/conftest.py",
+    "tests/recorded_world.py",
+)
 """What every test depends on."""
 ROOMS = {
     "configs": ("tests/test_config.py",),

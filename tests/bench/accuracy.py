@@ -13,13 +13,13 @@ from grabberd.processes.accuracy import (
     Compared,
     Investigation,
     InvestigationSettings,
-    Truth,
     investigate,
     requantised,
 )
 from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
 from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_RMSE
+from grabberd.reconstruction.accuracy.ground_truth import Truth
 from grabberd_fake import FakeGrabber, FakeOptions, truth_at
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.grabber import JumpingClock

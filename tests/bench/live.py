@@ -59,7 +59,7 @@ def _run(running: Daemon, seconds: float) -> list[tuple[str, str]]:
         ("field arrived → points published, p50 / p99 / max", in_words_ms(latency)),
         (
             "deepest ring use",
-            f"{recording.recorder.reader.deepest} of {instrument.pipeline.configured.ring.slots} slots",
+            f"{recording.recorder.reader.deepest} of {instrument.pipeline.ring.slots} slots",
         ),
         ("deepest backlog", f"{recording.recorder.backlog.deepest} fields"),
         *cost_rows(shares),

@@ -97,7 +97,7 @@ def _row(service: Service, instrument: Instrument, recording: Recording) -> tupl
         ledger.in_words(50.0),
         f"{points / max(1, ledger.received):.1f}",
         in_words_ms(latency),
-        f"{recording.recorder.reader.deepest} of {instrument.pipeline.configured.ring.slots}",
+        f"{recording.recorder.reader.deepest} of {instrument.pipeline.ring.slots}",
     )
 
 

@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -13,11 +14,21 @@ from browser.pages import PATIENCE_MS, TABLET, Watched
 
 CHROMIUM = os.environ.get("GRABBERD_CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
 HERE = Path(__file__).parent
-__all__ = ["CHROMIUM", "PHONE", "TABLET", "Open", "Start"]
+__all__ = ["CHROMIUM", "PHONE", "TABLET", "Guarded", "Open", "Start"]
 PHONE = {"width": 390, "height": 844}
+
+# The locator that takes least of the processor: the page shows alike whatever any of them has found.
+CHEAP = "centroid"
 
 Open = Callable[..., Watched]
 Start = Callable[..., Daemon]
+
+
+class Guarded(NamedTuple):
+    """A daemon with a token for every role."""
+
+    url: str
+    tokens: dict[str, str]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -40,9 +51,10 @@ def _missing() -> str:
     return ""
 
 
-@pytest.fixture(scope="module")
+# Scope "package" is this folder: a worker that goes on to another one leaves nothing running behind itself.
+@pytest.fixture(scope="package")
 def browser() -> Iterator[object]:
-    """Chromium, for the tests of a file: playwright's event loop runs on, and no other file may find it."""
+    """Chromium; it ends with this folder, since tests elsewhere must not find playwright's event loop."""
     from playwright.sync_api import expect, sync_playwright  # noqa: PLC0415
 
     expect.set_options(timeout=PATIENCE_MS)
@@ -54,18 +66,26 @@ def browser() -> Iterator[object]:
         chromium.close()
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="package")
 def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
-    """One without tokens, for the tests of a file."""
-    with Daemon(tmp_path_factory.mktemp("daemon")) as one:
+    """One without tokens. Tests share it: they find captures of others there, and leave it ready."""
+    with Daemon(tmp_path_factory.mktemp("daemon"), location=CHEAP) as one:
+        one.wait_until_it_streams()
         yield one
+
+
+@pytest.fixture(scope="package")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
+    """One that asks for a token, for tests that only look."""
+    with Daemon(tmp_path_factory.mktemp("guarded"), location=CHEAP) as one:
+        yield Guarded(one.url, {role: one.add_token(role, role) for role in ("viewer", "operator")})
 
 
 @pytest.fixture
 def start_daemon(tmp_path: Path) -> Iterator[Start]:
     """Starts a daemon for one test: `start_daemon(scene="blank")`. It ends after the pages of the test."""
     with ExitStack() as started:
-        yield lambda **options: started.enter_context(Daemon(tmp_path, **options))
+        yield lambda **options: started.enter_context(Daemon(tmp_path, **{"location": CHEAP, **options}))
 
 
 @pytest.fixture

@@ -81,11 +81,16 @@ class Daemon:
         """Takes a capture, as soon as the device streams, and returns its id once it is sealed."""
         self.wait_until_it_streams()
         capture_id: str = self.ask("/captures", body={"fields": fields, **order})["id"]
+        self.wait_until_sealed(capture_id)
+        return capture_id
+
+    def wait_until_sealed(self, capture_id: str) -> Any:
+        """Waits for the end of a capture and returns its document."""
         until_s = time.monotonic() + PATIENCE_S
-        while self.ask(f"/captures/{capture_id}")["verdict"] is None:
+        while (capture := self.ask(f"/captures/{capture_id}"))["verdict"] is None:
             assert time.monotonic() < until_s, "the capture does not end"
             time.sleep(LOOK_EVERY_S)
-        return capture_id
+        return capture
 
     def analyse(self, capture_id: str, **inputs: Any) -> None:
         """Analyses a capture, and returns once that is done."""

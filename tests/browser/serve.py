@@ -1,18 +1,21 @@
 """The daemon for a browser: serve.py PORT OPTIONS. Its grabber waits for its reader.
 
-OPTIONS are the simulated grabber's, as JSON; besides, `config` names a configuration file.
+OPTIONS are the simulated grabber's, as JSON; besides, `config` names a configuration file, and `location` the
+locator that all devices measure with.
 """
 
 import json
 import os
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from grabberd.api import create_app, serving, sockets
 from grabberd.api.guard.front import Front
-from grabberd.config import default_config_file, load_config
+from grabberd.config import Config, LocationConfig, default_config_file, load_config
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd_fake import FakeGrabber
@@ -21,17 +24,49 @@ sys.path[:0] = [str(Path(__file__).parents[1]), str(Path(__file__).parents[1] / 
 
 from running import PatientClock  # noqa: E402 - a helper of the service's tests
 
+# A page shows a few fields a second, and drawing and measuring all fifty took most of these tests' processor
+# time. Busy computers are slower than this, so nothing here may depend on it.
+IDLE_SLOWNESS = 8
+
+
+class IdlingClock(PatientClock):
+    """A patient clock that runs slowly while nothing is captured.
+
+    Attributes:
+        captures: Tells if a capture runs or waits for its trigger: those get the camera's pace.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.captures: Callable[[], bool] = lambda: False
+
+    def sleep_until_ns(self, time_ns: int) -> None:
+        if not self.captures():
+            time.sleep(max(time_ns - self.now_ns(), 0) * (IDLE_SLOWNESS - 1) / 1e9)
+        super().sleep_until_ns(time_ns)
+
 
 def service_of(options: dict[str, Any]) -> Service:
     """A service whose simulated grabber loses nothing."""
     file = Path(options.pop("config", None) or default_config_file())
-    config = load_config(file)
-    clock = PatientClock()
+    config = located(load_config(file), options.pop("location", None))
+    clock = IdlingClock()
     setups = set_up(config, file)
     for name, device in config.devices.items():
         grabber = FakeGrabber(clock=clock, **{**device.options, "buffers": 32, **options})
         setups[name] = replace(setups[name], grabber=grabber)
-    return Service(setups, Path(os.environ["STATE_DIRECTORY"]), site=dict(config.site), clock=clock)
+    service = Service(setups, Path(os.environ["STATE_DIRECTORY"]), site=dict(config.site), clock=clock)
+    clock.captures = lambda: any(one.running or one.armed_capture for one in service.instruments.values())
+    return service
+
+
+def located(config: Config, method: str | None) -> Config:
+    """The configuration with this locator, if one is named."""
+    if method is None:
+        return config
+    location = LocationConfig(method=method)
+    devices = {name: one.model_copy(update={"location": location}) for name, one in config.devices.items()}
+    return config.model_copy(update={"devices": devices})
 
 
 def main(port: str, options: str) -> None:

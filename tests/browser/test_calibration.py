@@ -1,6 +1,7 @@
 """The calibration panel: what is active, and the guided way from the calibration frame to an accepted one."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ import yaml
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import Open, Start
+from browser.conftest import Guarded, Open, Start
 from browser.daemons import Daemon
 from grabberd.config import shipped_configs
 
@@ -21,20 +22,26 @@ CONFIGURED = "fake-1-2"
 def before_the_frame(tmp_path: Path, start_daemon: Start) -> Daemon:
     """A daemon whose camera sees the calibration frame, and which has no calibration yet."""
     config = yaml.safe_load((shipped_configs() / "fake-calibration-frame.yaml").read_text())
-    config["devices"]["simulated"]["location"] = {"method": "weighted"}  # half the time
     (tmp_path / "config.yaml").write_text(yaml.safe_dump(config))
-    return start_daemon(config=str(tmp_path / "config.yaml"))
+    return start_daemon(config=str(tmp_path / "config.yaml"), location="weighted")
+
+
+@pytest.fixture(scope="module")
+def at_the_frame(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon whose camera sees the calibration frame, and which has the shipped calibration alone."""
+    with Daemon(tmp_path_factory.mktemp("frame"), scene="calibration_frame", location="weighted") as daemon:
+        daemon.wait_until_it_streams()
+        yield daemon
 
 
 def step(page: Page) -> str:
     return str(page.locator(".step.is-now").inner_text()).split("\n")[-1]
 
 
-def signed_in(daemon: Daemon, open_page: Open, role: str, panel: str) -> Page:
-    token = daemon.add_token(role, role)
-    watched = open_page(f"{daemon.url}/#{panel}")
+def signed_in(guarded: Guarded, open_page: Open, role: str, panel: str) -> Page:
+    watched = open_page(f"{guarded.url}/#{panel}")
     watched.expect_errors("401")
-    watched.page.get_by_label("Token").fill(token)
+    watched.page.get_by_label("Token").fill(guarded.tokens[role])
     watched.page.get_by_role("button", name="Sign in").click()
     watched.page.wait_for_selector("[data-panel^=calibration]")
     return watched.page
@@ -148,12 +155,11 @@ def test_a_file_that_is_no_calibration_is_refused_in_words(
         expect(page.locator(".import .note.is-bad")).to_be_visible()
 
 
-def test_a_viewer_may_look_and_is_offered_nothing_to_do(start_daemon: Start, open_page: Open) -> None:
-    fresh = start_daemon()
-    page = signed_in(fresh, open_page, "viewer", "calibration")
+def test_a_viewer_may_look_and_is_offered_nothing_to_do(guarded: Guarded, open_page: Open) -> None:
+    page = signed_in(guarded, open_page, "viewer", "calibration")
     expect(page.locator(f"[data-calibration={CONFIGURED}]")).to_contain_text("In use")
     assert page.locator("[data-do], input[type=file]").count() == 0
-    page.goto(f"{fresh.url}/#calibration/place")
+    page.goto(f"{guarded.url}/#calibration/place")
     expect(page.get_by_text("To calibrate, an operator's key is needed.")).to_be_visible()
     expect(page.get_by_role("link", name="Next")).to_have_count(0)
 
@@ -161,10 +167,9 @@ def test_a_viewer_may_look_and_is_offered_nothing_to_do(start_daemon: Start, ope
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_the_ten_second_check_says_whether_the_calibration_fits_and_can_be_cancelled(
-    start_daemon: Start, open_page: Open
+    at_the_frame: Daemon, open_page: Open
 ) -> None:
-    daemon = start_daemon(scene="calibration_frame")
-    daemon.wait_until_it_streams()
+    daemon = at_the_frame
     page = open_page(f"{daemon.url}/#calibration").page
     check = page.get_by_role("button", name="Check", exact=True)
     check.click()
@@ -172,7 +177,7 @@ def test_the_ten_second_check_says_whether_the_calibration_fits_and_can_be_cance
     page.get_by_role("button", name="Cancel").click()
     expect(page.get_by_text("Cancelled.")).to_be_visible()
     expect(check).to_be_enabled()
-    given_up = daemon.ask("/captures?limit=1")["captures"][0]
+    given_up = daemon.wait_until_sealed(daemon.ask("/captures?limit=1")["captures"][0]["id"])
     assert given_up["fields"] < 500
 
     check.click()
@@ -185,8 +190,8 @@ def test_the_ten_second_check_says_whether_the_calibration_fits_and_can_be_cance
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_computing_a_calibration_can_be_cancelled(start_daemon: Start, open_page: Open) -> None:
-    daemon = start_daemon(scene="calibration_frame")
+def test_computing_a_calibration_can_be_cancelled(at_the_frame: Daemon, open_page: Open) -> None:
+    daemon = at_the_frame
     capture = daemon.capture(fields=50, bits=8)
     page = open_page(f"{daemon.url}/#calibration/adjust/{capture}").page
     page.get_by_role("button", name="Compute").click()

@@ -1,11 +1,13 @@
 """What holds for every panel: accessible, nothing cut off, nothing from elsewhere, in both languages."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from playwright.sync_api import Page
 
 from browser.axe import serious
-from browser.conftest import PHONE, TABLET, Open, Start
+from browser.conftest import CHEAP, PHONE, TABLET, Open, Start
 from browser.daemons import Daemon
 
 PANELS = ["operate", "live", "shape", "plots", "captures", "compare", "calibration", "calibration/place"]
@@ -47,25 +49,41 @@ TOO_SMALL = """(least) => [...document.querySelectorAll('button, select, summary
     .map((one) => `${one.tagName} ${one.className} ${one.textContent.slice(0, 40)}`)"""
 
 
+@pytest.fixture(scope="module")
+def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """One of its own: what the panels show must not depend on the tests that were run before."""
+    with Daemon(tmp_path_factory.mktemp("daemon"), location=CHEAP) as one:
+        one.wait_until_it_streams()
+        yield one
+
+
 def at(daemon: Daemon, panel: str) -> str:
     return f"{daemon.url}/#{panel}"
 
 
+def every_panel(page: Page, daemon: Daemon) -> Iterator[str]:
+    """Goes through the panels in one page: it is its loading that costs most."""
+    for panel in PANELS:
+        page.goto(at(daemon, panel))
+        page.wait_for_selector(f"[data-panel={IDS.get(panel, panel)}]")
+        yield panel
+
+
 @pytest.mark.parametrize("look", ["light", "dark"])
-@pytest.mark.parametrize("panel", PANELS)
-def test_axe_finds_nothing_serious(daemon: Daemon, open_page: Open, panel: str, look: str) -> None:
-    page = open_page(at(daemon, panel), look=look).page
-    assert serious(page) == []
+def test_axe_finds_nothing_serious(daemon: Daemon, open_page: Open, look: str) -> None:
+    page = open_page(at(daemon, PANELS[0]), look=look).page
+    for panel in every_panel(page, daemon):
+        assert (panel, serious(page)) == (panel, [])
 
 
 @pytest.mark.parametrize("size", [TABLET, PHONE], ids=["tablet", "phone"])
-@pytest.mark.parametrize("panel", PANELS)
 def test_nothing_is_cut_off_or_too_small_to_touch(
-    daemon: Daemon, open_page: Open, panel: str, size: dict[str, int]
+    daemon: Daemon, open_page: Open, size: dict[str, int]
 ) -> None:
-    page = open_page(at(daemon, panel), size=size, language="nb").page
-    assert page.evaluate(CUT_OFF) == []
-    assert page.evaluate(TOO_SMALL, SMALLEST_PX) == []
+    page = open_page(at(daemon, PANELS[0]), size=size, language="nb").page
+    for panel in every_panel(page, daemon):
+        assert (panel, page.evaluate(CUT_OFF)) == (panel, [])
+        assert (panel, page.evaluate(TOO_SMALL, SMALLEST_PX)) == (panel, [])
 
 
 @pytest.mark.parametrize("size", SIZES.values(), ids=SIZES)
@@ -73,18 +91,14 @@ def test_every_panel_fits_from_a_small_phone_to_a_screen(
     daemon: Daemon, open_page: Open, size: dict[str, int]
 ) -> None:
     page = open_page(at(daemon, PANELS[0]), size=size, language="nb").page
-    for panel in PANELS:
-        page.goto(at(daemon, panel))
-        page.wait_for_selector(f"[data-panel={IDS.get(panel, panel)}]")
+    for panel in every_panel(page, daemon):
         assert (panel, page.evaluate(OUT_OF_PLACE)) == (panel, [])
 
 
 def test_nothing_is_asked_of_a_device_that_is_not_there(start_daemon: Start, open_page: Open) -> None:
     away = start_daemon(faults=[{"kind": "unplug", "at_s": 0.0, "back_after_s": 600.0}])
     page = open_page(at(away, PANELS[0])).page
-    for panel in PANELS:
-        page.goto(at(away, panel))
-        page.wait_for_selector(f"[data-panel={IDS.get(panel, panel)}]")
+    for _ in every_panel(page, away):
         page.wait_for_timeout(LOOKED_AGAIN_MS)
 
 

@@ -1,5 +1,7 @@
 """The lights: what is well, and what to do where it is not."""
 
+from collections.abc import Iterator
+
 import pytest
 from playwright.sync_api import Page, expect
 
@@ -17,8 +19,8 @@ def has_level(page: Page, light: str, level: str) -> None:
 
 @pytest.fixture
 def unplugged(start_daemon: Start) -> Daemon:
-    """A daemon whose grabber is pulled out after a second."""
-    faults = [{"kind": "unplug", "at_s": 1.0, "back_after_s": 600.0}]
+    """A daemon whose grabber is pulled out after ten fields."""
+    faults = [{"kind": "unplug", "at_s": 0.2, "back_after_s": 600.0}]
     return start_daemon(faults=faults)
 
 
@@ -52,14 +54,21 @@ def test_a_grabber_that_is_pulled_out_is_noticed_with_reasons_and_advice(
     assert serious(page) == []
 
 
+@pytest.fixture(scope="module")
+def busy(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
+    """A daemon whose grabber another program has."""
+    faults = [{"kind": "refuse", "at_s": 0.0, "duration_s": 600.0, "why": "busy"}]
+    with Daemon(tmp_path_factory.mktemp("busy"), faults=faults) as one:
+        yield one
+
+
 @pytest.mark.parametrize(
     ("language", "what"),
     [("en", "Another program uses the grabber."), ("nb", "Et annet program bruker bildefangeren.")],
 )
 def test_what_the_daemon_finds_wrong_is_said_in_the_language_of_the_page(
-    start_daemon: Start, open_page: Open, language: str, what: str
+    busy: Daemon, open_page: Open, language: str, what: str
 ) -> None:
-    busy = start_daemon(faults=[{"kind": "refuse", "at_s": 0.0, "duration_s": 600.0, "why": "busy"}])
     page = open_page(busy.url, language=language).page
     has_level(page, "grabber", "bad")
     light = page.locator('[data-light="grabber"]')

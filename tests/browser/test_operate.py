@@ -33,6 +33,7 @@ def test_from_start_to_stop(daemon: Daemon, open_page: Open) -> None:
     expect(page.locator(".last")).to_contain_text("Complete")
     newest = daemon.ask("/captures?limit=1")["captures"][0]
     assert newest["labels"] == {"cow": "112"}
+    assert daemon.wait_until_sealed(newest["id"])["verdict"] == "complete"
 
 
 def test_a_double_tap_starts_one_capture(daemon: Daemon, open_page: Open) -> None:

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from playwright.sync_api import Page, expect
 
-from browser.conftest import Open
+from browser.conftest import CHEAP, Open
 from browser.daemons import Daemon
 from grabberd.config import shipped_configs
 
@@ -20,12 +20,11 @@ def daemon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Daemon]:
     folder: Path = tmp_path_factory.mktemp("daemon")
     document = yaml.safe_load((shipped_configs() / "four.yaml").read_text())
     for device in document["devices"].values():
-        device["location"] = {"method": "centroid"}
         device |= {key: str(shipped_configs() / device[key]) for key in ("calibration", "object")}
     document["devices"] = dict(list(document["devices"].items())[:2])
     config = folder / "two.yaml"
     config.write_text(yaml.safe_dump(document))
-    with Daemon(folder, config=str(config)) as one:
+    with Daemon(folder, config=str(config), location=CHEAP) as one:
         one.wait_until_it_streams()
         yield one
 

@@ -1,27 +1,10 @@
 """Signing in with a token, and what a role is offered."""
 
-from collections.abc import Iterator
-from typing import NamedTuple
-
-import pytest
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import PHONE, Open
+from browser.conftest import PHONE, Guarded, Open
 from browser.daemons import Daemon
-
-
-class Guarded(NamedTuple):
-    """A daemon with a token for every role."""
-
-    url: str
-    tokens: dict[str, str]
-
-
-@pytest.fixture(scope="module")
-def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Guarded]:
-    with Daemon(tmp_path_factory.mktemp("guarded")) as daemon:
-        yield Guarded(daemon.url, {role: daemon.add_token(role, role) for role in ("viewer", "operator")})
 
 
 def sign_in(page: Page, token: str) -> None:

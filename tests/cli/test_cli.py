@@ -1,14 +1,18 @@
 """The commands as a person types them."""
 
+import io
 import json
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from typer.testing import CliRunner, Result
 
+from grabberd.cli import main
 from grabberd.cli.app import app
 from grabberd.config import shipped_configs
 from grabberd.storage import CaptureReader
@@ -48,6 +52,24 @@ def shell(*words: object) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
+class Ended(NamedTuple):
+    """A command that has ended, as its shell sees it."""
+
+    returncode: int
+    stderr: str
+
+
+def typed(*words: object) -> Ended:
+    """The same command with its exit code and complaints, in this process."""
+    complaints = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()), redirect_stderr(complaints):
+        patch.setattr(sys, "argv", ["grabberd", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+    assert isinstance(ended.value.code, int)
+    return Ended(ended.value.code, complaints.getvalue())
+
+
 def test_a_capture_is_written_and_its_verdict_printed(capture: Path, config: Path, tmp_path: Path) -> None:
     result = run("capture", "--config", config, "--fields", 5, "--out", tmp_path / "five.grab")
     assert result.output.strip().endswith("five.grab: 5 fields, complete")
@@ -79,7 +101,7 @@ def test_a_folder_that_is_not_there_and_an_address_that_is_none_are_said_plainly
 
 
 def test_an_existing_file_is_not_overwritten(capture: Path) -> None:
-    result = shell("capture", "--fields", 5, "--out", capture)
+    result = typed("capture", "--fields", 5, "--out", capture)
     assert result.returncode == 1
     assert "exists already" in result.stderr
     assert "hint:" in result.stderr
@@ -107,7 +129,7 @@ def test_a_configuration_with_problems_names_them_all_and_exits_with_78(tmp_path
     file = tmp_path / "bad.yaml"
     file.write_text("devices: {one: {driver: fake, rig: {distance: 3}, calibration: no.json}}\nport: 1\n")
     for command in (("check-config", file), ("capture", "--config", file, "--out", tmp_path / "a.grab")):
-        result = shell(*command)
+        result = typed(*command)
         assert result.returncode == 78
         for key in ("devices.one.rig.distance", "devices.one.calibration", "port"):
             assert key in result.stderr
@@ -137,7 +159,7 @@ def test_drivers_options_and_calibrations_are_checked_too(tmp_path: Path, line: 
     (tmp_path / "list.json").write_text("[1, 2]")
     file = tmp_path / "bad.yaml"
     file.write_text(f"devices: {{one: {{{line}}}}}")
-    result = shell("check-config", file)
+    result = typed("check-config", file)
     assert result.returncode == 78
     assert says in result.stderr
 
@@ -180,7 +202,7 @@ def test_accuracy_is_printed_against_the_simulators_truth(capture: Path, tmp_pat
 def test_a_truth_that_cannot_be_read_is_refused(capture: Path, tmp_path: Path, text: str) -> None:
     file = tmp_path / "truth.csv"
     file.write_text(text)
-    result = shell("accuracy", capture, "--truth", file)
+    result = typed("accuracy", capture, "--truth", file)
     assert result.returncode == 1
     assert "truth.csv" in result.stderr
 
@@ -190,7 +212,7 @@ def test_points_and_pictures_are_exported_into_an_empty_folder(capture: Path, tm
     assert (tmp_path / "csv" / "points.csv").stat().st_size > 100_000
     assert run("export", capture, "--format", "png", "--out", tmp_path / "png").exit_code == 0
     assert len(list((tmp_path / "png").glob("*.png"))) == 30
-    again = shell("export", capture, "--out", tmp_path / "csv")
+    again = typed("export", capture, "--out", tmp_path / "csv")
     assert again.returncode == 1
     assert "not empty" in again.stderr
 

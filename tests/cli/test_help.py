@@ -1,6 +1,8 @@
 """Every command says what it does and shows how; the README names them all."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -29,3 +31,10 @@ def test_its_help_shows_an_example(name: str) -> None:
 
 def test_the_readme_is_short() -> None:
     assert len(README.splitlines()) <= 90
+
+
+def test_help_comes_before_anything_that_computes_is_loaded() -> None:
+    heavy = {"numpy", "cv2", "scipy", "fastapi"}
+    code = f"import sys, grabberd.cli.app; print(sorted({heavy} & set(sys.modules)))"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout == "[]\n"

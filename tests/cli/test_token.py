@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
-from grabberd.cli.remote.client import ask, download
+from grabberd.cli.remote.client import Daemon
 from grabberd.documents.roles import Role
 from grabberd.errors import GrabberdError, InputError
 from grabberd.service.access import Access, Identity
@@ -62,7 +62,7 @@ def test_a_name_is_given_once_and_is_short_and_plain(folder: Path) -> None:
     assert run("token", "add", "other").exit_code == 2
 
 
-class Daemon(BaseHTTPRequestHandler):
+class FakeDaemon(BaseHTTPRequestHandler):
     """Answers with the token that it was shown; sends some elsewhere."""
 
     def do_GET(self) -> None:
@@ -78,7 +78,7 @@ class Daemon(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def url() -> Iterator[str]:
-    with HTTPServer(("127.0.0.1", 0), Daemon) as server:
+    with HTTPServer(("127.0.0.1", 0), FakeDaemon) as server:
         thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         yield f"http://127.0.0.1:{server.server_port}"
@@ -91,11 +91,11 @@ def test_a_token_comes_from_a_file_else_from_the_environment(
 ) -> None:
     file = tmp_path / "token"
     file.write_text("from-file\n")
-    assert ask(url, "/") is None
+    assert Daemon(url).ask("/") is None
     monkeypatch.setenv("GRABBERD_TOKEN", "from-environment")
-    assert ask(url, "/") == "Bearer from-environment"
-    assert ask(url, "/", token_file=file) == "Bearer from-file"
-    download(url, "/", tmp_path / "out", file)
+    assert Daemon(url).ask("/") == "Bearer from-environment"
+    assert Daemon(url, file).ask("/") == "Bearer from-file"
+    Daemon(url, file).download("/", tmp_path / "out")
     assert (tmp_path / "out").read_text() == '"Bearer from-file"'
 
 
@@ -105,12 +105,12 @@ def test_a_file_without_a_token_is_said_plainly(url: str, tmp_path: Path, text: 
     file.write_text(text)
     for where in (file, tmp_path / "none"):
         with pytest.raises(InputError, match=where.name):
-            ask(url, "/", token_file=where)
+            Daemon(url, where).ask("/")
 
 
 def test_a_token_is_not_taken_to_another_address(url: str) -> None:
     with pytest.raises(GrabberdError, match="302"):
-        ask(url, "/elsewhere")
+        Daemon(url).ask("/elsewhere")
 
 
 def test_no_option_takes_the_token_itself() -> None:

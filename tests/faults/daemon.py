@@ -1,4 +1,4 @@
-"""The daemon as it is installed: a process of its own, reached over HTTP."""
+"""The daemon as it is installed, but for recorded pictures: a process of its own, reached over HTTP."""
 
 import http.client
 import json
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import yaml
 
 PATIENCE_S = 90.0
-MAIN = (sys.executable, "-c", "from grabberd.cli import main; main()")
+RECORDED = (sys.executable, str(Path(__file__).with_name("recorded.py")))
 _LISTENING = re.compile(r"listening on http://127\.0\.0\.1:(\d+)")
 
 
@@ -134,7 +134,7 @@ def _streams(device: Mapping[str, Any]) -> bool:
 def running(
     folder: Path,
     config: Mapping[str, Any],
-    command: tuple[str, ...] = MAIN,
+    command: tuple[str, ...] = RECORDED,
     variables: Mapping[str, str] | None = None,
 ) -> Iterator[Daemon]:
     """A daemon from its start to its end; it has to end in order."""

@@ -1,4 +1,4 @@
-"""The daemon as it is installed, but for a disk and a wall clock that can be told to fail.
+"""The daemon of `recorded.py`, with a disk and a wall clock that can be told to fail.
 
     FAULTS_CONTROLS=controls.json python injected.py serve --config grabberd.yaml
 
@@ -12,14 +12,20 @@ The file of controls is read anew at each use:
 import json
 import os
 import sqlite3
+import sys
 import time
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import grabberd_fake.grabber
 from grabberd.acquisition.clock import SystemClock
 from grabberd.cli import main
 from grabberd.storage import CaptureWriter
+
+sys.path.append(str(Path(__file__).parents[1]))
+
+from recorded_world import world_of
 
 CONTROLS = Path(os.environ["FAULTS_CONTROLS"])
 _commit, _utc_now, _connect = CaptureWriter.commit, SystemClock.utc_now, sqlite3.connect
@@ -72,6 +78,7 @@ def connect(database: Any, *arguments: Any, **options: Any) -> sqlite3.Connectio
 
 
 if __name__ == "__main__":  # a process of jobs imports this module, too
+    grabberd_fake.grabber.World = world_of  # type: ignore[misc]
     CaptureWriter.commit = commit  # type: ignore[method-assign]
     SystemClock.utc_now = utc_now  # type: ignore[method-assign]
     sqlite3.connect = connect  # type: ignore[assignment]

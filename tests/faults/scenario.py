@@ -7,7 +7,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from grabberd.acquisition import Outcome
-from grabberd.service.device.device_state import DeviceState
+from grabberd.documents.states import DeviceState
 from grabberd.service.device.recovery import Rung
 from grabberd_fake import FakeOptions
 from grabberd_fake.faults import FOREVER_S, Fault, Recoverable

@@ -9,9 +9,9 @@ import yaml
 from grabberd.field import Field, NumberedField, double_lines, quantise
 from grabberd.geometry import Calibration
 from grabberd.measurement import ThresholdRule, choose_threshold
-from grabberd.processes.accuracy import Truth
 from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
+from grabberd.reconstruction.accuracy.ground_truth import Truth
 from grabberd_fake import FakeGrabber, JumpingClock, truth_at
 from grabberd_fake.documents import calibration_document, object_document
 

@@ -5,8 +5,9 @@ import pytest
 
 from grabberd.errors import InputError, MeasurementError
 from grabberd.field import BOTTOM, TOP, Field, NumberedField, double_lines, quantise, unpack
-from grabberd.processes.accuracy import InvestigationSettings, Truth, investigate, requantised
+from grabberd.processes.accuracy import InvestigationSettings, investigate, requantised
 from grabberd.processes.measure import measure_fields
+from grabberd.reconstruction.accuracy.ground_truth import Truth
 from processes.fake_scene import take_scene
 
 PERFECT_MIRRORS = {"mirror_error_px": 0.0}

@@ -10,9 +10,10 @@ import yaml
 from grabberd.config import shipped_configs
 from grabberd.errors import InputError
 from grabberd.geometry import NominalRig, Rig
-from grabberd.processes.accuracy import Coordinates, accuracy
 from grabberd.processes.plan import PlanSettings, nominal_calibration, plan, variations
 from grabberd.reconstruction import ObjectModel
+from grabberd.reconstruction.accuracy.accuracy import accuracy
+from grabberd.reconstruction.accuracy.ground_truth import Coordinates
 from processes.fake_scene import take_scene
 
 HALVES = {"columns": 720, "lines": 576, "left": (0, 360), "right": (360, 720)}

@@ -7,9 +7,8 @@ from slots import STREAM, ManualClock, Source
 from grabberd.acquisition import Ring, Slot
 from grabberd.service.capture.capture_request import CaptureRequest, NewCapture
 from grabberd.service.capture.disk_guard import DiskGuard
-from grabberd.service.capture.recorder import Recorder
+from grabberd.service.capture.recorder import Backlog, Recorder
 from grabberd.service.capture.recording import Recording
-from grabberd.service.capture.writer_thread import Backlog
 from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter
 
 PATIENCE_S = 30.0

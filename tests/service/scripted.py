@@ -7,13 +7,13 @@ import numpy as np
 from simulated_time import Run, SimulatedClock
 
 from grabberd.acquisition import FieldOrder, GrabbedField, Signal, StreamInfo
+from grabberd.documents.states import DeviceState
 from grabberd.errors import (
     DeviceAbsent,
     DeviceRefused,
     StreamFailed,
 )
 from grabberd.field import Field
-from grabberd.service.device.device_state import DeviceState
 
 S = DeviceState
 

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from grabberd.acquisition import LedgerEntry, Slot
 from grabberd.acquisition.device import Grabber
 from grabberd.config import DeviceConfig
+from grabberd.documents.states import DeviceState
 from grabberd.errors import GrabberdError
 from grabberd.service.device.capture_thread import CaptureThread
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.status_board import StatusBoard
 

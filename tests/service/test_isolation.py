@@ -14,9 +14,9 @@ from several import sealed_all, service_of, several, wait_until_they_accept
 
 from grabberd.acquisition import GrabbedField, Signal, StreamInfo
 from grabberd.config import default_config_file
+from grabberd.documents.states import DeviceState
 from grabberd.errors import ConfigError, DeviceRefused
 from grabberd.service.capture.capture_request import CaptureRequest
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader, CaptureWriter

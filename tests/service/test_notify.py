@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulated_time import SimulatedClock
 
-from grabberd.service.device.device_state import DeviceState
+from grabberd.documents.states import DeviceState
 from grabberd.service.device.status_board import StatusBoard
 from grabberd.service.heartbeat import Heartbeat
 from grabberd.service.notify import Notifier

@@ -79,7 +79,7 @@ def test_a_capture_that_is_renamed_while_it_is_looked_at_is_shown_with_its_size(
 def test_stopping_the_service_seals_a_running_capture(tmp_path: Path) -> None:
     with running(tmp_path, {"pace": "real"}) as service:
         capture_id = service.capture_control.start(None, CaptureRequest()).id
-        reader = service.instrument(None).pipeline.configured.ring.reader()
+        reader = service.instrument(None).pipeline.ring.reader()
         assert reader.take(PATIENCE_S)
     path = service.archive.index.file_of(capture_id)
     with CaptureReader(path) as file:

@@ -55,9 +55,12 @@ class Profile(BaseModel):
 
     driver: str = Field(min_length=1)
     also: tuple[str, ...] = ()
+    # As in every standard of 50 Hz; usbtv, which closes a frame bottom field first and does not say so, has a
+    # profile.
     older: str = Field("top", pattern="^(top|bottom)$")
     field_orders: tuple[Arrangement, ...] = Field(min_length=1)
     none_is_woven: bool = False
+    # Most drivers do not count what they lose: gaps in time tell first, the count only of a known driver.
     trusts_sequence: bool = False
     trusts_time: bool = True
     time_sigma_ms: float = Field(3.0, gt=0, le=40)
@@ -103,6 +106,7 @@ class Profiles(NamedTuple):
 
         An invalid file is skipped and named in `remarks`.
         """
+        # Documents are merged, not profiles: a file that gives one key keeps the driver's other keys.
         documents = {document["driver"]: document for document in map(_read, _yaml_files(_BUILT_IN))}
         remarks = []
         for file in _yaml_files(directory):

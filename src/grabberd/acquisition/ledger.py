@@ -1,9 +1,9 @@
 """Ledger of a capture: the outcome of every field that should have come."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 
 class Outcome(StrEnum):
@@ -153,24 +153,6 @@ class Ledger:
         words = [self._entry_in_words(entry, rate_hz) for entry in self.entries[:_LISTED]]
         rest = sum(entry.count for entry in self.entries[_LISTED:])
         return "; ".join(words + ([f"and {_fields(rest)} more"] if rest else []))
-
-    def to_document(self) -> dict[str, Any]:
-        """Convert to JSON values; `from_document` reverses it."""
-        return {
-            "first_n": self.first_n,
-            "end_n": self._end_n,
-            "received": self.received,
-            "entries": [{**entry._asdict(), "outcome": str(entry.outcome)} for entry in self.entries],
-        }
-
-    @classmethod
-    def from_document(cls, document: Mapping[str, Any]) -> "Ledger":
-        """Restore an account from the result of `to_document`."""
-        entries = [
-            LedgerEntry(row["first_n"], row["count"], Outcome(row["outcome"]), row["reason"])
-            for row in document["entries"]
-        ]
-        return cls(document["first_n"], document["received"], entries, document["end_n"])
 
     @classmethod
     def restore(

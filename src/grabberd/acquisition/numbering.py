@@ -14,6 +14,9 @@ whole one. A stamp less than the remaining quarter after the last counts as runn
 _WOVEN = (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
 _FUTURE_NS = 100_000_000
 """Grace time: how far a stamp may be ahead of the arrival of its field before it is doubted."""
+_LONGEST_GAP_S = 10.0
+"""Longest gap that a live timestamp is believed: a stream silent for longer has been interrupted, which the
+capture thread reports by `interrupt`."""
 _SIGHTINGS = 3
 """Doubted stamps that must agree among themselves before another clock is accepted."""
 
@@ -63,16 +66,14 @@ class FieldNumbering:
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
-        max_gap_s: Longest gap that a live timestamp may report and still be believed. A stream silent for
-            longer has been interrupted, which its user reports by `interrupt`.
     """
 
-    def __init__(self, info: StreamInfo, max_gap_s: float = 10.0) -> None:
+    def __init__(self, info: StreamInfo) -> None:
         self._live = info.live
         self._keeps_pace = info.live and not info.waits_for_reader
         self._has_parity = info.field_order is not FieldOrder.ONE_PARITY
         self._woven = info.field_order in _WOVEN
-        self._max_steps = max_gap_s * info.rate_hz if info.live else float("inf")
+        self._max_steps = _LONGEST_GAP_S * info.rate_hz if info.live else float("inf")
         self._period_ns = 1e9 / info.rate_hz
         self._clock = FieldClock(self._period_ns, exact=not info.live)
         self._counts = info.counts_losses
@@ -133,6 +134,7 @@ class FieldNumbering:
 
     def _step(self, grabbed: GrabbedField, time_ns: int, now_ns: int | None) -> _Step:
         parity = grabbed.field.parity
+        # Of every field, also where time decides: it learns from each, and remembers the last count.
         count = self._sequence.step(grabbed.sequence, parity) if self._counts else None
         doubt = self._doubt(time_ns, now_ns)
         if self._n < 0:
@@ -170,6 +172,7 @@ class FieldNumbering:
         nearest = max(1, round(steps))
         if self._fits(nearest, parity):
             return nearest
+        # Never back to 0: no two fields have the same number.
         return nearest + 1 if steps >= nearest or nearest == 1 else nearest - 1
 
     def _fits(self, step: int, parity: int) -> bool:
@@ -218,6 +221,7 @@ class FieldNumbering:
     def _watch_another_clock(self, time_ns: int, predicted_ns: int) -> None:
         if self._doubted:
             n, before_ns = self._doubted[-1]
+            # Half a period: closer to the steps counted than to any other number of them.
             if abs((time_ns - before_ns) / self._period_ns - (self._n - n)) > 0.5:
                 self._doubted.clear()
         self._doubted.append((self._n, time_ns))
@@ -263,6 +267,7 @@ class SequenceSteps:
             return None
         self._learn(sequence - last[0], parity)
         step = (self._index(sequence, parity) - self._index(*last)) % self._modulus
+        # Half a wrap ahead or more means that the counter ran backward: it was restarted.
         return step if self._known and 0 < step < self._modulus // 2 else None
 
     @property
@@ -276,6 +281,7 @@ class SequenceSteps:
     def _learn(self, difference: int, parity: int) -> None:
         if self._alternate and difference == 0:
             self._newer = parity
+        # Where a frame's fields share a number, every second difference is 0: two of 1 in a row exclude that.
         self._single_steps = self._single_steps + 1 if difference == 1 else 0 if self._single_steps < 2 else 2
 
     def _index(self, sequence: int, parity: int) -> int:

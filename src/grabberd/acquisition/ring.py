@@ -51,14 +51,19 @@ class Ring:
 
     Attributes:
         slots: Number of slots kept.
+        bits: Bits per pixel of the fields that it is configured for.
+        lines: "doubled" or "field".
         deepest: Greatest number of slots that ever waited for a reader.
     """
 
-    def __init__(self, slots: int = 32) -> None:
+    def __init__(self, slots: int = 32, bits: int = 1, lines: str = "doubled") -> None:
         if slots < 1:
             raise ValueError(f"a ring needs at least one slot, not {slots}")
         self.slots = slots
+        self.bits = bits
+        self.lines = lines
         self.deepest = 0
+        # Weak: a reader that its owner dropped without closing it does not count as waiting for ever.
         self._readers: weakref.WeakSet[RingReader] = weakref.WeakSet()
         self._kept: deque[Slot] = deque(maxlen=slots)
         self._head = 0
@@ -112,14 +117,12 @@ class RingReader:
     Attributes:
         policy: Reaction to being overtaken: `count` reports it in the next slot's `lost_before`, `stop`
             raises `RingOverrun`, at once and on every later call.
-        missed: Number of slots overwritten before they could be taken.
         deepest: Greatest number of the ring's slots that ever waited for this reader.
         back_fields: Number of fields from its first slot to its creation, lost ones included.
     """
 
     def __init__(self, ring: Ring, policy: Policy, before: list[Slot], head: int, next_n: int | None) -> None:
         self.policy = policy
-        self.missed = 0
         self.deepest = 0
         self._ring = ring
         # What was lost before the first pre-trigger slot was lost before the capture.
@@ -201,7 +204,6 @@ class RingReader:
 
     def _skip(self, overwritten: int) -> LedgerEntry:
         """Skip overwritten slots; fields lost among them count as overrun too."""
-        self.missed += overwritten
         self._next += overwritten
         first_n = self._next_n if self._next_n is not None else self._ring._first_n
         assert first_n is not None  # something has been put

@@ -14,9 +14,9 @@ from grabberd.api.docs.openapi import describe
 from grabberd.api.guard.authentication import Attempts, Authenticator
 from grabberd.api.guard.front import Front
 from grabberd.api.guard.gate import Gate, HeadAsGet
-from grabberd.api.guard.limits import Streams
 from grabberd.api.guard.refusals import Refusal, answer_refusal
 from grabberd.api.guard.roles import check_declared
+from grabberd.api.guard.stream_limit import Streams
 from grabberd.api.routes import (
     analyses,
     calibrations,

@@ -1,6 +1,6 @@
 """`grabberd accuracy`: compares measured points with the truth, as in the paper's Table 1."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.progress import Progress
 
-from grabberd.cli.options import JsonOption, console, print_json, progress_console
+from grabberd.cli.options import (
+    JsonOption,
+    LineJitterOption,
+    console,
+    given,
+    print_json,
+    progress_console,
+)
 from grabberd.errors import NotReady
 
 if TYPE_CHECKING:
-    from grabberd.processes.accuracy import Investigation, InvestigationSettings, Truth
+    from grabberd.processes.accuracy import Investigation, InvestigationSettings
     from grabberd.processes.measure import MeasureSetup
-    from grabberd.reconstruction import Points
+    from grabberd.reconstruction.accuracy.ground_truth import Truth
     from grabberd.storage import CaptureReader
-
-MeasuredPoints = Iterable[tuple[int, int, "Points"]]
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("accuracy")(accuracy)
 
 
 def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
@@ -54,10 +54,7 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
     limit: Annotated[
         float, typer.Option("--limit-mm", min=0.0, help="Maximum permissible error of a length.")
     ] = 0.2,
-    line_jitter: Annotated[
-        float | None,
-        typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: the capture's."),
-    ] = None,
+    line_jitter: LineJitterOption = None,
     json: JsonOption = False,
 ) -> None:
     """Compare points with the truth: RMSE, precision and lengths, per field and smoothed over time.
@@ -65,7 +62,7 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
     Example: grabberd accuracy object.grab --calibration rig.calibration.json --truth truth.csv
     """
     from grabberd.cli.accuracy_tables import document, show  # noqa: PLC0415
-    from grabberd.processes.accuracy import InvestigationSettings  # noqa: PLC0415
+    from grabberd.processes.accuracy import InvestigationSettings, investigate  # noqa: PLC0415
     from grabberd.storage import CaptureReader  # noqa: PLC0415
     from grabberd.storage.input_files import read_truth  # noqa: PLC0415
 
@@ -74,7 +71,7 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
     with CaptureReader(capture) as reader:
         settings = replace(settings, bits=reader.meta.bits)
         if calibration is None and not wanted:
-            results = [_of_points(reader.timed_points(run), known, settings)]
+            results = [investigate(reader.timed_points(run), known, settings)]
         else:
             setup = _setup(reader, calibration, object_model, line_jitter, method)
             results = list(_remeasured(reader, setup, wanted, lines, known, settings))
@@ -82,12 +79,6 @@ def accuracy(  # noqa: PLR0913, PLR0917 - options of a command
         print_json(document(results))
     else:
         show(results, console)
-
-
-def _of_points(points: MeasuredPoints, truth: "Truth", settings: "InvestigationSettings") -> "Investigation":
-    from grabberd.processes.accuracy import investigate  # noqa: PLC0415
-
-    return investigate(points, truth, settings)
 
 
 def _remeasured(
@@ -99,7 +90,7 @@ def _remeasured(
     settings: "InvestigationSettings",
 ) -> Iterator["Investigation"]:
     """Re-measure the fields as recorded, or once for each requested number of bits."""
-    from grabberd.processes.accuracy import requantised  # noqa: PLC0415
+    from grabberd.processes.accuracy import investigate, requantised  # noqa: PLC0415
     from grabberd.processes.measure import measure_fields  # noqa: PLC0415
 
     with Progress(console=progress_console, transient=True) as progress:
@@ -107,13 +98,9 @@ def _remeasured(
             label = f"measuring, {bits} {'bit' if bits == 1 else 'bits'}"
             fields = progress.track(reader.received(), total=reader.field_count, description=label)
             if wanted:
-                fields = requantised(fields, bits, doubled=(lines or _usual(bits)) == "doubled")
+                fields = requantised(fields, bits, doubled=lines == "doubled" if lines else bits == 1)
             points = ((one.n, one.time_ns, one.points) for one in measure_fields(fields, setup))
-            yield _of_points(points, truth, replace(settings, bits=bits))
-
-
-def _usual(bits: int) -> str:
-    return "doubled" if bits == 1 else "field"
+            yield investigate(points, truth, replace(settings, bits=bits))
 
 
 def _setup(
@@ -132,11 +119,8 @@ def _setup(
     for key, option in (("calibration", "--calibration"), ("object", "--object")):
         if not documents[key]:
             raise NotReady(f"capture {reader.meta.id} has no {key}", f"give one with {option}")
-    chosen = {"line_jitter_px": line_jitter, "method": method}
-    settings = settings_of_capture(reader.meta.config) | {
-        key: value for key, value in chosen.items() if value is not None
-    }
-    return measure_setup(documents, settings)
+    chosen = given(line_jitter_px=line_jitter, method=method)
+    return measure_setup(documents, settings_of_capture(reader.meta.config) | chosen)
 
 
 def _configured(reader: "CaptureReader", stored: dict[str, Any]) -> Path | None:

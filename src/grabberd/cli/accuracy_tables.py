@@ -1,6 +1,7 @@
 """Output of `grabberd accuracy`: tables for people, a JSON document for scripts."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -8,9 +9,14 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from grabberd.processes.accuracy import Axes, Compared, Investigation
-from grabberd.reconstruction.accuracy.accuracy import PAPER_PRECISION, PAPER_PX, PAPER_RMSE, PointingPrecision
-from grabberd.reconstruction.accuracy.length_errors import LengthErrors
+from grabberd.processes.accuracy import Compared, Investigation
+from grabberd.reconstruction.accuracy.accuracy import (
+    PAPER_PRECISION,
+    PAPER_PX,
+    PAPER_RMSE,
+    Axes,
+    PointingPrecision,
+)
 from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
 
 MUCH_CHI2 = 4.0
@@ -138,7 +144,7 @@ def _compared(compared: Compared) -> dict[str, Any]:
         "chi2_axes": list(compared.chi2_axes),
         "remarks": _remarks(compared),
         "fitted": table.fitted and _fit(table.fitted),
-        "lengths": compared.lengths and _lengths(compared.lengths),
+        "lengths": compared.lengths and asdict(compared.lengths) | {"passed": compared.lengths.passed},
         "no_lengths": compared.no_lengths,
     }
 
@@ -148,17 +154,4 @@ def _fit(motion: RigidMotion) -> dict[str, Any]:
         "rotation": motion.rotation.tolist(),
         "shift_mm": motion.shift_mm.tolist(),
         "angle_deg": motion.angle_deg,
-    }
-
-
-def _lengths(lengths: LengthErrors) -> dict[str, Any]:
-    return {
-        "greatest_mm": lengths.greatest_mm,
-        "limit_mm": lengths.limit_mm,
-        "passed": lengths.passed,
-        "measured": lengths.measured,
-        "lines": [
-            {"targets": line.targets, "length_mm": line.length_mm, "error_mm": line.error_mm}
-            for line in lengths.lines
-        ],
     }

@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.progress import Progress
 from rich.table import Table
 
-from grabberd.cli.options import JsonOption, console, print_json, progress_console, warn
+from grabberd.cli.options import JsonOption, console, print_json, progress_bar, warn
 from grabberd.errors import ExtraMissing, InputError
 
 if TYPE_CHECKING:
@@ -24,11 +23,6 @@ _SHOWN = (
     "wall_ratio",
     "iso_ratio",
 )
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("analyse")(analyse)
 
 
 def analyse(
@@ -75,10 +69,9 @@ def analyse(
     log = _text(vacuum_log) if vacuum_log else None
     new_folder(out)
     sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
-    with Progress(console=progress_console, transient=True) as progress:
-        task = progress.add_task("analysing", total=1.0)
+    with progress_bar("analysing") as progress:
         made = analyse_file(
-            lambda share: progress.update(task, completed=share),
+            progress,
             path=capture,
             inputs=given,
             bursts=bursts or [],
@@ -86,10 +79,9 @@ def analyse(
             vacuum_log=log,
             sources=sources,
         )
-        progress.update(task, description="writing")
-        written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted) + _report(
-            out, made
-        )
+    with progress_bar("writing"):
+        written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted)
+        written += _report(out, made)
     if json:
         print_json(_document(made, written))
     else:

@@ -5,27 +5,24 @@ from typing import Annotated
 import typer
 
 from grabberd import __version__
-from grabberd.cli import (
-    accuracy,
-    analyse,
-    backup,
-    calibrate,
-    capture,
-    check,
-    check_config,
-    devices,
-    diagnostics,
-    export,
-    measure,
-    plan,
-    render,
-    reprocess,
-    serve,
-    status,
-    storage,
-    token,
-    trigger,
-)
+from grabberd.cli import storage, token
+from grabberd.cli.accuracy import accuracy
+from grabberd.cli.analyse import analyse
+from grabberd.cli.backup import backup, restore
+from grabberd.cli.calibrate import calibrate
+from grabberd.cli.capture import capture
+from grabberd.cli.check import check
+from grabberd.cli.check_config import check_config
+from grabberd.cli.devices import devices
+from grabberd.cli.diagnostics import diagnostics
+from grabberd.cli.export import export
+from grabberd.cli.measure import measure
+from grabberd.cli.plan import plan
+from grabberd.cli.render import render
+from grabberd.cli.reprocess import reprocess
+from grabberd.cli.serve import serve
+from grabberd.cli.status import status
+from grabberd.cli.trigger import trigger
 from grabberd.kernel import in_use
 
 app = typer.Typer(
@@ -54,25 +51,11 @@ def _options(
     pass
 
 
+# In the order of a rig's life, which is that of the help; typer lists groups of commands after them.
 for command in (
-    serve,
-    status,
-    capture,
-    trigger,
-    calibrate,
-    measure,
-    accuracy,
-    analyse,
-    check,
-    plan,
-    export,
-    render,
-    reprocess,
-    devices,
-    diagnostics,
-    token,
-    storage,
-    backup,
-    check_config,
+    *(serve, status, capture, trigger, calibrate, measure, accuracy, analyse, check, plan, export, render),
+    *(reprocess, devices, diagnostics, backup, restore, check_config),
 ):
-    command.register(app)
+    app.command()(command)
+app.add_typer(token.commands, name="token")
+app.add_typer(storage.commands, name="storage")

@@ -7,13 +7,7 @@ from typing import Annotated
 import typer
 
 from grabberd import __version__
-from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
-
-
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.command("backup")(backup)
-    app.command("restore")(restore)
+from grabberd.cli.options import ConfigOption, JsonOption, load, print_result
 
 
 def backup(
@@ -31,10 +25,8 @@ def backup(
     from grabberd.storage.state.backup import back_up  # noqa: PLC0415
 
     info = back_up(load(config).state_directory, out, iso_utc(datetime.now(UTC)), __version__)
-    if json:
-        print_json({"file": str(out), **info._asdict()})
-    else:
-        typer.echo(f"{out}: state and {info.calibrations} calibrations")
+    words = f"{out}: state and {info.calibrations} calibrations"
+    print_result({"file": str(out), **info._asdict()}, words, as_json=json)
 
 
 def restore(
@@ -52,9 +44,8 @@ def restore(
 
     now = f"{datetime.now(UTC):%Y%m%dT%H%M%S%fZ}"
     info, replaced = put_back(load(config).state_directory, file, now)
-    if json:
-        print_json({**info._asdict(), "replaced": str(replaced) if replaced else None})
-        return
-    typer.echo(f"restored state and {info.calibrations} calibrations of {info.created_utc}")
+    words = f"restored state and {info.calibrations} calibrations of {info.created_utc}"
     if replaced:
-        typer.echo(f"the previous state is kept in {replaced}")
+        words += f"\nthe previous state is kept in {replaced}"
+    document = {**info._asdict(), "replaced": str(replaced) if replaced else None}
+    print_result(document, words, as_json=json)

@@ -6,17 +6,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from pydantic import ValidationError
-from rich.progress import Progress
 from rich.table import Table
 
 from grabberd.cli.options import (
     ConfigOption,
     JsonOption,
+    check_absent,
+    check_folder,
     console,
     load,
     only_device,
     print_json,
-    progress_console,
+    progress_bar,
 )
 from grabberd.config import RigConfig
 from grabberd.errors import InputError, StorageError
@@ -25,11 +26,6 @@ if TYPE_CHECKING:
     from grabberd.documents.calibration_reports import CalibrationReport
     from grabberd.documents.requests import CalibrationOptions
     from grabberd.service.jobs.calibration import CalibrationOutput
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("calibrate")(calibrate)
 
 
 def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
@@ -114,12 +110,9 @@ def _options(**given: Any) -> "CalibrationOptions":
 
 
 def _check_new(*paths: Path | None) -> None:
-    """Check the output files before the work starts, so that no result is lost at its end."""
     for path in filter(None, paths):
-        if path.exists():
-            raise StorageError(f"{path} exists already", "name another file; nothing is overwritten")
-        if not path.parent.is_dir():
-            raise StorageError(f"there is no folder {path.parent}", "create it, or name another file")
+        check_absent(path)
+        check_folder(path)
         if path is paths[1] and path.suffix not in {".html", ".json"}:
             raise StorageError(f"{path} is neither .html nor .json", "call the report NAME.html or NAME.json")
 
@@ -132,16 +125,14 @@ def _calibrated(
     rig: RigConfig | None,
     identifications: Path | None,
 ) -> "CalibrationOutput":
-    """Calibrate, showing a progress bar."""
     from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
     from grabberd.storage.input_files import read_identifications  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
-    with Progress(console=progress_console, transient=True) as progress:
-        task = progress.add_task("calibrating", total=1.0)
+    with progress_bar("calibrating") as progress:
         return calibrate_file(
-            lambda share: progress.update(task, completed=share),
+            progress,
             path=capture,
             calibration_frame=read_yaml(calibration_frame),
             options=options,
@@ -152,11 +143,10 @@ def _calibrated(
 
 
 def _write(path: Path, text: str) -> None:
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text + "\n")
-    except OSError as error:
-        raise StorageError(f"{path} cannot be written: {error.strerror}", "name another file") from error
+    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
+
+    with storage_errors(path), path.open("x", encoding="utf-8") as file:
+        file.write(text + "\n")
 
 
 def _write_report(path: Path, document: dict[str, Any]) -> None:

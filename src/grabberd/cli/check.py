@@ -6,7 +6,6 @@ from typing import Annotated, Any
 from urllib.parse import quote
 
 import typer
-from rich.progress import Progress
 from rich.table import Table
 
 from grabberd.cli.options import (
@@ -16,18 +15,13 @@ from grabberd.cli.options import (
     UrlOption,
     console,
     print_json,
-    progress_console,
+    progress_bar,
 )
 from grabberd.errors import GrabberdError, InputError
 
 NOT_FITTING = 3
 """Exit code if the verdict is not 'fits', distinct from 1 (failure) and 2 (invalid command line)."""
 POLL_S = 0.2
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("check")(check)
 
 
 def check(
@@ -83,14 +77,12 @@ def _of_file(
     from grabberd.service.jobs.check import check_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents  # noqa: PLC0415
 
-    document = read_documents(calibration, None)["calibration"]
-    with Progress(console=progress_console, transient=True) as progress:
-        task = progress.add_task("checking", total=1.0)
+    with progress_bar("checking") as progress:
         found = check_file(
-            lambda share: progress.update(task, completed=share),
+            progress,
             path=capture,
             calibration_frame=calibration_frame_document(frame),
-            calibration=document,
+            calibration=read_documents(calibration, None)["calibration"],
             in_place=in_place,
         )
     return found.model_dump(mode="json")
@@ -99,17 +91,17 @@ def _of_file(
 def _through_daemon(
     url: str, device: str | None, frame: dict[str, Any] | None, token_file: Path | None, *, in_place: bool
 ) -> dict[str, Any]:
-    from grabberd.cli.remote.client import ask  # noqa: PLC0415
+    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
 
-    name = device or _only(ask(url, "/api/v1/devices", token_file=token_file)["devices"])
+    daemon = Daemon(url, token_file)
+    name = device or _only(daemon.ask("/api/v1/devices")["devices"])
     order = {"calibration_frame": frame, "in_place": in_place}
-    job = ask(url, f"/api/v1/devices/{quote(name, safe='')}/check", "POST", order, token_file)
-    with Progress(console=progress_console, transient=True) as progress:
-        task = progress.add_task("watching the calibration frame", total=1.0)
+    job = daemon.ask(f"/api/v1/devices/{quote(name, safe='')}/check", "POST", order)
+    with progress_bar("watching the calibration frame") as progress:
         while job["state"] in ("queued", "running"):
             time.sleep(POLL_S)
-            job = ask(url, f"/api/v1/jobs/{job['id']}", token_file=token_file)
-            progress.update(task, completed=job["progress"])
+            job = daemon.ask(f"/api/v1/jobs/{job['id']}")
+            progress(job["progress"])
     if job["state"] != "done":
         problem = job["problem"] or {
             "message": f"the check was {job['state']}",

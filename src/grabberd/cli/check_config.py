@@ -5,13 +5,8 @@ from typing import Annotated
 
 import typer
 
-from grabberd.cli.options import JsonOption, print_json
+from grabberd.cli.options import JsonOption, print_result
 from grabberd.config import load_config
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("check-config")(check_config)
 
 
 def check_config(
@@ -31,7 +26,5 @@ def check_config(
         from grabberd.api.serving import tls_context  # noqa: PLC0415
 
         tls_context(config.http.tls, file)
-    if json:
-        print_json({"file": str(file), "devices": sorted(devices)})
-    else:
-        typer.echo(f"{file}: valid; devices: {', '.join(sorted(devices))}")
+    document = {"file": str(file), "devices": sorted(devices)}
+    print_result(document, f"{file}: valid; devices: {', '.join(sorted(devices))}", as_json=json)

@@ -1,20 +1,10 @@
 """`grabberd devices`: lists grabbers, their suitability, and the configuration for them."""
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from grabberd.cli.options import ConfigOption, JsonOption, load, print_json
-from grabberd.config import Config
-
-if TYPE_CHECKING:
-    from grabberd.acquisition.discovery import FoundDevice
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("devices")(devices)
+from grabberd.cli.options import ConfigOption, JsonOption, load
 
 
 def devices(
@@ -46,30 +36,6 @@ def devices(
         raise typer.Exit(check(settings, config, name, json))
     if name is not None:
         raise typer.BadParameter("a name is only used with --check-field-order", param_hint="NAME")
-    _list(settings, json)
+    from grabberd.cli.devices_listing import list_devices  # noqa: PLC0415 - finding them loads numpy
 
-
-def _list(settings: Config, json: bool) -> None:
-    from grabberd.acquisition import available, discover  # noqa: PLC0415
-    from grabberd.cli.devices_listing import print_listing  # noqa: PLC0415
-
-    drivers, found = available(), discover()
-    if json:
-        print_json(_document(drivers, settings, found))
-    else:
-        print_listing(drivers, settings, found)
-
-
-def _document(drivers: tuple[str, ...], settings: Config, found: "tuple[FoundDevice, ...]") -> dict[str, Any]:
-    """Installed drivers, configured devices, and the grabbers found with their configured names."""
-    from grabberd.cli.devices_listing import configured_as  # noqa: PLC0415
-
-    configured = {
-        name: {"driver": device.driver, "options": device.options}
-        for name, device in settings.devices.items()
-    }
-    return {
-        "drivers": drivers,
-        "devices": configured,
-        "found": [asdict(one) | {"configured_as": configured_as(settings, one)} for one in found],
-    }
+    list_devices(settings, json)

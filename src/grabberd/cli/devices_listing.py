@@ -1,6 +1,8 @@
 """Output of `grabberd devices`: each grabber with its verdict, and a configuration to paste."""
 
 from collections.abc import Container, Iterator, Sequence
+from dataclasses import asdict
+from itertools import count
 
 import typer
 import yaml
@@ -8,8 +10,9 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from grabberd.acquisition import available, discover
 from grabberd.acquisition.discovery import FoundDevice, Verdict
-from grabberd.cli.options import console
+from grabberd.cli.options import console, print_json
 from grabberd.config import Config
 
 STYLES = {
@@ -24,6 +27,20 @@ NOTHING_FOUND = (
     "'sudo dmesg' shows what it made of the device, 'sudo modprobe stk1160' (usbtv, em28xx, bttv …) "
     "loads a driver. Cloud kernels have none of them: install the full kernel (Debian: linux-image-amd64)."
 )
+
+
+def list_devices(settings: Config, json: bool) -> None:
+    """Print the installed drivers, the configured devices, and the grabbers found."""
+    drivers, found = available(), discover()
+    if not json:
+        print_listing(drivers, settings, found)
+        return
+    configured = {
+        name: {"driver": device.driver, "options": device.options}
+        for name, device in settings.devices.items()
+    }
+    named = [asdict(one) | {"configured_as": configured_as(settings, one)} for one in found]
+    print_json({"drivers": drivers, "devices": configured, "found": named})
 
 
 def configured_as(settings: Config, found: FoundDevice) -> list[str]:
@@ -43,17 +60,16 @@ def print_listing(drivers: Sequence[str], settings: Config, found: Sequence[Foun
     _print_plain(f"Installed drivers: {', '.join(drivers)}.")
     new = [one for one in found if one.verdict is not Verdict.UNUSABLE and not configured_as(settings, one)]
     if new:
-        _print_plain("\nTo use it, add this to the configuration:" if len(new) == 1 else _TO_USE_THEM)
+        what = "it, add this" if len(new) == 1 else "them, add all or part of this"
+        _print_plain(f"\nTo use {what} to the configuration:")
         typer.echo("\n" + yaml_of(new, settings.devices), nl=False)
-
-
-_TO_USE_THEM = "\nTo use them, add all or part of this to the configuration:"
 
 
 def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
     """Configuration of these devices under names that are not taken yet."""
     lines = ["devices:"]
     for name, device in zip(_free_names(taken), found, strict=False):
+        # width: yaml would fold a long value, and a folded one is easily spoilt when it is pasted.
         document = {name: {"driver": device.driver, "options": dict(device.options)}}
         text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=1000)
         lines += [f"  # {_one_line(device.card)}", *(f"  {line}" for line in text.splitlines())]
@@ -61,12 +77,8 @@ def yaml_of(found: Sequence[FoundDevice], taken: Container[str] = ()) -> str:
 
 
 def _free_names(taken: Container[str]) -> Iterator[str]:
-    number = 1
-    while True:
-        name = "grabber" if number == 1 else f"grabber-{number}"
-        if name not in taken:
-            yield name
-        number += 1
+    names = ("grabber" if number == 1 else f"grabber-{number}" for number in count(1))
+    return (name for name in names if name not in taken)
 
 
 def _print_device(device: FoundDevice, names: Sequence[str]) -> None:

@@ -7,19 +7,22 @@ from urllib.parse import urlsplit
 
 import typer
 
-from grabberd.cli.options import DEFAULT_URL, ConfigOption, TokenFileOption, UrlOption, load, warn
-from grabberd.errors import GrabberdError, NotReady, StorageError
+from grabberd.cli.options import (
+    DEFAULT_URL,
+    ConfigOption,
+    TokenFileOption,
+    UrlOption,
+    check_absent,
+    load,
+    warn,
+)
+from grabberd.errors import GrabberdError, NotReady
 
 HINT = (
     "run it as root or as the daemon's user, with the daemon's --config and STATE_DIRECTORY, "
     "or with an admin's token (--token-file)"
 )
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("diagnostics")(diagnostics)
 
 
 def diagnostics(
@@ -41,18 +44,20 @@ def diagnostics(
 
     Example: sudo grabberd diagnostics --config /etc/grabberd/grabberd.yaml --out barn.zip
     """
-    from grabberd.cli.remote.client import download  # noqa: PLC0415
+    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
     from grabberd.service.diagnostics import bundle, machine_parts  # noqa: PLC0415
+    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
 
-    if out.exists():
-        raise StorageError(f"{out} exists already", "name another file; nothing is overwritten")
+    check_absent(out)
     try:
-        token = token_file or _key_of_the_machine(config, url)
-        download(url, f"/api/v1/diagnostics?words={'true' if words else 'false'}", out, token)
+        daemon = Daemon(url, token_file or _key_of_the_machine(config, url))
+        daemon.download(f"/api/v1/diagnostics?words={str(words).lower()}", out)
     # Support also needs the computer's facts if the daemon does not run, so this is no failure.
     except NotReady as error:
         warn([f"{error.message}: the file describes this computer, not the daemon"])
-        _write(out, bundle(machine_parts()))
+        content = bundle(machine_parts())
+        with storage_errors(out):
+            out.write_bytes(content)
     except GrabberdError as error:
         if token_file:
             raise
@@ -67,10 +72,3 @@ def _key_of_the_machine(config: Path | None, url: str) -> Path | None:
     if os.environ.get("GRABBERD_TOKEN") or urlsplit(url).hostname not in LOOPBACK:
         return None
     return readable_key(load(config).state_directory)
-
-
-def _write(out: Path, content: bytes) -> None:
-    try:
-        out.write_bytes(content)
-    except OSError as error:
-        raise StorageError(f"{out} cannot be written: {error.strerror}", "name another file") from error

@@ -6,9 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import typer
-
-from grabberd.cli.options import print_json, progress_console, with_device
+from grabberd.cli.options import print_result, progress_console, with_device
 from grabberd.config import Config, DeviceConfig
 from grabberd.errors import DeviceRefused, StreamEnded, StreamFailed
 
@@ -38,10 +36,9 @@ def check(config: Config, file: Path | None, name: str | None, json: bool) -> in
     ((name, device),) = with_device(config, file, name).devices.items()
     info, finding = _watch(name, device)
     advice = _advice(finding.order, device, info)
-    if json:
-        print_json({"device": name, **_document(finding), "advice": advice})
-    else:
-        typer.echo(f"{name}: {_WORDS[finding.order]}\n  {finding.evidence}\n  {advice}")
+    document = {"device": name, **_document(finding), "advice": advice}
+    words = f"{name}: {_WORDS[finding.order]}\n  {finding.evidence}\n  {advice}"
+    print_result(document, words, as_json=json)
     return 0 if finding.order is Order.RIGHT else 1
 
 

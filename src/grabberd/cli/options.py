@@ -1,15 +1,18 @@
 """Options shared by several commands."""
 
 import json
-from collections.abc import Iterable
+import signal
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.progress import Progress
 
 from grabberd.config import Config, DeviceConfig, default_config_file, load_config
-from grabberd.errors import ConfigError, Problem
+from grabberd.errors import ConfigError, Problem, StorageError
 
 ConfigOption = Annotated[
     Path | None,
@@ -27,6 +30,10 @@ TokenFileOption = Annotated[
         envvar="GRABBERD_TOKEN_FILE",
         show_default=False,
     ),
+]
+LineJitterOption = Annotated[
+    float | None,
+    typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: the capture's."),
 ]
 DEFAULT_URL = "http://127.0.0.1:8050"
 
@@ -59,6 +66,7 @@ def with_device(config: Config, file: Path | None, device: str | None) -> Config
     name = only_device(config, None if colon else device, file)
     chosen: DeviceConfig = config.devices[name]
     if colon:
+        # A path in a configuration file is relative to that file; one typed here, to the working directory.
         chosen = chosen.model_copy(update={"driver": driver, "options": {"path": str(Path(path).resolve())}})
     return config.model_copy(update={"devices": {name: chosen}})
 
@@ -69,6 +77,57 @@ def warn(warnings: Iterable[str]) -> None:
         typer.echo(f"note: {warning}", err=True)
 
 
+def print_result(document: Any, words: str, *, as_json: bool) -> None:
+    """Print a result on standard output: in words, or as JSON for scripts."""
+    if as_json:
+        print_json(document)
+    else:
+        typer.echo(words)
+
+
 def print_json(document: Any) -> None:
     """Print a document as JSON on standard output."""
     typer.echo(json.dumps(document, indent=2, ensure_ascii=False))
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """The options that were given on the command line."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def check_absent(*paths: Path) -> None:
+    """Check that none of the files to be written exists.
+
+    Raises:
+        StorageError: some do; it names them.
+    """
+    if there := [str(path) for path in paths if path.exists()]:
+        raise StorageError(f"{', '.join(there)} exists already", "name another file; nothing is overwritten")
+
+
+def check_folder(path: Path) -> None:
+    """Check that the folder of a file to be written exists.
+
+    Raises:
+        StorageError: it does not.
+    """
+    if not path.parent.is_dir():
+        raise StorageError(f"there is no folder {path.parent}", "create it, or name another file")
+
+
+def group_file(out: Path, device: str) -> Path:
+    """File of one capture of a group: NAME-DEVICE.grab for NAME.grab."""
+    return out.with_name(f"{out.stem}-{device}{out.suffix}")
+
+
+def end_as_ctrl_c_does() -> None:
+    """Let SIGTERM, too, raise KeyboardInterrupt, so that a file is sealed and progress is kept."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+@contextmanager
+def progress_bar(description: str) -> Iterator[Callable[[float], None]]:
+    """Show a progress bar for the duration of the block, which reports the share done, 0 to 1."""
+    with Progress(console=progress_console, transient=True) as progress:
+        task = progress.add_task(description, total=1.0)
+        yield lambda share: progress.update(task, completed=share)

@@ -14,15 +14,9 @@ if TYPE_CHECKING:
     from grabberd.geometry import NominalRig, Rig
     from grabberd.processes.plan import Plan, PlannedPlace, PlanSettings
     from grabberd.reconstruction import ObjectModel
-    from grabberd.reconstruction.accuracy.accuracy import Axes
 
 COLUMNS = ("X", "Y", "Z", "XYZ", "calibration's XYZ")
 USUAL_FRAME = "calibration-frames/paper-108.yaml"
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("plan")(plan)
 
 
 def plan(  # noqa: PLR0913, PLR0917 - options of a command
@@ -138,14 +132,15 @@ def _settings(
 
 
 def _show(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]") -> None:
-    table = Table("σ in mm at", *COLUMNS, title="Expected for a single field")
-    for place in expected.places:
-        table.add_row(place.name, *_cells(place))
-    console.print(table)
-    changes = Table("σ in mm at the centre", *COLUMNS, title="Effect of changes")
-    for name, place in influence:
-        changes.add_row(name, *_cells(place))
-    console.print(changes)
+    places = [(place.name, place) for place in expected.places]
+    for title, where, rows in (
+        ("Expected for a single field", "σ in mm at", places),
+        ("Effect of changes", "σ in mm at the centre", influence),
+    ):
+        table = Table(where, *COLUMNS, title=title)
+        for name, place in rows:
+            table.add_row(name, *_cells(place))
+        console.print(table)
     (x, y), (along, across) = expected.sigma_px, expected.mm_per_px
     console.print(
         f"pointing {x:.3f} px in x, {y:.3f} px in y; {along:.3f} mm/px along the lines, {across:.3f} across",
@@ -171,7 +166,5 @@ def _document(expected: "Plan", influence: "Sequence[tuple[str, PlannedPlace]]")
 
 
 def _place(place: "PlannedPlace") -> dict[str, Any]:
-    def axes(value: "Axes | None") -> dict[str, float] | None:
-        return value and value._asdict()
-
-    return {**place._asdict(), "pointing": axes(place.pointing), "calibration": axes(place.calibration)}
+    shares = {name: getattr(place, name) for name in ("pointing", "calibration")}
+    return {**place._asdict(), **{name: axes and axes._asdict() for name, axes in shares.items()}}

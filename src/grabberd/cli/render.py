@@ -1,61 +1,15 @@
 """`grabberd render`: draws the estimated model, alone or over the camera's pictures."""
 
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from grabberd.cli.options import JsonOption
 
-
-class What(StrEnum):
-    """Kinds of pictures."""
-
-    MODEL = "model"
-    SYNTHETIC = "synthetic"
-    OVERLAY = "overlay"
-    ANIMATION = "animation"
-
-
-class Side(StrEnum):
-    """Named viewpoints of the model."""
-
-    OBLIQUE = "oblique"
-    TOP = "top"
-    SIDE = "side"
-    FRONT = "front"
-    ALL = "all"
-
-
-class Colour(StrEnum):
-    """Quantities that the model's colours can show."""
-
-    PLAIN = "plain"
-    HEIGHT = "height"
-    CURVATURE = "curvature"
-    STRAIN = "strain"
-    MOVEMENT = "movement"
-    SIGMA = "sigma"
-
-
-class Moving(StrEnum):
-    """Kinds of animations."""
-
-    MODEL = "model"
-    OVERLAY = "overlay"
-
-
-class Format(StrEnum):
-    """File formats of an animation."""
-
-    WEBM = "webm"
-    GIF = "gif"
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("render")(render)
+What = Literal["model", "synthetic", "overlay", "animation"]
+Side = Literal["oblique", "top", "side", "front", "all"]
+Colour = Literal["plain", "height", "curvature", "strain", "movement", "sigma"]
 
 
 def render(  # noqa: PLR0913, PLR0917 - options of a command
@@ -67,12 +21,12 @@ def render(  # noqa: PLR0913, PLR0917 - options of a command
             help="model: the surface as a grid; synthetic: as the cameras would see it; overlay: that over "
             "the camera's picture; animation: all fields in sequence."
         ),
-    ] = What.MODEL,
+    ] = "model",
     field: Annotated[
         int | None, typer.Option(min=0, help="Field to draw; default: the first measured.")
     ] = None,
     run: Annotated[int | None, typer.Option(min=1, help="Run to draw; default: the latest.")] = None,
-    side: Annotated[Side, typer.Option(help="Viewpoint of the model.")] = Side.OBLIQUE,
+    side: Annotated[Side, typer.Option(help="Viewpoint of the model.")] = "oblique",
     azimuth: Annotated[
         float | None, typer.Option("--azimuth-deg", help="Free viewpoint: angle about z, from x towards y.")
     ] = None,
@@ -80,14 +34,16 @@ def render(  # noqa: PLR0913, PLR0917 - options of a command
         float | None,
         typer.Option("--elevation-deg", min=-90, max=90, help="Free viewpoint: angle above the xy plane."),
     ] = None,
-    colour: Annotated[Colour, typer.Option(help="Quantity shown by the model's colours.")] = Colour.PLAIN,
+    colour: Annotated[Colour, typer.Option(help="Quantity shown by the model's colours.")] = "plain",
     reference: Annotated[
         int | None,
         typer.Option(min=0, help="Reference field of strain and movement; default: the first measured."),
     ] = None,
     size: Annotated[str, typer.Option(help="Size of the model's picture in pixels.")] = "960x600",
-    of: Annotated[Moving, typer.Option(help="What to animate.")] = Moving.MODEL,
-    format: Annotated[Format, typer.Option(help="Format of an animation: WebM (VP9) or GIF.")] = Format.WEBM,
+    of: Annotated[Literal["model", "overlay"], typer.Option(help="What to animate.")] = "model",
+    format: Annotated[
+        Literal["webm", "gif"], typer.Option(help="Format of an animation: WebM (VP9) or GIF.")
+    ] = "webm",
     speed: Annotated[
         float, typer.Option(min=0.001, max=100, help="Speed of an animation; 1 is real time.")
     ] = 0.2,
@@ -111,19 +67,19 @@ def render(  # noqa: PLR0913, PLR0917 - options of a command
     with Rendering.opened(capture, run, out, _size(size), as_json=json) as rendering:
         free = _free(azimuth, elevation)
         match what:
-            case What.MODEL:
-                rendering.model(field, reference, side.value, free, colour.value)
-            case What.SYNTHETIC if free:
+            case "model":
+                rendering.model(field, reference, side, free, colour)
+            case "synthetic" if free:
                 rendering.free(field, free)
-            case What.SYNTHETIC | What.OVERLAY:
-                rendering.views(field, over=what is What.OVERLAY)
-            case What.ANIMATION:
+            case "synthetic" | "overlay":
+                rendering.views(field, over=what == "overlay")
+            case "animation":
                 fields = rendering.chosen(first, last, every)
                 per_s = rendering.pictures_per_s(speed, every)
-                name = f"{of.value}.{format.value}"
-                if of is Moving.MODEL:
-                    direction = free or rendering.direction(side.value)
-                    rendering.moving_model(fields, reference, direction, colour.value, name, per_s)
+                name = f"{of}.{format}"
+                if of == "model":
+                    direction = free or rendering.direction(side)
+                    rendering.moving_model(fields, reference, direction, colour, name, per_s)
                 else:
                     rendering.moving_overlay(fields, name, per_s)
 

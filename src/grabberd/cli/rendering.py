@@ -192,6 +192,7 @@ class Rendering:
         if n not in self.points:
             return np.zeros((calibration.lines, calibration.columns, 3), np.uint8)
         grey = self._grey(n)
+        # Only single pictures report how well they fit: an animation has nowhere to put it.
         pair = synthetic_view.synthetic_pair(
             modelling.surface(self.points[n]), calibration, grey, fitted=False
         )

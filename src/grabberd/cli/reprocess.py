@@ -1,15 +1,14 @@
 """`grabberd reprocess`: re-measures an archive of captures into a data set of points."""
 
-import signal
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
-from grabberd.cli.options import JsonOption, print_json, progress_console, warn
+from grabberd.cli.options import JsonOption, end_as_ctrl_c_does, given, print_json, progress_console, warn
 
 if TYPE_CHECKING:
     from grabberd.service.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
@@ -18,11 +17,6 @@ INTERRUPTED = 130
 """128 + SIGINT, as shells report a command ended by Ctrl-C."""
 RATE_OVER_S = 600
 """Seconds over which the rate, and so the remaining time, is estimated."""
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("reprocess")(reprocess)
 
 
 def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
@@ -70,10 +64,9 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
         raise typer.BadParameter(
             "not possible with --scheduler: the cluster has its own workers", param_hint="--workers"
         )
-    chosen = {"method": method, "line_jitter_px": line_jitter}
-    settings = {key: value for key, value in chosen.items() if value is not None}
+    settings = given(method=method, line_jitter_px=line_jitter)
     request = ReprocessRequest(captures, out, calibration, object_model, settings, barn, replace)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # end as Ctrl-C does
+    end_as_ctrl_c_does()
     make = partial(cluster_workers, scheduler) if scheduler else lambda _: local_workers(workers)
     with _bar() as bar:
         task = bar.add_task("inspecting captures", total=None, rate="", left="")
@@ -86,13 +79,8 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
 
 
 def _bar() -> Progress:
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TextColumn("{task.fields[left]}"),
-        TimeRemainingColumn(),
-    )
+    texts = ("{task.fields[rate]}", "{task.fields[left]}")
+    columns = ("{task.description}", BarColumn(), *texts, TimeRemainingColumn())
     return Progress(*columns, console=progress_console, transient=True, speed_estimate_period=RATE_OVER_S)
 
 
@@ -123,7 +111,7 @@ def _report(summary: "ReprocessSummary", out: Path, as_json: bool) -> None:
 
 def _document(summary: "ReprocessSummary", out: Path) -> dict[str, Any]:
     lists = {
-        "refused": [{**one._asdict(), "capture": str(one.capture)} for one in summary.refused],
-        "left_out": [{**one._asdict(), "capture": str(one.capture)} for one in summary.left_out],
+        name: [{**one._asdict(), "capture": str(one.capture)} for one in getattr(summary, name)]
+        for name in ("refused", "left_out")
     }
     return {"out": str(out), **asdict(summary), "fields_per_s": round(summary.fields_per_s, 1), **lists}

@@ -16,11 +16,6 @@ SWITCH_INTERVAL_S = 0.001
 """Longest wait for the interpreter lock; at Python's default of 5 ms the capture thread loses fields."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("serve")(serve)
-
-
 def serve(
     config: ConfigOption = None,
     host: Annotated[str | None, typer.Option(help="Address to listen on.", show_default=False)] = None,
@@ -52,13 +47,16 @@ def serve(
     settings = load(config)
     file: Path = config or default_config_file()
     http = settings.http
+    # All that can be wrong with the configuration is checked before a socket or a device is opened.
     context = None if http.tls is None else serving.tls_context(http.tls, file)
     check_mqtt(settings, file)
     service = Service.from_config(settings, set_up(settings, file))
+    # Bound before any device starts: an address in use ends the command at once.
     listening = sockets.inherited(os.environ) or sockets.bind(
         host or http.host, http.port if port is None else port
     )
     try:
+        # Without tokens only this computer is served, and only the open database tells if there are any.
         service.access.open()
         sockets.check_private(listening, service.access.has_tokens, file)
         service.start()  # before the server, so that a failure to start is reported in plain words

@@ -3,15 +3,9 @@
 from collections.abc import Iterator
 from typing import Any
 
-import typer
 from rich.table import Table
 
 from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, console, print_json
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("status")(status)
 
 
 def status(
@@ -21,9 +15,9 @@ def status(
 
     Example: grabberd status --url http://127.0.0.1:8050
     """
-    from grabberd.cli.remote.client import ask  # noqa: PLC0415
+    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
 
-    state = ask(url, "/api/v1/state", token_file=token_file)
+    state = Daemon(url, token_file).ask("/api/v1/state")
     if json:
         print_json(state)
         return
@@ -35,6 +29,7 @@ def status(
         cells = (device["fields"]["received"], lost, live["points"], ring["bits"], ring["threshold"])
         table.add_row(name, device["state"], *(str(cell) for cell in cells), device["capture_id"] or "–")
     console.print(table)
+    # soft_wrap: where the output is piped, rich would break these lines at 80 columns.
     for name, device in state["devices"].items():
         for words in _remarks(device):
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)

@@ -7,22 +7,12 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
+from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json, print_result
 
-commands = typer.Typer(
-    name="storage",
-    help="Manage the captures on disk. Run it as the daemon's user.",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+commands = typer.Typer(help="Manage the captures on disk. Run it as the daemon's user.", no_args_is_help=True)
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.add_typer(commands)
-
-
-@commands.command("index")
+@commands.command()
 def index(config: ConfigOption = None, json: JsonOption = False) -> None:
     """Rebuild the index from the capture files, as the daemon does at every start; stop it first.
 
@@ -45,7 +35,7 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
         typer.echo(f"damaged: {archive.directory / entry.file}")
 
 
-@commands.command("retention")
+@commands.command()
 def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     """Show which captures storage.retention would delete now; nothing is deleted.
 
@@ -81,7 +71,7 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
     typer.echo(f"{words}{len(found)} of {len(kept)} captures would be deleted, {len(pinned)} are pinned")
 
 
-@commands.command("seal")
+@commands.command()
 def seal(
     part: Annotated[Path, typer.Argument(help="File left by an interrupted capture, NAME.grab.part.")],
     json: JsonOption = False,
@@ -96,9 +86,7 @@ def seal(
     from grabberd.storage.capture.recording_folder import seal as seal_part  # noqa: PLC0415
 
     path = seal_part(part)
-    document = describe(path)
-    if json:
-        # A pin belongs to the daemon's state, not to the file.
-        print_json({"file": str(path), **document.model_dump(mode="json", exclude={"pinned"})})
-    else:
-        typer.echo(f"{path}: {document.fields} fields, {document.ledger.in_words}")
+    capture = describe(path)
+    # A pin belongs to the daemon's state, not to the file.
+    document = {"file": str(path), **capture.model_dump(mode="json", exclude={"pinned"})}
+    print_result(document, f"{path}: {capture.fields} fields, {capture.ledger.in_words}", as_json=json)

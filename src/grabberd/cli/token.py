@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
-from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.cli.options import ConfigOption, JsonOption, console, load, print_json
 from grabberd.documents.roles import Role
 
@@ -15,20 +14,12 @@ if TYPE_CHECKING:
     from grabberd.service.access import Access
 
 commands = typer.Typer(
-    name="token",
-    help="Create, list and remove access tokens. Run it as the daemon's user.",
-    no_args_is_help=True,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Create, list and remove access tokens. Run it as the daemon's user.", no_args_is_help=True
 )
 NameArgument = Annotated[str, typer.Argument(help="Name of the owner or purpose, e.g. tablet-north.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands."""
-    app.add_typer(commands)
-
-
-@commands.command("add")
+@commands.command()
 def add(
     name: NameArgument,
     role: Annotated[
@@ -52,6 +43,7 @@ def add(
         expires_utc = next(row.expires_utc for row in access.list() if row.name == name)
         print_json({"name": name, "role": role, "token": secret, "expires_utc": expires_utc})
         return
+    # Beside standard output, which holds the secret alone, so that a script can store it.
     typer.echo("This token is shown only once; keep it as safe as a password:", err=True)
     typer.echo(secret)
 
@@ -66,6 +58,8 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     if json:
         print_json([row._asdict() for row in rows])
         return
+    from grabberd.acquisition.clock import SystemClock, iso_utc  # noqa: PLC0415 - loads numpy
+
     now_utc = iso_utc(SystemClock().utc_now())
     table = Table("name", "role", "created", "expires", "sessions")
     for row in rows:
@@ -75,7 +69,7 @@ def list_tokens(config: ConfigOption = None, json: JsonOption = False) -> None:
     console.print(table)
 
 
-@commands.command("remove")
+@commands.command()
 def remove(name: NameArgument, config: ConfigOption = None) -> None:
     """Remove a token; it and its sessions end immediately, without a restart.
 

@@ -4,12 +4,7 @@ from typing import Annotated
 
 import typer
 
-from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, print_json
-
-
-def register(app: typer.Typer) -> None:
-    """Add the command."""
-    app.command("trigger")(trigger)
+from grabberd.cli.options import DEFAULT_URL, JsonOption, TokenFileOption, UrlOption, print_result
 
 
 def trigger(
@@ -27,10 +22,10 @@ def trigger(
 
     Example: grabberd trigger --device north --url http://barn.local:8050 --token-file token
     """
-    from grabberd.cli.remote import remote_capture as remote  # noqa: PLC0415
+    from grabberd.cli.remote import daemon_captures as captures  # noqa: PLC0415
+    from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
 
-    document = remote.trigger(url, capture or remote.armed_capture(url, device, token_file), token_file)
-    if json:
-        print_json(document)
-    else:
-        typer.echo(f"{document['id']}: {document['state']}, triggered {document['trigger_utc']}")
+    daemon = Daemon(url, token_file)
+    document = captures.trigger(daemon, capture or captures.armed_capture(daemon, device))
+    words = f"{document['id']}: {document['state']}, triggered {document['trigger_utc']}"
+    print_result(document, words, as_json=json)

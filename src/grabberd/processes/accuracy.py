@@ -25,19 +25,6 @@ from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.smoothing.smoothing import Smoothed, SmoothingSettings, smooth
 
-__all__ = [
-    "Accuracy",
-    "Axes",
-    "Compared",
-    "Coordinates",
-    "Investigation",
-    "InvestigationSettings",
-    "Truth",
-    "accuracy",
-    "investigate",
-    "requantised",
-]
-
 Array = NDArray[np.float64]
 
 PAPER_LIMIT_MM = 0.2
@@ -162,9 +149,7 @@ def _chi2(
     return float(whole), (x, y, z)
 
 
-def requantised(
-    fields: Iterable[NumberedField], bits: int, *, doubled: bool, rule: ThresholdRule | None = None
-) -> Iterator[NumberedField]:
+def requantised(fields: Iterable[NumberedField], bits: int, *, doubled: bool) -> Iterator[NumberedField]:
     """Requantises the fields of an 8-bit capture as if they had been taken with fewer bits, 1…8.
 
     The threshold is chosen for these bits from the first field, as is done when a ring is configured.
@@ -173,7 +158,6 @@ def requantised(
         fields: fields of 8 bits with their original lines.
         bits: bits per pixel; depths that no ring has, such as 7, are allowed.
         doubled: interpolate the missing lines from the grey values.
-        rule: rule by which the threshold is chosen.
 
     Raises:
         InputError: the fields have fewer bits, or their lines are doubled.
@@ -182,7 +166,7 @@ def requantised(
     for numbered in fields:
         grey = _grey(numbered.packed)
         if threshold is None:
-            threshold = field_threshold(grey, rule or ThresholdRule(), bits, doubled=doubled)
+            threshold = field_threshold(grey, ThresholdRule(), bits, doubled=doubled)
         whole = double_lines(grey) if doubled else grey
         yield numbered._replace(packed=_quantised(whole, bits, threshold))
 

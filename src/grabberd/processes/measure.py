@@ -3,11 +3,13 @@
 from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.errors import CalibrationMismatch, MeasurementError
 from grabberd.field import NumberedField, PackedField
 from grabberd.geometry import Calibration, LocalField, Rig, View
 from grabberd.kernel import KERNEL
@@ -24,6 +26,8 @@ from grabberd.reconstruction import (
 
 Array = NDArray[np.float64]
 
+FIELDS_A_GROUP = 500
+"""Ten seconds of video."""
 JITTERS, JITTER_EVERY = 9, 25
 """The line jitter is the median of the last nine estimates. It belongs to the equipment and hardly changes,
 so that after the first nine fields only every 25th is used for a new estimate."""
@@ -69,6 +73,43 @@ def measure_fields(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iter
         yield step.measure(numbered)
 
 
+def measured_groups(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[list[MeasuredField]]:
+    """Measure every field, in groups that bound the memory in use; the results are those of `measure_fields`.
+
+    Raises:
+        CalibrationMismatch: a field's size differs from the calibration's.
+        MeasurementError: there are no fields, or no points in any of them.
+    """
+    measured = measure_fields(_fitting(fields, setup), setup)
+    count = points = 0
+    while group := list(islice(measured, FIELDS_A_GROUP)):
+        count += len(group)
+        points += sum(len(one.points) for one in group)
+        yield group
+    if not count:
+        raise MeasurementError(
+            "the capture has no undamaged field to measure", "the capture's ledger gives the reasons"
+        )
+    if not points:
+        raise MeasurementError(
+            f"no target of the object model was found in any of {count} fields",
+            "check that calibration and object model belong to this capture's rig and object",
+        )
+
+
+def _fitting(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[NumberedField]:
+    known = setup.calibration
+    for numbered in fields:
+        lines = numbered.packed.rows * numbered.packed.y_step
+        if (numbered.packed.columns, lines) != (known.columns, known.lines):
+            raise CalibrationMismatch(
+                f"calibration {known.id} is for pictures of {known.columns} x {known.lines}, "
+                f"field {numbered.n} has {numbered.packed.columns} x {lines}",
+                "measure this capture with a calibration of its own grabber",
+            )
+        yield numbered
+
+
 class _Locating:
     """Location of each field's blobs; line jitter, a property of the equipment, is seldom re-estimated."""
 
@@ -98,6 +139,7 @@ class _Step:
         self._locating = _Locating(replace(setup.location, line_jitter_px=setup.line_jitter_px))
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
+        # From the object model alone, never from an earlier track: points are a function of the fields given.
         self._track: Track = self._tracker.start()
         self._last_ns: int | None = None
 
@@ -122,6 +164,8 @@ def whole_blobs(blobs: Blobs, view: View, local_field: LocalField | None = None)
     """
     chosen = _chosen_compiled if KERNEL else _chosen
     xy_px, sigma_px, common_px = chosen(blobs, view.first_column, view.end_column)
+    # Taken off the blobs rather than added to the functional model: equations (4) to (7) stay as printed, and
+    # a rig without a local field pays nothing for it.
     if local_field is not None:
         xy_px = xy_px - local_field.at(xy_px)
     return ViewBlobs(xy_px, sigma_px, common_px, blobs.common_reach_px)

@@ -199,6 +199,7 @@ def _covariance(rig: Rig, xyz_mm: Array, settings: PlanSettings) -> tuple[Array,
     the same lines, as in the nominal rig, and on different lines, as misaligned mirrors may place them.
     """
     pointing, jitter_px = _pointing(rig, xyz_mm, settings), _jitter_px(rig, xyz_mm[:1], settings)
+    # A line that jitters moves along itself: only x is affected.
     whole = np.hypot(pointing, (jitter_px, 0.0))
     image, slopes = linearise(rig, xyz_mm)
     design = slopes.transpose(3, 0, 1, 2).reshape(-1, 4, 3)

@@ -57,6 +57,7 @@ def _y_step(field: Field, doubled: bool) -> int:
 
 
 def _for_seen_size(rule: ThresholdRule, field: Field) -> ThresholdRule:
+    # A field without visible targets has no size to go by: the one in the rule stands.
     with suppress(MeasurementError):
         rule = with_seen_size(rule, field)
     return replace(rule, target_px=min(rule.target_px, LARGEST_TARGET_PX))

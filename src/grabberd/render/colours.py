@@ -37,6 +37,7 @@ class Scale:
         """Scale from the 2nd to the 98th percentile, so that single outliers do not flatten the colours."""
         known = values[np.isfinite(values)]
         low, high = np.percentile(known, [2, 98]) if len(known) else (0.0, 1.0)
+        # A quantity that is the same everywhere needs some range, too: colours are shares of it.
         return cls(label, float(low), float(max(high, low + 1e-9 + 1e-6 * abs(low))))
 
     def colours(self, values: Array) -> Array:
@@ -69,6 +70,7 @@ def ticks(low: float, high: float, most: int = 6) -> list[float]:
     power = 10.0 ** np.floor(np.log10(raw))
     step = next(each * power for each in (1.0, 2.0, 5.0, 10.0) if each * power >= raw * (1 - 1e-9))
     first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
+    # The step that gives at most six numbers can give one or two, which do not show a scale.
     if last - first + 1 < _FEWEST_TICKS:
         step /= 2
         first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)

@@ -141,5 +141,6 @@ class Viewpoint:
         along = self.axes[:2, axis]
         middle = self.places(np.array(edges)).mean(axis=1)
         upright = abs(along[1]) > 2 * abs(along[0])
+        # The small term decides between edges at the same height in the picture.
         order = middle[:, 0] + 1e-3 * middle[:, 1] if upright else -middle[:, 1] + 1e-3 * middle[:, 0]
         return np.asarray(edges[int(np.argmin(order))])

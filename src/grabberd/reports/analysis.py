@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from grabberd.reports.columns import Columns
-from grabberd.reports.document import check_analysis
+from grabberd.reports.document import ANALYSIS, check_document
 from grabberd.reports.environment import render
 from grabberd.reports.figures import State, require_matplotlib, states_of
 
@@ -66,7 +66,7 @@ def analysis_html(document: Document) -> str:
             finite.
         ExtraMissing: matplotlib is not installed.
     """
-    check_analysis(document)
+    check_document(document, ANALYSIS)
     require_matplotlib()
     return render("analysis.html.jinja", document, **values(document))
 

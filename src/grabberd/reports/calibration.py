@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from grabberd.reports.document import check_document
+from grabberd.reports.document import CALIBRATION, check_document
 from grabberd.reports.environment import render
 from grabberd.reports.figures import require_matplotlib
 from grabberd.reports.names import symbol
@@ -66,7 +66,7 @@ def calibration_html(document: Document) -> str:
             not finite.
         ExtraMissing: matplotlib is not installed.
     """
-    check_document(document)
+    check_document(document, CALIBRATION)
     require_matplotlib()
     return render("calibration.html.jinja", document, **values(document))
 

@@ -7,11 +7,14 @@ from typing import Any
 
 from grabberd.errors import InputError
 
-SCHEMA = "grabberd/calibration-report/1"
-ANALYSIS_SCHEMA = "grabberd/analysis-report/1"
+CALIBRATION = "grabberd/calibration-report/1"
+ANALYSIS = "grabberd/analysis-report/1"
 
-_HINT = "make the report again: grabberd calibrate … --report FILE"
-_ANALYSIS_HINT = "make the report again: grabberd analyse … --out DIR"
+_NEEDED = {
+    CALIBRATION: ("id", "created_utc", "result", "views"),
+    ANALYSIS: ("id", "created_utc", "inputs", "tables", "states"),
+}
+_COMMANDS = {CALIBRATION: "calibrate … --report FILE", ANALYSIS: "analyse … --out DIR"}
 
 
 def document_json(document: Mapping[str, Any]) -> str:
@@ -25,30 +28,17 @@ def document_json(document: Mapping[str, Any]) -> str:
     return "{\n" + ",\n".join(parts) + "\n}\n"
 
 
-def check_document(document: Mapping[str, Any]) -> None:
-    """Check that a calibration report can be drawn from a document.
+def check_document(document: Mapping[str, Any], schema: str) -> None:
+    """Check that a report can be drawn from a document.
 
     Raises:
-        InputError: it has another schema, lacks a part that every report needs, or has a number that is not
-            finite.
+        InputError: it has another schema, lacks a part that every report of this one needs, or has a number
+            that is not finite.
     """
-    _check(document, SCHEMA, ("id", "created_utc", "result", "views"), _HINT)
-
-
-def check_analysis(document: Mapping[str, Any]) -> None:
-    """Check that an analysis report can be drawn from a document.
-
-    Raises:
-        InputError: for the same reasons as `check_document`.
-    """
-    needed = ("id", "created_utc", "inputs", "tables", "states")
-    _check(document, ANALYSIS_SCHEMA, needed, _ANALYSIS_HINT)
-
-
-def _check(document: Mapping[str, Any], schema: str, needed: Sequence[str], hint: str) -> None:
+    hint = f"make the report again: grabberd {_COMMANDS[schema]}"
     if document.get("schema") != schema:
         raise InputError(f"the report's schema must be {schema!r}, not {document.get('schema')!r}", hint)
-    if missing := [key for key in needed if not document.get(key)]:
+    if missing := [key for key in _NEEDED[schema] if not document.get(key)]:
         raise InputError(f"the {schema.split('/')[1].replace('-', ' ')} has no {', '.join(missing)}", hint)
     _check_finite(document)
 

@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Iterable
 
-from grabberd.service.device.device_state import DeviceState
+from grabberd.documents.states import DeviceState
 from grabberd.service.device.status_board import StatusBoard
 from grabberd.service.notify import Notifier
 

@@ -9,12 +9,11 @@ from grabberd.acquisition.clock import UtcClock
 from grabberd.config import DeviceConfig
 from grabberd.errors import CalibrationMismatch
 from grabberd.geometry import Calibration
-from grabberd.service.capture import group_start
+from grabberd.service.capture import capture_start
 from grabberd.service.capture.capture_request import ArmedCapture, CaptureRequest, NewCapture
 from grabberd.service.capture.capture_start import CaptureStart
 from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCaptures, check_stream
 from grabberd.service.capture.disk_guard import DiskGuard
-from grabberd.service.capture.group_start import DiskRoom
 from grabberd.service.capture.recording import Recording
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
@@ -129,11 +128,11 @@ class Instrument:
             part: Path of its file while it is written.
 
         Raises:
-            CaptureRunning, NotReady, InputError, CalibrationMismatch, StorageError: See `group_start.start`.
+            CaptureRunning, NotReady, InputError, CalibrationMismatch, StorageError: See
+                `capture_start.start`.
         """
-        room = DiskRoom(self.captures.disk, part.parent, CurrentCaptures({self.name: self.captures}))
         single = CaptureStart(self.captures, NewCapture(capture_id, request, part))
-        group_start.start([single], room, self.captures.clock)
+        capture_start.start([single], CurrentCaptures({self.name: self.captures}))
         assert self.recording is not None
         return self.recording
 

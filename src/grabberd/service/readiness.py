@@ -3,9 +3,9 @@
 from grabberd.acquisition import Signal
 from grabberd.documents.devices import LackDocument
 from grabberd.documents.named_types import LackKind
+from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
-from grabberd.service.device.device_state import STREAMING, DeviceState
-from grabberd.service.device.status_board import DeviceStatus
+from grabberd.service.device.status_board import STREAMING, DeviceStatus
 from grabberd.service.instrument import Instrument
 
 _Reason = tuple[LackKind, str, str, Cause | None]

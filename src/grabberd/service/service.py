@@ -98,7 +98,7 @@ class Service:
         self.archive = Archive(
             directory / "captures", self._current.recordings, self._current.armed, store.get, store.all
         )
-        self.capture_control = CaptureControl(self._current, self.archive, store, self._disk, self._clock)
+        self.capture_control = CaptureControl(self._current, self.archive, store, self._clock)
         self.calibrations = CalibrationCatalog(directory / "calibrations", _configured(setups))
         self._state_store = StateStore(directory / "state.sqlite")
         self.access = Access(directory, self._clock)

@@ -4,7 +4,6 @@ A capture file is crash-safe and readable from anything that reads SQLite; `docs
 describes it. It is called `NAME.grab.part` while it is written and `NAME.grab` once it is sealed.
 """
 
-from grabberd.storage.capture.codec import decode_points, encode_points
 from grabberd.storage.capture.crash_recovery import recover
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField, RunInfo
@@ -29,8 +28,6 @@ __all__ = [
     "RecordedField",
     "RunInfo",
     "append_run",
-    "decode_points",
-    "encode_points",
     "export_csv",
     "export_parquet",
     "export_ply",

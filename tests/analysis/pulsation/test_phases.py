@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from analysis.pulsating import LINER, capture, times
+from drivers.fake.iso_phases import iso_phases_s
 from grabberd.analysis import (
     VacuumLog,
     first_movement,
@@ -14,7 +15,7 @@ from grabberd.analysis import (
     wall_phases,
 )
 from grabberd.errors import AnalysisError
-from grabberd_fake.vacuum import iso_phases_s, vacuum_log
+from grabberd_fake.vacuum import vacuum_log
 
 
 def log(seconds=8, noise_kpa=0.0, options=LINER, **more):

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.pulsating import CLOSED_HALF_S, LINER, OPEN_HALF_S, capture, times
+from drivers.fake.iso_phases import iso_phases_s
 from grabberd.analysis import (
     PulsatorWave,
     WallLag,
@@ -15,7 +16,7 @@ from grabberd.analysis import (
     read_vacuum_log,
 )
 from grabberd.errors import AnalysisError, InputError
-from grabberd_fake.vacuum import iso_phases_s, vacuum_log
+from grabberd_fake.vacuum import vacuum_log
 
 LAG = WallLag(OPEN_HALF_S - (-0.04 + 0.06), CLOSED_HALF_S - (0.6 - 0.03 + 0.05), 0.001)
 PULSATION = fit_pulsation(first_movement([capture(times(200))]))

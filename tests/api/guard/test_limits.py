@@ -13,8 +13,9 @@ from starlette.types import Message
 
 from api.gates import Gated, is_problem
 from grabberd.api.guard.front import Front
-from grabberd.api.guard.limits import LimitedBody, OneStream, Streams
+from grabberd.api.guard.gate import LimitedBody
 from grabberd.api.guard.refusals import Refusal, answer_refusal
+from grabberd.api.guard.stream_limit import OneStream, Streams
 from grabberd.config import HttpLimits
 from grabberd.documents.roles import Role
 

@@ -11,8 +11,8 @@ from api.conftest import service_in
 from api.gates import is_problem
 from grabberd.acquisition import Signal
 from grabberd.api import create_app
+from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.instrument import Instrument
 
 

@@ -6,7 +6,7 @@ from fastapi.testclient import TestClient
 from prometheus_client.parser import text_string_to_metric_families
 
 from api.conftest import sealed
-from grabberd.service.device.device_state import DeviceState
+from grabberd.documents.states import DeviceState
 
 
 def metrics(client: TestClient) -> dict[tuple[str, ...], float]:

@@ -26,7 +26,7 @@ def armed(client: TestClient, order: Any = None) -> str:
 def wait_for_fields(client: TestClient, count: int) -> None:
     """So many fields have come into the ring since it was asked for."""
     service = client.app.state.service  # type: ignore[attr-defined]
-    reader = service.instrument(None).pipeline.configured.ring.reader()
+    reader = service.instrument(None).pipeline.ring.reader()
     for _ in range(count):
         assert reader.take(10) is not None
 

@@ -16,7 +16,7 @@ from api.conftest import service_in
 from api.streams import Served, events, served
 from grabberd.api.streams.events import EVERY_S, KEEP_ALIVE, EventFeed
 from grabberd.config import HttpLimits
-from grabberd.service.device.device_state import DeviceState
+from grabberd.documents.states import DeviceState
 from grabberd.service.live.state_changes import merged
 
 PATIENCE_S = 20.0

@@ -29,8 +29,7 @@ def run(*words: object) -> Result:
 
 def wait_until_the_ring_holds(daemon: Daemon, slots: int) -> None:
     """It has been filling for so long."""
-    armed = daemon.service.instrument(None).pipeline.configured
-    with armed.ring.reader() as reader:
+    with daemon.service.instrument(None).pipeline.ring.reader() as reader:
         for _ in range(slots):
             assert reader.take(PATIENCE_S) is not None
 

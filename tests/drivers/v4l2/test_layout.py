@@ -21,7 +21,6 @@ def granted(field, lines=576, driver="bttv"):
         columns=COLUMNS,
         lines=lines,
         bytes_per_line=COLUMNS,
-        size_bytes=lines * COLUMNS,
         fourcc="GREY",
         field=int(field),
         standard="PAL",
@@ -73,7 +72,7 @@ def test_a_frame_gives_both_fields_the_older_first(arrangement, older):
     assert_is_the_field(fields[0], older)
     assert_is_the_field(fields[1], 1 - older)
     assert found.order is (FieldOrder.TOP_FIRST if older == TOP else FieldOrder.BOTTOM_FIRST)
-    assert (found.rate_hz, found.field_rows, found.columns) == (50.0, 288, COLUMNS)
+    assert (found.rate_hz, found.field_rows, found.granted.columns) == (50.0, 288, COLUMNS)
     assert found.remarks == ()
 
 

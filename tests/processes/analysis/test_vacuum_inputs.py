@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from drivers.fake.iso_phases import iso_phases_s
 from grabberd.errors import GrabberdError, InputError
 from grabberd.processes.analysis.vacuum_inputs import read_vacuum
-from grabberd_fake.vacuum import iso_phases_s, pulsation_kpa
+from grabberd_fake.vacuum import pulsation_kpa
 from processes.milking import FAKE, PERIOD_S, log, whole
 
 TIME_S = np.arange(50) * 0.02

@@ -12,12 +12,13 @@ from grabberd.config import shipped_configs
 from grabberd.errors import InputError, MeasurementError, RankDeficient
 from grabberd.field import Field, NumberedField, quantise, split_frame
 from grabberd.geometry import Calibration, NominalRig, project
-from grabberd.processes.accuracy import Coordinates, Truth, accuracy
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
 from grabberd.processes.measure import MeasureSetup, measure_fields
 from grabberd.reconstruction import ObjectModel
+from grabberd.reconstruction.accuracy.accuracy import accuracy
+from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth
 from processes.fake_scene import take_scene
 from processes.pinhole_pictures import Camera, frames, still
 

@@ -20,7 +20,7 @@ def written(service: Service) -> Recording:
     recording = service.instrument(None).recording
     assert recording is not None
     deadline = time.monotonic() + PATIENCE_S
-    while not recording.writing.committed and time.monotonic() < deadline:
+    while not recording.committed and time.monotonic() < deadline:
         time.sleep(0.01)
     return recording
 

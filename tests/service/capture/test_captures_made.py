@@ -70,7 +70,7 @@ def test_without_a_wish_a_capture_has_the_bits_of_the_configuration(tmp_path: Pa
 
 def test_the_fields_before_the_trigger_belong_to_the_capture(tmp_path: Path) -> None:
     with live(tmp_path) as service:
-        reader = service.instrument(None).pipeline.configured.ring.reader()
+        reader = service.instrument(None).pipeline.ring.reader()
         for _ in range(12):
             assert reader.take(PATIENCE_S)
         with CaptureReader(capture(service, fields=20, pre_trigger_fields=10)) as file:

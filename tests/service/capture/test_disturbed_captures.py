@@ -8,8 +8,8 @@ from running import PATIENCE_S, live, running
 
 from grabberd.acquisition import Outcome
 from grabberd.config import CaptureConfig, RingConfig
+from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.readiness import lacks_of
 from grabberd.storage import CaptureReader
 

@@ -8,11 +8,11 @@ import pytest
 from running import PATIENCE_S
 from several import UNPLUGGED, sealed_all, several, wait_until_they_accept
 
+from grabberd.acquisition import Ring
 from grabberd.config import LocationConfig, load_config, shipped_configs
 from grabberd.errors import CaptureRunning, Conflict, GroupRefused, NotFound, NotReady, StorageError
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.disk_guard import GB, DiskGuard, bytes_per_field
-from grabberd.service.device.configured_ring import ConfiguredRing
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from grabberd.storage import CaptureReader
@@ -159,7 +159,7 @@ def test_nothing_records_after_a_start_that_failed(tmp_path: Path, monkeypatch: 
 def test_thresholds_follow_the_light_again_after_arming_that_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(bits: int | None, lines: str | None) -> ConfiguredRing:
+    def refuse(bits: int | None, lines: str | None) -> Ring:
         raise NotReady("the ring says no", "try again")
 
     with several(tmp_path, TWO) as service:
@@ -186,14 +186,14 @@ def test_thresholds_stay_held_after_a_trigger_that_failed(
 
 
 def test_the_disk_has_to_have_room_for_all_of_them(tmp_path: Path) -> None:
-    wanted = CaptureRequest(fields=3000, bits=8)
+    wanted = CaptureRequest(fields=4400, bits=8)
     room = 1.5 * 60 * 50 * bytes_per_field(8, 288, 720)
     with several(tmp_path, PACED, disk=DiskGuard(GB, lambda _: round(GB + room))) as service:
-        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes"):
+        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes .* 1\.5 are needed"):
             service.capture_control.start_group(both(wanted))
         assert parts(service) == []
         running = service.capture_control.start("left", wanted).id
-        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes"):
+        with pytest.raises(StorageError, match=r"room for 0\.[78] minutes .* 1\.5 are needed"):
             service.capture_control.start("right", wanted)
         service.capture_control.stop(running)
         sealed_all(service)
@@ -355,7 +355,7 @@ def test_no_field_is_missed_however_long_the_files_take_to_be_made(
     slots = 2 * 32
 
     def slowly(path: Path, max_pages: int | None = None) -> object:
-        with service.instrument("left").pipeline.configured.ring.reader() as reader:
+        with service.instrument("left").pipeline.ring.reader() as reader:
             for _ in range(slots):  # twice as many as the ring has
                 assert reader.take(PATIENCE_S)
         return create(path, max_pages)

@@ -7,8 +7,7 @@ import pytest
 from slots import PERIOD_NS, STREAM, ManualClock, Source, damaged, slot, without_signal
 
 from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot, StreamInfo
-from grabberd.service.capture.recorder import GRACE_NS, Recorder
-from grabberd.service.capture.writer_thread import Backlog
+from grabberd.service.capture.recorder import GRACE_NS, Backlog, Recorder
 
 
 def recorder(

@@ -1,13 +1,15 @@
-"""A recording: what the worker gets when it is late, and what a failing disk leaves."""
+"""A recording: how seldom it commits, what a late worker gets, and what a failing disk leaves."""
 
+import threading
 from pathlib import Path
 
 import pytest
-from recording_rig import Rig, wait_until_written
+from recording_rig import PATIENCE_S, Rig, wait_until_written
 from slots import PERIOD_NS, damaged, slot, without_signal
 
 from grabberd.errors import DeviceLost, DeviceRefused, PictureError, StorageError, StreamEnded
 from grabberd.processes.measure import MeasuredField
+from grabberd.service.capture.recording import WAIT_S
 from grabberd.storage import export_csv, export_png, points_csv
 from storage.captures import points
 
@@ -155,3 +157,51 @@ def test_a_disk_that_fails_ends_the_recording_and_frees_the_worker(
             ("failed", "writing ended early: the disk is full")
         ]
     assert not rig.recording.recorder.recording
+
+
+def recorded(folder: Path) -> Rig:
+    """Three recorded fields that the writer has while the worker still measures them."""
+    rig = Rig(folder, 3, 10, measured=True)
+    rig.put(*(slot(n) for n in range(3)))
+    rig.recording.recorder.run()
+    return rig
+
+
+def count_commits(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> threading.Semaphore:
+    """Released with every commit but that of the seal."""
+    commits, commit = threading.Semaphore(0), rig.recording._commit
+
+    def counted() -> None:
+        commit()
+        commits.release()
+
+    monkeypatch.setattr(rig.recording, "_commit", counted)
+    return commits
+
+
+def test_it_sleeps_while_the_worker_has_the_last_fields(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rig = recorded(tmp_path)
+    commits = count_commits(rig, monkeypatch)
+    rig.recording.start()
+    for n in range(3):
+        assert not rig.recording.sealed.wait(2 * WAIT_S), "it waits for the worker"
+        rig.recording.add(MeasuredField(n, n, (), points(n)))
+    rig.recording.measuring_ended()
+    with rig.sealed() as reader:
+        assert sum(1 for _ in reader.points(1)) == 3
+    assert commits.acquire(blocking=False)
+    assert not commits.acquire(blocking=False), "without time passing nothing is due but the last"
+    assert rig.recording.committed == 3
+
+
+def test_what_is_due_is_committed_while_it_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rig = recorded(tmp_path)
+    commits = count_commits(rig, monkeypatch)
+    rig.recording.start()
+    rig.clock.advance(1.0)
+    assert commits.acquire(timeout=PATIENCE_S)
+    assert rig.recording.committed == 3
+    rig.recording.measuring_ended()
+    rig.sealed().close()

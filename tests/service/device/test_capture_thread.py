@@ -36,7 +36,7 @@ def test_it_is_ready_with_the_first_field() -> None:
 
 def test_fields_go_into_the_ring_in_order() -> None:
     one, _ = run(4, end_s=0.5)
-    newest = one.pipeline.configured.ring.newest
+    newest = one.pipeline.ring.newest
     assert newest
     assert newest.n == 3
     assert one.board.now.outcomes[Outcome.RECEIVED] == 4
@@ -221,7 +221,7 @@ def test_other_pictures_than_before_begin_a_new_ring_and_are_told() -> None:
     (change,) = one.ended
     assert "NTSC 64 × 24" in change.message
     assert "not script PAL 64 × 32" in change.message
-    newest = one.pipeline.configured.ring.newest
+    newest = one.pipeline.ring.newest
     assert newest
     assert newest.n < 10, "numbered anew"
     assert newest.numbered
@@ -231,7 +231,7 @@ def test_other_pictures_than_before_begin_a_new_ring_and_are_told() -> None:
 def test_the_same_pictures_go_on_in_the_same_ring() -> None:
     one, _ = run(5, DeviceLost("gone", ""), 10, end_s=0.25)
     assert one.ended == []
-    newest = one.pipeline.configured.ring.newest
+    newest = one.pipeline.ring.newest
     assert newest
     assert newest.n >= 11
 

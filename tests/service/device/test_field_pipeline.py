@@ -128,10 +128,10 @@ def test_an_interruptions_reason_is_that_of_the_fields_it_cost() -> None:
 @pytest.mark.parametrize(("bits", "lines"), [(8, None), (1, "field")])
 def test_arming_for_other_bits_or_lines_exchanges_the_ring(bits: int, lines: str | None) -> None:
     one = pipeline()
-    reader = one.configured.ring.reader()
-    before = one.configured.ring
+    reader = one.ring.reader()
+    before = one.ring
     configured = one.configure_ring(bits, lines)
-    assert configured.ring is not before
+    assert configured is one.ring is not before
     assert reader.ended
     assert one.configure_ring(bits, lines) is configured, "it is configured for them already"
 

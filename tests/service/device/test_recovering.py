@@ -10,8 +10,8 @@ import pytest
 from simulated_time import Run, SimulatedClock
 
 from grabberd.acquisition import Outcome
+from grabberd.documents.states import DeviceState
 from grabberd.errors import GrabberdError
-from grabberd.service.device.device_state import DeviceState
 from grabberd_fake import FakeGrabber
 
 S = DeviceState

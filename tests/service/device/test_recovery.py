@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from grabberd.documents.states import DeviceState
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
-from grabberd.service.device.device_state import DeviceState, may_follow
 from grabberd.service.device.recovery import (
     PROVEN_S,
     RESETS,
@@ -22,6 +22,7 @@ from grabberd.service.device.recovery import (
     reason_of,
     trouble_of,
 )
+from grabberd.service.device.status_board import may_follow
 
 STALLED_S = 1.0
 """How long it takes to see that a step has not helped."""

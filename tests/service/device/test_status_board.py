@@ -9,11 +9,10 @@ from slots import STREAM, ManualClock, slot, without_signal
 
 from grabberd.acquisition import Outcome
 from grabberd.acquisition.clock import iso_utc
-from grabberd.documents.states import Rung
+from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause, DeviceRefused, PictureError, StorageError, StreamFailed
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.recovery import Step
-from grabberd.service.device.status_board import StatusBoard, cause_of
+from grabberd.service.device.status_board import TRANSITIONS, StatusBoard, cause_of, may_follow
 
 
 def board_after(fields: int, period_s: float = 0.02) -> tuple[StatusBoard, ManualClock]:
@@ -191,3 +190,40 @@ def test_whoever_waits_for_a_state_is_woken_by_it() -> None:
     board.enter(DeviceState.OPENING)
     thread.join(PATIENCE_S)
     assert not thread.is_alive()
+
+
+def test_every_state_has_a_row_and_a_way_out() -> None:
+    assert set(TRANSITIONS) == set(DeviceState)
+    assert all(TRANSITIONS[state] for state in DeviceState)
+
+
+@pytest.mark.parametrize("state", DeviceState)
+def test_every_state_can_get_to_ready(state: DeviceState) -> None:
+    reached, before = {state}, set()
+    while reached != before:
+        before = set(reached)
+        reached |= {after for one in before for after in TRANSITIONS[one]}
+    assert DeviceState.READY in reached
+
+
+@pytest.mark.parametrize("state", DeviceState)
+def test_staying_is_always_allowed(state: DeviceState) -> None:
+    assert may_follow(state, state)
+
+
+def test_a_device_is_not_ready_before_it_was_opened() -> None:
+    assert not may_follow(DeviceState.ABSENT, DeviceState.READY)
+    assert not may_follow(DeviceState.RECOVERING, DeviceState.CAPTURING)
+
+
+@pytest.mark.parametrize("state", [DeviceState.ABSENT, DeviceState.RECOVERING, DeviceState.FAILED])
+def test_from_trouble_the_way_to_the_stream_leads_through_opening(state: DeviceState) -> None:
+    streaming = {DeviceState.NO_SIGNAL, DeviceState.READY, DeviceState.CAPTURING}
+    assert DeviceState.OPENING in TRANSITIONS[state]
+    assert not streaming & TRANSITIONS[state]
+
+
+@pytest.mark.parametrize("state", [one for one in DeviceState if one is not DeviceState.ENDED])
+def test_every_state_but_the_end_can_come_to_trouble(state: DeviceState) -> None:
+    for trouble in (DeviceState.ABSENT, DeviceState.RECOVERING, DeviceState.FAILED):
+        assert may_follow(state, trouble)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from grabberd.acquisition import Ring
 from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
 from grabberd.field import Field, double_lines, quantise
-from grabberd.service.device.configured_ring import ConfiguredRing
 from grabberd.service.device.threshold_keeper import (
     SHARED_S,
     UNDECIDED_THRESHOLD,
@@ -31,8 +30,8 @@ def keeper(*, live: bool = True, map: bool = False, fixed: int | None = None) ->
     return one
 
 
-def ring(bits: int = 1, lines: str = "doubled") -> ConfiguredRing:
-    return ConfiguredRing(Ring(4), bits, lines)
+def ring(bits: int = 1, lines: str = "doubled") -> Ring:
+    return Ring(4, bits, lines)
 
 
 def picture(bright: int = 200) -> Field:
@@ -46,7 +45,7 @@ def picture(bright: int = 200) -> Field:
 DARK = picture(bright=20)
 
 
-def beside(one: ThresholdKeeper, work: Callable[[], None], field: Field, configured: ConfiguredRing) -> None:
+def beside(one: ThresholdKeeper, work: Callable[[], None], field: Field, configured: Ring) -> None:
     """Does some work while fields go on coming to the keeper."""
     thread = threading.Thread(target=work)
     thread.start()
@@ -55,7 +54,7 @@ def beside(one: ThresholdKeeper, work: Callable[[], None], field: Field, configu
     thread.join()
 
 
-def looked(one: ThresholdKeeper, field: Field, configured: ConfiguredRing) -> Threshold:
+def looked(one: ThresholdKeeper, field: Field, configured: Ring) -> Threshold:
     """The threshold in force after the keeper has looked at a live picture once."""
     beside(one, one.choose_again, field, configured)
     return one.in_force
@@ -66,7 +65,7 @@ class Counted(ThresholdKeeper):
 
     threads: list[int]
 
-    def _choose(self, field: Field, configured: ConfiguredRing) -> Threshold:
+    def _choose(self, field: Field, configured: Ring) -> Threshold:
         self.threads.append(threading.get_ident())
         return super()._choose(field, configured)
 
@@ -86,7 +85,7 @@ def test_the_keeper_has_a_copy_of_its_own() -> None:
     seen: list[Field] = []
 
     class Late(ThresholdKeeper):
-        def _choose(self, field: Field, configured: ConfiguredRing) -> Threshold:
+        def _choose(self, field: Field, configured: Ring) -> Threshold:
             buffer[:] = 0  # the driver has the buffer back before the choice is made
             seen.append(field)
             return super()._choose(field, configured)
@@ -125,7 +124,7 @@ def test_a_capture_that_begins_in_the_dark_gets_its_threshold_once_there_is_a_pi
 
 def test_a_choice_that_is_made_while_a_capture_begins_is_dropped() -> None:
     class Interrupted(ThresholdKeeper):
-        def _choose(self, field: Field, configured: ConfiguredRing) -> Threshold:
+        def _choose(self, field: Field, configured: Ring) -> Threshold:
             chosen = super()._choose(field, configured)
             if field.luma.max() > 150:
                 self.hold()
@@ -305,7 +304,7 @@ def test_a_choice_that_fails_is_logged_and_tried_again_after_a_second(
     assert "choosing a threshold failed" in caplog.text
 
 
-RING = ConfiguredRing(Ring(4), 1, "field")
+RING = Ring(4, 1, "field")
 PATIENCE_S = 20.0
 
 

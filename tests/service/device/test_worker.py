@@ -68,7 +68,7 @@ def test_who_waits_for_a_field_has_no_turn() -> None:
     thread = threading.Thread(target=lambda: next(waiting, None))
     thread.start()
     assert list(lock.one_by_one(iter(range(100)))) == list(range(100))
-    assert not lock.is_held
+    assert not lock._lock.locked()
     came.set()
     thread.join(PATIENCE_S)
 
@@ -78,8 +78,8 @@ def test_one_that_takes_long_holds_up_no_other_for_long() -> None:
     with closing(lock.one_by_one(iter(range(2)))) as slow:
         next(slow)
         assert list(lock.one_by_one(iter(range(3)))) == [0, 1, 2]
-        assert lock.is_held
-    assert not lock.is_held
+        assert lock._lock.locked()
+    assert not lock._lock.locked()
 
 
 def test_one_that_fails_leaves_its_turn() -> None:
@@ -92,4 +92,4 @@ def test_one_that_fails_leaves_its_turn() -> None:
 
     with pytest.raises(ValueError, match="bad field"):
         fail()
-    assert not lock.is_held
+    assert not lock._lock.locked()

@@ -155,3 +155,23 @@ def test_progress_is_reported_as_finely_as_it_is_shown(count: int) -> None:
     assert len(shares) == min(count, REPORTS)
     assert shares == sorted(shares)
     assert all(0.5 <= share < 1.0 for share in shares)
+
+
+class Sleep(TestJob):
+    def run(self, progress: Progress) -> None:
+        progress(0.25)
+        time.sleep(10 * PATIENCE_S)
+
+
+def test_a_job_waits_then_runs_and_a_stop_ends_it_at_once() -> None:
+    runner = JobRunner(ManualClock())
+    waiting = runner.submit(Sleep())
+    assert (waiting.state, waiting.progress) == (JobState.QUEUED, 0.0)
+    assert runner.cancel(runner.submit(Sleep()).id).state is JobState.CANCELLED, "there is no process yet"
+    runner.start()
+    deadline = time.monotonic() + PATIENCE_S
+    while runner.get(waiting.id).progress == 0 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert runner.get(waiting.id).state is JobState.RUNNING
+    runner.stop()
+    assert not runner._thread.is_alive()

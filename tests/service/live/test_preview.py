@@ -120,7 +120,7 @@ def test_a_field_is_shown_once_and_with_its_time(stopped: Instrument) -> None:
     sent = preview.make()
     assert sent is not None
     assert preview.make() is None
-    newest = stopped.pipeline.configured.ring.newest
+    newest = stopped.pipeline.ring.newest
     assert newest is not None
     assert newest.numbered is not None
     now_us = round(clock.utc_now().timestamp() * 1e6)
@@ -130,7 +130,7 @@ def test_a_field_is_shown_once_and_with_its_time(stopped: Instrument) -> None:
 def test_centroids_are_those_of_the_newest_measured_field(
     stopped: Instrument, decode: Callable[[bytes], Any]
 ) -> None:
-    live, reader = stopped.worker.live, stopped.pipeline.configured.ring.reader(back=32)
+    live, reader = stopped.worker.live, stopped.pipeline.ring.reader(back=32)
     assert live is not None
     slots = [slot for _ in range(32) if (slot := reader.take(0)) is not None]
     [same] = [one for one in slots if one.numbered and one.numbered.time_ns == live.measured.time_ns]

@@ -31,11 +31,12 @@ def captures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def cluster(tmp_path: Path) -> Iterator[Any]:
+def cluster(tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Any]:
+    """Of two workers, or as many as the test wants: each is a process that imports for a second."""
     import distributed  # noqa: PLC0415 - a second that only these tests need
 
     with distributed.LocalCluster(
-        n_workers=3,
+        n_workers=getattr(request, "param", 2),
         threads_per_worker=1,
         host="127.0.0.1",
         dashboard_address="127.0.0.1:0",  # also the port of its HTTP server, which another test may have
@@ -139,6 +140,7 @@ def test_a_cluster_that_goes_away_is_said_and_what_was_done_is_kept(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("cluster", [1], indirect=True)
 def test_workers_that_do_not_see_the_folder_are_found_out_before_any_work(
     cluster: Any, tmp_path: Path
 ) -> None:

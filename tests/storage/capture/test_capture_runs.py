@@ -145,7 +145,7 @@ def test_the_latest_run_is_meant_where_none_is_named(tmp_path):
 
 def test_a_capture_without_points_says_so(tmp_path):
     with CaptureReader(write(tmp_path, slots(1))) as reader, pytest.raises(NotFound, match="no points"):
-        reader.latest_run()
+        reader.run(None)
 
 
 def test_points_whose_field_is_not_in_the_file_are_passed_over(part, writer):

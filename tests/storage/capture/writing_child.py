@@ -1,20 +1,15 @@
-"""Writes a capture as the recorder does, until it is killed; says on standard output what it has appended."""
+"""Writes a capture as the recorder does, until it is killed; tells what it has appended."""
 
-import sys
 import time
-from pathlib import Path
 
 from grabberd.storage import CaptureWriter
-
-sys.path.insert(0, str(Path(__file__).parents[2]))
-
 from storage.captures import MADE_WITH, META, ledger_of, meta, points, slot
 
 FIELDS_A_SECOND = 50
 FASTER = 10
 
 
-def main(part, count):
+def write_fields(part, count, tell):
     writer = CaptureWriter.create(part, meta(bits=8))
     writer.begin_run(1, "live", META.created_utc, "0.1.0", MADE_WITH)
     writer.commit()
@@ -25,14 +20,9 @@ def main(part, count):
         model = prepared[n % 10]
         writer.append([model._replace(n=n, numbered=model.numbered._replace(n=n))])
         writer.append_points(1, n, points(n))
-        sys.stdout.write(f"{n}\n")
-        sys.stdout.flush()
+        tell.send(n)
         n += 1
         if n % (FIELDS_A_SECOND // 2) == 0:
             writer.commit()
     taken = (slot(0)._replace(n=n) for n in range(count))
     writer.seal(ledger_of(taken), complete=True, ended_because="length reached")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.config import load_config
+from grabberd.documents.states import DeviceState
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.capture.recording import Recording
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
 from vm.guest import vivid

@@ -59,6 +59,7 @@ class StaleRows:
     """
 
     def __init__(self, rows: int, words: int) -> None:
+        # Odd weights have an inverse modulo 2**64: a change in a single word always changes the sum.
         random = np.random.default_rng(words)
         self._weights: Words = random.integers(0, 2**63, words, np.uint64) * np.uint64(2) + np.uint64(1)
         self._seen: Words = np.zeros((_REMEMBERED, rows), np.uint64)
@@ -110,6 +111,7 @@ def _runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _contrast(words: Words) -> NDArray[np.int64]:
     """(rows,) number of groups of eight pixels with more than one grey value."""
+    # A word equals itself turned by a byte only if its eight pixels are alike.
     turned = (words >> np.uint64(8)) | (words << np.uint64(56))
     contrast: NDArray[np.int64] = (words != turned).sum(axis=1)
     return contrast

@@ -88,6 +88,7 @@ def _coarse_shift(now: Profiles, then: Profiles) -> _Coarse | None:
     if not blocks.size:
         return None
     gain = _from_below(_correlated(now, then))[blocks] - _from_below(unshifted)[blocks, np.newaxis]
+    # Less than two bins to either side, round the end of the line: that much may be motion.
     gain[:, :_LEAST_BINS] = gain[:, 1 - _LEAST_BINS :] = 0
     best, bins = np.unravel_index(int(gain.argmax()), gain.shape)
     block = int(blocks[best])

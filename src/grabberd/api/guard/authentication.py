@@ -116,6 +116,7 @@ class Attempts:
 
 def _wait_s(failures: int) -> float:
     beyond = failures - FREE_ATTEMPTS
+    # The exponent is capped: whoever tries for a day would make the power overflow.
     return 0.0 if beyond <= 0 else min(2.0 ** min(beyond - 1, 10), LONGEST_WAIT_S)
 
 

@@ -6,6 +6,7 @@ without tokens. The port is not checked: a tunnel changes it, and a page cannot 
 it.
 """
 
+import asyncio
 import ipaddress
 import re
 import time
@@ -16,9 +17,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from grabberd.api.guard.authentication import Authenticator, check_role
 from grabberd.api.guard.front import Front
-from grabberd.api.guard.limits import LimitedBody, check_length
 from grabberd.api.guard.refusals import Refusal
 from grabberd.api.guard.roles import least_role
+from grabberd.config import HttpLimits
 from grabberd.documents.roles import Role
 from grabberd.service.access import Identity
 
@@ -35,6 +36,8 @@ HEADERS = {
     "Referrer-Policy": "same-origin",
 }
 """Headers that keep pages of other sites from showing or embedding the daemon's responses."""
+CLOSE = {"Connection": "close"}
+"""Closes the connection, because the rest of the request is not read."""
 
 
 def check_host(scope: Scope, front: Front) -> None:
@@ -115,6 +118,68 @@ def _foreign(who: str) -> Refusal:
     )
 
 
+def check_length(scope: Scope, limits: HttpLimits) -> None:
+    """Checks the length of the body that a request declares.
+
+    Raises:
+        Refusal: 413, the body is too long.
+    """
+    declared = Headers(scope=scope).get("content-length", "0")
+    if declared.isdigit() and int(declared) > limits.body_bytes:
+        raise _too_large(limits)
+
+
+class LimitedBody:
+    """A `receive` that limits the size and the duration of the request body."""
+
+    def __init__(self, receive: Receive, limits: HttpLimits) -> None:
+        self._receive = receive
+        self._limits = limits
+        self._bytes = 0
+        self._until: float | None = None
+        self._complete = False
+
+    async def __call__(self) -> Message:
+        """Receives the next message.
+
+        Raises:
+            Refusal: 413, the body is too long; 408, it takes too long.
+        """
+        if self._complete:
+            return await self._receive()
+        message = await self._in_time()
+        self._bytes += len(message.get("body", b""))
+        self._complete = not message.get("more_body", False)
+        if self._bytes > self._limits.body_bytes:
+            raise _too_large(self._limits)
+        return message
+
+    async def _in_time(self) -> Message:
+        if self._until is None:
+            self._until = asyncio.get_running_loop().time() + self._limits.body_timeout_s
+        try:
+            async with asyncio.timeout_at(self._until):
+                return await self._receive()
+        except TimeoutError:
+            raise Refusal(
+                408,
+                "request-timeout",
+                f"the request body took longer than {self._limits.body_timeout_s:g} s",
+                "send it faster, or raise http.limits.body_timeout_s",
+                CLOSE,
+            ) from None
+
+
+def _too_large(limits: HttpLimits) -> Refusal:
+    return Refusal(
+        413,
+        "content-too-large",
+        f"the request body has more than {limits.body_bytes} bytes",
+        "send less, or raise http.limits.body_bytes",
+        CLOSE,
+    )
+
+
 class Gate:
     """Checks host name, origin, token, role and length, in this order; a refused request reaches no route."""
 
@@ -147,6 +212,7 @@ class Gate:
         least = await self._admit(scope)
         if least is not None:
             answer.watch(_Watch(lambda: self._authenticator.still_is(scope, least), self._now_s))
+        # After the identity: a stranger does not learn how long a body may be.
         if scope["type"] == "http":
             check_length(scope, self._front.limits)
             receive = LimitedBody(receive, self._front.limits)

@@ -6,7 +6,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response, WebSocket
 from starlette.websockets import WebSocketDisconnect
 
-from grabberd.api.guard.limits import OneStream
+from grabberd.api.guard.stream_limit import OneStream
 from grabberd.api.routes.dependencies import PROBLEMS, ServiceOf
 from grabberd.api.streams.broadcast import Broadcast
 from grabberd.api.streams.events import EventStream

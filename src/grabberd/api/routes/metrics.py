@@ -83,7 +83,7 @@ def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
-    rings = [(one.name, one.pipeline.configured.ring) for one in instruments]
+    rings = [(one.name, one.pipeline.ring) for one in instruments]
     slots = (((name,), ring.slots) for name, ring in rings)
     waiting = (((name,), ring.waiting) for name, ring in rings)
     deepest = (((name,), ring.deepest) for name, ring in rings)

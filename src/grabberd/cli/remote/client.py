@@ -13,7 +13,7 @@ import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from grabberd.errors import GrabberdError, InputError, NotReady
 
@@ -22,27 +22,40 @@ TOKEN_VARIABLE = "GRABBERD_TOKEN"  # noqa: S105 - its name
 HINT = "it must hold one line, as printed by 'grabberd token add'"
 
 
-def ask(url: str, path: str, method: str = "GET", body: object = None, token_file: Path | None = None) -> Any:
-    """Send one request and return the daemon's answer.
+class Daemon(NamedTuple):
+    """A daemon at an address, asked with the token in a file, else with that in the environment, if any.
 
-    Raises:
-        NotReady: no daemon answers there.
-        InputError: there is no token in the file.
-        GrabberdError: the daemon's error message and hint.
+    All requests raise NotReady if no daemon answers there, InputError if there is no token in the file, and
+    GrabberdError with the daemon's own error message and hint.
     """
-    data = None if body is None else json.dumps(body).encode()
-    with _open(url, path, method, data, _token(token_file)) as answer:
-        return json.load(answer)
 
+    url: str
+    token_file: Path | None = None
 
-def download(url: str, path: str, out: Path, token_file: Path | None = None) -> None:
-    """Save the daemon's answer to a file.
+    def ask(self, path: str, method: str = "GET", body: object = None) -> Any:
+        """Send one request and return the daemon's answer."""
+        with self._open(path, method, None if body is None else json.dumps(body).encode()) as answer:
+            return json.load(answer)
 
-    Raises:
-        NotReady, InputError, GrabberdError: see `ask`.
-    """
-    with _open(url, path, "GET", None, _token(token_file)) as answer, out.open("wb") as file:
-        shutil.copyfileobj(answer, file)
+    def download(self, path: str, out: Path) -> None:
+        """Save the daemon's answer to a file."""
+        with self._open(path, "GET", None) as answer, out.open("wb") as file:
+            shutil.copyfileobj(answer, file)
+
+    @contextmanager
+    def _open(self, path: str, method: str, data: bytes | None) -> Iterator[http.client.HTTPResponse]:
+        headers = {"Content-Type": "application/json", "Accept": "application/json"}
+        if token := _token(self.token_file):
+            headers["Authorization"] = f"Bearer {token}"
+        address = self.url.rstrip("/") + path
+        try:
+            request = urllib.request.Request(address, data, headers, method=method)  # noqa: S310
+            with _opener.open(request, timeout=TIMEOUT_S) as answer:
+                yield answer
+        except urllib.error.HTTPError as error:
+            raise _refusal(error) from None
+        except (OSError, ValueError) as error:
+            raise NotReady(f"no daemon answers at {self.url}: {error}", "start one: grabberd serve") from None
 
 
 class _NoRedirects(urllib.request.HTTPRedirectHandler):
@@ -55,25 +68,7 @@ class _NoRedirects(urllib.request.HTTPRedirectHandler):
 _opener = urllib.request.build_opener(_NoRedirects)
 
 
-@contextmanager
-def _open(
-    url: str, path: str, method: str, data: bytes | None, token: str | None
-) -> Iterator[http.client.HTTPResponse]:
-    headers = {"Content-Type": "application/json", "Accept": "application/json"}
-    if token is not None:
-        headers["Authorization"] = f"Bearer {token}"
-    try:
-        request = urllib.request.Request(url.rstrip("/") + path, data, headers, method=method)  # noqa: S310
-        with _opener.open(request, timeout=TIMEOUT_S) as answer:
-            yield answer
-    except urllib.error.HTTPError as error:
-        raise _refusal(error) from None
-    except (OSError, ValueError) as error:
-        raise NotReady(f"no daemon answers at {url}: {error}", "start one: grabberd serve") from None
-
-
 def _token(file: Path | None) -> str | None:
-    """Read the token from a file, else from the environment."""
     if file is None:
         return os.environ.get(TOKEN_VARIABLE, "").strip() or None
     try:

@@ -219,6 +219,8 @@ def _sound(network: Network, unknowns: Unknowns) -> tuple[Adjustment, tuple[Blun
     # One blunder inflates the unmodelled share and so hides the next: it is estimated again after each
     # removal. With more than a tenth removed the fault is not in single points; it stops there.
     while True:
+        # Means of many fields are known better than mirrors are even. By their own σ alone σ0 came out near
+        # 5, good points left as blunders, and the few with the least scatter decided everything.
         weighted, unmodelled_px = with_unmodelled(network, unknowns)
         adjustment, more = without_blunders(weighted, unknowns)
         blunders += more
@@ -236,6 +238,7 @@ def _kept(network: Network, part: Network) -> NDArray[np.bool_]:
 def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) -> LocalFieldTrial | None:
     if not settings.local_field:
         return None
+    # Collocation explains what the weights only allowed for, and so needs the points' own σ again.
     return try_local_fields(done.adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
 
 

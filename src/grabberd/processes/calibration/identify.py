@@ -6,13 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.calibration import (
-    Identification,
-    MeanImages,
-    ViewIdentification,
-    identify_frame,
-    mean_images,
-)
+from grabberd.calibration import Identification, MeanImages, identify_frame, mean_images
 from grabberd.errors import MeasurementError
 from grabberd.field import NumberedField
 from grabberd.geometry import NominalRig
@@ -42,14 +36,10 @@ class SeenFrame:
     @property
     def target(self) -> tuple[Indices, Indices]:
         """(B,) for each view: index of each image's target in the calibration frame, −1 if it has none."""
-        if self.identification is None:
-            left, right = (np.full(len(side), -1, np.intp) for side in self.images)
-            return left, right
-        sides: tuple[ViewIdentification, ViewIdentification] = (
-            self.identification.left,
-            self.identification.right,
-        )
-        return sides[0].target, sides[1].target
+        if self.identification is not None:
+            return self.identification.left.target, self.identification.right.target
+        left, right = (np.full(len(side), -1, np.intp) for side in self.images)
+        return left, right
 
 
 def identify(

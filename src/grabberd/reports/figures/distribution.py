@@ -68,6 +68,7 @@ def _quantiles(axes: "Axes", samples: Mapping[str, Array]) -> None:
     reach = max(3.5, *(float(np.abs(values).max()) + 0.3 for values in samples.values()))
     axes.plot([-reach, reach], [-reach, reach], color=FAINT, linewidth=0.6)
     for view, values in samples.items():
+        # Hazen's plotting positions: the first and the last stay finite.
         expected = [normal.inv_cdf((rank + 0.5) / len(values)) for rank in range(len(values))]
         axes.plot(expected, np.sort(values), "o", color=colour(view), markersize=2.2, mew=0, label=view)
     axes.set_xlim(-3.5, 3.5)

@@ -103,6 +103,7 @@ def _footprints(scene: _Scene, geometry: Mapping[str, Any]) -> list[Array]:
     found = []
     for camera, center in zip(geometry["cameras"], scene.centers, strict=True):
         rays = np.array(camera["corners"], dtype=np.float64) @ scene.turn.T
+        # A ray that leads away from the object would meet this depth only behind the camera.
         reach = (scene.middle[2] - center[2]) / np.where(rays[:, 2] < 0, rays[:, 2], -1.0)
         found.append(center + rays * reach[:, np.newaxis])
     return found

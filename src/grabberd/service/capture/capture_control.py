@@ -9,13 +9,11 @@ from typing import Protocol
 from grabberd.acquisition.clock import UtcClock
 from grabberd.documents.captures import CaptureDocument, CaptureGroup
 from grabberd.errors import Conflict, NotFound
-from grabberd.service.capture import group_start
+from grabberd.service.capture import capture_start
 from grabberd.service.capture.capture_documents import armed_document, running_document
 from grabberd.service.capture.capture_request import ArmedCapture, CaptureRequest, Group, NewCapture
 from grabberd.service.capture.capture_start import CaptureStart
 from grabberd.service.capture.device_captures import CurrentCaptures, of_device
-from grabberd.service.capture.disk_guard import DiskGuard
-from grabberd.service.capture.group_start import DiskRoom
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureIndex
 from grabberd.storage.capture.schema import part_path
@@ -49,7 +47,6 @@ class CaptureControl:
         current: The captures of each device.
         archive: The captures on disk.
         annotations: Notes, labels and pins; those of a capture that is disarmed go with it.
-        disk: Guard of the captures' disk.
         clock: Source of time.
     """
 
@@ -58,13 +55,11 @@ class CaptureControl:
         current: CurrentCaptures,
         archive: CaptureArchive,
         annotations: AnnotationStore,
-        disk: DiskGuard,
         clock: UtcClock,
     ) -> None:
         self._current = current
         self._archive = archive
         self._annotations = annotations
-        self._room = DiskRoom(disk, archive.directory, current)
         self._clock = clock
 
     def rate_hz(self, device: str | None) -> float:
@@ -84,10 +79,11 @@ class CaptureControl:
 
         Raises:
             NotFound: There is no such device.
-            CaptureRunning, NotReady, InputError, CalibrationMismatch, StorageError: See `group_start.start`.
+            CaptureRunning, NotReady, InputError, CalibrationMismatch, StorageError: See
+                `capture_start.start`.
         """
         single = self._single(device, request)
-        group_start.start([single], self._room, self._clock)
+        capture_start.start([single], self._current)
         return running_document(single.recording)
 
     def arm(self, device: str | None, request: CaptureRequest) -> CaptureDocument:
@@ -99,10 +95,10 @@ class CaptureControl:
 
         Raises:
             NotFound: There is no such device.
-            CaptureRunning, NotReady, InputError, CalibrationMismatch: See `group_start.arm`.
+            CaptureRunning, NotReady, InputError, CalibrationMismatch: See `capture_start.arm`.
         """
         single = self._single(device, request)
-        return armed_document(*group_start.arm([single], self._clock))
+        return armed_document(*capture_start.arm([single]))
 
     def start_group(self, requests: Mapping[str, CaptureRequest]) -> str:
         """Starts captures of several devices at the same moment, and returns the group's id.
@@ -113,7 +109,7 @@ class CaptureControl:
             StorageError: The disk has no room for all of them.
         """
         group, starts = self._group(requests)
-        group_start.start(starts, self._room, self._clock)
+        capture_start.start(starts, self._current)
         return group.id
 
     def arm_group(self, requests: Mapping[str, CaptureRequest]) -> str:
@@ -123,7 +119,7 @@ class CaptureControl:
             GroupRefused, NotFound: As `start_group`.
         """
         group, starts = self._group(requests)
-        group_start.arm(starts, self._clock)
+        capture_start.arm(starts)
         return group.id
 
     def trigger(self, capture_id: str) -> None:
@@ -131,7 +127,7 @@ class CaptureControl:
 
         Raises:
             NotFound: There is no such capture.
-            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: See `group_start.trigger`.
+            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: See `capture_start.trigger`.
         """
         armed = next((one for one in self._current.armed() if one.id == capture_id), None)
         if armed is None:
@@ -144,7 +140,7 @@ class CaptureControl:
 
         Raises:
             NotFound: There is no such group.
-            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: See `group_start.trigger`.
+            Conflict, NotReady, CalibrationMismatch, StorageError, GroupRefused: See `capture_start.trigger`.
         """
         armed = self._current.armed(group_id)
         if not armed:
@@ -246,7 +242,7 @@ class CaptureControl:
             )
             for one in armed
         ]
-        group_start.trigger(starts, self._room, self._clock)
+        capture_start.trigger(starts, self._current)
 
     def _stop(self, armed: list[ArmedCapture], recordings: list[Recording]) -> None:
         for recording in recordings:

@@ -54,25 +54,16 @@ def whole_run(path: Path, run: int) -> WholeRunDocument:
 
 def armed_document(armed: ArmedCapture) -> CaptureDocument:
     """A capture that waits for its trigger and has no file yet."""
-    return CaptureDocument(
+    return _without_fields(
         id=armed.id,
         device=armed.device,
         state="armed",
-        verdict=None,
-        ended_because=None,
         created_utc=armed.armed_utc,
-        trigger_utc=None,
-        pre_trigger_fields=0,
         group=armed.group and armed.group.document(None),
         bits=armed.bits,
         lines=armed.lines,
-        fields=0,
-        ledger=ledger_document(Ledger(), NOMINAL_RATE_HZ),
-        runs=[],
         labels=dict(armed.request.labels),
         note=armed.request.note,
-        pinned=False,
-        size_bytes=0,
     )
 
 
@@ -83,7 +74,7 @@ def running_document(recording: Recording) -> CaptureDocument:
         recording.meta,
         recorder.ledger,
         recording.runs,
-        first_time_ns=recording.writing.first_time_ns,
+        first_time_ns=recording.first_time_ns,
         size_bytes=recording.size_bytes,
     )
     ended = "unsealed" if recording.sealed.is_set() and not recording.is_sealed else "sealing"
@@ -125,25 +116,24 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
         raise NotFound(
             f"the file of capture {entry.id} is gone", "it was removed by hand; restart to forget it"
         )
-    return CaptureDocument(
+    return _without_fields(
         id=entry.id,
         device=entry.device,
         state="damaged",
         verdict="incomplete",
         ended_because=reason,
         created_utc=entry.created_utc,
-        trigger_utc=None,
-        pre_trigger_fields=0,
-        bits=0,
-        lines="",
-        fields=0,
-        ledger=ledger_document(Ledger(), NOMINAL_RATE_HZ),
-        runs=[],
-        labels={},
-        note="",
-        pinned=False,
         size_bytes=path.stat().st_size,
     )
+
+
+def _without_fields(**known: object) -> CaptureDocument:
+    """A capture of which no field is known."""
+    nothing = dict.fromkeys(("verdict", "ended_because", "trigger_utc"))
+    none_of = dict.fromkeys(("pre_trigger_fields", "bits", "fields", "size_bytes"), 0)
+    rest = {"lines": "", "note": "", "runs": [], "labels": {}, "pinned": False}
+    ledger = ledger_document(Ledger(), NOMINAL_RATE_HZ)
+    return CaptureDocument.model_validate({**nothing, **none_of, **rest, "ledger": ledger, **known})
 
 
 def _document(

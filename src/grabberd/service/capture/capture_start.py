@@ -1,21 +1,26 @@
-"""Starting one capture on one device: check, configure the ring, record, make the file, begin."""
+"""Capture start: the steps for one device, and their order for one device or several.
 
+All captures of a group start at the same moment, or none does; a single capture is a group of one.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 
 from grabberd import __version__
 from grabberd.acquisition import Signal, Slot
 from grabberd.acquisition.clock import Moment, iso_utc
-from grabberd.errors import InputError, NotReady
+from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
 from grabberd.service.capture.capture_request import ArmedCapture, NewCapture
-from grabberd.service.capture.device_captures import DeviceCaptures
-from grabberd.service.capture.recorder import Recorder
-from grabberd.service.capture.recording import Recording
-from grabberd.service.capture.writer_thread import Backlog
+from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCaptures
+from grabberd.service.capture.recorder import Backlog, Recorder
+from grabberd.service.capture.recording import LIVE_RUN, Recording
 from grabberd.storage import CaptureMeta, CaptureWriter
 
 
 class CaptureStart:
-    """The steps from a request to a running capture; `group_start` takes them in order, for one or several.
+    """The steps from a request to a running capture, which the functions below take in order.
 
     All steps are taken under the device's lock.
 
@@ -53,20 +58,12 @@ class CaptureStart:
         """
         self.device.check_no_capture()
         self.check_streams()
-        asked, slots = self.new.request.pre_trigger_fields, self.device.pipeline.configured.ring.slots
+        asked, slots = self.new.request.pre_trigger_fields, self.device.pipeline.ring.slots
         if asked > slots:
             raise InputError(
                 f"pre_trigger_fields is {asked}, but the ring has {slots} slots",
                 f"ask for fewer, or raise devices.{self.device.name}.ring.slots",
             )
-
-    def check_armed(self) -> None:
-        """Checks that the capture is armed.
-
-        Raises:
-            Conflict: It is not.
-        """
-        self.device.check_armed(self.new.id)
 
     def check_streams(self) -> None:
         """Checks that the device streams pictures, and ones that fit its calibration if it has one.
@@ -92,13 +89,9 @@ class CaptureStart:
             pipeline.thresholds.settle(configured)
         pipeline.thresholds.hold()
 
-    def release(self) -> None:
-        """Lets the threshold follow the light again: the capture does not start after all."""
-        self.device.pipeline.thresholds.release()
-
     def arm(self, armed_utc: str) -> ArmedCapture:
         """Keeps the ring as it is until the trigger."""
-        ring = self.device.pipeline.configured
+        ring = self.device.pipeline.ring
         armed = self.device.armed = ArmedCapture(
             self.new.id, self.device.name, armed_utc, self.new.request, ring.bits, ring.lines, self.new.group
         )
@@ -110,7 +103,7 @@ class CaptureStart:
         There is no file yet. However long that takes to be made, no field is missed meanwhile.
         """
         pipeline, request, stream = self.device.pipeline, self.new.request, self.device.stream
-        reader = pipeline.configured.ring.reader(request.overrun, back=request.pre_trigger_fields)
+        reader = pipeline.ring.reader(request.overrun, back=request.pre_trigger_fields)
         backlog: Backlog[Slot] = Backlog(capacity=round(self.device.queue_s * stream.rate_hz))
         fields = request.fields
         if fields is not None and self.new.armed_utc is not None:
@@ -133,7 +126,7 @@ class CaptureStart:
         writer = CaptureWriter.create(self.new.part, meta)
         if setup.measuring is not None:
             made_utc = iso_utc(self.device.clock.utc_now())
-            writer.begin_run(1, "live", made_utc, __version__, setup.made_with)
+            writer.begin_run(LIVE_RUN, "live", made_utc, __version__, setup.made_with)
         self._recording = Recording(
             self.new,
             self._recorder,
@@ -160,7 +153,7 @@ class CaptureStart:
     def _meta(self, start: Moment, trigger_n: int) -> CaptureMeta:
         """Metadata of the capture; `trigger_n` is the number of the first field after the trigger."""
         device, request, group = self.device, self.new.request, self.new.group
-        config, stream, ring = device.setup.config, device.stream, device.pipeline.configured
+        config, stream, ring = device.setup.config, device.stream, device.pipeline.ring
         return CaptureMeta(
             id=self.new.id,
             created_utc=start.utc,
@@ -185,3 +178,119 @@ class CaptureStart:
                 "group": None if group is None else group.document(start).model_dump(),
             },
         )
+
+
+def start(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    """Starts captures; fields are taken from this moment on, or from the ring for a pre-trigger.
+
+    Raises:
+        CaptureRunning, NotReady, InputError, CalibrationMismatch: See `CaptureStart.check_free`.
+        StorageError: A file cannot be created, or the disk has no room for all of them.
+        GroupRefused: Some of several cannot start, so none does.
+    """
+    with _configured(starts):
+        _begin(starts, current)
+
+
+def arm(starts: Sequence[CaptureStart]) -> list[ArmedCapture]:
+    """Arms captures: their rings are configured, and stay so until they are triggered or disarmed.
+
+    Raises:
+        CaptureRunning, NotReady, InputError, CalibrationMismatch, GroupRefused: As `start`.
+    """
+    with _configured(starts):
+        armed_utc = iso_utc(starts[0].device.clock.utc_now())
+        return [one.arm(armed_utc) for one in starts]
+
+
+def trigger(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    """Starts armed captures, with as many fields from before the trigger as they want and the ring has.
+
+    Raises:
+        Conflict: One is not armed.
+        NotReady, CalibrationMismatch, StorageError, GroupRefused: As `start`; they stay armed.
+    """
+    with _locks_of(starts):
+        # Asked again under the locks: another request may have triggered or stopped one meanwhile.
+        _each(starts, lambda one: one.device.check_armed(one.new.id))
+        _each(starts, CaptureStart.check_streams)
+        _begin(starts, current)
+
+
+@contextmanager
+def _locks_of(starts: Sequence[CaptureStart]) -> Iterator[None]:
+    """Holds the locks of all devices."""
+    with ExitStack() as stack:
+        # Always in the order of the names: two groups that share devices would else wait for each other.
+        for one in sorted(starts, key=lambda one: one.device.name):
+            stack.enter_context(one.device.lock)
+        yield
+
+
+@contextmanager
+def _configured(starts: Sequence[CaptureStart]) -> Iterator[None]:
+    """Holds the locks of all devices, with their rings configured and their thresholds held."""
+    with _locks_of(starts):
+        # Before any ring is touched: a running capture's must stay as it is.
+        _each(starts, CaptureStart.check_free)
+        try:
+            _each(starts, CaptureStart.configure_ring)
+            yield
+        except GrabberdError:
+            # Of all: also of a device whose own ring was configured without an error.
+            for one in starts:
+                one.device.pipeline.thresholds.release()
+            raise
+
+
+def _begin(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    _check_room(starts, current)
+    moment = Moment.now(starts[0].device.clock)
+    # All record before the first file is made: making one may take longer than the ring lasts (0.64 s).
+    for one in starts:
+        one.record()
+    try:
+        _each(starts, lambda one: one.make_file(moment))
+    except GrabberdError:
+        for one in starts:
+            one.discard()
+        raise
+    # No capture is the device's before all files are there: until here everything can be undone.
+    for one in starts:
+        one.begin()
+
+
+def _check_room(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
+    """Checks that captures fit on the disk, beside what running ones write there.
+
+    Raises:
+        StorageError: The disk has no room for all of them.
+    """
+    bytes_per_s = current.bytes_per_s + sum(one.device.bytes_per_s for one in starts)
+    lengths_s = [one.duration_s for one in starts]
+    longest_s = None if None in lengths_s else max(length or 0.0 for length in lengths_s)
+    starts[0].device.disk.check_fits(starts[0].new.part.parent, bytes_per_s, longest_s)
+
+
+def _each(starts: Sequence[CaptureStart], step: Callable[[CaptureStart], None]) -> None:
+    """Takes a step for all at the same time, so that one that takes long delays no other.
+
+    Raises:
+        GrabberdError: A single capture fails; GroupRefused: some of several fail.
+    """
+
+    def attempt(one: CaptureStart) -> GrabberdError | None:
+        try:
+            step(one)
+        except GrabberdError as error:
+            return error
+        return None
+
+    if len(starts) == 1:
+        step(starts[0])
+        return
+    with ThreadPoolExecutor(len(starts), "capture-start") as pool:
+        errors = list(pool.map(attempt, starts))
+    refusals = {one.device.name: error for one, error in zip(starts, errors, strict=True) if error}
+    if refusals:
+        raise GroupRefused(refusals)

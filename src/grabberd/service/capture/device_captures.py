@@ -13,9 +13,8 @@ from grabberd.geometry import Calibration
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.disk_guard import DiskGuard, bytes_per_field
 from grabberd.service.capture.recording import Recording
-from grabberd.service.device.device_state import STREAMING
 from grabberd.service.device.field_pipeline import FieldPipeline
-from grabberd.service.device.status_board import StatusBoard
+from grabberd.service.device.status_board import STREAMING, StatusBoard
 from grabberd.service.setup import DeviceSetup
 
 NOMINAL_RATE_HZ = 50.0
@@ -121,7 +120,7 @@ class DeviceCaptures:
 
     @property
     def _expected_bytes_per_field(self) -> float:
-        rig, ring = self.setup.config.rig, self.pipeline.configured
+        rig, ring = self.setup.config.rig, self.pipeline.ring
         rows = rig.lines if ring.lines == "doubled" else rig.lines // 2
         return bytes_per_field(ring.bits, rows, rig.columns)
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from grabberd.documents.state import StorageDocument
 from grabberd.errors import Cause, StorageError
-from grabberd.field.field import packed_shape
 from grabberd.storage.disk import storage_errors
 
 GB = 1_000_000_000
@@ -48,10 +47,7 @@ def cause_of(error: StorageError) -> Cause:
 
 def bytes_per_field(bits: int, rows: int, columns: int) -> float:
     """Bytes that a field is expected to take in a capture file, its points included."""
-    packed = 1
-    for extent in packed_shape(rows, columns, bits):
-        packed *= extent
-    return SHARE[bits] * packed + POINTS_BYTES
+    return SHARE[bits] * rows * columns * bits / 8 + POINTS_BYTES
 
 
 class DiskGuard:

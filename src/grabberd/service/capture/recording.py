@@ -1,5 +1,7 @@
 """A running capture, from its first field to its sealed file."""
 
+import contextlib
+import queue
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -13,7 +15,6 @@ from grabberd.processes.measure import MeasuredField
 from grabberd.service.capture.capture_request import NewCapture
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recorder import Recorder
-from grabberd.service.capture.writer_thread import WriterThread
 from grabberd.storage import CaptureMeta, CaptureReader, CaptureWriter, RunInfo
 from grabberd.storage.capture.schema import PART, RESERVE_BYTES, sealed_path
 
@@ -21,10 +22,18 @@ ROOM_SLOTS = 8
 """A source that waits for its reader is held back when as many slots wait, or as few places are left."""
 ENOUGH_FIELDS = 100
 """Number of fields from which on the size of the file tells that of a field."""
+COMMIT_EVERY_NS = 500_000_000
+"""Bounds what a kill costs (docs/decisions/0001); not shorter, since each commit waits for the disk."""
+LIVE_RUN = 1
+"""Number of the run that is measured while the capture records."""
+WAIT_S = 0.05
+"""Longest wait for a slot or for points; the commit that falls due meanwhile is late by no more than this."""
 
 
 class Recording:
-    """A capture that records, is measured, and is sealed when both are done.
+    """A capture that records, is measured and written meanwhile, and is sealed when all are done.
+
+    Writing has a thread of its own, which takes slots from the backlog and points from the worker.
 
     Args:
         new: The capture as it was started.
@@ -40,7 +49,8 @@ class Recording:
         id: Id of the capture.
         group: Group of the capture, or None.
         recorder: The fields and their ledger.
-        writing: The file and its points.
+        committed: Number of slots that are in the file for good.
+        first_time_ns: Time of the first field that has been written; None before that.
         measured: True if a worker measures the fields.
         measuring_failure: Why measuring ended early, or None.
         sealed: Set when the file has been closed for good, or given up, and `on_sealed` has returned.
@@ -62,7 +72,8 @@ class Recording:
         self.group = new.group
         self.recorder = recorder
         self.sealed = threading.Event()
-        self.writing = WriterThread(writer, recorder.backlog, clock, self._storage_failed, self._watch_disk)
+        self.committed = 0
+        self.first_time_ns: int | None = None
         self.measuring_failure: str | None = None
         self.measured = measured
         self._findings: Mapping[str, Any] | None = None
@@ -71,10 +82,14 @@ class Recording:
         self._ends_when_interrupted = ends_when_interrupted
         self._disk = disk
         self._on_sealed = on_sealed
+        self._clock = clock
         self._cut_by: GrabberdError | None = None
-        # The writer ends only when its points have, too.
-        if not measured:
-            self.writing.measuring_ended()
+        self._storage_failure: StorageError | None = None
+        # Unbounded: the worker must not wait for a disk that stalls.
+        self._results: queue.SimpleQueue[MeasuredField | None] = queue.SimpleQueue()
+        self._all_measured = not measured
+        self._appended = 0
+        self._commit_due_ns = clock.now_ns() + COMMIT_EVERY_NS
 
     def start(self) -> None:
         """Starts writing, and recording if that has not begun before, each in a thread of its own."""
@@ -141,15 +156,14 @@ class Recording:
     @property
     def bytes_per_field(self) -> float | None:
         """Bytes per field in the file, points included; None until there are enough fields to tell."""
-        written = self.writing.committed
-        if written < ENOUGH_FIELDS or not self.path.exists():
+        if self.committed < ENOUGH_FIELDS or not self.path.exists():
             return None
-        return (self.path.stat().st_size - RESERVE_BYTES) / written
+        return (self.path.stat().st_size - RESERVE_BYTES) / self.committed
 
     @property
     def failure(self) -> GrabberdError | None:
         """The error that kept the capture from being whole, or None."""
-        return self.writing.failure or self._cut_by
+        return self._storage_failure or self._cut_by
 
     @property
     def complete(self) -> bool:
@@ -185,8 +199,8 @@ class Recording:
                     yield slot.numbered
 
     def add(self, measured: MeasuredField) -> None:
-        """Adds one field's points; fields come in order."""
-        self.writing.add(measured)
+        """Queues one field's points; called by the worker, in the order of the fields."""
+        self._results.put(measured)
 
     def measuring_ended(self, failure: str | None = None, findings: Mapping[str, Any] | None = None) -> None:
         """Notes that the worker has measured the last field, or cannot go on.
@@ -197,10 +211,10 @@ class Recording:
         """
         self.measuring_failure = failure
         self._findings = findings
-        self.writing.measuring_ended()
+        self._results.put(None)
 
     def _past_end(self, index: int) -> bool:
-        return self.writing.failure is not None or (self._backlog.closed and index >= self._backlog.end)
+        return self._storage_failure is not None or (self._backlog.closed and index >= self._backlog.end)
 
     def _from_file(self, first_n: int, end_n: int) -> Iterator[NumberedField]:
         with CaptureReader(self._writer.path) as reader:
@@ -213,15 +227,12 @@ class Recording:
         if (error := self._disk.shortage(self.path.parent)) is not None:
             self.source_ended(error)
 
-    def _storage_failed(self, error: StorageError) -> None:
-        self.stop("storage failed")
-
     def _write(self) -> None:
         try:
-            self.writing.run()
+            self._write_all()
             self._seal()
         except StorageError as error:
-            self.writing.failure = error
+            self._storage_failure = error
             # Not sealed: the next start finds the .part file and seals what is in it.
             self._writer.close()
         finally:
@@ -230,10 +241,66 @@ class Recording:
             self._on_sealed(self)
             self.sealed.set()
 
+    def _write_all(self) -> None:
+        """Writes until everything recorded has been written and measured, or the disk fails."""
+        try:
+            while not (self._all_recorded and self._all_measured):
+                self._write_some()
+            self._commit()
+        except StorageError as error:
+            # Noted, not raised: the file is sealed with what is in it, if its disk allows that much.
+            self._storage_failure = error
+            self.stop("storage failed")
+
+    @property
+    def _next_index(self) -> int:
+        return self.committed + self._appended
+
+    @property
+    def _all_recorded(self) -> bool:
+        return self._backlog.closed and self._next_index == self._backlog.end
+
+    def _write_some(self) -> None:
+        if self._all_recorded:
+            self._wait_for_points()
+        else:
+            self._append_slots()
+        while not self._results.empty():
+            self._append_points(self._results.get())
+        if self._clock.now_ns() >= self._commit_due_ns:
+            self._commit()
+
+    def _append_slots(self) -> None:
+        slots = self._backlog.from_index(self._next_index, timeout_s=WAIT_S)
+        self._writer.append(slots)
+        if self.first_time_ns is None:
+            self.first_time_ns = next((one.numbered.time_ns for one in slots if one.numbered), None)
+        self._appended += len(slots)
+
+    def _wait_for_points(self) -> None:
+        """Sleeps while the worker measures the last fields: the worker needs the processor more."""
+        with contextlib.suppress(queue.Empty):
+            self._append_points(self._results.get(timeout=WAIT_S))
+
+    def _append_points(self, measured: MeasuredField | None) -> None:
+        if measured is None:
+            self._all_measured = True
+        else:
+            self._writer.append_points(LIVE_RUN, measured.n, measured.points)
+
+    def _commit(self) -> None:
+        self._writer.commit()
+        # Only now may the backlog forget them: what is forgotten must be readable from the file.
+        self._backlog.written(self._appended)
+        self.committed += self._appended
+        self._appended = 0
+        self._commit_due_ns = self._clock.now_ns() + COMMIT_EVERY_NS
+        self._watch_disk()
+
     @property
     def _cut_off(self) -> str | None:
         """Reason why points are missing for fields that were written."""
-        failure = self.writing.failure
+        failure = self._storage_failure
         return f"writing ended early: {failure.message}" if failure and self.measured else None
 
     def _seal(self) -> None:

@@ -9,7 +9,7 @@ from typing import Protocol
 from grabberd.acquisition.clock import UtcClock
 from grabberd.acquisition.device import Grabber, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL
-from grabberd.documents.states import Rung
+from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import (
     Cause,
     DeviceError,
@@ -19,7 +19,6 @@ from grabberd.errors import (
     StreamEnded,
     StreamFailed,
 )
-from grabberd.service.device.device_state import DeviceState
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.recovery import Failure, Ladder, Step, reason_of, trouble_of
 from grabberd.service.device.status_board import StatusBoard, cause_of

@@ -1,7 +1,6 @@
 """Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits."""
 
 import threading
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ from grabberd.acquisition import (
 )
 from grabberd.config import DeviceConfig
 from grabberd.field import NumberedField, double_lines, quantise
-from grabberd.service.device.configured_ring import ConfiguredRing, default_lines
 from grabberd.service.device.threshold_keeper import NewestField, ThresholdKeeper
 
 ARRIVALS = 4096
@@ -33,7 +31,7 @@ class FieldPipeline:
     Used by the capture thread alone, except for `configure_ring` and the attributes.
 
     Attributes:
-        configured: The ring in use, with its bits and lines.
+        ring: The ring in use.
         thresholds: Keeper of the threshold in force.
         newest: Leaves a copy of the newest field for whoever asks.
         arrived_ns: Times at which the latest fields arrived, by their number modulo `ARRIVALS`.
@@ -41,13 +39,12 @@ class FieldPipeline:
     """
 
     def __init__(self, config: DeviceConfig) -> None:
-        bits = config.ring.bits
+        bits, lines = config.ring.bits, config.ring.lines
         self._slots = config.ring.slots
         self._interpolation = config.ring.interpolation
         self._configuring = threading.Lock()
-        self.configured = self._default = ConfiguredRing(
-            Ring(self._slots), bits, config.ring.lines or default_lines(bits)
-        )
+        self._default = bits, lines or _default_lines(bits)
+        self.ring = Ring(self._slots, *self._default)
         self.thresholds = ThresholdKeeper(config)
         self.newest = NewestField()
         self.arrived_ns: NDArray[np.int64] = np.zeros(ARRIVALS, np.int64)
@@ -56,19 +53,18 @@ class FieldPipeline:
         self._numbering: FieldNumbering | None = None
         self._content: ContentCheck | None = None
 
-    def configure_ring(self, bits: int | None, lines: str | None) -> ConfiguredRing:
+    def configure_ring(self, bits: int | None, lines: str | None) -> Ring:
         """Provides the ring for these bits and lines; None: as configured.
 
         It is a new one if they differ from those in use; readers of the old one get what is left in it.
         """
         with self._configuring:
-            bits = bits or self._default.bits
-            lines = lines or (self._default.lines if bits == self._default.bits else default_lines(bits))
-            if (bits, lines) != (self.configured.bits, self.configured.lines):
-                # Exchanged before the old one is closed: the worker comes back at once for the ring in use.
-                old, self.configured = self.configured, ConfiguredRing(Ring(self._slots), bits, lines)
-                old.ring.close()
-            return self.configured
+            default_bits, default_lines = self._default
+            bits = bits or default_bits
+            lines = lines or (default_lines if bits == default_bits else _default_lines(bits))
+            if (bits, lines) != (self.ring.bits, self.ring.lines):
+                self._exchange(bits, lines)
+            return self.ring
 
     def opened(self, info: StreamInfo) -> str | None:
         """Notes that the device streams (again), and returns how its pictures differ from before, or None.
@@ -79,7 +75,8 @@ class FieldPipeline:
         if self._numbering is None or change:
             self._numbering = FieldNumbering(info)
         if change:
-            self._renew_ring()
+            with self._configuring:
+                self._exchange(self.ring.bits, self.ring.lines)
         self._granted = info
         self._content = ContentCheck() if info.live else None
         self.thresholds.opened(live=info.live)
@@ -105,30 +102,33 @@ class FieldPipeline:
         # Before the slot is in the ring: a worker may have published its points by the time `put` returns.
         self.arrived_ns[number.n % ARRIVALS] = now_ns
         # Read once: a capture's start may exchange the ring while this field is packed for the old one.
-        configured = self.configured
-        self.newest.offer(grabbed.field, configured)
-        packed = self._packed(grabbed, number, configured)
+        ring = self.ring
+        self.newest.offer(grabbed.field, ring)
+        packed = self._packed(grabbed, number, ring)
         slot = Slot(packed, number.n, number.outcome, number.reason, number.lost_before)
-        configured.ring.put(slot)
+        ring.put(slot)
         return slot
 
-    def _renew_ring(self) -> None:
-        with self._configuring:
-            old, self.configured = self.configured, replace(self.configured, ring=Ring(self._slots))
-            old.ring.close()
+    def _exchange(self, bits: int, lines: str) -> None:
+        # Exchanged before the old one is closed: the worker comes back at once for the ring in use.
+        old, self.ring = self.ring, Ring(self._slots, bits, lines)
+        old.close()
 
-    def _packed(
-        self, grabbed: GrabbedField, number: Numbered, configured: ConfiguredRing
-    ) -> NumberedField | None:
+    def _packed(self, grabbed: GrabbedField, number: Numbered, ring: Ring) -> NumberedField | None:
         if number.outcome is Outcome.NO_SIGNAL:
             return None
-        self.thresholds.show(grabbed.field, configured)
+        self.thresholds.show(grabbed.field, ring)
         field = grabbed.field
         # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
-        if configured.lines == "doubled":
+        if ring.lines == "doubled":
             field = double_lines(field, self._interpolation)
-        packed = quantise(field, configured.bits, self.thresholds.in_force.of(field, configured.bits))
+        packed = quantise(field, ring.bits, self.thresholds.in_force.of(field, ring.bits))
         return NumberedField(number.n, number.time_ns, grabbed.sequence, packed)
+
+
+def _default_lines(bits: int) -> str:
+    """Lines of a ring unless configured: doubled at 1 bit, intact for grey (paper 3.3)."""
+    return "doubled" if bits == 1 else "field"
 
 
 def _change(before: StreamInfo | None, now: StreamInfo) -> str | None:

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
-from grabberd.documents.states import Rung
+from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import DeviceAbsent, DeviceLost, GrabberdError, StreamFailed
-from grabberd.service.device.device_state import DeviceState
 
 
 class Trouble(StrEnum):

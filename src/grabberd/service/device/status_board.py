@@ -3,17 +3,33 @@
 import logging
 import threading
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from grabberd.acquisition import Outcome, Slot
 from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.acquisition.device import Signal, StreamInfo
-from grabberd.documents.states import Rung
+from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
-from grabberd.service.device.device_state import DeviceState, may_follow
 from grabberd.service.device.recovery import Step
 
 log = logging.getLogger(__name__)
+
+_S = DeviceState
+STREAMING = frozenset({_S.NO_SIGNAL, _S.READY, _S.CAPTURING})
+"""The device delivers fields; a capture can be started."""
+_TROUBLED = frozenset({_S.ABSENT, _S.RECOVERING, _S.FAILED})
+TRANSITIONS: Mapping[DeviceState, frozenset[DeviceState]] = {
+    _S.OPENING: STREAMING | _TROUBLED | {_S.ENDED},
+    **{state: (STREAMING - {state}) | _TROUBLED | {_S.ENDED} for state in STREAMING},
+    **{state: (_TROUBLED - {state}) | {_S.OPENING, _S.ENDED} for state in _TROUBLED},
+    _S.ENDED: frozenset({_S.OPENING}),
+}
+"""From trouble the way back leads through `opening`: the device is open, its first field still to come.
+
+`absent` and `failed` are retried automatically; `recovering` means that a step of the ladder is being taken.
+`ended` is a recording that was played to its end; a real grabber never gets there.
+"""
 
 RATE_FIELDS = 100
 """Fields that the rate is measured over: two seconds."""
@@ -186,6 +202,11 @@ class StatusBoard:
                 log.warning("device %s: %s", self.name, warning)
 
 
+def may_follow(current: DeviceState, following: DeviceState) -> bool:
+    """True if `following` may come after `current`; staying is always allowed."""
+    return following is current or following in TRANSITIONS[current]
+
+
 def cause_of(error: GrabberdError) -> Cause | None:
     """Cause code of an error of a device or of a replayed recording; None for any other."""
     if isinstance(error, PictureError):
@@ -194,5 +215,4 @@ def cause_of(error: GrabberdError) -> Cause | None:
 
 
 def _level(state: DeviceState) -> int:
-    troubled = {DeviceState.ABSENT, DeviceState.RECOVERING, DeviceState.FAILED}
-    return logging.WARNING if state in troubled else logging.INFO
+    return logging.WARNING if state in _TROUBLED else logging.INFO

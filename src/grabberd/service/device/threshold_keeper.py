@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.acquisition import Ring
 from grabberd.config import DeviceConfig
 from grabberd.errors import MeasurementError
 from grabberd.field import Field
 from grabberd.measurement import ThresholdRule
 from grabberd.processes.thresholds import field_threshold, field_threshold_map
-from grabberd.service.device.configured_ring import ConfiguredRing
 
 SHARED_S = 0.2
 """A copy is shared by all who ask within this time: five copies per second at most, however many look."""
@@ -45,7 +45,7 @@ class Shown(NamedTuple):
     """
 
     field: Field
-    ring: ConfiguredRing
+    ring: Ring
 
 
 class NewestField:
@@ -59,7 +59,7 @@ class NewestField:
         self._shown: Shown | None = None
         self._shown_s = -math.inf
 
-    def offer(self, field: Field, ring: ConfiguredRing) -> None:
+    def offer(self, field: Field, ring: Ring) -> None:
         """Leaves a copy if one is asked for."""
         # Read without the lock: the capture thread comes by 50 times a second and mostly nobody asks.
         if not self._wanted:
@@ -123,8 +123,8 @@ class ThresholdKeeper:
         self._deciding = threading.Condition()
         self._live = True
         self.held = False
-        self._tried_for: ConfiguredRing | None = None
-        self._chosen_for: ConfiguredRing | None = None
+        self._tried_for: Ring | None = None
+        self._chosen_for: Ring | None = None
         self._at_once = threading.Event()
         self._packing_next = threading.Event()
         self._stopping = threading.Event()
@@ -158,7 +158,7 @@ class ThresholdKeeper:
         """Notes that the capture thread has opened a live device, or a recording."""
         self._live = live
 
-    def show(self, field: Field, ring: ConfiguredRing) -> None:
+    def show(self, field: Field, ring: Ring) -> None:
         """Shows a field that the capture thread is about to pack for this ring."""
         if self._fixed:
             return
@@ -168,7 +168,7 @@ class ThresholdKeeper:
         if not self._live and self._chosen_for is not ring:
             self._try(field, ring)
 
-    def settle(self, ring: ConfiguredRing) -> None:
+    def settle(self, ring: Ring) -> None:
         """Waits, not for long, until a choice has been tried for this ring on a live device's picture."""
         if self._fixed or not self._live:
             return
@@ -210,11 +210,11 @@ class ThresholdKeeper:
             # Before its first choice it does not pause: the first capture waits for that.
             self._at_once.wait(EVERY_S if self._tried_for or self._fixed else 0)
 
-    def _may_choose(self, ring: ConfiguredRing) -> bool:
+    def _may_choose(self, ring: Ring) -> bool:
         """True if this thread may choose: a held threshold only if none has been chosen for the ring yet."""
         return not self.held or (self._live and self._chosen_for is not ring)
 
-    def _try(self, field: Field, ring: ConfiguredRing, *, beside: bool = False) -> None:
+    def _try(self, field: Field, ring: Ring, *, beside: bool = False) -> None:
         """Chooses by a field; `beside`: in the keeper's own thread, where a capture may begin meanwhile."""
         rule = self._rule
         try:
@@ -229,7 +229,7 @@ class ThresholdKeeper:
             self._tried_for = ring
             self._deciding.notify_all()
 
-    def _choose(self, field: Field, ring: ConfiguredRing) -> Threshold:
+    def _choose(self, field: Field, ring: Ring) -> Threshold:
         doubled = ring.lines == "doubled"
         if not (self._by_pixel and ring.bits == 1):
             return Threshold(field_threshold(field, self._rule, ring.bits, doubled=doubled))

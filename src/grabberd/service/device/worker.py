@@ -42,11 +42,6 @@ class FairLock:
     def __init__(self) -> None:
         self._lock = threading.Lock()
 
-    @property
-    def is_held(self) -> bool:
-        """True if a worker holds the lock."""
-        return self._lock.locked()
-
     def one_by_one(self, fields: Iterator[T]) -> Generator[T]:
         """The same fields; the lock is held from when one has come until the next is asked for.
 
@@ -249,7 +244,7 @@ class Worker(threading.Thread):
         """The ring's good fields until a capture begins, ring or setup are exchanged, or the worker is
         stopped.
         """
-        with self._pipeline.configured.ring.reader(Policy.COUNT) as reader:
+        with self._pipeline.ring.reader(Policy.COUNT) as reader:
             while not (self._stopping.is_set() or self._unmeasured() or reader.ended):
                 if self._setup is not setup:
                     return

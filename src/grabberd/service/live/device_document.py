@@ -56,12 +56,12 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
 
 
 def _ring(instrument: Instrument) -> RingDocument:
-    configured = instrument.pipeline.configured
+    ring = instrument.pipeline.ring
     return RingDocument(
-        slots=configured.ring.slots,
-        bits=configured.bits,
-        lines=configured.lines,
+        slots=ring.slots,
+        bits=ring.bits,
+        lines=ring.lines,
         threshold=instrument.pipeline.thresholds.in_force.level,
-        waiting=configured.ring.waiting,
-        deepest=configured.ring.deepest,
+        waiting=ring.waiting,
+        deepest=ring.deepest,
     )

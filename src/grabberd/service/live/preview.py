@@ -55,7 +55,7 @@ class Preview:
 
     def make(self) -> bytes | None:
         """The message of the newest field; None if there has been no new field since the last call."""
-        slot = self._instrument.pipeline.configured.ring.newest
+        slot = self._instrument.pipeline.ring.newest
         if slot is None or slot is self._shown:
             return None
         self._shown = slot

@@ -13,8 +13,7 @@ from grabberd.config import RigConfig
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 from grabberd.processes.columns import Rows
-from grabberd.processes.measure import MeasuredField, MeasureSetup
-from grabberd.processes.reprocess import measured_groups
+from grabberd.processes.measure import MeasuredField, MeasureSetup, measured_groups
 from grabberd.service.setup import check_rig, measure_setup, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256

@@ -36,6 +36,7 @@ def encode_field(packed: PackedField) -> tuple[str, bytes]:
     Both at level 1: fields are encoded as fast as they arrive, on the thread that writes the capture.
     """
     raw = packed.data.tobytes()
+    # A capture has to be readable with anything, and every language reads zlib: one bit is the default.
     if packed.bits == 1:
         return ZLIB, zlib.compress(raw, 1)
     return ZSTD, zstandard.ZstdCompressor(level=1).compress(raw)

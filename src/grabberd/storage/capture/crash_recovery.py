@@ -2,6 +2,7 @@
 
 import itertools
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
@@ -33,9 +34,8 @@ def recover(part: Path) -> Path:
     except CaptureFileError as error:
         return set_aside(part, error.message)
     with storage_errors(part):
-        part.with_name(part.name + JOURNAL).unlink(
-            missing_ok=True
-        )  # its transaction has ended; SQLite keeps the file
+        # SQLite keeps the journal's file after its transaction (PERSIST), but a sealed capture is one file.
+        part.with_name(part.name + JOURNAL).unlink(missing_ok=True)
         return publish(part)
 
 
@@ -93,6 +93,11 @@ def reason_of(aside: Path) -> Path:
 def _free_name(path: Path) -> Path:
     """The path, or `NAME-2.grab` and so on if it is taken."""
     name, dot, rest = path.name.partition(".")
-    names = itertools.chain([name], (f"{name}-{number}" for number in itertools.count(2)))
-    candidates = (path.with_name(f"{free}{dot}{rest}") for free in names)
+    candidates = (path.with_name(f"{free}{dot}{rest}") for free in numbered(name))
     return next(candidate for candidate in candidates if not candidate.exists())
+
+
+def numbered(name: str) -> Iterator[str]:
+    """`NAME`, `NAME-2`, `NAME-3` and so on."""
+    yield name
+    yield from (f"{name}-{number}" for number in itertools.count(2))

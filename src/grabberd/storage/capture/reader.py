@@ -61,24 +61,19 @@ class CaptureReader:
         try:
             return ledger(fields, entries)
         except DAMAGE as error:
-            raise CaptureFileError(
-                f"{self.path}: its ledger contradicts itself: {error}", "set the file aside"
-            ) from error
+            raise self._damaged("its ledger contradicts itself", error, "set the file aside") from error
 
     @property
     def field_count(self) -> int:
         """Number of fields in the file, damaged ones included."""
-        with reading_errors(self.path):
-            count: int = self._connection.execute("SELECT count(*) FROM fields").fetchone()[0]
-            return count
+        return self._number("SELECT count(*) FROM fields") or 0
 
     @property
     def field_span(self) -> int:
         """Number of fields from the first to the last in the file, known at once however long it is."""
-        query = "SELECT (SELECT max(n) FROM fields) - (SELECT min(n) FROM fields) + 1"
-        with reading_errors(self.path):
-            span: int | None = self._connection.execute(query).fetchone()[0]
-            return int(span or 0)
+        # Two subqueries: SQLite takes max(n) or min(n) from the end of the table's tree only where it stands
+        # alone; both in one query would read every row.
+        return self._number("SELECT (SELECT max(n) FROM fields) - (SELECT min(n) FROM fields) + 1") or 0
 
     @property
     def runs(self) -> list[RunInfo]:
@@ -114,29 +109,20 @@ class CaptureReader:
             raise NotFound(f"capture {self.meta.id} has no field {n}", "its ledger says what became of it")
         return self._field(rows[0])
 
-    def latest_run(self) -> RunInfo:
-        """The newest run that has points.
-
-        Raises:
-            NotFound: The capture has not been measured.
-        """
-        if not self.runs:
-            raise NotFound(f"capture {self.meta.id} has no points", "measure it with a calibration first")
-        return self.runs[-1]
-
     def run(self, run: int | None) -> RunInfo:
         """A run by number, or the newest.
 
         Raises:
-            NotFound: It does not exist.
+            NotFound: It does not exist, or the capture has not been measured.
         """
-        if run is None:
-            return self.latest_run()
-        found = [info for info in self.runs if info.run == run]
+        runs = self.runs
+        if run is None and not runs:
+            raise NotFound(f"capture {self.meta.id} has no points", "measure it with a calibration first")
+        found = [info for info in runs if run in (None, info.run)]
         if not found:
-            known = ", ".join(str(info.run) for info in self.runs) or "none"
+            known = ", ".join(str(info.run) for info in runs) or "none"
             raise NotFound(f"capture {self.meta.id} has no run {run}", f"its runs are: {known}")
-        return found[0]
+        return found[-1]
 
     def points(self, run: int | None = None) -> Iterator[tuple[int, Points]]:
         """(n, points) of a run in order of n, of fields that are in the file.
@@ -168,7 +154,9 @@ class CaptureReader:
                 asked = (number, first_n, end_n, every, FIELDS_AT_ONCE)
                 rows = self._connection.execute(query, asked).fetchall()
             for n, time_ns, data in rows:
-                yield n, self._time_ns(n, time_ns), self._points(n, data)
+                if not isinstance(time_ns, int):
+                    raise self._damaged(f"field {n}", ValueError(f"time_ns is {time_ns!r}"))
+                yield n, time_ns, self._points(n, data)
             if len(rows) < FIELDS_AT_ONCE:
                 return
             first_n = rows[-1][0]
@@ -176,8 +164,7 @@ class CaptureReader:
     def point_count(self, run: int, first_n: int = 0, end_n: int = END, every: int = 1) -> int:
         """Number of points that `timed_points` would give."""
         query = "SELECT coalesce(sum(count), 0) FROM points WHERE run = ? AND n >= ? AND n < ? AND n % ? = 0"
-        with reading_errors(self.path):
-            return int(self._connection.execute(query, (run, first_n, end_n, every)).fetchone()[0])
+        return self._number(query, run, first_n, end_n, every) or 0
 
     def point_span(self, run: int, first_n: int = 0, end_n: int = END) -> tuple[int, int]:
         """Number of points that `timed_points` gives now, and the number after the last field that has some.
@@ -195,9 +182,7 @@ class CaptureReader:
     @property
     def first_time_ns(self) -> int | None:
         """Time of the first field; None if there is none."""
-        with reading_errors(self.path):
-            row = self._connection.execute("SELECT time_ns FROM fields ORDER BY n LIMIT 1").fetchone()
-            return None if row is None else int(row[0])
+        return self._number("SELECT time_ns FROM fields ORDER BY n LIMIT 1")
 
     def _read_meta(self) -> CaptureMeta:
         try:
@@ -207,35 +192,34 @@ class CaptureReader:
             hint = "it was cut off within its first second; nothing is in it"
             raise CaptureFileError(f"{self.path} has no valid metadata: {error}", hint) from error
 
+    def _number(self, query: str, *values: int) -> int | None:
+        """The first cell of a query's first row; None if there is none."""
+        with reading_errors(self.path):
+            row = self._connection.execute(query, values).fetchone()
+            return None if row is None or row[0] is None else int(row[0])
+
     def _rows(self, first_n: int, end_n: int | None) -> list[tuple[Any, ...]]:
         query = f"SELECT {FIELD_COLUMNS} FROM fields WHERE n >= ? AND n < ? ORDER BY n LIMIT ?"  # noqa: S608 - constants
+        values = (first_n, END if end_n is None else end_n, FIELDS_AT_ONCE)
         with reading_errors(self.path):
-            return self._connection.execute(
-                query, (first_n, END if end_n is None else end_n, FIELDS_AT_ONCE)
-            ).fetchall()
+            return self._connection.execute(query, values).fetchall()
 
     def _field(self, row: tuple[Any, ...]) -> RecordedField:
         try:
             return recorded_field(row)
         except DAMAGE as error:
-            raise CaptureFileError(
-                f"{self.path}: field {row[0]}: {error}", "the other fields can be read"
-            ) from error
-
-    def _time_ns(self, n: int, value: Any) -> int:
-        if isinstance(value, int):
-            return value
-        raise CaptureFileError(
-            f"{self.path}: field {n}: time_ns is {value!r}", "the other fields can be read"
-        )
+            raise self._damaged(f"field {row[0]}", error) from error
 
     def _points(self, n: int, data: bytes) -> Points:
         try:
             return decode_points(data)
         except DAMAGE as error:
-            raise CaptureFileError(
-                f"{self.path}: points of field {n}: {error}", "re-measure the capture"
-            ) from error
+            raise self._damaged(f"points of field {n}", error, "re-measure the capture") from error
+
+    def _damaged(
+        self, what: str, error: Exception, hint: str = "the other fields can be read"
+    ) -> CaptureFileError:
+        return CaptureFileError(f"{self.path}: {what}: {error}", hint)
 
 
 def stat_at_rest(path: Path) -> os.stat_result:

@@ -49,6 +49,7 @@ def append_run(
         CaptureFileError: The file is no capture, or damaged.
         StorageError: It cannot be written, or another program is adding a run to it.
     """
+    # Staged before the lock is taken: measuring may take minutes, copying what was measured seconds.
     with (
         closing(connect(path, writable=True)) as connection,
         _staged(path, points) as staged,

@@ -6,7 +6,7 @@ import sqlite3
 import typing
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +73,8 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
         for taken in (path, sealed_path(path)):
             if taken.exists():
                 raise StorageError(f"{taken} exists already", "give the capture another name")
+        # isolation_level None leaves transactions to the writer, which commits twice a second and never by
+        # itself; it is made on one thread and used on another, never on two at once.
         connection = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
         # Not WAL: a copy without its log would be empty, and sealing would fail while somebody reads. PERSIST
         # keeps the journal between commits, since a full disk has no room for a new one.
@@ -85,6 +87,7 @@ def create(path: Path, max_pages: int | None = None) -> sqlite3.Connection:
         connection.execute(f"PRAGMA user_version = {VERSION}")
         if max_pages is not None:
             connection.execute(f"PRAGMA max_page_count = {max_pages:d}")
+        # One transaction: a kill leaves a file with all of its tables, or an empty one.
         connection.executescript("BEGIN;" + TABLES)
         connection.execute("INSERT INTO reserve VALUES (zeroblob(?))", (RESERVE_BYTES,))
         connection.execute("COMMIT")
@@ -223,11 +226,6 @@ def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> Non
     """Writes some keys within the caller's transaction."""
     rows = [(key, json.dumps(value, ensure_ascii=False)) for key, value in values.items()]
     connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
-
-
-def write_all_meta(connection: sqlite3.Connection, meta: CaptureMeta) -> None:
-    """Writes every key."""
-    write_meta(connection, asdict(meta))
 
 
 def read_meta(connection: sqlite3.Connection) -> CaptureMeta:

@@ -4,6 +4,7 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
@@ -20,7 +21,6 @@ from grabberd.storage.capture.schema import (
     create,
     read_meta,
     sealed_path,
-    write_all_meta,
     write_meta,
 )
 from grabberd.storage.disk import storage_errors, sync_directory
@@ -62,7 +62,7 @@ class CaptureWriter:
         writer = cls(path, connection, meta)
         with storage_errors(path):
             writer._begin()
-            write_all_meta(connection, meta)
+            write_meta(connection, asdict(meta))
             writer.commit()
         return writer
 
@@ -136,7 +136,9 @@ class CaptureWriter:
             extra = {**read_meta(self._connection).extra, **(findings or {})}
             write_meta(self._connection, {**verdict, "extra": extra})
             self._connection.execute("COMMIT")
-            self._connection.execute("PRAGMA journal_mode = DELETE")  # a sealed capture is one file
+            # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
+            # finds a journal by the name of the database: so after the commit and before the renaming.
+            self._connection.execute("PRAGMA journal_mode = DELETE")
             self._connection.close()
             self.path = publish(self.path)
         return self.path

@@ -78,10 +78,6 @@ def write_csv(folder: Path, tables: AnalysisTables) -> list[Path]:
     ]
 
 
-def _csv(folder: Path, analysis: _Analysis) -> list[Path]:
-    return write_csv(folder, analysis.tables)
-
-
 def _parquet(folder: Path, analysis: _Analysis) -> list[Path]:
     about, paths = json.dumps(analysis.about, ensure_ascii=False), []
     for table in analysis.tables.values():
@@ -138,7 +134,7 @@ def _write(path: Path, parts: Iterable[bytes]) -> Path:
 
 
 _WRITERS: Mapping[str, Callable[[Path, _Analysis], list[Path]]] = {
-    "csv": _csv,
+    "csv": lambda folder, analysis: write_csv(folder, analysis.tables),
     "parquet": _parquet,
     "hdf5": _hdf5,
     "vtu": _vtu,

@@ -112,7 +112,7 @@ class DataSet:
                 descriptor, part = tempfile.mkstemp(dir=self.made_with, prefix=".")
                 with open(descriptor, "wb") as file:
                     file.write(document_bytes(document))
-                Path(part).chmod(0o644)
+                Path(part).chmod(0o644)  # mkstemp lets only the owner read it
                 os.replace(part, final)
         return sha256
 

@@ -19,8 +19,10 @@ FORMATS = ("webm", "gif")
 MOST_PER_S = 50.0
 
 _VP9 = cv2.VideoWriter.fourcc(*"VP90")
+# GIF counts in hundredths of a second; browsers show a picture of fewer than two as long as one of ten.
 _GIF_STEP_S = 0.01
 _GIF_QUICKEST_S = 0.02
+# All pictures of a GIF are in memory at once; those of a WebM are encoded one by one.
 _MOST_GIF_PICTURES = 500
 
 

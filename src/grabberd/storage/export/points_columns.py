@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grabberd.processes.columns import LABELS, WORD, Column, Rows
 from grabberd.reconstruction.points import Points
@@ -56,8 +57,7 @@ DATASET_COLUMNS = (
 
 def rows_of(n: int, time_s: float, moment: datetime | None, points: Points) -> Rows:
     """One field's points by the names of `POINT_COLUMNS`."""
-    sigma = np.sqrt(np.diagonal(points.covariance_mm2, axis1=1, axis2=2))
-    calibration = np.sqrt(np.diagonal(points.calibration_covariance_mm2, axis1=1, axis2=2))
+    sigma, calibration = sigma_mm(points.covariance_mm2), sigma_mm(points.calibration_covariance_mm2)
     utc = np.datetime64("NaT", "ms") if moment is None else np.datetime64(moment.replace(tzinfo=None), "ms")
     images = points.image_px.reshape(len(points), 4)
     values = (n, utc, time_s, points.target, *points.xyz_mm.T, *sigma.T, *calibration.T)
@@ -66,6 +66,12 @@ def rows_of(n: int, time_s: float, moment: datetime | None, points: Points) -> R
         column.name: np.broadcast_to(np.asarray(value, column.dtype), len(points))
         for column, value in zip(POINT_COLUMNS, values, strict=True)
     }
+
+
+def sigma_mm(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) standard deviations from (N, 3, 3) covariances."""
+    sigma: NDArray[np.float64] = np.sqrt(np.diagonal(covariance_mm2, axis1=1, axis2=2))
+    return sigma
 
 
 def rows_by_field(reader: CaptureReader, run: int, first_n: int = 0, end_n: int = END) -> Iterator[Rows]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from grabberd.documents.points import FieldPoints, PointsDocument
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.reader import END, CaptureReader
+from grabberd.storage.export.points_columns import sigma_mm
 
 AXES = "xyz"
 
@@ -20,11 +21,11 @@ class PointsQuery:
     """Selection of points.
 
     Attributes:
-        run: its number; None: the newest.
-        first_n: of the first field; `end_n`: number after the last one.
-        every: only fields whose number it divides; an odd one keeps both parities.
+        run: number of the run; None: the newest.
+        first_n: number of the first field; `end_n`: number after the last one.
+        every: only fields whose number is a multiple of it; an odd one keeps both parities.
         most: `every` is raised until no more points than this are left.
-        targets: only these; empty: all.
+        targets: ids of the targets; empty: all.
     """
 
     run: int | None = None
@@ -82,16 +83,11 @@ def point_columns(points: Points) -> dict[str, Any]:
     return {
         "target": points.target.tolist(),
         **_axes("{}_mm", points.xyz_mm),
-        **_axes("sigma_{}_mm", _sigma(points.covariance_mm2)),
-        **_axes("calibration_sigma_{}_mm", _sigma(points.calibration_covariance_mm2)),
+        **_axes("sigma_{}_mm", sigma_mm(points.covariance_mm2)),
+        **_axes("calibration_sigma_{}_mm", sigma_mm(points.calibration_covariance_mm2)),
         "residual_px": points.residual_px.tolist(),
     }
 
 
 def _axes(name: str, values: NDArray[np.float64]) -> dict[str, list[float]]:
     return {name.format(axis): values[:, i].tolist() for i, axis in enumerate(AXES)}
-
-
-def _sigma(covariance_mm2: NDArray[np.float64]) -> NDArray[np.float64]:
-    sigma: NDArray[np.float64] = np.sqrt(np.diagonal(covariance_mm2, axis1=1, axis2=2))
-    return sigma

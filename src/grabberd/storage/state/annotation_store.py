@@ -31,28 +31,24 @@ class AnnotationStore(StateDatabase):
 
     def get(self, capture_id: str) -> Annotation:
         """The annotation of a capture, an empty one if there is none."""
-        with self.transaction() as connection:
-            row = connection.execute(f"{_QUERY} WHERE capture = ?", (capture_id,)).fetchone()
-            return Annotation() if row is None else _annotation(row)
+        with self.errors():
+            rows = self.execute(f"{_QUERY} WHERE capture = ?", capture_id)
+            return _annotation(rows[0]) if rows else Annotation()
 
     def all(self) -> dict[str, Annotation]:
         """All annotations by capture id."""
-        with self.transaction() as connection:
-            return {row[0]: _annotation(row) for row in connection.execute(_QUERY)}
+        with self.errors():
+            return {row[0]: _annotation(row) for row in self.execute(_QUERY)}
 
     def put(self, capture_id: str, annotation: Annotation) -> None:
         """Replaces the annotation of a capture."""
         labels = None if annotation.labels is None else json.dumps(dict(annotation.labels))
-        with self.transaction() as connection:
-            connection.execute(
-                "INSERT OR REPLACE INTO annotations VALUES (?, ?, ?, ?)",
-                (capture_id, annotation.pinned, annotation.note, labels),
-            )
+        row = (capture_id, annotation.pinned, annotation.note, labels)
+        self.execute("INSERT OR REPLACE INTO annotations VALUES (?, ?, ?, ?)", *row)
 
     def remove(self, capture_id: str) -> None:
         """Removes the annotation of a capture, if there is one."""
-        with self.transaction() as connection:
-            connection.execute("DELETE FROM annotations WHERE capture = ?", (capture_id,))
+        self.execute("DELETE FROM annotations WHERE capture = ?", capture_id)
 
 
 def _annotation(row: tuple[Any, ...]) -> Annotation:

@@ -8,22 +8,30 @@ import hashlib
 import json
 import os
 import re
-import shutil
 import sqlite3
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import closing, contextmanager
+from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from grabberd.errors import InputError, StorageError
 from grabberd.storage.capture.directory_lock import DirectoryLock
-from grabberd.storage.disk import OWNER_ONLY, READ_ONLY, storage_errors, sync_directory, write_synced
+from grabberd.storage.disk import (
+    OWNER_ONLY,
+    READ_ONLY,
+    clear_scratch,
+    scratch_folder,
+    storage_errors,
+    sync_directory,
+    write_synced,
+)
 from grabberd.storage.state.state_database import MIGRATIONS
 
 SCHEMA, VERSION = "grabberd/backup", 1
 MANIFEST, STATE, CALIBRATIONS, CAPTURES = "manifest.json", "state.sqlite", "calibrations", "captures"
+# A crash may have left it; beside the restored database, SQLite would play it back into that one.
 JOURNAL = f"{STATE}-journal"
 REPLACED = "replaced-"
 _MEMBER = re.compile(rf"{STATE}|{CALIBRATIONS}/[0-9A-Za-z_-]{{1,80}}/[0-9A-Za-z][0-9A-Za-z_.-]{{0,80}}")
@@ -96,7 +104,8 @@ def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path |
     lock = DirectoryLock(directory / CAPTURES)
     lock.acquire()
     try:
-        with storage_errors(directory), _scratch(directory) as scratch:
+        clear_scratch(directory)
+        with storage_errors(directory), scratch_folder(directory) as scratch:
             _write_members(scratch, members)
             replaced = _keep(directory, directory / f"{REPLACED}{now}")
             os.rename(scratch / CALIBRATIONS, directory / CALIBRATIONS)
@@ -184,17 +193,6 @@ def _check_state(content: bytes, path: Path) -> None:
     if version > len(MIGRATIONS):
         known = f"this program knows up to {len(MIGRATIONS)}"
         raise InputError(f"{path}: its {STATE} is of version {version}, {known}", "use a newer grabberd")
-
-
-@contextmanager
-def _scratch(directory: Path) -> Iterator[Path]:
-    scratch = directory / ".restoring"
-    shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir(parents=True)
-    try:
-        yield scratch
-    finally:
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:

@@ -5,12 +5,11 @@ import json
 import sqlite3
 from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
-from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
 
 from grabberd.errors import CaptureFileError, LaterVersion, NotFound, StorageError
-from grabberd.storage.capture.crash_recovery import set_aside
+from grabberd.storage.capture.crash_recovery import numbered, set_aside
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.schema import DAMAGED, PART, SUFFIX
 from grabberd.storage.disk import storage_errors
@@ -31,10 +30,7 @@ class IndexEntry(NamedTuple):
     """One capture.
 
     Attributes:
-        id: Id of the capture.
         file: Path below the folder.
-        device: Name of the device.
-        created_utc: Time of the request.
         state: "sealed" or "damaged".
         note: Note in the file, for searching.
         labels: Labels in the file as a JSON object, for searching.
@@ -71,6 +67,7 @@ class CaptureIndex:
         """
         readable = [_readable(path) for path in sorted(self.directory.glob(f"*{SUFFIX}"))]
         aside = [path for path in sorted((self.directory / DAMAGED).glob("*")) if path.suffix in CAPTURES]
+        # Deleted rather than emptied: it may be damaged itself.
         with storage_errors(self.path):
             self.path.unlink(missing_ok=True)
         self._write(_distinct([*filter(None, readable), *map(entry_of, unsealed), *map(_damaged, aside)]))
@@ -91,21 +88,13 @@ class CaptureIndex:
 
     def list(self) -> list[IndexEntry]:
         """All captures, newest first."""
-        self._catch_up()
-        with self._connected() as connection:
-            rows = connection.execute("SELECT * FROM captures ORDER BY created_utc DESC, id DESC").fetchall()
-        return [IndexEntry(*row) for row in rows]
+        return self._select("ORDER BY created_utc DESC, id DESC")
 
     def page(self, after: tuple[str, str] | None, limit: int) -> "builtins.list[IndexEntry]":
         """At most `limit` captures, newest first, that follow the (created_utc, id) of `after`, if given."""
-        self._catch_up()
         beyond = after or (_LAST, "")
-        query = (
-            "SELECT * FROM captures WHERE (created_utc, id) < (?, ?) "
-            "ORDER BY created_utc DESC, id DESC LIMIT ?"
-        )
-        with self._connected() as connection:
-            return [IndexEntry(*row) for row in connection.execute(query, (*beyond, limit))]
+        which = "WHERE (created_utc, id) < (?, ?) ORDER BY created_utc DESC, id DESC LIMIT ?"
+        return self._select(which, *beyond, limit)
 
     def get(self, capture_id: str) -> IndexEntry:
         """One capture.
@@ -113,19 +102,15 @@ class CaptureIndex:
         Raises:
             NotFound: No capture has that id.
         """
-        self._catch_up()
-        with self._connected() as connection:
-            row = connection.execute("SELECT * FROM captures WHERE id = ?", (capture_id,)).fetchone()
-        if row is None:
+        found = self._select("WHERE id = ?", capture_id)
+        if not found:
             raise NotFound(f"no capture {capture_id!r}", "GET /api/v1/captures lists all captures")
-        return IndexEntry(*row)
+        return found[0]
 
     def with_prefix(self, text: str) -> "builtins.list[IndexEntry]":
         """Captures whose id begins with `text`, sorted by id."""
-        self._catch_up()
-        query = "SELECT * FROM captures WHERE substr(id, 1, ?) = ? ORDER BY id"
-        with self._connected() as connection:
-            return [IndexEntry(*row) for row in connection.execute(query, (len(text), text))]
+        # Not LIKE, in which the _ and % of an id stand for any letters.
+        return self._select("WHERE substr(id, 1, ?) = ? ORDER BY id", len(text), text)
 
     def file_of(self, capture_id: str) -> Path:
         """Path of a capture's file.
@@ -135,16 +120,19 @@ class CaptureIndex:
         """
         return self.directory / self.get(capture_id).file
 
+    def _select(self, which: str, *values: object) -> "builtins.list[IndexEntry]":
+        """Captures by the rest of a query, after those that could not be entered before."""
+        if self._kept_out:
+            with suppress(StorageError):
+                self._enter_kept_out()
+        query = f"SELECT * FROM captures {which}"  # noqa: S608 - constants
+        with self._connected() as connection:
+            return [IndexEntry(*row) for row in connection.execute(query, values)]
+
     def _enter_kept_out(self) -> None:
         paths = sorted(self._kept_out)
         self._write([entry_of(path) for path in paths if path.exists()])
         self._kept_out.difference_update(paths)
-
-    def _catch_up(self) -> None:
-        """Enters captures that could not be entered before, if that is possible now."""
-        if self._kept_out:
-            with suppress(StorageError):
-                self._enter_kept_out()
 
     def _write(self, entries: Iterable[IndexEntry]) -> None:
         with self._connected() as connection:
@@ -201,7 +189,6 @@ def _distinct(entries: Iterable[IndexEntry]) -> Iterator[IndexEntry]:
     """Entries with distinct ids: a second file of the same id, such as a copy, gets `ID-2` and so on."""
     taken: set[str] = set()
     for entry in entries:
-        names = chain([entry.id], (f"{entry.id}-{number}" for number in count(2)))
-        free = next(name for name in names if name not in taken)
+        free = next(name for name in numbered(entry.id) if name not in taken)
         taken.add(free)
         yield entry._replace(id=free)

@@ -40,13 +40,9 @@ class IdempotencyStore(StateDatabase):
 
     def finish(self, key: str, answer: KeptAnswer) -> None:
         """Stores the answer."""
-        with self.transaction() as connection:
-            connection.execute(
-                "UPDATE idempotency SET status = ?, location = ?, body = ? WHERE key = ?",
-                (answer.status, answer.location, answer.body, key),
-            )
+        change = "UPDATE idempotency SET status = ?, location = ?, body = ? WHERE key = ?"
+        self.execute(change, answer.status, answer.location, answer.body, key)
 
     def forget(self, key: str) -> None:
         """Removes a key whose request had no effect, so that it may be sent again."""
-        with self.transaction() as connection:
-            connection.execute("DELETE FROM idempotency WHERE key = ?", (key,))
+        self.execute("DELETE FROM idempotency WHERE key = ?", key)

@@ -15,32 +15,27 @@ class Outbox(StateDatabase):
 
     def entered(self) -> set[str]:
         """Ids of all captures that were entered and not forgotten."""
-        with self.transaction() as connection:
-            return {row[0] for row in connection.execute("SELECT capture FROM outbox")}
+        return {capture_id for (capture_id,) in self.execute("SELECT capture FROM outbox")}
 
     def enter(self, capture_id: str, summary: Mapping[str, Any]) -> None:
         """Stores a summary until it is acknowledged; an earlier one of the capture is left as it is."""
-        row = (capture_id, json.dumps(summary, ensure_ascii=False))
-        with self.transaction() as connection:
-            connection.execute("INSERT OR IGNORE INTO outbox VALUES (?, ?)", row)
+        document = json.dumps(summary, ensure_ascii=False)
+        self.execute("INSERT OR IGNORE INTO outbox VALUES (?, ?)", capture_id, document)
 
     def waiting(self) -> int:
         """Number of summaries that are not acknowledged."""
-        with self.transaction() as connection:
-            query = "SELECT count(*) FROM outbox WHERE summary IS NOT NULL"
-            return int(connection.execute(query).fetchone()[0])
+        return int(self.execute("SELECT count(*) FROM outbox WHERE summary IS NOT NULL")[0][0])
 
     def first(self) -> tuple[str, dict[str, Any]] | None:
         """The first waiting capture by id, and its summary; None if none is waiting."""
         query = "SELECT capture, summary FROM outbox WHERE summary IS NOT NULL ORDER BY capture LIMIT 1"
-        with self.transaction() as connection:
-            row = connection.execute(query).fetchone()
-        return None if row is None else (row[0], json.loads(row[1]))
+        return next(
+            ((capture_id, json.loads(document)) for capture_id, document in self.execute(query)), None
+        )
 
     def acknowledge(self, capture_id: str) -> None:
         """Drops a summary that has arrived."""
-        with self.transaction() as connection:
-            connection.execute("UPDATE outbox SET summary = NULL WHERE capture = ?", (capture_id,))
+        self.execute("UPDATE outbox SET summary = NULL WHERE capture = ?", capture_id)
 
     def forget(self, captures: Collection[str]) -> None:
         """Forgets captures that no longer exist, except those whose summary is waiting."""

@@ -4,6 +4,7 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
 from grabberd.errors import StorageError
 from grabberd.storage.disk import OWNER_ONLY
@@ -57,6 +58,7 @@ class StateDatabase:
         """
         with self.errors():
             self.path.parent.mkdir(parents=True, exist_ok=True)
+            # Before SQLite creates it with the umask's permissions: it holds the tokens' hashes.
             self.path.touch(OWNER_ONLY)
         with self.transaction() as connection:
             _migrate(connection, self.path)
@@ -69,8 +71,19 @@ class StateDatabase:
             StorageError: the file cannot be used.
         """
         with self.errors(), closing(sqlite3.connect(self.path, timeout=TIMEOUT_S)) as connection, connection:
+            # Off by default in SQLite, and a setting of the connection, not of the file: without it, the
+            # sessions of a removed token would stay valid.
             connection.execute("PRAGMA foreign_keys = ON")
             yield connection
+
+    def execute(self, statement: str, *values: Any) -> list[tuple[Any, ...]]:
+        """Runs one statement in a transaction of its own; returns its rows.
+
+        Raises:
+            StorageError: the file cannot be used.
+        """
+        with self.transaction() as connection:
+            return connection.execute(statement, values).fetchall()
 
     @contextmanager
     def errors(self) -> Iterator[None]:

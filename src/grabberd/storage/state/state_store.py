@@ -12,9 +12,9 @@ class StateStore(StateDatabase):
 
     def get(self, key: str) -> Any:
         """The value of a key; None if there is none."""
-        with self.transaction() as connection:
-            row = connection.execute("SELECT value FROM settings WHERE key = ?", (key,)).fetchone()
-            return None if row is None else json.loads(row[0])
+        with self.errors():
+            rows = self.execute("SELECT value FROM settings WHERE key = ?", key)
+            return json.loads(rows[0][0]) if rows else None
 
     def put(self, values: Mapping[str, Any]) -> None:
         """Writes some keys, all or none of them."""
@@ -24,5 +24,4 @@ class StateStore(StateDatabase):
 
     def remove(self, key: str) -> None:
         """Removes a key, if it exists."""
-        with self.transaction() as connection:
-            connection.execute("DELETE FROM settings WHERE key = ?", (key,))
+        self.execute("DELETE FROM settings WHERE key = ?", key)

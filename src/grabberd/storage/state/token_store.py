@@ -10,14 +10,10 @@ SESSIONS_A_TOKEN = 32
 
 
 class TokenRow(NamedTuple):
-    """A token without its secret.
+    """A token without its secret, and how many of its sessions have not ended.
 
     Attributes:
-        name: Name of the token.
-        role: Role that it grants.
-        created_utc: Time of its creation.
-        sessions: Number of its sessions that have not ended.
-        expires_utc: Time when it expires; None: valid until it is removed.
+        expires_utc: None: valid until it is removed.
     """
 
     name: str
@@ -69,25 +65,19 @@ class TokenStore(StateDatabase):
 
     def list(self, now_utc: str) -> list[TokenRow]:
         """All tokens, sorted by name."""
-        with self.transaction() as connection:
-            rows = connection.execute(
-                "SELECT name, role, created_utc, (SELECT count(*) FROM sessions "
-                "WHERE token = name AND sessions.expires_utc > ?), expires_utc FROM tokens ORDER BY name",
-                (now_utc,),
-            )
-            return [TokenRow(*row) for row in rows]
+        query = (
+            "SELECT name, role, created_utc, (SELECT count(*) FROM sessions "
+            "WHERE token = name AND sessions.expires_utc > ?), expires_utc FROM tokens ORDER BY name"
+        )
+        return [TokenRow(*row) for row in self.execute(query, now_utc)]
 
     def any(self) -> bool:
         """True if there is any token, even an expired one."""
-        with self.transaction() as connection:
-            return connection.execute("SELECT 1 FROM tokens").fetchone() is not None
+        return bool(self.execute("SELECT 1 FROM tokens LIMIT 1"))
 
     def of_token(self, token_hash: bytes) -> Holder | None:
         """Holder of a token, expired or not."""
-        query = "SELECT name, role, expires_utc FROM tokens WHERE hash = ?"
-        with self.transaction() as connection:
-            row = connection.execute(query, (token_hash,)).fetchone()
-            return None if row is None else Holder(*row)
+        return self._holder("SELECT name, role, expires_utc FROM tokens WHERE hash = ?", token_hash)
 
     def of_session(self, session_hash: bytes, now_utc: str) -> Holder | None:
         """Holder of the token behind a session, if neither has expired."""
@@ -96,9 +86,7 @@ class TokenStore(StateDatabase):
             "WHERE sessions.hash = ?1 AND sessions.expires_utc > ?2 "
             "AND (tokens.expires_utc IS NULL OR tokens.expires_utc > ?2)"
         )
-        with self.transaction() as connection:
-            row = connection.execute(query, (session_hash, now_utc)).fetchone()
-            return None if row is None else Holder(*row)
+        return self._holder(query, session_hash, now_utc)
 
     def add_session(self, session_hash: bytes, token: str, now_utc: str, expires_utc: str) -> None:
         """Stores a session, and removes those that have ended.
@@ -121,5 +109,8 @@ class TokenStore(StateDatabase):
 
     def remove_session(self, session_hash: bytes) -> None:
         """Ends a session, if it exists."""
-        with self.transaction() as connection:
-            connection.execute("DELETE FROM sessions WHERE hash = ?", (session_hash,))
+        self.execute("DELETE FROM sessions WHERE hash = ?", session_hash)
+
+    def _holder(self, query: str, *values: object) -> Holder | None:
+        rows = self.execute(query, *values)
+        return Holder(*rows[0]) if rows else None

@@ -1,0 +1,103 @@
+"""A capture recorded by the command itself, where no daemon holds the device."""
+
+import contextlib
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, Progress, TimeElapsedColumn
+
+from grabberd.acquisition.clock import SystemClock
+from grabberd.cli.options import end_as_ctrl_c_does, progress_console, warn, with_device
+from grabberd.cli.serve import SWITCH_INTERVAL_S
+from grabberd.config import Config, default_config_file
+from grabberd.documents.states import DeviceState
+from grabberd.errors import DeviceAbsent
+from grabberd.service.capture.capture_documents import describe
+from grabberd.service.capture.capture_request import CaptureRequest
+from grabberd.service.capture.recording import Recording
+from grabberd.service.instrument import Instrument
+from grabberd.service.setup import set_up
+from grabberd.storage.capture.recording_folder import interrupted_captures, recording_folder
+
+POLL_S = 0.05
+OPEN_TIMEOUT_S = 10.0
+
+
+def capture_directly(
+    config: Config, file: Path | None, device: str | None, order: dict[str, Any], out: Path
+) -> dict[str, Any]:
+    """Open the device, record into a new file, and return the capture's document; Ctrl-C ends the capture.
+
+    Raises:
+        DeviceAbsent: the device did not start to deliver.
+        GrabberdError: the failure that ended the recording; the file is kept.
+    """
+    warn(
+        f"{part} was left by an interrupted capture; 'grabberd storage seal {part}' recovers it"
+        for part in interrupted_captures(out.parent)
+    )
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    end_as_ctrl_c_does()
+    chosen = with_device(config, file, device)
+    setup = next(iter(set_up(chosen, file or default_config_file()).values()))
+    instrument = Instrument(setup, SystemClock(), site=dict(config.site), queue_s=config.storage.queue_s)
+    instrument.start()
+    try:
+        _wait_until_it_accepts(instrument)
+        warn(instrument.board.now.warnings)
+        request = _request(order, instrument.rate_hz)
+        # In a hidden folder beside the output until it is sealed; the next run names what a crash left there.
+        with recording_folder(out.parent) as folder:
+            recording = instrument.start_capture(out.stem, request, folder / f"{out.name}.part")
+            _follow(recording, request.fields)
+            _keep(recording, out)
+    finally:
+        instrument.stop()
+    # A pin belongs to the state of a daemon, and there is none here.
+    return describe(out).model_dump(mode="json", exclude={"pinned"})
+
+
+def _wait_until_it_accepts(instrument: Instrument) -> None:
+    board = instrument.board
+    hopeless = (DeviceState.FAILED, DeviceState.ENDED)
+    with board.changed:
+        board.changed.wait_for(lambda: instrument.accepts or board.state in hopeless, OPEN_TIMEOUT_S)
+    if not instrument.accepts:
+        raise DeviceAbsent(
+            f"device {instrument.name} is {board.now.state}: {board.now.cause}",
+            board.now.hint
+            or "check the grabber and the configuration; 'grabberd devices' lists all grabbers",
+        )
+
+
+def _request(order: dict[str, Any], rate_hz: float) -> CaptureRequest:
+    values = dict(order)
+    values.pop("armed", None)  # without a daemon a capture always starts at once
+    duration_s = values.pop("duration_s", None)
+    if duration_s is not None:
+        values["fields"] = max(1, round(duration_s * rate_hz))
+    return CaptureRequest(**values)
+
+
+def _follow(recording: Recording, wanted: int | None) -> None:
+    """Show progress until the file is sealed; Ctrl-C ends the recording."""
+    columns = ("recording", BarColumn(), "{task.completed} fields", TimeElapsedColumn())
+    with Progress(*columns, console=progress_console, transient=True) as progress:
+        task = progress.add_task("", total=wanted)
+        # Ctrl-C only asks the recording to stop; the loop goes on until its file is sealed, so that a second
+        # Ctrl-C cannot leave a file without its ledger.
+        while not recording.sealed.is_set():
+            with contextlib.suppress(KeyboardInterrupt):
+                progress.update(task, completed=recording.recorder.ledger.total)
+                recording.sealed.wait(POLL_S)
+                continue
+            recording.stop("stopped by the operator")
+
+
+def _keep(recording: Recording, out: Path) -> None:
+    """Rename the file, complete or not, then raise the failure that made it incomplete."""
+    # First the file, then the error: what was recorded is kept even if the recording failed.
+    recording.path.rename(out)
+    if recording.failure is not None:
+        raise recording.failure
