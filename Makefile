@@ -18,7 +18,7 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults house docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults house walls docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -33,8 +33,8 @@ test: $(READY) npm  ## every check and test that this machine can run
 	@$(MAKE) --no-print-directory pytest
 
 check: $(READY) check-page  ## ruff, mypy, the arrows between the rooms and the page's types
-	$(BIN)/ruff format --check src drivers tests docs
-	$(BIN)/ruff check src drivers tests docs
+	$(BIN)/ruff format --check src drivers tests docs tools
+	$(BIN)/ruff check src drivers tests docs tools
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m tests.house.glossary
@@ -114,6 +114,9 @@ soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients comin
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
 
+walls: $(READY)  ## the simulated liner's walls, solved anew (about an hour on two processors; NAMES='thin-round …')
+	$(ONE_THREAD) nice $(BIN)/python -m tools.liner_wall drivers/grabberd_fake/walls $(NAMES)
+
 house: $(READY)  ## the drawing of the rooms into docs/architecture.md; sizes and hops into docs/reference/house.md
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.house --write
 
@@ -123,8 +126,8 @@ docs: $(READY)  ## the generated parts of docs/: API, configuration, pictures; a
 	@$(MAKE) --no-print-directory types
 
 format: $(READY)  ## lay out the code
-	$(BIN)/ruff format src drivers tests docs
-	$(BIN)/ruff check --fix src drivers tests docs
+	$(BIN)/ruff format src drivers tests docs tools
+	$(BIN)/ruff check --fix src drivers tests docs tools
 
 lock: $(READY)  ## write down the versions that the tests passed with
 	$(BIN)/pip freeze --exclude-editable | LC_ALL=C sort > constraints.txt

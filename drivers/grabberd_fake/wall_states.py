@@ -11,6 +11,7 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from grabberd_fake.optics import Array
 
@@ -59,7 +60,7 @@ class WallStates:
         """(X // 2,) load on one side of the teat over each element along the tube."""
         return self._between(self._force_n_per_mm, outer_kpa)
 
-    def _between(self, states: Array, outer_kpa: float) -> Array:
+    def _between(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
         first, weights = _cubic(self.outer_kpa, outer_kpa)
         between: Array = np.tensordot(weights, states[first : first + len(weights)], axes=1)
         return between

@@ -86,7 +86,8 @@ class Tube:
 
     def gradient(self, nodes_mm: Array) -> Array:
         """(E, Q, 3, 3) deformation gradient."""
-        return np.einsum("eqaJ,eai->eqiJ", self._slopes, nodes_mm[self.mesh.bricks.nodes])
+        gradient: Array = np.einsum("eqaJ,eai->eqiJ", self._slopes, nodes_mm[self.mesh.bricks.nodes])
+        return gradient
 
     def stress_mpa(self, state: State) -> Array:
         """(E, Q, 3, 3) Cauchy stress."""
@@ -128,7 +129,8 @@ class Tube:
         )
 
     def _pressure(self, state: State) -> Array:
-        return np.einsum("eqm,em->eq", self._pressures, state.pressures_mpa)
+        pressure: Array = np.einsum("eqm,em->eq", self._pressures, state.pressures_mpa)
+        return pressure
 
     def _moved(self, state: State, change: Array, damping: float, volumetric: tuple[Array, Array]) -> State:
         """State after a step; bricks' pressures follow from the linearised volumes."""

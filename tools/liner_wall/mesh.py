@@ -9,7 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import Basis, ElementHex2, FacetBasis, MeshHex
+from skfem import (  # type: ignore[import-untyped]
+    Basis,
+    ElementHex2,
+    FacetBasis,
+    MeshHex,
+)
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

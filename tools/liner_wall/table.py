@@ -1,4 +1,4 @@
-"""What is kept of a case: the outer face, the contact pressure and the load in each state, as small integers."""
+"""Table of a case: its outer face, contact pressure and load in each state, as small integers."""
 
 import json
 from collections.abc import Iterable
@@ -22,10 +22,10 @@ CONTACT_KPA = 2e-3
 def save_table(path: Path, case: Case, tube: Tube, rests: Iterable[Rest]) -> None:
     """Writes the states of a case in the order of their pressure difference.
 
-    The file holds `theta` (A,) and `x_mm` (X,) of the mounted outer nodes, `mounted_mm` (X, A, 3), `outer_kpa`
-    (S,), `shift` (S, X, A, 3) and `contact` (S, X, A) as differences from state to state in steps of `SHIFT_MM`
-    and `CONTACT_KPA`, `force_n_per_mm` (S, X/2) on one side of the teat over each slab's present length, `snapped`
-    (S,), and `about`, the case as JSON.
+    The file holds `theta` (A,) and `x_mm` (X,) of the mounted outer nodes, `mounted_mm` (X, A, 3),
+    `outer_kpa` (S,), `shift` (S, X, A, 3) and `contact` (S, X, A) as differences from state to state in steps
+    of `SHIFT_MM` and `CONTACT_KPA`, `force_n_per_mm` (S, X/2) on one side of the teat over each slab's
+    present length, `snapped` (S,), and `about`, the case as JSON.
     """
     rests = list(rests)
     push = case.push()
@@ -50,7 +50,7 @@ def save_table(path: Path, case: Case, tube: Tube, rests: Iterable[Rest]) -> Non
 
 
 def force_n_per_mm(tube: Tube, nodes_mm: Array, push: Push) -> Array:
-    """(slabs,) force of the wall on one side of what it touches, per present length, across the closing wall."""
+    """(slabs,) force of the wall on one side of what it touches, along z, per present length."""
     face = tube.mesh.inner
     places = nodes_mm[face.nodes]
     area = np.cross(face.by_x @ places, face.by_theta @ places)
@@ -72,7 +72,7 @@ def _differences(steps: Array) -> Any:
     rounded = np.rint(steps).astype(np.int64)
     small = np.diff(rounded, axis=0, prepend=0)
     if np.abs(small).max() >= 2**15:
-        raise OverflowError(f"a state differs by {np.abs(small).max()} steps from the one before: 16 bits hold 32767")
+        raise OverflowError(f"two states differ by {np.abs(small).max()} steps: 16 bits hold 32767")
     return small.astype(np.int16)
 
 
