@@ -29,7 +29,9 @@ class Teat:
         end_x_mm: Place of its end along the liner's axis.
         cap_mm: Height of the cap; `squareness`: exponent of its outline, 2 for an ellipse.
         taper: Growth of the radius per length towards the udder.
-        stiffness_mpa_per_mm: Pressure per depth.
+        stiffness_mpa_per_mm: Pressure per depth at the surface.
+        firm_mm: Depth at which the pressure is twice what that stiffness gives: tissue yields at first and
+            hardly at all once it is squeezed.
         centre_mm: Place (y, z) of its axis.
     """
 
@@ -39,7 +41,8 @@ class Teat:
     cap_mm: float
     squareness: float = 2.0
     taper: float = 0.02
-    stiffness_mpa_per_mm: float = 0.006
+    stiffness_mpa_per_mm: float = 0.012
+    firm_mm: float = 3.0
     centre_mm: tuple[float, float] = (0.0, 0.0)
 
     def pressure(self, points_mm: Array) -> tuple[Array, Array]:
@@ -58,7 +61,8 @@ class Teat:
         by_x = scale * below ** (m - 1) / self.cap_mm + by_ratio * ratio / radius * self.taper * (above > 0)
         by_off = (by_ratio / radius / distance)[..., np.newaxis] * off
         slope = np.concatenate([by_x[..., np.newaxis], by_off], axis=-1)
-        pressure, stiffness = _spring(self.radius_mm * (1 - outline), self.stiffness_mpa_per_mm)
+        depth = self.radius_mm * (1 - outline)
+        pressure, stiffness = _spring(depth, self.stiffness_mpa_per_mm, self.firm_mm)
         return pressure, -stiffness[..., np.newaxis] * self.radius_mm * slope
 
 
@@ -69,13 +73,16 @@ def opposite_wall(points_mm: Array, upper: Array) -> tuple[Array, Array]:
         points_mm: (…, 3) points.
         upper: (…) 1 for points of the half above the plane, −1 below it.
     """
-    pressure, stiffness = _spring(-points_mm[..., 2] * upper, _OPPOSITE_WALL_MPA_PER_MM)
+    pressure, stiffness = _spring(-points_mm[..., 2] * upper, _OPPOSITE_WALL_MPA_PER_MM, np.inf)
     gradient = np.zeros_like(points_mm)
     gradient[..., 2] = -stiffness * upper
     return pressure, gradient
 
 
-def _spring(depth_mm: Array, stiffness: float) -> tuple[Array, Array]:
+def _spring(depth_mm: Array, stiffness: float, firm_mm: float) -> tuple[Array, Array]:
+    """Pressure k d (1 + (d/firm)²) with a soft start, and its derivative by the depth d."""
     soft = np.clip(depth_mm, 0.0, _SOFT_START_MM)
-    pressure = stiffness * (soft**2 / (2 * _SOFT_START_MM) + np.maximum(depth_mm - _SOFT_START_MM, 0.0))
-    return pressure, stiffness * soft / _SOFT_START_MM
+    by_depth = soft / _SOFT_START_MM
+    deep = soft**2 / (2 * _SOFT_START_MM) + np.maximum(depth_mm - _SOFT_START_MM, 0.0)
+    pressure = stiffness * deep * (1 + (deep / firm_mm) ** 2)
+    return pressure, stiffness * by_depth * (1 + 3 * (deep / firm_mm) ** 2)

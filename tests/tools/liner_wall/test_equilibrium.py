@@ -50,7 +50,9 @@ def test_small_pressure_gives_lames_hoop_stress() -> None:
 
 def test_tube_on_a_snug_rigid_mandrel_presses_on_it_with_the_whole_difference() -> None:
     tube = ring(wall_mm=2.5)
-    mandrel = Teat("mandrel", RADIUS_MM - 1.25, 1e4, cap_mm=1.0, taper=0.0, stiffness_mpa_per_mm=3e4)
+    mandrel = Teat(
+        "mandrel", RADIUS_MM - 1.25, 1e4, cap_mm=1.0, taper=0.0, stiffness_mpa_per_mm=3e4, firm_mm=1e9
+    )
     state = tube.at_rest()
     for pressure_mpa in (0.001, 0.01, 0.042):
         state = tube.solve(state, pressure_mpa, mandrel.pressure)

@@ -1,0 +1,53 @@
+"""Contact pressure as a function of a place: its slope, its reach, its shapes."""
+
+import numpy as np
+import pytest
+from tools.liner_wall.designs import TEATS
+from tools.liner_wall.teat import Teat, opposite_wall
+
+SHAPES = [teat for teat in TEATS if teat is not None]
+
+
+@pytest.mark.parametrize("teat", SHAPES, ids=lambda teat: teat.name)
+def test_slope_is_that_of_the_pressure(teat: Teat) -> None:
+    rng = np.random.default_rng(4)
+    points = np.column_stack([rng.uniform(-30, 25, 200), rng.uniform(-11, 11, (200, 2))])
+    _, slope = teat.pressure(points)
+    step = 1e-6
+    for axis in range(3):
+        shift = step * np.eye(3)[axis]
+        numeric = (teat.pressure(points + shift)[0] - teat.pressure(points - shift)[0]) / (2 * step)
+        np.testing.assert_allclose(slope[:, axis], numeric, rtol=1e-4, atol=1e-7)
+
+
+@pytest.mark.parametrize("teat", SHAPES, ids=lambda teat: teat.name)
+def test_nothing_is_pressed_outside_the_teat_and_more_the_deeper(teat: Teat) -> None:
+    along = np.array([-20.0, 0.0, 0.0])
+    outside = np.array([-20.0, 0.0, teat.radius_mm + 1.0])
+    depths = np.linspace(0.5, 3.0, 6)
+    inside = along + np.outer(teat.radius_mm - depths, [0.0, 0.0, 1.0])
+    assert teat.pressure(outside)[0] == 0
+    assert np.all(np.diff(teat.pressure(inside)[0]) > 0)
+    assert teat.pressure(np.array([teat.end_x_mm + 0.5, 0.0, 0.0]))[0] == 0
+
+
+def test_a_blunt_teat_is_wider_at_its_end_than_a_pointed_one() -> None:
+    _, blunt, pointed = SHAPES
+
+    def width_mm(teat: Teat) -> float:
+        z = np.linspace(0, 12, 1201)
+        near_end = np.column_stack([np.full_like(z, teat.end_x_mm - 2.0), np.zeros_like(z), z])
+        return float(z[teat.pressure(near_end)[0] > 0].max(initial=0.0))
+
+    assert width_mm(blunt) > width_mm(pointed) + 2
+
+
+def test_opposite_walls_push_each_other_apart_where_they_meet() -> None:
+    points = np.array([[0.0, 1.0, 0.5], [0.0, 1.0, -0.2]])
+    upper, slope = opposite_wall(points, np.ones(2))
+    lower, _ = opposite_wall(points, -np.ones(2))
+    assert upper[0] == 0
+    assert upper[1] > 0.05
+    assert lower[0] > 0.1
+    assert lower[1] == 0
+    assert slope[1, 2] < 0
