@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from running import PATIENCE_S, running
+from running import PATIENCE_S, configuration, running
 from slots import ManualClock, damaged, slot, without_signal
 
 from grabberd.acquisition import Slot
@@ -16,6 +16,8 @@ from grabberd.service.instrument import Instrument
 from grabberd.service.live.preview import NO_CENTROIDS, POINT, Centroids, Preview, message
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "reference" / "live.md"
+SLOTS = 512
+"""Ten seconds: a worker that is late on a busy computer has measured one of these."""
 HEADER_FIELDS = (
     (0, 4, "magic"), (8, 8, "n"), (16, 8, "time_us"), (24, 8, "centroids_us"), (32, 2, "columns"),
     (34, 2, "rows"), (36, 2, "y0"), (38, 2, "y_step"), (40, 2, "threshold"), (42, 1, "outcome"),
@@ -105,8 +107,9 @@ def test_without_a_signal_there_is_no_picture(decode: Callable[[bytes], Any]) ->
 
 @pytest.fixture(scope="module")
 def stopped(tmp_path_factory: pytest.TempPathFactory) -> Instrument:
-    """An instrument that has measured, and does so no more."""
-    with running(tmp_path_factory.mktemp("preview"), {"pace": "real"}) as service:
+    """An instrument that has measured, and does so no more; its ring still has what it measured last."""
+    ring = configuration({}).devices["simulated"].ring.model_copy(update={"slots": SLOTS})
+    with running(tmp_path_factory.mktemp("preview"), {"pace": "real"}, ring=ring) as service:
         instrument = service.instrument(None)
         worker = instrument.worker
         with worker.published:
@@ -130,9 +133,9 @@ def test_a_field_is_shown_once_and_with_its_time(stopped: Instrument) -> None:
 def test_centroids_are_those_of_the_newest_measured_field(
     stopped: Instrument, decode: Callable[[bytes], Any]
 ) -> None:
-    live, reader = stopped.worker.live, stopped.pipeline.ring.reader(back=32)
+    live, reader = stopped.worker.live, stopped.pipeline.ring.reader(back=SLOTS)
     assert live is not None
-    slots = [slot for _ in range(32) if (slot := reader.take(0)) is not None]
+    slots = [slot for _ in range(SLOTS) if (slot := reader.take(0)) is not None]
     [same] = [one for one in slots if one.numbered and one.numbered.time_ns == live.measured.time_ns]
     preview = Preview(stopped, ManualClock())
     _, centroids_px, bits = decode(message(same, 0, preview._centroids(live)))
