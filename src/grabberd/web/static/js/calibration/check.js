@@ -1,4 +1,5 @@
 // The ten-second check: the calibration frame is captured and held against the active calibration.
+import { statusOf } from "../core/api.js";
 import { el, fill, setText, symbol } from "../core/dom.js";
 import { deviceOf } from "../core/store.js";
 import { createJob } from "../jobs/job.js";
@@ -9,6 +10,7 @@ import { note } from "./steps.js";
 /** @import { Context } from "../core/context.js" */
 /** @import { CheckResult, Job, JobWith } from "types/documents" */
 
+const CONFLICT = 409;
 const LEVELS = /** @type {Record<string, string>} */ ({ fits: "good", doubtful: "warn", recalibrate: "bad" });
 
 /** @param {Context} context */
@@ -45,7 +47,8 @@ export function createCheck(context) {
 
   /** Its capture is of no use then. @param {Job} job */
   function cancelled({ subject }) {
-    if (context.device()?.capture_id === subject) api.post(`/captures/${encodeURIComponent(subject)}/stop`).catch(context.refused);
+    // Always asked: the state may not yet name a capture that has just begun. One that has ended is what is wanted.
+    api.post(`/captures/${encodeURIComponent(subject)}/stop`).catch((problem) => statusOf(problem) === CONFLICT || context.refused(problem));
   }
 
   /** @param {boolean} on */
