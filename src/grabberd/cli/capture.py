@@ -86,7 +86,7 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
     """
     picture = {"bits": bits, "lines": lines, "pre_trigger_fields": pre_trigger}
     kept = {"on_interruption": on_interruption, "note": note, "labels": _labels(label or [])}
-    order = _validated({**_length(fields, duration, armed=armed), **picture, **kept})
+    request = _validated({**_length(fields, duration, armed=armed), **picture, **kept})
     check_folder(out)
     if group_devices and device is not None:
         raise typer.BadParameter("give either --device or --together, not both")
@@ -94,11 +94,11 @@ def capture(  # noqa: PLR0913, PLR0917 - a command has as many parameters as it 
         check_absent(out)
     if group_devices or url or armed:
         daemon = (url or DEFAULT_URL, token_file)
-        document = _capture_through(daemon, group_devices, device, order, out)
+        document = _capture_through(daemon, group_devices, device, request, out)
     else:
         from grabberd.cli.direct_capture import capture_directly  # noqa: PLC0415
 
-        document = capture_directly(load(config), config, device, order, out)
+        document = capture_directly(load(config), config, device, request, out)
     if json:
         print_json(document)
     else:
@@ -123,30 +123,34 @@ def _labels(words: list[str]) -> dict[str, str]:
     return {key: value for key, _, value in pairs}
 
 
-def _validated(order: dict[str, Any]) -> dict[str, Any]:
+def _validated(request: dict[str, Any]) -> dict[str, Any]:
     """Validate the options as the API would, with errors in terms of the command line."""
     from pydantic import ValidationError  # noqa: PLC0415
 
     from grabberd.documents.requests import NewCapture  # noqa: PLC0415
 
     try:
-        return NewCapture.model_validate(order).model_dump(exclude_none=True)
+        return NewCapture.model_validate(request).model_dump(exclude_none=True)
     except ValidationError as error:
         faults = (f"{'.'.join(map(str, one['loc'])) or 'capture'}: {one['msg']}" for one in error.errors())
         raise typer.BadParameter("; ".join(faults)) from None
 
 
 def _capture_through(
-    daemon: tuple[str, Path | None], devices: str | None, device: str | None, order: dict[str, Any], out: Path
+    daemon: tuple[str, Path | None],
+    devices: str | None,
+    device: str | None,
+    request: dict[str, Any],
+    out: Path,
 ) -> dict[str, Any]:
     """Let the daemon at an address record a capture, or a group of them."""
     from grabberd.cli.remote.client import Daemon  # noqa: PLC0415
     from grabberd.cli.remote.daemon_captures import capture_group_through, capture_through  # noqa: PLC0415
 
     if not devices:
-        return capture_through(Daemon(*daemon), device, order, out)
+        return capture_through(Daemon(*daemon), device, request, out)
     names = None if devices == "all" else [name.strip() for name in devices.split(",") if name.strip()]
-    return capture_group_through(Daemon(*daemon), names, order, out)
+    return capture_group_through(Daemon(*daemon), names, request, out)
 
 
 def _summarise(document: dict[str, Any], out: Path) -> None:

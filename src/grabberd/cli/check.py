@@ -95,8 +95,8 @@ def _through_daemon(
 
     daemon = Daemon(url, token_file)
     name = device or _only(daemon.ask("/api/v1/devices")["devices"])
-    order = {"calibration_frame": frame, "in_place": in_place}
-    job = daemon.ask(f"/api/v1/devices/{quote(name, safe='')}/check", "POST", order)
+    request = {"calibration_frame": frame, "in_place": in_place}
+    job = daemon.ask(f"/api/v1/devices/{quote(name, safe='')}/check", "POST", request)
     with progress_bar("watching the calibration frame") as progress:
         while job["state"] in ("queued", "running"):
             time.sleep(POLL_S)

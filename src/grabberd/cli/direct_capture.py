@@ -25,7 +25,7 @@ OPEN_TIMEOUT_S = 10.0
 
 
 def capture_directly(
-    config: Config, file: Path | None, device: str | None, order: dict[str, Any], out: Path
+    config: Config, file: Path | None, device: str | None, options: dict[str, Any], out: Path
 ) -> dict[str, Any]:
     """Open the device, record into a new file, and return the capture's document; Ctrl-C ends the capture.
 
@@ -46,7 +46,7 @@ def capture_directly(
     try:
         _wait_until_it_accepts(instrument)
         warn(instrument.board.now.warnings)
-        request = _request(order, instrument.rate_hz)
+        request = _request(options, instrument.rate_hz)
         # In a hidden folder beside the output until it is sealed; the next run names what a crash left there.
         with recording_folder(out.parent) as folder:
             recording = instrument.start_capture(out.stem, request, folder / f"{out.name}.part")
@@ -71,8 +71,8 @@ def _wait_until_it_accepts(instrument: Instrument) -> None:
         )
 
 
-def _request(order: dict[str, Any], rate_hz: float) -> CaptureRequest:
-    values = dict(order)
+def _request(options: dict[str, Any], rate_hz: float) -> CaptureRequest:
+    values = dict(options)
     values.pop("armed", None)  # without a daemon a capture always starts at once
     duration_s = values.pop("duration_s", None)
     if duration_s is not None:

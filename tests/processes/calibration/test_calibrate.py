@@ -9,6 +9,7 @@ import yaml
 
 from grabberd.calibration import LENS, Mark
 from grabberd.config import shipped_configs
+from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.errors import InputError, MeasurementError, RankDeficient
 from grabberd.field import Field, NumberedField, quantise, split_frame
 from grabberd.geometry import Calibration, NominalRig, project
@@ -44,6 +45,13 @@ def made(scene):
     return calibrate(scene.packed(8, "field"), NOMINAL, FRAME)
 
 
+def report_of(result):
+    """The report's document, which its model takes and gives back unchanged."""
+    document = report_document(result, ABOUT)
+    assert CalibrationReport.model_validate(document).model_dump(mode="json", by_alias=True) == document
+    return document
+
+
 def named(result, name="test"):
     return result.calibration(name, "2026-01-02T03:04:05+00:00", "a test", None, {})
 
@@ -77,7 +85,7 @@ def test_the_document_gives_back_the_same_calibration(made):
 
 
 def test_the_report_has_every_image_point_and_no_number_that_json_does_not_know(made):
-    document = report_document(made, ABOUT)
+    document = report_of(made)
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert len(document["residuals"]) == len(made.adjustment.network)
     assert [view["name"] for view in document["views"]] == ["left", "right"]
@@ -95,7 +103,7 @@ def test_the_volume_says_what_one_field_is_worth(made):
 
 
 def test_parameters_and_their_comparison_are_of_one_adjustment(made):
-    document = report_document(made, ABOUT)
+    document = report_of(made)
     parameters = {one["name"]: one["value"] for one in document["views"][0]["parameters"]}
     for row in document["comparison"]:
         assert row["left"] == parameters[row["parameter"]]
@@ -109,6 +117,7 @@ def test_blunders_do_not_stay_in_the_weights(scene):
     assert {int(FRAME.target[one.target]) for one in result.blunders} == {28, 57}
     assert result.adjustment.sigma0 == pytest.approx(1, abs=0.02)
     assert "28" in result.warnings[0]
+    assert {one["target"] for one in report_of(result)["blunders"]} == {28, 57}
 
 
 def test_a_model_that_leaves_pixels_is_no_result(scene):
@@ -125,7 +134,7 @@ def test_a_longer_rig_converges_too():
 
 
 def test_the_imaging_geometry_of_the_report_is_the_rigs(made):
-    geometry = report_document(made, ABOUT)["geometry"]
+    geometry = report_of(made)["geometry"]
     assert geometry["base_mm"] == pytest.approx(128, rel=0.02)
     assert geometry["distance_mm"] == pytest.approx(240, rel=0.03)
     assert geometry["convergence_deg"] == pytest.approx(30, abs=2)
@@ -135,7 +144,7 @@ def test_one_mirror_a_view_is_found_as_left_handed():
     taken = take_scene(16, scene="calibration_frame", rig={"reflections": 1})
     result = calibrate(taken.packed(8, "field"), NOMINAL, FRAME)
     assert result.identification.handedness == (-1, -1)
-    assert report_document(result, ABOUT)["geometry"]["planar_motion_mm"] < 0.5
+    assert report_of(result)["geometry"]["planar_motion_mm"] < 0.5
 
 
 def test_a_prescribed_handedness_that_the_picture_contradicts_is_refused(scene):
@@ -161,6 +170,7 @@ def test_the_papers_own_options_give_equal_weights_and_held_points(scene):
     assert all(view.b[7] == view.b[8] for view in result.views)
     assert result.local is None
     assert result.elimination is None
+    assert report_of(result)["local_field"] is None
 
 
 def test_a_shared_lens_is_the_same_in_both_views(scene):
@@ -173,6 +183,7 @@ def test_a_shared_lens_is_the_same_in_both_views(scene):
         right.b[2:7],
     )
     assert left.b[0] != right.b[0]
+    assert report_of(result)["settings"]["shared"] == list(LENS)
 
 
 def test_an_interior_parameter_that_is_not_adjusted_is_as_the_rig_was_built(scene):
@@ -182,6 +193,7 @@ def test_an_interior_parameter_that_is_not_adjusted_is_as_the_rig_was_built(scen
     assert (right.f_mm, right.x0_px, right.b) == (8.0, 359.5, (0.0,) * 9)
     assert left.f_mm != 8.0
     assert any("parameters that were held" in warning for warning in result.warnings)
+    assert report_of(result)["warnings"] == list(result.warnings)
 
 
 def test_a_parameter_that_does_not_exist_is_named(scene):

@@ -20,7 +20,7 @@ JsonObject = dict[str, Any]
 """The daemon's document of a capture or of a group of captures, or the body of a request for one."""
 
 
-def capture_through(daemon: Daemon, device: str | None, order: JsonObject, out: Path) -> JsonObject:
+def capture_through(daemon: Daemon, device: str | None, request: JsonObject, out: Path) -> JsonObject:
     """Let the daemon record a capture, then download its file; Ctrl-C stops or disarms it.
 
     Raises:
@@ -28,13 +28,13 @@ def capture_through(daemon: Daemon, device: str | None, order: JsonObject, out: 
         GrabberdError: the daemon refused.
     """
     end_as_ctrl_c_does()
-    ended = _ended(daemon, CAPTURES, {**order, "device": device})
+    ended = _ended(daemon, CAPTURES, {**request, "device": device})
     daemon.download(f"{CAPTURES}/{ended['id']}/file", out)
     return ended
 
 
 def capture_group_through(
-    daemon: Daemon, devices: list[str] | None, order: JsonObject, out: Path
+    daemon: Daemon, devices: list[str] | None, request: JsonObject, out: Path
 ) -> JsonObject:
     """Let the daemon record a group of captures, of all its devices unless they are named.
 
@@ -51,7 +51,7 @@ def capture_group_through(
         names = [str(one["name"]) for one in daemon.ask("/api/v1/devices")["devices"]]
     # Before anything starts: a capture whose file cannot be kept would be recorded for nothing.
     check_absent(*(group_file(out, name) for name in names))
-    ended = _ended(daemon, GROUPS, {**order, "devices": names})
+    ended = _ended(daemon, GROUPS, {**request, "devices": names})
     for one in ended["captures"]:
         daemon.download(f"{CAPTURES}/{one['id']}/file", group_file(out, one["device"]))
     return ended
@@ -87,9 +87,9 @@ def armed_capture(daemon: Daemon, device: str | None) -> str:
     return armed[0]
 
 
-def _ended(daemon: Daemon, collection: str, order: JsonObject) -> JsonObject:
+def _ended(daemon: Daemon, collection: str, request: JsonObject) -> JsonObject:
     """Start a capture or a group, follow it until all of it is sealed, and return its final document."""
-    document: JsonObject = daemon.ask(collection, "POST", order)
+    document: JsonObject = daemon.ask(collection, "POST", request)
     address = f"{collection}/{document['id']}"
     while _is_going_on(document):
         try:
