@@ -12,11 +12,10 @@ from rich.table import Table
 from grabberd.processes.accuracy import Compared, Investigation
 from grabberd.reconstruction.accuracy.accuracy import (
     PAPER_PRECISION,
-    PAPER_PX,
     PAPER_RMSE,
     Axes,
-    PointingPrecision,
 )
+from grabberd.reconstruction.accuracy.pointing import PAPER_PX, PointingPrecision
 from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
 
 MUCH_CHI2 = 4.0

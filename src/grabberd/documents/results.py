@@ -78,14 +78,14 @@ class CheckResult(Document):
     )
 
 
-class Place(Document):
+class ImagePosition(Document):
     """Position of an image, in frame pixels."""
 
     x_px: float
     y_px: float
 
 
-class IdentifiedTarget(Place):
+class IdentifiedTarget(ImagePosition):
     """Image of a target."""
 
     target: int
@@ -96,7 +96,7 @@ class IdentifiedView(Document):
 
     found: list[IdentifiedTarget] = Field(description="Sorted by target.")
     missing: list[int] = Field(description="Targets that were not found.")
-    other: list[Place] = Field(description="Images that are no target.")
+    other: list[ImagePosition] = Field(description="Images that are no target.")
 
 
 class ShownField(Document):

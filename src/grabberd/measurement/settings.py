@@ -8,7 +8,7 @@ AUTOMATIC = "automatic"
 LOCATORS: Mapping[str, str] = MappingProxyType(
     {
         "centroid": "locators.centroid:locate_by_centroid",
-        "weighted": "locators.centroid:locate_by_weighted",
+        "weighted": "locators.weighted:locate_by_weighted",
         "template": "locators.template:locate_by_template",
         "edge": "locators.edge:locate_by_edge",
         "correlation": "locators.correlation:locate_by_correlation",

@@ -14,12 +14,11 @@ from grabberd.reconstruction.accuracy.accuracy import (
     WRONG_BEYOND_MM,
     Accuracy,
     Axes,
-    PointingPrecision,
     accuracy,
-    pointing_precision,
 )
 from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth, true_places
 from grabberd.reconstruction.accuracy.length_errors import LengthErrors, length_errors
+from grabberd.reconstruction.accuracy.pointing import PointingPrecision, pointing_precision
 from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion
 from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.points import Points

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd.reconstruction.accuracy.accuracy import PAPER_PX, pointing_precision
+from grabberd.reconstruction.accuracy.pointing import PAPER_PX, pointing_precision
 from reconstruction.repeated import grid, series_of
 
 FIELDS, TARGETS = 32, 108

@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.measurement.locators.centroid import moments, weights_of
 from grabberd.measurement.locators.disc_image import (
     BACKGROUND,
     BLURRING,
@@ -21,6 +20,7 @@ from grabberd.measurement.locators.disc_image import (
     disc_images,
 )
 from grabberd.measurement.locators.locator import GREY, Chords, Located, Seen, meant_for, noise_of
+from grabberd.measurement.locators.weighted import moments, weights_of
 from grabberd.measurement.locators.windows import Windows, windows_of
 
 LONGEST_STEP = np.array([1.5, 1.5, np.inf, np.inf, 0.7, 0.7, 0.3, 0.3])

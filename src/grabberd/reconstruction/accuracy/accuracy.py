@@ -1,6 +1,4 @@
-"""Accuracy of measured points against the truth, the paper's Table 1; and pointing precision, the scatter of
-repeated image coordinates of targets at rest (paper 3.5).
-"""
+"""Accuracy of measured points against the truth: the paper's Table 1."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,7 +9,6 @@ from numpy.typing import NDArray
 from grabberd.errors import MeasurementError
 from grabberd.reconstruction.accuracy.ground_truth import Coordinates, Truth
 from grabberd.reconstruction.accuracy.rigid_motion import RigidMotion, rigid_motion
-from grabberd.reconstruction.point_series import PointSeries
 
 Array = NDArray[np.float64]
 
@@ -39,10 +36,6 @@ class Axes(NamedTuple):
 PAPER_RMSE = Axes(0.056, 0.101, 0.082, 0.141)
 PAPER_PRECISION = Axes(0.051, 0.035, 0.135, 0.148)
 """The paper's own Table 1."""
-
-
-PAPER_PX = (0.170, 0.225)
-"""The paper's pointing precision in x and y, from 32 measurements of 108 targets on the calibration frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,47 +133,3 @@ def pooled_variance(group: NDArray[np.generic], values: Array) -> tuple[Array, i
 def _precision(target: NDArray[np.int32], error: Array) -> Axes | None:
     variance, freedom = pooled_variance(target, error)
     return Axes.of(variance) if freedom else None
-
-
-class PointingPrecision(NamedTuple):
-    """Standard deviations in frame pixels, pooled over all targets.
-
-    Attributes:
-        fields: Number of measurements.
-        targets: Number of targets measured at least twice.
-        left_px: x, y in the left view.
-        right_px: x, y in the right view.
-        both_px: x, y in both views together.
-    """
-
-    fields: int
-    targets: int
-    left_px: tuple[float, float]
-    right_px: tuple[float, float]
-    both_px: tuple[float, float]
-
-
-def pointing_precision(series: PointSeries) -> PointingPrecision | None:
-    """Run the paper's precision test on an object at rest; None if no target was measured twice.
-
-    Fields of both parities count alike, so quantisation errors that differ between them are included; those
-    they share are not.
-    """
-    field, target = np.nonzero(series.seen)
-    image = series.image_px[field, target].reshape(-1, 4)
-    variance, freedom = pooled_variance(target, image)
-    if not freedom:
-        return None
-    left, right = variance[:2], variance[2:]
-    return PointingPrecision(
-        fields=len(series.n),
-        targets=int((series.seen.sum(axis=0) > 1).sum()),
-        left_px=_sigma(left),
-        right_px=_sigma(right),
-        both_px=_sigma(0.5 * (left + right)),
-    )
-
-
-def _sigma(variance: NDArray[np.float64]) -> tuple[float, float]:
-    x, y = np.sqrt(variance).tolist()
-    return x, y

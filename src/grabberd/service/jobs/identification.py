@@ -15,7 +15,7 @@ from grabberd.documents.results import (
     IdentificationResult,
     IdentifiedTarget,
     IdentifiedView,
-    Place,
+    ImagePosition,
     ShownField,
 )
 from grabberd.field import NumberedField
@@ -92,14 +92,16 @@ def _picture(fields: list[NumberedField], moved: bool) -> ShownField:
 
 
 def _view(images: MeanImages, target: NDArray[np.intp], model: ObjectModel) -> IdentifiedView:
-    places = [Place(x_px=round(x, 2), y_px=round(y, 2)) for x, y in images.xy_px.tolist()]
+    positions = [ImagePosition(x_px=round(x, 2), y_px=round(y, 2)) for x, y in images.xy_px.tolist()]
     found = {
-        int(model.target[index]): place for index, place in zip(target, places, strict=True) if index >= 0
+        int(model.target[index]): position
+        for index, position in zip(target, positions, strict=True)
+        if index >= 0
     }
     return IdentifiedView(
         found=[
             IdentifiedTarget(target=one, x_px=found[one].x_px, y_px=found[one].y_px) for one in sorted(found)
         ],
         missing=[one for one in model.target.tolist() if one not in found],
-        other=[place for index, place in zip(target, places, strict=True) if index < 0],
+        other=[position for index, position in zip(target, positions, strict=True) if index < 0],
     )

@@ -35,7 +35,7 @@ export type AnalysisResult = Extract<JobResult, { analysis: number }>;
 export type CheckResult = Extract<JobResult, { verdict: string }>;
 export type Identification = Extract<JobResult, { picture: unknown }>;
 export type IdentifiedView = Identification["views"][string];
-export type Place = IdentifiedView["other"][number];
+export type ImagePosition = IdentifiedView["other"][number];
 export type CalibrationRow = Answer<"get", "/calibrations">["calibrations"][number];
 export type CalibrationFrame = Answer<"get", "/calibration-frames">["calibration_frames"][number];
 

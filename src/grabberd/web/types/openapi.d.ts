@@ -2544,7 +2544,17 @@ export interface components {
              * Other
              * @description Images that are no target.
              */
-            other: components["schemas"]["Place"][];
+            other: components["schemas"]["ImagePosition"][];
+        };
+        /**
+         * ImagePosition
+         * @description Position of an image, in frame pixels.
+         */
+        ImagePosition: {
+            /** X Px */
+            x_px: number;
+            /** Y Px */
+            y_px: number;
         };
         ImageSize: {
             [key: string]: number;
@@ -3257,16 +3267,6 @@ export interface components {
             x: number;
             /** Y */
             y: number;
-        };
-        /**
-         * Place
-         * @description Position of an image, in frame pixels.
-         */
-        Place: {
-            /** X Px */
-            x_px: number;
-            /** Y Px */
-            y_px: number;
         };
         /**
          * Placement

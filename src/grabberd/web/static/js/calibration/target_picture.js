@@ -2,7 +2,7 @@
 import { el } from "../core/dom.js";
 import { colourOf } from "../live/overlay.js";
 
-/** @import { Identification, IdentifiedView, Place, Views } from "types/documents" */
+/** @import { Identification, IdentifiedView, ImagePosition, Views } from "types/documents" */
 
 const RING_PX = 7;
 const LINES = 576;
@@ -72,7 +72,7 @@ export function createTargetPicture(name, columns, label) {
   };
 }
 
-/** @param {CanvasRenderingContext2D} to @param {Place[]} places @param {string} colour @param {number} unit */
+/** @param {CanvasRenderingContext2D} to @param {ImagePosition[]} places @param {string} colour @param {number} unit */
 function rings(to, places, colour, unit) {
   to.beginPath();
   for (const { x_px, y_px } of places) {
