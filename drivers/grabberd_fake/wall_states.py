@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from grabberd_fake.optics import Array
 
 FOLDER = "walls"
-_SHIFT_MM, _CONTACT_KPA = 5e-4, 2e-3
 
 
 class WallStates:
@@ -24,7 +23,7 @@ class WallStates:
 
     Attributes:
         theta: (A,) angles of the nodes from the line that faces the cameras; a quarter, in rad.
-        x_mm: (X,) places of the nodes along the mounted tube.
+        x_mm: (X,) positions of the nodes along the mounted tube.
         outer_kpa: (S,) pressure differences, outside over inside, ascending.
         about: the design and the teat that were solved.
     """
@@ -42,9 +41,9 @@ class WallStates:
             self.theta, self.x_mm = arrays["theta"], arrays["x_mm"]
             self.outer_kpa = arrays["outer_kpa"]
             self.about: dict[str, Any] = json.loads(str(arrays["about"]))
-            shifts = np.cumsum(arrays["shift"], axis=0, dtype=np.int32) * _SHIFT_MM
+            shifts = np.cumsum(arrays["shift"], axis=0, dtype=np.int32) * arrays["shift_mm"]
             self._outer_mm = (arrays["mounted_mm"] + shifts).astype(np.float32)
-            contact = np.cumsum(arrays["contact"], axis=0, dtype=np.int32) * _CONTACT_KPA
+            contact = np.cumsum(arrays["contact"], axis=0, dtype=np.int32) * arrays["contact_kpa"]
             self._contact_kpa = contact.astype(np.float32)
             self._force_n_per_mm = arrays["force_n_per_mm"]
 
@@ -54,6 +53,7 @@ class WallStates:
 
     def contact_kpa(self, outer_kpa: float) -> Array:
         """(X, A) contact pressure at the inner nodes."""
+        # A cubic swings below zero where contact begins between two states.
         return np.maximum(self._between(self._contact_kpa, outer_kpa), 0.0)
 
     def force_n_per_mm(self, outer_kpa: float) -> Array:
@@ -67,13 +67,13 @@ class WallStates:
 
 
 class Patch:
-    """Places on the wall, a grid of rows along the tube and columns round it."""
+    """Points of the wall, a grid of rows along the tube and columns round it."""
 
     def __init__(self, states: WallStates, x_mm: Array, theta: Array) -> None:
-        """The places.
+        """Prepares the points' weights among the nodes.
 
         Args:
-            states: the table they lie in.
+            states: the table that they are read from.
             x_mm: (R,) along the mounted tube.
             theta: (C,) angles from the line that faces the cameras, within ±π.
         """
@@ -120,7 +120,7 @@ def wall_states(name: str) -> WallStates:
 
 
 def quadratic_weights(nodes: Array, at: Array) -> tuple[Array, Array]:
-    """Weights (N, K) of the values at K equidistant nodes for places (N,), and of their slope.
+    """Weights (N, K) of the values at K equidistant nodes at positions (N,), and of their slope.
 
     Each element has three nodes and shares the outer ones with its neighbours.
     """

@@ -12,9 +12,13 @@ from tools.liner_wall.rubber import Rubber
 from tools.liner_wall.teat import Teat, opposite_wall
 
 LENGTH_MM = 130.0
+"""Of the mounted barrel, between the ends that hold it."""
 OVALITY = 0.004
 """Of the radius. It decides that the wall flattens towards the camera: a perfect tube has no such side."""
 LAYERS, ARC_MM, SLAB_MM = 2, 2.0, 6.5
+"""Bricks through the wall, and their size round it and along it. With half as many again, positions move by
+18 µm RMS and the load by under 1 %; a target is located to 60 µm.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +79,12 @@ class Case:
         """Name of its table."""
         return f"{self.design.name}-{self.teat.name if self.teat else 'empty'}"
 
-    def push(self, upper: float = 1.0) -> Push:
+    def push(self) -> Push:
         """Pressure on the inner face: of the teat, and of the wall's other half."""
         teat = self.teat
 
         def push(points_mm: Array) -> tuple[Array, Array]:
-            pressure, slope = opposite_wall(points_mm, np.full(points_mm.shape[:-1], upper))
+            pressure, slope = opposite_wall(points_mm)
             if teat is not None:
                 of_teat = teat.pressure(points_mm)
                 pressure, slope = pressure + of_teat[0], slope + of_teat[1]
@@ -90,7 +94,7 @@ class Case:
 
 
 def cases() -> Iterator[Case]:
-    """Every design on every teat; and the reference on a teat off centre, along the view and across it."""
+    """Every design on every teat."""
     for design in DESIGNS:
         for teat in TEATS:
             yield Case(design, teat)
@@ -107,7 +111,7 @@ def mounted(design: Design, fineness: float = 1.0) -> tuple[Tube, State]:
     mesh = TubeMesh.build(np.linspace(0, np.pi / 2, arcs + 1), LAYERS, round(fineness * LENGTH_MM / SLAB_MM))
     stretch = mounting_stretch(design)
     # Incompressible: stretched by λ, the tube was √λ wider and thicker before.
-    loose, there = _places(mesh, design, np.sqrt(stretch)), _places(mesh, design, 1.0)
+    loose, there = _positions(mesh, design, np.sqrt(stretch)), _positions(mesh, design, 1.0)
     loose[:, 0] /= stretch
     theta, _, x = mesh.block.T
     held = np.zeros(loose.shape, bool)
@@ -131,7 +135,7 @@ def mounting_stretch(design: Design) -> float:
     return float(brentq(excess, 1.0, 3.0))
 
 
-def _places(mesh: TubeMesh, design: Design, scale: float) -> Array:
+def _positions(mesh: TubeMesh, design: Design, scale: float) -> Array:
     theta, depth, along = mesh.block.T
     x = (along - 0.5) * LENGTH_MM
     middle = design.radius_mm * (1 - OVALITY * np.cos(2 * theta)) - design.taper * x

@@ -1,4 +1,4 @@
-"""The tube's equilibrium: Newton's method on the places of the nodes, pressures of the bricks condensed."""
+"""The tube's equilibrium: Newton's method on the nodes' positions, with the bricks' pressures condensed."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,8 +15,10 @@ Push = Callable[[Array], tuple[Array, Array]]
 """Pressure (F, Q) and its gradient (F, Q, 3) at points (F, Q, 3) of the inner face."""
 
 _TOLERANCE_N = 1e-6
+"""Of any node's out-of-balance force: a millionth of what 1 kPa does to a facet."""
 _STEPS = 40
 _LONGEST_STEP_MM = 1.0
+"""Longer steps are shortened: a wall that is near buckling sends Newton's method far away."""
 _STICK_MM = 0.2
 """Slip at which friction has .7 of its full size: rubber on wet skin creeps before it slides."""
 
@@ -26,7 +28,7 @@ class Friction(NamedTuple):
 
     Attributes:
         coefficient: of Coulomb's law.
-        anchors_mm: (N, 3) places of the nodes from which slip counts.
+        anchors_mm: (N, 3) positions of the nodes from which slip counts.
     """
 
     coefficient: float
@@ -42,7 +44,7 @@ class State:
     """A state of the tube.
 
     Attributes:
-        nodes_mm: (N, 3) places of the nodes.
+        nodes_mm: (N, 3) positions of the nodes.
         pressures_mpa: (E, 4) pressures of the bricks.
     """
 
@@ -61,11 +63,11 @@ class Tube:
         held: NDArray[np.bool_],
         friction: Friction,
     ) -> None:
-        """The tube.
+        """Prepares the bricks' shape functions in the undeformed tube.
 
         Args:
             mesh: its bricks.
-            undeformed_mm: (N, 3) places of the nodes without stress.
+            undeformed_mm: (N, 3) positions of the nodes without stress.
             rubber: its law.
             held: (N, 3) true for coordinates that keep the value they have.
             friction: of the inner face on what it touches.
@@ -185,15 +187,15 @@ class Tube:
 
 def _facet_load(face: Face, nodes_mm: Array, push: Push) -> tuple[Array, Array]:
     """Forces (F, 27, 3) of a pressure along the radial normal, and their derivatives (F, 27, 3, 27, 3)."""
-    places = nodes_mm[face.nodes]
-    points = face.shapes @ places
-    round_, along = face.by_theta @ places, face.by_x @ places
+    corners = nodes_mm[face.nodes]
+    points = face.shapes @ corners
+    round_, along = face.by_theta @ corners, face.by_x @ corners
     area = np.cross(along, round_)
     pressure, slope = push(points)
     shapes = face.weights[..., np.newaxis] * face.shapes
     load = np.einsum("fqa,fqi->fai", shapes, pressure[..., np.newaxis] * area)
-    by_place = np.einsum("...i,...k->...ik", area, np.broadcast_to(slope, area.shape))
-    derivative = np.einsum("fqa,fqik,fqb->faibk", shapes, by_place, face.shapes, optimize=True)
+    by_point = np.einsum("...i,...k->...ik", area, np.broadcast_to(slope, area.shape))
+    derivative = np.einsum("fqa,fqik,fqb->faibk", shapes, by_point, face.shapes, optimize=True)
     loaded = shapes * pressure[..., np.newaxis]
     # d(along × round) = d(along) × round + along × d(round), as matrices that act on the nodes' shifts.
     for turn, by in ((-_crossing(round_), face.by_x), (_crossing(along), face.by_theta)):
@@ -207,9 +209,9 @@ def _facet_friction(face: Face, nodes_mm: Array, push: Push, friction: Friction)
     The turning of the face under a given slip is left out of the derivatives: it is small, and Newton's
     method ends where the forces vanish, whatever its steps.
     """
-    places = nodes_mm[face.nodes]
-    points = face.shapes @ places
-    area = np.cross(face.by_x @ places, face.by_theta @ places)
+    corners = nodes_mm[face.nodes]
+    points = face.shapes @ corners
+    area = np.cross(face.by_x @ corners, face.by_theta @ corners)
     size = np.linalg.norm(area, axis=-1)
     normal = area / size[..., np.newaxis]
     tangential = np.eye(3) - normal[..., :, np.newaxis] * normal[..., np.newaxis, :]
@@ -224,8 +226,8 @@ def _facet_friction(face: Face, nodes_mm: Array, push: Push, friction: Friction)
     by_slip = (
         -friction.coefficient * (pressure[..., np.newaxis] / length)[..., np.newaxis] * (turned @ tangential)
     )
-    by_place = by_slip + direction[..., :, np.newaxis] * slope[..., np.newaxis, :]
-    return load, np.einsum("fqa,fqik,fqb->faibk", shapes, by_place, face.shapes, optimize=True)
+    by_point = by_slip + direction[..., :, np.newaxis] * slope[..., np.newaxis, :]
+    return load, np.einsum("fqa,fqik,fqb->faibk", shapes, by_point, face.shapes, optimize=True)
 
 
 def _crossing(vectors: Array) -> Array:

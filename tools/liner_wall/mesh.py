@@ -95,10 +95,10 @@ class TubeMesh:
 
 def _bricks(basis: Basis, number: Indices) -> Bricks:
     slopes = np.stack([np.moveaxis(function[0].grad, 0, -1) for function in basis.basis], axis=2)
-    places = np.moveaxis(basis.mapping.F(basis.X), 0, -1)
+    points = np.moveaxis(basis.mapping.F(basis.X), 0, -1)
     middle = basis.mesh.p[:, basis.mesh.t].mean(axis=1).T[:, np.newaxis]
     size = np.ptp(basis.mesh.p[:, basis.mesh.t], axis=1).T[:, np.newaxis]
-    local = 2 * (places - middle) / size
+    local = 2 * (points - middle) / size
     pressures = np.concatenate([np.ones_like(local[..., :1]), local], axis=-1)
     return Bricks(number[basis.element_dofs.T], slopes, basis.dx, pressures)
 

@@ -15,6 +15,7 @@ _DRAG = 2e-4
 """N/mm of a node's drag at the start of a snap-through, halved as it calms down."""
 _SNAP_STEPS = 200
 _CALM_MM = 0.02
+"""A flow that slow has all but come to rest: Newton's method without drag finds it from there."""
 
 
 class Rest(NamedTuple):

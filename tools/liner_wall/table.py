@@ -24,7 +24,7 @@ def save_table(path: Path, case: Case, tube: Tube, rests: Iterable[Rest]) -> Non
 
     The file holds `theta` (A,) and `x_mm` (X,) of the mounted outer nodes, `mounted_mm` (X, A, 3),
     `outer_kpa` (S,), `shift` (S, X, A, 3) and `contact` (S, X, A) as differences from state to state in steps
-    of `SHIFT_MM` and `CONTACT_KPA`, `force_n_per_mm` (S, X/2) on one side of the teat over each slab's
+    of `shift_mm` and `contact_kpa`, `force_n_per_mm` (S, X/2) on one side of the teat over each slab's
     present length, `snapped` (S,), and `about`, the case as JSON.
     """
     rests = list(rests)
@@ -41,6 +41,8 @@ def save_table(path: Path, case: Case, tube: Tube, rests: Iterable[Rest]) -> Non
         x_mm=mounted[outer[:, 0], 0],
         mounted_mm=mounted[outer],
         outer_kpa=np.array([1000 * rest.outer_mpa for rest in rests]),
+        shift_mm=SHIFT_MM,
+        contact_kpa=CONTACT_KPA,
         shift=_differences(shifts / SHIFT_MM),
         contact=_differences(contact / CONTACT_KPA),
         force_n_per_mm=np.stack([force_n_per_mm(tube, rest.state.nodes_mm, push) for rest in rests]),
@@ -52,9 +54,9 @@ def save_table(path: Path, case: Case, tube: Tube, rests: Iterable[Rest]) -> Non
 def force_n_per_mm(tube: Tube, nodes_mm: Array, push: Push) -> Array:
     """(slabs,) force of the wall on one side of what it touches, along z, per present length."""
     face = tube.mesh.inner
-    places = nodes_mm[face.nodes]
-    area = np.cross(face.by_x @ places, face.by_theta @ places)
-    pressure, _ = push(face.shapes @ places)
+    corners = nodes_mm[face.nodes]
+    area = np.cross(face.by_x @ corners, face.by_theta @ corners)
+    pressure, _ = push(face.shapes @ corners)
     # The mesh is a quarter: its force is half of that on one side.
     each = 2 * (face.weights * pressure * area[..., 2]).sum(axis=1)
     slab = face.nodes.min(axis=1) // (2 * tube.mesh.per_section)

@@ -1,7 +1,7 @@
 """What the wall closes on: a compliant teat, and the opposite wall.
 
-Both push back with a pressure that depends on a place alone, normal to the wall's inner face. A teat is a bed
-of springs below a surface of revolution: a tapering barrel with a cap whose height and squareness make it
+Both push back with a pressure that depends on a position alone, normal to the wall's inner face. A teat is
+a bed of springs below a surface of revolution: a tapering barrel with a cap whose height and squareness make it
 round, blunt or pointed. Lengths are in mm, pressure in MPa.
 """
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 _SOFT_START_MM = 0.05
 _OPPOSITE_WALL_MPA_PER_MM = 0.5
 """Stiff against 50 kPa: walls that touch then overlap by a tenth of a millimetre."""
-_AXIS_MM2 = 1e-6
+_AXIS_MM2 = 1e-6  # keeps the distance from the axis smooth on the axis itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +26,12 @@ class Teat:
     Attributes:
         name: Name in the tables.
         radius_mm: Radius of the barrel where its cap begins.
-        end_x_mm: Place of its end along the liner's axis.
+        end_x_mm: Position of its end along the liner's axis.
         cap_mm: Height of the cap; `squareness`: exponent of its outline, 2 for an ellipse.
         taper: Growth of the radius per length towards the udder.
         stiffness_mpa_per_mm: Pressure per depth at the surface.
         firm_mm: Depth at which the pressure is twice what that stiffness gives: tissue yields at first and
             hardly at all once it is squeezed.
-        centre_mm: Place (y, z) of its axis.
     """
 
     name: str
@@ -43,12 +42,11 @@ class Teat:
     taper: float = 0.02
     stiffness_mpa_per_mm: float = 0.012
     firm_mm: float = 3.0
-    centre_mm: tuple[float, float] = (0.0, 0.0)
 
     def pressure(self, points_mm: Array) -> tuple[Array, Array]:
         """Pressure (…) at points (…, 3), and its gradient (…, 3)."""
         base = self.end_x_mm - self.cap_mm
-        off = points_mm[..., 1:] - self.centre_mm
+        off = points_mm[..., 1:]
         distance = np.sqrt((off**2).sum(axis=-1) + _AXIS_MM2)
         below = np.maximum(points_mm[..., 0] - base, 0.0) / self.cap_mm
         above = np.maximum(base - points_mm[..., 0], 0.0)
@@ -66,16 +64,11 @@ class Teat:
         return pressure, -stiffness[..., np.newaxis] * self.radius_mm * slope
 
 
-def opposite_wall(points_mm: Array, upper: Array) -> tuple[Array, Array]:
-    """Pressure (…) of the wall's other half, which meets this one in the plane z = 0; its gradient (…, 3).
-
-    Args:
-        points_mm: (…, 3) points.
-        upper: (…) 1 for points of the half above the plane, −1 below it.
-    """
-    pressure, stiffness = _spring(-points_mm[..., 2] * upper, _OPPOSITE_WALL_MPA_PER_MM, np.inf)
+def opposite_wall(points_mm: Array) -> tuple[Array, Array]:
+    """Pressure (…) of the lower half on the upper one, which meet in the plane z = 0; gradient (…, 3)."""
+    pressure, stiffness = _spring(-points_mm[..., 2], _OPPOSITE_WALL_MPA_PER_MM, np.inf)
     gradient = np.zeros_like(points_mm)
-    gradient[..., 2] = -stiffness * upper
+    gradient[..., 2] = -stiffness
     return pressure, gradient
 
 

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from tools.liner_wall.designs import DESIGNS, mounted, mounting_stretch
 from tools.liner_wall.equilibrium import Friction, NoEquilibrium, _facet_friction, _facet_load
 from tools.liner_wall.mesh import Array
-from tools.liner_wall.path import follow
+from tools.liner_wall.path import _snap, follow
 from tools.liner_wall.rubber import Rubber
 from tools.liner_wall.slabs import solve_slabs
 from tools.liner_wall.teat import Teat
@@ -89,6 +89,17 @@ def test_opposite_walls_of_a_thin_ring_touch_at_their_known_pressure() -> None:
     assert np.interp(0.0, heights[::-1], pressures[::-1]) == pytest.approx(1.0, abs=0.03)
 
 
+def test_a_wall_that_has_lost_its_balance_flows_to_the_state_that_it_reaches_step_by_step() -> None:
+    tube = ring(wall_mm=1.5, ovality=5e-3)
+    critical_mpa = 3 * bending_stiffness(1.5) / RADIUS_MM**3
+    round_ = tube.solve(tube.at_rest(), 0.5 * critical_mpa, nothing)
+    snapped = _snap(tube, round_, 1.15 * critical_mpa, nothing)
+    *_, stepped = follow(tube, round_, 0.5 * critical_mpa, 1.15 * critical_mpa, 0.05 * critical_mpa, nothing)
+    height, expected = (on_axis(tube, one.nodes_mm, 0.0, 0.5)[2] for one in (snapped, stepped.state))
+    assert expected < 0.9 * RADIUS_MM
+    assert height == pytest.approx(expected, abs=1e-3)
+
+
 @pytest.mark.parametrize("design", [DESIGNS[0], DESIGNS[2]], ids=lambda design: design.name)
 def test_mounted_tube_pulls_with_its_pretension(design) -> None:
     tube, state = mounted(design, fineness=0.5)
@@ -103,7 +114,7 @@ def test_mounted_tube_pulls_with_its_pretension(design) -> None:
 def test_forces_and_their_derivatives_agree() -> None:
     tube = ring(wall_mm=2.5, rubber=Rubber(1.0, stiffening=0.5))
     rng = np.random.default_rng(1)
-    teat = Teat("soft", 11.5, 1e3, cap_mm=5.0, stiffness_mpa_per_mm=0.01, centre_mm=(0.2, -0.3))
+    teat = Teat("soft", 11.5, 1e3, cap_mm=5.0, stiffness_mpa_per_mm=0.01)
     nodes = tube.undeformed_mm + 0.05 * rng.normal(size=tube.undeformed_mm.shape)
     face = tube.mesh.inner
     shift = 1e-5 * rng.normal(size=nodes.shape)

@@ -8,7 +8,7 @@ import pytest
 from tools.liner_wall.__main__ import main
 from tools.liner_wall.designs import DESIGNS, Case, cases, mounted
 from tools.liner_wall.path import follow
-from tools.liner_wall.table import CONTACT_KPA, SHIFT_MM, force_n_per_mm, save_table
+from tools.liner_wall.table import SHIFT_MM, force_n_per_mm, save_table
 
 
 def test_states_come_back_to_half_a_step(tmp_path: Path) -> None:
@@ -18,8 +18,8 @@ def test_states_come_back_to_half_a_step(tmp_path: Path) -> None:
     save_table(tmp_path / "coarse.npz", case, tube, rests)
     outer = np.isclose(tube.mesh.block[:, 1], 1.0)
     with np.load(tmp_path / "coarse.npz") as table:
-        places = table["mounted_mm"] + np.cumsum(table["shift"], axis=0, dtype=np.int64) * SHIFT_MM
-        contact = np.cumsum(table["contact"], axis=0, dtype=np.int64) * CONTACT_KPA
+        places = table["mounted_mm"] + np.cumsum(table["shift"], axis=0, dtype=np.int64) * table["shift_mm"]
+        contact = np.cumsum(table["contact"], axis=0, dtype=np.int64) * table["contact_kpa"]
         assert json.loads(str(table["about"]))["design"]["name"] == "reference"
         assert table["outer_kpa"][[0, -1]].tolist() == [0.0, 12.0]
     for rest, shown in zip(rests, places, strict=True):
