@@ -53,12 +53,15 @@ class WallStates:
 
     def contact_kpa(self, outer_kpa: float) -> Array:
         """(X, A) contact pressure at the inner nodes."""
-        # A cubic swings below zero where contact begins between two states.
-        return np.maximum(self._between(self._contact_kpa, outer_kpa), 0.0)
+        return self._pushing(self._contact_kpa, outer_kpa)
 
     def force_n_per_mm(self, outer_kpa: float) -> Array:
         """(X // 2,) load on one side of the teat over each element along the tube."""
-        return self._between(self._force_n_per_mm, outer_kpa)
+        return self._pushing(self._force_n_per_mm, outer_kpa)
+
+    def _pushing(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
+        # A cubic swings below zero where contact begins between two states; a teat cannot pull.
+        return np.maximum(self._between(states, outer_kpa), 0.0)
 
     def _between(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
         first, weights = _cubic(self.outer_kpa, outer_kpa)

@@ -1,8 +1,8 @@
 """What the wall closes on: a compliant teat, and the opposite wall.
 
 Both push back with a pressure that depends on a position alone, normal to the wall's inner face. A teat is
-a bed of springs below a surface of revolution: a tapering barrel with a cap whose height and squareness make it
-round, blunt or pointed. Lengths are in mm, pressure in MPa.
+a bed of springs below a surface of revolution: a tapering barrel with a cap whose height and squareness
+make it round, blunt or pointed. Lengths are in mm, pressure in MPa.
 """
 
 from dataclasses import dataclass

@@ -57,6 +57,12 @@ def test_a_teat_is_pressed_and_no_teat_only_where_walls_meet(states: WallStates)
         assert states.contact_kpa(2.0).max() == 0
 
 
+def test_no_teat_pulls_where_contact_begins(states: WallStates) -> None:
+    for outer_kpa in np.arange(8.0, 20.0, 0.1):
+        assert states.contact_kpa(outer_kpa).min() >= 0
+        assert states.force_n_per_mm(outer_kpa).min() >= 0
+
+
 def test_normals_stand_on_the_surface_and_point_outward(states: WallStates) -> None:
     grid = states.outer_mm(20.0)
     points, normals = Patch(states, ROWS_MM, ROUND).surface(grid)
