@@ -44,7 +44,9 @@ class AdjustmentSettings(Document):
     free: list[str]
     shared: list[str]
     tied: bool
-    alpha: float
+    alpha: float | None = Field(
+        description="Significance level of the parameter tests; null: every parameter was kept."
+    )
     local_field: bool
     handedness: int | None
     method: str = Field(description="Locator of the targets.")

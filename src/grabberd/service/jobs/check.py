@@ -15,7 +15,7 @@ from grabberd.documents.requests import CHECK_S
 from grabberd.documents.results import AxesDocument, CheckResult, Placement
 from grabberd.errors import NotReady
 from grabberd.geometry import Calibration
-from grabberd.processes.calibration.calibration_check import CheckVerdict, check
+from grabberd.processes.calibration.calibration_check import Check, CheckVerdict, check
 from grabberd.service.calibrations.calibration_frames import (
     calibration_frame_document,
     calibration_frame_model,
@@ -179,11 +179,17 @@ def check_file(
             location_settings(settings_of_capture(reader.meta.config)),
             in_place=in_place,
         )
-        capture = reader.meta.id
+        capture_id = reader.meta.id
+    return _result(found, capture_id, document["id"], model.name, in_place=in_place)
+
+
+def _result(
+    found: Check, capture_id: str, calibration_id: str, calibration_frame: str, *, in_place: bool
+) -> CheckResult:
     return CheckResult(
-        capture=capture,
-        calibration=document["id"],
-        calibration_frame=model.name,
+        capture=capture_id,
+        calibration=calibration_id,
+        calibration_frame=calibration_frame,
         in_place=in_place,
         verdict=found.verdict.value,
         advice=ADVICE[found.verdict],

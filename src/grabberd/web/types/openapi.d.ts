@@ -1127,8 +1127,11 @@ export interface components {
             shared: string[];
             /** Tied */
             tied: boolean;
-            /** Alpha */
-            alpha: number;
+            /**
+             * Alpha
+             * @description Significance level of the parameter tests; null: every parameter was kept.
+             */
+            alpha: number | null;
             /** Local Field */
             local_field: boolean;
             /** Handedness */
