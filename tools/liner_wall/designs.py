@@ -56,9 +56,9 @@ DESIGNS = (
 
 TEATS = (
     None,
-    Teat("round", radius_mm=9.8, end_x_mm=15.0, cap_mm=9.8, stiffness_mpa_per_mm=0.012),
-    Teat("blunt", radius_mm=10.0, end_x_mm=8.0, cap_mm=6.0, squareness=4.0, stiffness_mpa_per_mm=0.006),
-    Teat("pointed", radius_mm=9.4, end_x_mm=20.0, cap_mm=22.0, stiffness_mpa_per_mm=0.024),
+    Teat("round", radius_mm=9.8, end_x_mm=15.0, cap_mm=9.8, stiffness_mpa_per_mm=0.010),
+    Teat("blunt", radius_mm=10.0, end_x_mm=8.0, cap_mm=8.0, squareness=3.0, stiffness_mpa_per_mm=0.007),
+    Teat("pointed", radius_mm=9.4, end_x_mm=20.0, cap_mm=22.0, stiffness_mpa_per_mm=0.016),
 )
 
 

@@ -41,7 +41,7 @@ class Teat:
     squareness: float = 2.0
     taper: float = 0.02
     stiffness_mpa_per_mm: float = 0.012
-    firm_mm: float = 3.0
+    firm_mm: float = 5.0
 
     def pressure(self, points_mm: Array) -> tuple[Array, Array]:
         """Pressure (…) at points (…, 3), and its gradient (…, 3)."""
