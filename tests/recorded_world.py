@@ -71,5 +71,5 @@ class RecordedWorld:
 
 def world_of(options: FakeOptions) -> World | RecordedWorld:
     """A recorded world, unless the scene's period or its gain would tell the copies apart."""
-    repeats = options.liner.period_s == 1.0 and options.picture.agc_level is None
+    repeats = options.liner.period_s == options.ellipse.period_s == 1.0 and options.picture.agc_level is None
     return RecordedWorld(options) if repeats else World(options)

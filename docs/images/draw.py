@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import create
 from grabberd.analysis import Grid, Surface, TimedPoints
 from grabberd.config import default_config_file, load_config, shipped_configs
 from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
@@ -27,11 +26,12 @@ from grabberd.render.wire_model import Look
 from grabberd.reports.columns import Columns
 from grabberd.reports.figures import model_svg, states_of, time_svg
 from grabberd.service.setup import read_yaml, set_up
+from grabberd_fake import FakeGrabber, JumpingClock
 
 THRESHOLD = 60
 SCALE = 2
-CLOSED = 8
-"""A field in which the liner is closed."""
+OPEN, CLOSED = 20, 45
+"""Fields in which the liner is open and closed."""
 ANALYSED = 100
 """Fields: two cycles."""
 PERIOD_NS = 20_000_000
@@ -42,7 +42,7 @@ RING, INK, SEAM = (80, 220, 255), (120, 200, 120), (90, 90, 90)
 def main() -> None:
     """Grabs, measures, draws and writes."""
     fields, folder, setup = _grabbed(CLOSED + 1), Path(__file__).parent, _setup()
-    doubled = double_lines(fields[0])
+    doubled = double_lines(fields[OPEN])
     ringed = drawn(doubled, _measured([quantise(doubled, 1, THRESHOLD)], setup)[0])
     cv2.imwrite(str(folder / "field.jpg"), ringed, [cv2.IMWRITE_JPEG_QUALITY, 82])
     measured = _measured([quantise(field, 8, THRESHOLD) for field in fields], setup)
@@ -107,7 +107,7 @@ def drawn(field: Field, measured: MeasuredField) -> NDArray[np.uint8]:
 
 
 def _grabbed(count: int) -> list[Field]:
-    grabber = create("fake", {"pace": "free", "picture": {"stamp": False}})
+    grabber = FakeGrabber(clock=JumpingClock(), pace="free", picture={"stamp": False})
     grabber.open()
     kept: list[Field] = []
     try:

@@ -6,15 +6,17 @@ world runs on an injectable clock; noise, jitter and rig follow from seeds; faul
 
     FakeGrabber(**options)                      the driver; `FakeOptions` lists the options
     truth_at(options, time_ns) -> Truth         truth of the targets at a field's time
-    truth_of_wall(options, time_ns)             truth of the liner's wall: strain, tension, pressure
+    truth_of_liner(options, time_ns)            truth of the liner: strain, contact pressure, load, vacuum
     python -m grabberd_fake calibration         its exact calibration, in the program's own format
     python -m grabberd_fake object SCENE        the object model of a scene
     python -m grabberd_fake truth CAPTURE.grab  the targets' true places at every field of a capture, as CSV
-                                                (--of wall: strain to pressure; --of vacuum: a logger's file)
+                                                (--of wall: strain and pressure; --of load: N/mm along it;
+                                                --of vacuum: a logger's file)
 """
 
 from grabberd_fake.faults import KINDS
 from grabberd_fake.grabber import Clock, FakeGrabber, JumpingClock, RealClock
+from grabberd_fake.liner_truth import LinerTruth, WallPlaces, truth_of_liner
 from grabberd_fake.options import SCENES, FakeOptions
 from grabberd_fake.stamp import Stamp, read_stamp
 from grabberd_fake.truth import truth_at
@@ -26,12 +28,14 @@ Self-occlusion (a target is seen wherever it faces a view and the grazing limit 
 targets, a target's brightness by angle or distance, stray light and reflections, mirror edges and the light
 that a mirror loses, depth of field, vignetting, the glass plate, rolling or half-open shutters, charge smear,
 colour, sub-carrier and comb artefacts, ringing and DC restoration of the video signal, a sampling clock that
-drifts, fixed-pattern noise, noise that grows with the light or is correlated between pixels, the teat, and a
-liner that moves otherwise than by flattening. Discs of more than 40 pixels are left out of the picture.
-The liner's movement is prescribed and ignores its loads: there is no contact with a teat. The pressure
-p_contact of its truth is what equilibrium across the wall demands of the movement, also suction, and tens of
-kPa where it bends sharply; along the wall the movement asks for friction that nothing gives. The wall is
-thin, elastic without losses and the same everywhere; the vacuum has straight slopes and no ripple.
+drifts, fixed-pattern noise, and noise that grows with the light or is correlated between pixels. Discs of
+more than 40 pixels are left out of the picture.
+The liner's wall is in equilibrium at every moment but for a limit of its speed: inertia, damping, heat and
+creep of the rubber are left out, and it opens by the states that it closed by. Its teat is a bed of springs
+that neither moves nor changes, and no milk flows; its ends are held and do not turn. The rubber is the same
+everywhere; the vacuum has straight slopes and no ripple, and none of it depends on the wall.
+The scene `ellipse` moves as prescribed: there is no teat, and the pressure of its truth is what equilibrium
+across the wall would demand of that movement, also suction, and friction that nothing gives.
 """
 """Effects that this driver leaves out; a test that passes on it says nothing about these."""
 
@@ -43,12 +47,15 @@ __all__ = [
     "FakeGrabber",
     "FakeOptions",
     "JumpingClock",
+    "LinerTruth",
     "RealClock",
     "Stamp",
     "Truth",
+    "WallPlaces",
     "WallTruth",
     "World",
     "read_stamp",
     "truth_at",
+    "truth_of_liner",
     "truth_of_wall",
 ]

@@ -10,14 +10,16 @@ from typing import Any
 from grabberd.errors import GrabberdError
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.options import SCENES, FakeOptions
-from grabberd_fake.truth import capture_truth, capture_vacuum_log, capture_wall_truth
+from grabberd_fake.truth import capture_load_truth, capture_truth, capture_vacuum_log, capture_wall_truth
 
 _EXAMPLES = """examples:
   python -m grabberd_fake calibration > configs/fake.calibration.json
   python -m grabberd_fake calibration --options '{"rig": {"reflections": 1}}'
   python -m grabberd_fake object liner > configs/objects/liner.yaml
+  python -m grabberd_fake object ellipse > configs/objects/ellipse.yaml
   python -m grabberd_fake truth liner.grab > truth.csv
   python -m grabberd_fake truth liner.grab --of wall > wall.csv
+  python -m grabberd_fake truth liner.grab --of load > load.csv
   python -m grabberd_fake truth liner.grab --of vacuum --offset-s 0.37 --noise-kpa 0.1 > vacuum.csv"""
 
 
@@ -46,6 +48,8 @@ def _lines(given: argparse.Namespace) -> Iterable[str]:
 def _truth_lines(given: argparse.Namespace) -> Iterable[str]:
     if given.of == "wall":
         return capture_wall_truth(given.capture)
+    if given.of == "load":
+        return capture_load_truth(given.capture)
     if given.of == "vacuum":
         return capture_vacuum_log(given.capture, given.offset_s, given.noise_kpa, given.rate_hz)
     return capture_truth(given.capture)
@@ -74,9 +78,9 @@ def _add_truth(truth: argparse.ArgumentParser) -> None:
     truth.add_argument("capture", type=Path, help="a .grab file that the simulated grabber made")
     truth.add_argument(
         "--of",
-        choices=("targets", "wall", "vacuum"),
+        choices=("targets", "wall", "load", "vacuum"),
         default="targets",
-        help="the targets' places, the wall's strain to pressure, or a vacuum logger's readings",
+        help="the targets' places, the wall's strain and pressure, its load, or a vacuum logger's readings",
     )
     truth.add_argument(
         "--offset-s", type=float, default=0.0, help="of vacuum: seconds since the first field - logger's time"

@@ -10,7 +10,7 @@ from grabberd_fake.scenes import build_scene
 
 CREATED_UTC = "2026-01-01T00:00:00Z"
 # The nominal shape of a liner is known far less well than a certified object.
-_SIGMA_MM = {"liner": 0.3}
+_SIGMA_MM = {"liner": 0.3, "ellipse": 0.3}
 _CERTIFIED_SIGMA_MM = 0.01
 
 
@@ -66,7 +66,7 @@ def _angles(rotation: Array) -> tuple[float, float, float]:
 
 
 def object_document(options: FakeOptions) -> str:
-    """The scene's object model as YAML; for the liner, its open state."""
+    """The scene's object model as YAML; for the liner, its mounted state without a pressure difference."""
     scene = build_scene(options)
     # Adding zero turns −0.0 into 0.0, which would otherwise be written with its sign.
     nominal = scene.nominal().xyz_mm.round(4) + 0.0

@@ -4,13 +4,14 @@
     "lose"}])
 
 All options have defaults, which give the reference rig before the pulsating liner. `rig`, `camera` and
-`liner` determine the truth; `picture` determines how the camera renders it.
+the scene determine the truth; `picture` determines how the camera renders it.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from grabberd_fake.ellipse_options import EllipseOptions
 from grabberd_fake.faults import KINDS, Fault
 from grabberd_fake.liner_options import LinerOptions
 from grabberd_fake.reading import (
@@ -138,7 +139,7 @@ class PointOption:
             yield "nx, ny, nz: all zero"
 
 
-SCENES = ("liner", "calibration_frame", "accuracy_object", "blank", "points")
+SCENES = ("liner", "ellipse", "calibration_frame", "accuracy_object", "blank", "points")
 """Objects before the camera."""
 
 
@@ -148,7 +149,8 @@ class FakeOptions:
 
     Attributes:
         scene: object before the camera, one of `SCENES`.
-        liner: see `LinerOptions`; `points`: the targets of the scene `points`.
+        liner: see `LinerOptions`; `ellipse`: see `EllipseOptions`.
+        points: the targets of the scene `points`.
         target_diameter_mm: diameter of the discs.
         grazing_limit_deg: greatest angle between a visible target's normal and the line of sight.
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
@@ -161,6 +163,7 @@ class FakeOptions:
 
     scene: str = choice(*SCENES)
     liner: LinerOptions = field(default_factory=LinerOptions, metadata=by(Group(LinerOptions)))
+    ellipse: EllipseOptions = field(default_factory=EllipseOptions, metadata=by(Group(EllipseOptions)))
     points: tuple[PointOption, ...] = ruled(ListOf(Group(PointOption)), ())
     target_diameter_mm: float = number(1.5, 0.2, 5)
     grazing_limit_deg: float = number(65.0, 10, 85)

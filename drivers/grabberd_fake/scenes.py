@@ -1,4 +1,4 @@
-"""Scenes in front of the camera: the liner, and objects at rest."""
+"""Scenes in front of the camera: the liner, an ellipse that moves as prescribed, and objects at rest."""
 
 import math
 from typing import Protocol
@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.liner import Liner
 from grabberd_fake.optics import Array
 from grabberd_fake.options import FakeOptions, PointOption
@@ -64,6 +65,8 @@ def build_scene(options: FakeOptions) -> Scene:
     match options.scene:
         case "liner":
             return Liner(options.liner)
+        case "ellipse":
+            return EllipseLiner(options.ellipse)
         case "calibration_frame":
             return calibration_frame()
         case "accuracy_object":

@@ -11,12 +11,18 @@ from typing import Any
 import numpy as np
 
 from grabberd.errors import CaptureFileError
+from grabberd_fake.liner_truth import LinerTruth, truth_of_liner
 from grabberd_fake.options import FakeOptions
-from grabberd_fake.vacuum import vacuum_log
+from grabberd_fake.vacuum import Pulsating, vacuum_log
 from grabberd_fake.wall_truth import WallTruth, truth_of_wall
 from grabberd_fake.world import Truth, World
 
 CSV_HEADER = "n,time_ns,target,x_mm,y_mm,z_mm,visible"
+LINER_CSV_HEADER = (
+    "n,time_ns,target,x_mm,y_mm,z_mm,strain_11,strain_12,strain_22,p_contact_kpa,"
+    "rest_kpa,pulsation_vacuum_kpa,liner_vacuum_kpa"
+)
+LOAD_CSV_HEADER = "n,time_ns,x_mm,load_n_per_mm"
 _TENSORS = ("strain", "curvature_per_m", "tension_n_per_m", "moment_n")
 _MIDDLE = ("n", "time_ns", "target", "x_mm", "y_mm", "z_mm")
 _ALL = ("stretch_1", "stretch_2", "p_contact_kpa", "wall_kpa", "pulsation_vacuum_kpa", "liner_vacuum_kpa")
@@ -64,18 +70,50 @@ def capture_truth(path: Path) -> Iterator[str]:
 def capture_wall_truth(path: Path) -> Iterator[str]:
     """CSV lines, the header first: the wall under every target at every field of a capture.
 
-    Positions are on the wall's middle surface; 1 is along the tube and 2 round it; strain is relative to the
-    open liner. See `WallTruth`.
+    1 is along the tube and 2 round it; strain is relative to the open liner. Of the liner, positions and
+    strain are those of the outer face, see `LinerTruth`; of the ellipse, they and the loads that its
+    movement would need are those of the middle surface, see `WallTruth`.
 
     Raises:
         CaptureFileError: the file is no capture, or was made by another driver.
         ValueError: the capture shows another scene.
     """
     options, fields = _read_capture(path)
-    yield WALL_CSV_HEADER
+    solved = options.scene == "liner"
+    yield LINER_CSV_HEADER if solved else WALL_CSV_HEADER
     for n, time_ns in fields:
-        for line in _wall_rows(truth_of_wall(options, time_ns)):
+        lines = (
+            _liner_rows(truth_of_liner(options, time_ns))
+            if solved
+            else _wall_rows(truth_of_wall(options, time_ns))
+        )
+        for line in lines:
             yield f"{n},{time_ns},{line}"
+
+
+def capture_load_truth(path: Path) -> Iterator[str]:
+    """CSV lines, the header first: load per height along the liner at every field of a capture.
+
+    It is that on the side that faces the cameras, on teat and opposite wall, over each of the solved wall's
+    elements.
+
+    Raises:
+        CaptureFileError: the file is no capture, or was made by another driver.
+        ValueError: the capture shows another scene than the liner.
+    """
+    options, fields = _read_capture(path)
+    yield LOAD_CSV_HEADER
+    for n, time_ns in fields:
+        truth = truth_of_liner(options, time_ns)
+        for x_mm, load in zip(truth.load_x_mm.tolist(), truth.load_n_per_mm.tolist(), strict=True):
+            yield f"{n},{time_ns},{x_mm:.6f},{load:.9g}"
+
+
+def _liner_rows(truth: LinerTruth) -> Iterator[str]:
+    table = np.column_stack([truth.face_mm, truth.strain[:, (0, 0, 1), (0, 1, 1)], truth.contact_kpa])
+    for target, row in zip(truth.ids.tolist(), table.tolist(), strict=True):
+        values = [*row, truth.rest_kpa, truth.pulsation_kpa, truth.liner_kpa]
+        yield ",".join([str(target), *(f"{value + 0.0:.9g}" for value in values)])
 
 
 def _wall_rows(truth: WallTruth) -> Iterator[str]:
@@ -96,14 +134,22 @@ def capture_vacuum_log(
 
     Raises:
         CaptureFileError: the file is no capture, has no fields, or was made by another driver.
+        ValueError: the capture shows a scene without vacuum.
     """
     options, fields = _read_capture(path)
+    liner = _pulsating(options)
     if not fields:
         raise CaptureFileError(f"{path} has no fields", "choose a capture with fields")
-    period_ns = round(options.liner.period_s * 1e9)
+    period_ns = round(liner.wave.period_s * 1e9)
     start_ns, end_ns = fields[0][1] - period_ns, fields[-1][1] + period_ns
-    shifted_s = offset_s + options.liner.period_s
-    return vacuum_log(options.liner, start_ns, end_ns, shifted_s, noise_kpa, rate_hz, options.seed)
+    shifted_s = offset_s + liner.wave.period_s
+    return vacuum_log(liner, start_ns, end_ns, shifted_s, noise_kpa, rate_hz, options.seed)
+
+
+def _pulsating(options: FakeOptions) -> Pulsating:
+    if options.scene not in ("liner", "ellipse"):
+        raise ValueError(f"scene: {options.scene!r} has no vacuum; only 'liner' and 'ellipse' have")
+    return options.liner if options.scene == "liner" else options.ellipse
 
 
 def _read_capture(path: Path) -> tuple[FakeOptions, list[tuple[int, int]]]:

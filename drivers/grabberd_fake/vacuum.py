@@ -2,29 +2,57 @@
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from grabberd_fake.liner_options import LinerOptions
-from grabberd_fake.optics import Array
+Array = NDArray[np.float64]
 
 LOG_HEADER = "time_s,pulsation_vacuum_kpa,liner_vacuum_kpa"
 
 
-def pulsation_kpa(options: LinerOptions, time_s: Array) -> Array:
-    """Vacuum in the pulsation chamber below atmosphere: a trapezoid that leads the wall's movement."""
-    vacuum = options.vacuum
-    rise = -vacuum.opening_lag
-    fall = options.opening + options.open - vacuum.closing_lag
-    part = np.mod(np.asarray(time_s, np.float64) / options.period_s - rise, 1.0)
-    risen = np.clip(part / vacuum.rising, 0.0, 1.0)
-    fallen = np.clip((part - (fall - rise)) / vacuum.falling, 0.0, 1.0)
-    kpa: Array = vacuum.system_kpa * (risen - fallen)
+class Wave(NamedTuple):
+    """A trapezoid, in proportions of its period.
+
+    Attributes:
+        period_s: length of one pulsation.
+        system_kpa: greatest vacuum in the pulsation chamber; the least is none.
+        rise: when it starts to rise; `rising`: how long it rises.
+        fall: when it starts to fall; `falling`: how long it falls.
+        liner_kpa: vacuum inside the liner, constant.
+    """
+
+    period_s: float
+    system_kpa: float
+    rise: float
+    rising: float
+    fall: float
+    falling: float
+    liner_kpa: float
+
+
+class Pulsating(Protocol):
+    """Options of a liner that pulsates."""
+
+    @property
+    def wave(self) -> Wave:
+        """Its vacuum."""
+        ...
+
+
+def pulsation_kpa(options: Pulsating, time_s: Array) -> Array:
+    """Vacuum in the pulsation chamber below atmosphere."""
+    wave = options.wave
+    part = np.mod(np.asarray(time_s, np.float64) / wave.period_s - wave.rise, 1.0)
+    risen = np.clip(part / wave.rising, 0.0, 1.0)
+    fallen = np.clip((part - (wave.fall - wave.rise)) / wave.falling, 0.0, 1.0)
+    kpa: Array = wave.system_kpa * (risen - fallen)
     return kpa
 
 
 def vacuum_log(
-    options: LinerOptions,
+    options: Pulsating,
     start_ns: int,
     end_ns: int,
     offset_s: float = 0.0,
@@ -49,4 +77,4 @@ def vacuum_log(
     chamber = pulsation_kpa(options, start_ns / 1e9 + since_s)
     noise = np.random.default_rng(seed).normal(0.0, noise_kpa, (count, 2))
     for time_s, kpa, (first, second) in zip(since_s - offset_s, chamber, noise, strict=True):
-        yield f"{time_s:.6f},{kpa + first:.4f},{options.vacuum.liner_kpa + second:.4f}"
+        yield f"{time_s:.6f},{kpa + first:.4f},{options.wave.liner_kpa + second:.4f}"

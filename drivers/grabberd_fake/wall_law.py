@@ -9,12 +9,12 @@ import math
 
 import numpy as np
 
-from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.ellipse_options import EllipseOptions
 from grabberd_fake.optics import Array
 from grabberd_fake.sheet import determinant, inverse
 
 
-def tension(options: LinerOptions, reference: Array, metric: Array) -> Array:
+def tension(options: EllipseOptions, reference: Array, metric: Array) -> Array:
     """Force per present length; the law takes the stretch from the free liner, mounting included."""
     along, around = pre_stretch(options)
     squares = np.array([[along**2, along * around], [along * around, around**2]])
@@ -23,7 +23,7 @@ def tension(options: LinerOptions, reference: Array, metric: Array) -> Array:
     return law(options, free, metric, along * around)
 
 
-def moment(options: LinerOptions, metric: Array, change: Array) -> Array:
+def moment(options: EllipseOptions, metric: Array, change: Array) -> Array:
     """Bending moment D ((1 - ν) k + ν g tr k) of the change of curvature `change` (covariant, per mm)."""
     poisson = options.material.poisson
     stiffness = options.material.e_mpa * options.wall_mm**3 / 12 / (1 - poisson**2)
@@ -36,7 +36,7 @@ def strain(reference: Array, metric: Array) -> Array:
     return difference
 
 
-def pre_stretch(options: LinerOptions) -> tuple[float, float]:
+def pre_stretch(options: EllipseOptions) -> tuple[float, float]:
     """Stretches along and round the liner due to its mounting: tension F/(2πR) along, none round it."""
     material = options.material
     wanted = material.pretension_n / (2 * math.pi * options.radius_mm * material.e_mpa * options.wall_mm)
@@ -49,7 +49,7 @@ def pre_stretch(options: LinerOptions) -> tuple[float, float]:
     return stretch, 1 / math.sqrt(stretch)
 
 
-def _neo_hookean(options: LinerOptions, free: Array, metric: Array, mounted: float) -> Array:
+def _neo_hookean(options: EllipseOptions, free: Array, metric: Array, mounted: float) -> Array:
     """µ t0 λ3 (G^ab - λ3² g^ab) with the free liner's metric G and wall t0; λ3 is the wall's thinning."""
     thinning = np.sqrt(determinant(free) / determinant(metric))
     wall_mm = options.wall_mm * mounted * thinning
@@ -57,7 +57,7 @@ def _neo_hookean(options: LinerOptions, free: Array, metric: Array, mounted: flo
     return force
 
 
-def _linear(options: LinerOptions, free: Array, metric: Array, mounted: float) -> Array:
+def _linear(options: EllipseOptions, free: Array, metric: Array, mounted: float) -> Array:
     """E t/(1 - ν²) ((1 - ν) ε + ν g tr ε) of the stretches' excess over one, ε = V - 1 with V² = F Fᵀ."""
     stretch, square = np.sqrt(determinant(metric) / determinant(free)), inverse(free)
     both = np.sqrt(np.einsum("ab...,ab...->...", square, metric) + 2 * stretch)

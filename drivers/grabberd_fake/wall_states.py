@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd_fake.optics import Array
+Array = NDArray[np.float64]
 
 FOLDER = "walls"
 
@@ -24,7 +24,11 @@ class WallStates:
     Attributes:
         theta: (A,) angles of the nodes from the line that faces the cameras; a quarter, in rad.
         x_mm: (X,) positions of the nodes along the mounted tube.
+        name: name of the table.
         outer_kpa: (S,) pressure differences, outside over inside, ascending.
+        outer_states_mm: (S, X, A, 3) float32 outer nodes; `contact_states_kpa`: (S, X, A) float32 contact
+            pressure at the inner ones; `force_states_n_per_mm`: (S, X // 2) load on one side.
+        snapped: (S,) true where the wall snapped on its way from the state before.
         about: the design and the teat that were solved.
     """
 
@@ -37,33 +41,41 @@ class WallStates:
         table = files(__package__) / FOLDER / f"{name}.npz"
         if not table.is_file():
             raise ValueError(f"no wall is named {name!r}; there are {', '.join(wall_names())}")
+        self.name = name
         with table.open("rb") as file, np.load(file) as arrays:
             self.theta, self.x_mm = arrays["theta"], arrays["x_mm"]
             self.outer_kpa = arrays["outer_kpa"]
             self.about: dict[str, Any] = json.loads(str(arrays["about"]))
             shifts = np.cumsum(arrays["shift"], axis=0, dtype=np.int32) * arrays["shift_mm"]
-            self._outer_mm = (arrays["mounted_mm"] + shifts).astype(np.float32)
+            self.outer_states_mm = (arrays["mounted_mm"] + shifts).astype(np.float32)
             contact = np.cumsum(arrays["contact"], axis=0, dtype=np.int32) * arrays["contact_kpa"]
-            self._contact_kpa = contact.astype(np.float32)
-            self._force_n_per_mm = arrays["force_n_per_mm"]
+            self.contact_states_kpa = contact.astype(np.float32)
+            self.force_states_n_per_mm = arrays["force_n_per_mm"]
+            self.snapped: NDArray[np.bool_] = arrays["snapped"]
 
     def outer_mm(self, outer_kpa: float) -> Array:
         """(X, A, 3) outer nodes at a pressure difference; held at the table's ends."""
-        return self._between(self._outer_mm, outer_kpa)
+        return self.between(self.outer_states_mm, outer_kpa)
 
     def contact_kpa(self, outer_kpa: float) -> Array:
         """(X, A) contact pressure at the inner nodes."""
-        return self._pushing(self._contact_kpa, outer_kpa)
+        return self._pushing(self.contact_states_kpa, outer_kpa)
 
     def force_n_per_mm(self, outer_kpa: float) -> Array:
         """(X // 2,) load on one side of the teat over each element along the tube."""
-        return self._pushing(self._force_n_per_mm, outer_kpa)
+        return self._pushing(self.force_states_n_per_mm, outer_kpa)
+
+    def borders_mm(self, outer_kpa: float) -> Array:
+        """(X // 2 + 1,) present places, along the tube, of the borders between its elements."""
+        borders: Array = self.outer_mm(outer_kpa)[::2, :, 0].mean(axis=1)
+        return borders
 
     def _pushing(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
         # A cubic swings below zero where contact begins between two states; a teat cannot pull.
-        return np.maximum(self._between(states, outer_kpa), 0.0)
+        return np.maximum(self.between(states, outer_kpa), 0.0)
 
-    def _between(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
+    def between(self, states: Array | NDArray[np.float32], outer_kpa: float) -> Array:
+        """(…) at a pressure difference of anything (S, …) that is known in every state."""
         first, weights = _cubic(self.outer_kpa, outer_kpa)
         between: Array = np.tensordot(weights, states[first : first + len(weights)], axes=1)
         return between
@@ -80,32 +92,52 @@ class Patch:
             x_mm: (R,) along the mounted tube.
             theta: (C,) angles from the line that faces the cameras, within ±π.
         """
-        folded = np.abs(theta)
-        self._below = np.where(folded > np.pi / 2, -1.0, 1.0)
-        self._side = np.where(theta < 0, -1.0, 1.0)
-        folded = np.where(folded > np.pi / 2, np.pi - folded, folded)
+        folded, side, below = _folded(theta, states.theta)
+        self._mirror = np.stack([np.ones_like(side), side, below], axis=-1)
         self._rows, self._rows_by_x = quadratic_weights(states.x_mm, x_mm)
         self._columns, by_theta = quadratic_weights(states.theta, folded)
-        self._columns_by_theta = by_theta * (self._below * self._side)[:, np.newaxis]
+        self._columns_by_theta = by_theta * (below * side)[:, np.newaxis]
 
     def values(self, grid: Array) -> Array:
-        """(R, C) of a scalar (X, A) that is the same on all four quarters."""
+        """(R, C) of a scalar (X, A) that is the same on the mirrored parts of the tube."""
         values: Array = self._rows @ grid @ self._columns.T
         return values
 
+    def frames(self, grids_mm: Array | NDArray[np.float32]) -> Array:
+        """(…, 3, R, C, 3) of faces (…, X, A, 3): points, ∂/∂x and ∂/∂θ, in the mounted tube's coordinates."""
+        weights = (
+            (self._rows, self._columns),
+            (self._rows_by_x, self._columns),
+            (self._rows, self._columns_by_theta),
+        )
+        frames = [self._mapped(rows, grids_mm, columns) * self._mirror for rows, columns in weights]
+        return np.stack(frames, axis=-4)
+
     def surface(self, grid_mm: Array) -> tuple[Array, Array]:
         """Points (R, C, 3) and outward unit normals (R, C, 3) of a face (X, A, 3)."""
-        mirror = np.stack([np.ones_like(self._side), self._side, self._below], axis=-1)
-        points = self._mapped(self._rows, grid_mm, self._columns) * mirror
-        along = self._mapped(self._rows_by_x, grid_mm, self._columns) * mirror
-        around = self._mapped(self._rows, grid_mm, self._columns_by_theta) * mirror
-        normals = np.cross(along, around)
-        return points, normals / np.linalg.norm(normals, axis=-1, keepdims=True)
+        points, along, around = self.frames(grid_mm)
+        return points, unit_normals(along, around)
 
     @staticmethod
-    def _mapped(rows: Array, grid_mm: Array, columns: Array) -> Array:
-        mapped: Array = np.einsum("rx,xai,ca->rci", rows, grid_mm, columns, optimize=True)
+    def _mapped(rows: Array, grids_mm: Array | NDArray[np.float32], columns: Array) -> Array:
+        mapped: Array = np.einsum("rx,...xai,ca->...rci", rows, grids_mm, columns, optimize=True)
         return mapped
+
+
+def _folded(theta: Array, solved: Array) -> tuple[Array, Array, Array]:
+    """Angles moved into the solved part of the tube, and the signs of y and z that this mirrors."""
+    side = np.where((theta < 0) & (solved[0] > -0.1), -1.0, 1.0)
+    folded = theta * side
+    behind = (np.abs(folded) > np.pi / 2) & (solved[-1] < np.pi - 0.1)
+    return np.where(behind, np.copysign(np.pi, folded) - folded, folded), side, np.where(behind, -1.0, 1.0)
+
+
+def unit_normals(along: Array, around: Array) -> Array:
+    """(…, 3) unit vectors along `along` × `around`; several times as fast as numpy's own for few vectors."""
+    (ax, ay, az), (bx, by, bz) = np.moveaxis(along, -1, 0), np.moveaxis(around, -1, 0)
+    normal = np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+    unit: Array = normal / np.sqrt((normal * normal).sum(axis=-1, keepdims=True))
+    return unit
 
 
 def wall_names() -> list[str]:

@@ -1,4 +1,4 @@
-"""Truth of the liner's wall: strain, curvature, tension, moment and pressure at its middle surface.
+"""Truth of the ellipse's wall: strain, curvature, tension, moment and pressure at its middle surface.
 
 The wall is sampled on a grid round the whole tube and along its whole length, and differentiated there as a
 Fourier series, which it is: the collapse is one period of a cosine along the length. Values at the targets
@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_fake import ellipse
-from grabberd_fake.liner import Liner, closure
-from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.ellipse_liner import EllipseLiner, closure
+from grabberd_fake.ellipse_options import EllipseOptions
 from grabberd_fake.optics import Array
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.sheet import Sheet, determinant, inverse
@@ -66,10 +66,10 @@ class WallTruth(NamedTuple):
 def truth_of_wall(
     options: FakeOptions | Mapping[str, Any], time_ns: int, reference_ns: int | None = None
 ) -> WallTruth:
-    """Truth of the liner's wall at a time.
+    """Truth of the ellipse's wall at a time; nothing to judge pressures by: it is not in equilibrium.
 
     Args:
-        options: options of `FakeGrabber`; the scene has to be `liner`.
+        options: options of `FakeGrabber`; the scene has to be `ellipse`.
         time_ns: time of a field, or any other time on the same clock.
         reference_ns: time of the strain's reference state; the open liner by default. Tension and moment are
             always relative to the open, mounted liner.
@@ -78,15 +78,15 @@ def truth_of_wall(
         ValueError: the options are invalid, or the scene is another one.
     """
     options = options if isinstance(options, FakeOptions) else FakeOptions.read(options)
-    if options.scene != "liner":
-        raise ValueError(f"scene: {options.scene!r} has no wall; only 'liner' has")
-    liner = options.liner
+    if options.scene != "ellipse":
+        raise ValueError(f"scene: {options.scene!r} is not the prescribed wall 'ellipse'")
+    liner = options.ellipse
     reference = 0.0 if reference_ns is None else closure(liner, reference_ns)
     chamber = float(pulsation_kpa(liner, np.array(time_ns / 1e9)))
     return _truth(liner, closure(liner, time_ns), reference, chamber)
 
 
-def _truth(options: LinerOptions, closed: float, reference: float, chamber_kpa: float) -> WallTruth:
+def _truth(options: EllipseOptions, closed: float, reference: float, chamber_kpa: float) -> WallTruth:
     here, before = _patch(options, closed), _patch(options, reference)
     axes, old_axes = _axes(here.metric), _axes(before.metric)
     lagrange = _tensor(strain(before.metric, here.metric), old_axes)
@@ -96,7 +96,7 @@ def _truth(options: LinerOptions, closed: float, reference: float, chamber_kpa: 
     contact_kpa = (options.vacuum.liner_kpa - chamber_kpa + load_kpa) / here.inner_area
     lowered = [np.einsum("ac...,bd...,cd...->ab...", here.metric, here.metric, t) for t in here.answers]
     return WallTruth(
-        ids=Liner(options).ids,
+        ids=EllipseLiner(options).ids,
         xyz_mm=here.xyz_mm,
         basis=np.einsum("ian,anx->nix", axes, here.tangents),
         normal=here.normal,
@@ -127,7 +127,7 @@ class _Patch(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _patch(options: LinerOptions, closed: float) -> _Patch:
+def _patch(options: EllipseOptions, closed: float) -> _Patch:
     places_mm, wall = wall_sheet(options, closed)
     curvature, opened = -wall.bending, _open(options)
     force = tension(options, opened.metric, wall.metric)
@@ -138,7 +138,7 @@ def _patch(options: LinerOptions, closed: float) -> _Patch:
         return _at_targets(options, wall, values, lead)
 
     xyz_mm = read(places_mm)
-    xyz_mm[:, 0] = Liner(options).wall(0).xyz_mm[:, 0]
+    xyz_mm[:, 0] = EllipseLiner(options).wall(0).xyz_mm[:, 0]
     inner = _area_ratio(wall.metric, curvature, options.wall_mm / 2)
     return _Patch(
         xyz_mm=xyz_mm,
@@ -153,11 +153,11 @@ def _patch(options: LinerOptions, closed: float) -> _Patch:
 
 
 @lru_cache(maxsize=4)
-def _open(options: LinerOptions) -> Sheet:
+def _open(options: EllipseOptions) -> Sheet:
     return wall_sheet(options, 0.0)[1]
 
 
-def wall_sheet(options: LinerOptions, closed: float, grid: tuple[int, int] = GRID) -> tuple[Array, Sheet]:
+def wall_sheet(options: EllipseOptions, closed: float, grid: tuple[int, int] = GRID) -> tuple[Array, Sheet]:
     """The middle surface on a grid (n, m) of x = index · length / n and s = index · perimeter / m.
 
     Returns:
@@ -178,7 +178,7 @@ def wall_sheet(options: LinerOptions, closed: float, grid: tuple[int, int] = GRI
     return places_mm, Sheet(places_mm, secular, (length, 2 * np.pi * radius))
 
 
-def _at_targets(options: LinerOptions, wall: Sheet, values: Array, lead: int) -> Array:
+def _at_targets(options: EllipseOptions, wall: Sheet, values: Array, lead: int) -> Array:
     """Values (lead × 2, n, m, …) at the targets, (lead × 2, N, …)."""
     x_mm, s_mm = (
         np.array([index - (count - 1) / 2 for index in range(count)]) * options.pitch_mm

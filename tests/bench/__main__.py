@@ -22,6 +22,7 @@ from tests.bench import (
     reprocess,
     several,
     soak,
+    walls,
 )
 
 HEADER = """# What was measured
@@ -57,6 +58,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     },
     "page": {"The page: what it weighs, how soon it is seen, what it costs": page.table},
     "reprocess": {"An archive measured again": reprocess.table},
+    "walls": {"The simulated walls: buckling, touch, and the load on the teat": walls.table},
 }
 """Tables by the titles of their sections, without those of the running daemon."""
 

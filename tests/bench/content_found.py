@@ -31,7 +31,7 @@ SCENES: Mapping[str, tuple[Mapping[str, Any], float]] = {
     "liner, .5 % noise, black clipped at 1 σ": ({"picture": {"noise": 0.005}}, 1),
     "liner, .5 % noise, black clipped at 3 σ": ({"picture": {"noise": 0.005}}, 3),
     "liner, 5 % noise": ({"picture": {"noise": 0.05}}, 0),
-    "liner, two pulsations a second": ({"liner": {"period_s": 0.5, "deflection_mm": 8}}, 0),
+    "liner, two pulsations a second": ({"liner": {"period_s": 0.5}}, 0),
     "calibration frame, 2 % noise": ({"scene": "calibration_frame"}, 0),
     "accuracy object, .5 % noise": ({"scene": "accuracy_object", "picture": {"noise": 0.005}}, 0),
     "blank, 2 % noise": ({"scene": "blank"}, 0),

@@ -14,7 +14,7 @@ from grabberd.cli.app import app
 from grabberd.errors import DeviceRefused, StreamFailed
 from grabberd.field import BOTTOM, TOP
 
-LINER = {"scene": "liner", "pace": "free", "picture": {"stamp": False}}
+MOVING = {"scene": "ellipse", "pace": "free", "picture": {"stamp": False}}
 FIELDS = 150
 
 DRIVER = """
@@ -46,7 +46,7 @@ class Grabber:
 @pytest.fixture(scope="module")
 def fields() -> list[np.ndarray]:
     """What the simulated camera sees of a liner that moves, top field first."""
-    grabber, seen = registry.create("fake", LINER), []
+    grabber, seen = registry.create("fake", MOVING), []
     grabber.open()
     while len(seen) < FIELDS:
         with grabber.dequeue(1.0) as grabbed:
@@ -132,7 +132,7 @@ def test_json_has_the_numbers(recording, tmp_path):
 
 
 def test_a_recording_can_be_named_in_place_of_a_device(recording, tmp_path):
-    result = check(configured(tmp_path, "fake", **LINER), f"replay:{recording}")
+    result = check(configured(tmp_path, "fake", **MOVING), f"replay:{recording}")
     assert "the field order is right" in result.output
 
 

@@ -20,7 +20,7 @@ def at_rest():
 
 @pytest.fixture(scope="module")
 def pulsating():
-    return take_scene(60, rig=PERFECT_MIRRORS)
+    return take_scene(60, scene="ellipse", rig=PERFECT_MIRRORS)
 
 
 def investigated(scene, bits, lines, **settings):

@@ -14,7 +14,7 @@ FIELDS = 200
 def seen(count=FIELDS, **options):
     """Fields of the simulated camera in the order of time, top first."""
     picture = {"stamp": False, **options.pop("picture", {})}
-    world = World(FakeOptions.read({"picture": picture, **options}))
+    world = World(FakeOptions.read({"scene": "ellipse", "picture": picture, **options}))
     fields = []
     for number in range(count):
         luma = np.empty((288, 720), np.uint8)
@@ -42,10 +42,10 @@ def doubled(fields, noise=0.0):
 
 MOVEMENTS = {
     "liner": {},
-    "slow": {"liner": {"period_s": 3.0}},
-    "fast": {"liner": {"period_s": 0.5}},
-    "little": {"liner": {"deflection_mm": 1.0}},
-    "without rest": {"liner": {"opening": 0.5, "open": 0.0, "closing": 0.5}},
+    "slow": {"ellipse": {"period_s": 3.0}},
+    "fast": {"ellipse": {"period_s": 0.5}},
+    "little": {"ellipse": {"deflection_mm": 1.0}},
+    "without rest": {"ellipse": {"opening": 0.5, "open": 0.0, "closing": 0.5}},
     "noise": {"picture": {"noise": 0.1}},
     "line jitter": {"picture": {"jitter_px": 0.5}},
 }
@@ -107,13 +107,13 @@ def test_where_nothing_moves_nothing_is_said(scene):
 
 
 def test_movement_that_hides_in_noise_leads_to_no_wrong_verdict():
-    faint = seen(liner={"deflection_mm": 0.4}, picture={"noise": 0.05})
+    faint = seen(ellipse={"deflection_mm": 0.4}, picture={"noise": 0.05})
     assert check(faint).order in {Order.RIGHT, Order.UNCLEAR, Order.NO_MOVEMENT}
     assert check(exchanged(faint)).order in {Order.REVERSED, Order.UNCLEAR, Order.NO_MOVEMENT}
 
 
 def test_movement_too_fast_to_follow_leads_to_no_wrong_verdict():
-    fields = seen(liner={"period_s": 0.3, "deflection_mm": 8})
+    fields = seen(ellipse={"period_s": 0.3, "deflection_mm": 8})
     assert check(exchanged(fields)).order in {Order.REVERSED, Order.UNCLEAR}
 
 

@@ -20,12 +20,12 @@ WAYS = [(1, "doubled"), (1, "field"), (8, "field")]
 @pytest.fixture(scope="module")
 def liner():
     """The pulsating liner before the default rig: 2 % noise, jitter .12 px, local mirror errors .06 px."""
-    return take_scene(FIELDS)
+    return take_scene(FIELDS, scene="ellipse")
 
 
 @pytest.fixture(scope="module")
 def liner_without_mirror_errors():
-    return take_scene(FIELDS, rig={"mirror_error_px": 0.0})
+    return take_scene(FIELDS, scene="ellipse", rig={"mirror_error_px": 0.0})
 
 
 def points_of(scene, bits, lines):

@@ -63,7 +63,7 @@ def test_a_dark_picture_is_refused(choose):
 
 @pytest.fixture(scope="module")
 def uneven():
-    return take_scene(4, scene="liner", picture={"uneven_light": 0.5, "background": 60, "contrast": 100})
+    return take_scene(4, scene="ellipse", picture={"uneven_light": 0.5, "background": 60, "contrast": 100})
 
 
 @pytest.mark.parametrize("doubled", [True, False])

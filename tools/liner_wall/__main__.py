@@ -38,8 +38,9 @@ def main(arguments: list[str]) -> int:
 def solve_case(case: Case, folder: Path) -> str:
     """Solves one case; returns a line about it."""
     began_s = time.process_time()
-    tube, state = mounted(case.design)
-    rests = list(follow(tube, state, FROM_MPA, TO_MPA, STEP_MPA, case.push()))
+    tube, state = mounted(case.design, case.fineness, case.sector)
+    push = case.push(tube.mesh.inner_angles())
+    rests = list(follow(tube, state, FROM_MPA, TO_MPA, STEP_MPA, push))
     path = folder / f"{case.name}.npz"
     save_table(path, case, tube, rests)
     spent_s, size_kb = time.process_time() - began_s, path.stat().st_size / 1000

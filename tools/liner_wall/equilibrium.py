@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tools.liner_wall.mesh import Array, Face, TubeMesh
 from tools.liner_wall.rubber import Rubber
-from tools.liner_wall.slabs import solve_slabs
+from tools.liner_wall.slabs import is_stable, solve_slabs
 
 Push = Callable[[Array], tuple[Array, Array]]
 """Pressure (F, Q) and its gradient (F, Q, 3) at points (F, Q, 3) of the inner face."""
@@ -28,7 +28,7 @@ class Friction(NamedTuple):
 
     Attributes:
         coefficient: of Coulomb's law.
-        anchors_mm: (N, 3) positions of the nodes from which slip counts.
+        anchors_mm: (N, 3) positions of the nodes from which slip counts: the mounted tube.
     """
 
     coefficient: float
@@ -99,7 +99,9 @@ class Tube:
         stress: Array = nominal @ np.swapaxes(gradient, -1, -2) / volume
         return stress
 
-    def solve(self, start: State, outer_mpa: float, push: Push, drag: float = 0.0) -> State:
+    def solve(
+        self, start: State, outer_mpa: float, push: Push, drag: float = 0.0, within_mm: float = np.inf
+    ) -> State:
         """Equilibrium under `outer_mpa` on the outer face and `push` on the inner one.
 
         Args:
@@ -108,6 +110,7 @@ class Tube:
             push: contact on the inner face.
             drag: N/mm of a node's viscous drag against leaving `start`: a step in time where there is no
                 equilibrium near by.
+            within_mm: give up as soon as a node is farther from where it began.
 
         Raises:
             NoEquilibrium: none was found.
@@ -120,15 +123,19 @@ class Tube:
             largest = float(np.abs(residual).max())
             if largest < _TOLERANCE_N and step_mm < 1e-3:
                 return state
-            if not np.isfinite(largest):
+            strayed_mm = np.abs(state.nodes_mm - start.nodes_mm).max()
+            if not np.isfinite(largest) or strayed_mm > within_mm:
                 break
             change = solve_slabs(self.mesh, blocks, residual, self._held, drag)
             step_mm = float(np.abs(change).max())
             damping = min(1.0, _LONGEST_STEP_MM / step_mm)
             state = self._moved(state, damping * change, damping, volumetric)
-        raise NoEquilibrium(
-            f"no equilibrium at {1000 * outer_mpa:.3g} kPa: {largest:.3g} N after {_STEPS} steps"
-        )
+        raise NoEquilibrium(f"no equilibrium at {1000 * outer_mpa:.3g} kPa: {largest:.3g} N are left")
+
+    def is_stable(self, state: State, outer_mpa: float, push: Push) -> bool:
+        """True if a state of equilibrium holds against any small push."""
+        _, blocks, _ = self._linearised(state, outer_mpa, push)
+        return is_stable(self.mesh, blocks, self._held)
 
     def _pressure(self, state: State) -> Array:
         pressure: Array = np.einsum("eqm,em->eq", self._pressures, state.pressures_mpa)

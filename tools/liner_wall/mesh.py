@@ -92,6 +92,11 @@ class TubeMesh:
             outer=_face(mesh, number, 1.0),
         )
 
+    def inner_angles(self) -> Array:
+        """(F, Q) angles at the inner face's quadrature points."""
+        angles: Array = self.inner.shapes @ self.block[self.inner.nodes, 0][..., np.newaxis]
+        return angles[..., 0]
+
 
 def _bricks(basis: Basis, number: Indices) -> Bricks:
     slopes = np.stack([np.moveaxis(function[0].grad, 0, -1) for function in basis.basis], axis=2)

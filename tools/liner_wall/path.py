@@ -9,6 +9,11 @@ from tools.liner_wall.equilibrium import NoEquilibrium, Push, State, Tube
 
 _LARGEST_SHIFT_MM = 1.0
 """Of a node between states: a longer way may end on a branch that the wall would not take."""
+_BUCKLED_MM = 4.0
+"""Off its mounted place, the wall has buckled, and only creases inside its folds still become unstable: finer
+than the bricks, and nothing that its outer face shows."""
+_STRAYED_MM = 2 * _LARGEST_SHIFT_MM
+"""Newton's method does not come back from so far."""
 _HALVINGS = 7
 """Of a step before the wall is taken to snap."""
 _DRAG = 2e-4
@@ -70,11 +75,15 @@ def follow(
 
 def _near(tube: Tube, state: State, pressure_mpa: float, push: Push) -> State | None:
     try:
-        reached = tube.solve(state, pressure_mpa, push)
+        reached = tube.solve(state, pressure_mpa, push, within_mm=_STRAYED_MM)
     except NoEquilibrium:
         return None
     shift_mm = float(np.abs(reached.nodes_mm - state.nodes_mm).max())
-    return reached if shift_mm <= _LARGEST_SHIFT_MM else None
+    if shift_mm > _LARGEST_SHIFT_MM:
+        return None
+    # Beyond buckling, Newton's method also finds the round wall and modes that no wall would stay in.
+    buckled = np.abs(reached.nodes_mm - tube.friction.anchors_mm).max() > _BUCKLED_MM
+    return reached if buckled or tube.is_stable(reached, pressure_mpa, push) else None
 
 
 def _snap(tube: Tube, state: State, pressure_mpa: float, push: Push) -> State:
@@ -82,7 +91,7 @@ def _snap(tube: Tube, state: State, pressure_mpa: float, push: Push) -> State:
     drag = _DRAG
     for _ in range(_SNAP_STEPS):
         try:
-            reached = tube.solve(state, pressure_mpa, push, drag)
+            reached = tube.solve(state, pressure_mpa, push, drag, _STRAYED_MM)
         except NoEquilibrium:
             drag *= 4
             continue

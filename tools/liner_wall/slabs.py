@@ -6,7 +6,7 @@ neighbouring sections alone. Dense blocks of a few hundred unknowns are what LAP
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lu_factor, lu_solve
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, lu_factor, lu_solve
 
 from tools.liner_wall.mesh import Array, Face, TubeMesh
 
@@ -27,6 +27,23 @@ def solve_slabs(
     size = 3 * mesh.per_section
     load = np.where(held, 0.0, forces).reshape(mesh.sections, size)
     return _sweep(slabs, load, size).reshape(-1, 3)
+
+
+def is_stable(mesh: TubeMesh, blocks: tuple[Array, Array, Array], held: NDArray[np.bool_]) -> bool:
+    """True if the stiffness is positive definite: the tube comes back after any small push."""
+    inner, end = 6 * mesh.per_section, slice(6 * mesh.per_section, None)
+    carried = np.zeros((inner // 2, inner // 2))
+    try:
+        for matrix in _slab_matrices(mesh, blocks, held, 0.0):
+            # Friction's stiffness is not symmetric; energy is taken up by the symmetric part alone.
+            symmetric = (matrix + matrix.T) / 2
+            symmetric[: inner // 2, : inner // 2] += carried
+            factor = cho_factor(symmetric[:inner, :inner])
+            carried = symmetric[end, end] - symmetric[end, :inner] @ cho_solve(factor, symmetric[:inner, end])
+        cho_factor(carried)
+    except LinAlgError:
+        return False
+    return True
 
 
 def _slab_matrices(

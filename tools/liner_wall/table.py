@@ -24,17 +24,18 @@ def save_table(path: Path, case: Case, tube: Tube, rests: Iterable[Rest]) -> Non
 
     The file holds `theta` (A,) and `x_mm` (X,) of the mounted outer nodes, `mounted_mm` (X, A, 3),
     `outer_kpa` (S,), `shift` (S, X, A, 3) and `contact` (S, X, A) as differences from state to state in steps
-    of `shift_mm` and `contact_kpa`, `force_n_per_mm` (S, X/2) on one side of the teat over each slab's
-    present length, `snapped` (S,), and `about`, the case as JSON.
+    of `shift_mm` and `contact_kpa`, `force_n_per_mm` (S, X/2) of the upper side over each slab's present
+    length, `snapped` (S,), and `about`, the case as JSON.
     """
     rests = list(rests)
-    push = case.push()
+    push = case.push(tube.mesh.inner_angles())
     theta, depth, _ = tube.mesh.block.T
     mounted = tube.friction.anchors_mm
     outer = _grid(tube, np.flatnonzero(np.isclose(depth, 1.0)))
     inner = _grid(tube, np.flatnonzero(np.isclose(depth, 0.0)))
     shifts = np.stack([(rest.state.nodes_mm - mounted)[outer] for rest in rests])
-    contact = np.stack([1000 * push(rest.state.nodes_mm[inner])[0] for rest in rests])
+    at_nodes = case.push(theta[inner])
+    contact = np.stack([1000 * at_nodes(rest.state.nodes_mm[inner])[0] for rest in rests])
     np.savez_compressed(
         path,
         theta=theta[outer[0]],
@@ -52,13 +53,16 @@ def save_table(path: Path, case: Case, tube: Tube, rests: Iterable[Rest]) -> Non
 
 
 def force_n_per_mm(tube: Tube, nodes_mm: Array, push: Push) -> Array:
-    """(slabs,) force of the wall on one side of what it touches, along z, per present length."""
+    """(slabs,) force of the upper wall on what it touches, along z, per present length."""
     face = tube.mesh.inner
     corners = nodes_mm[face.nodes]
     area = np.cross(face.by_x @ corners, face.by_theta @ corners)
     pressure, _ = push(face.shapes @ corners)
-    # The mesh is a quarter: its force is half of that on one side.
-    each = 2 * (face.weights * pressure * area[..., 2]).sum(axis=1)
+    theta = tube.mesh.inner_angles()
+    upper = np.abs(theta) < np.pi / 2
+    # Where the mesh has one flank alone, its force is half of that on the upper side.
+    flanks = 1 if theta.min() < 0 else 2
+    each = flanks * (face.weights * upper * pressure * area[..., 2]).sum(axis=1)
     slab = face.nodes.min(axis=1) // (2 * tube.mesh.per_section)
     sections = nodes_mm[:, 0].reshape(tube.mesh.sections, -1).mean(axis=1)
     per_mm: Array = np.bincount(slab, each) / np.diff(sections[::2])

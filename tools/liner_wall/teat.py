@@ -32,6 +32,7 @@ class Teat:
         stiffness_mpa_per_mm: Pressure per depth at the surface.
         firm_mm: Depth at which the pressure is twice what that stiffness gives: tissue yields at first and
             hardly at all once it is squeezed.
+        y_mm: Place of its axis beside the liner's, across the line of sight; `z_mm`: towards the cameras.
     """
 
     name: str
@@ -42,11 +43,13 @@ class Teat:
     taper: float = 0.02
     stiffness_mpa_per_mm: float = 0.012
     firm_mm: float = 5.0
+    y_mm: float = 0.0
+    z_mm: float = 0.0
 
     def pressure(self, points_mm: Array) -> tuple[Array, Array]:
         """Pressure (…) at points (…, 3), and its gradient (…, 3)."""
         base = self.end_x_mm - self.cap_mm
-        off = points_mm[..., 1:]
+        off = points_mm[..., 1:] - np.array([self.y_mm, self.z_mm])
         distance = np.sqrt((off**2).sum(axis=-1) + _AXIS_MM2)
         below = np.maximum(points_mm[..., 0] - base, 0.0) / self.cap_mm
         above = np.maximum(base - points_mm[..., 0], 0.0)
@@ -64,11 +67,16 @@ class Teat:
         return pressure, -stiffness[..., np.newaxis] * self.radius_mm * slope
 
 
-def opposite_wall(points_mm: Array) -> tuple[Array, Array]:
-    """Pressure (…) of the lower half on the upper one, which meet in the plane z = 0; gradient (…, 3)."""
-    pressure, stiffness = _spring(-points_mm[..., 2], _OPPOSITE_WALL_MPA_PER_MM, np.inf)
+def opposite_wall(points_mm: Array, side: Array | float = 1.0) -> tuple[Array, Array]:
+    """Pressure (…) of the halves on each other, which meet in the plane z = 0, and its gradient (…, 3).
+
+    Args:
+        points_mm: (…, 3) points.
+        side: (…) 1 for points of the upper half, -1 for those of the lower one.
+    """
+    pressure, stiffness = _spring(-side * points_mm[..., 2], _OPPOSITE_WALL_MPA_PER_MM, np.inf)
     gradient = np.zeros_like(points_mm)
-    gradient[..., 2] = -stiffness
+    gradient[..., 2] = -side * stiffness
     return pressure, gradient
 
 

@@ -56,7 +56,7 @@ def test_the_first_shifted_line_is_exact_where_a_target_is_cut():
 @pytest.mark.parametrize(
     "options",
     [
-        {"liner": {"period_s": 0.5, "deflection_mm": 8}},
+        {"liner": {"period_s": 0.5}},
         {"scene": "blank"},
         {"scene": "blank", "picture": {"noise": 0.1}},
         {"picture": {"noise": 0.1}},

@@ -1,9 +1,9 @@
 """The pulsation phases of the simulated vacuum, which its trapezoid makes known exactly."""
 
-from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.ellipse_options import EllipseOptions
 
 
-def iso_phases_s(options: LinerOptions) -> tuple[float, float, float, float]:
+def iso_phases_s(options: EllipseOptions) -> tuple[float, float, float, float]:
     """Durations of a, b, c, d by thresholds 4 kPa over atmosphere and 4 kPa under the system's vacuum."""
     vacuum = options.vacuum
     steep = (vacuum.system_kpa - 8) / vacuum.system_kpa

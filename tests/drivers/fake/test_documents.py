@@ -17,6 +17,7 @@ CONFIGS = Path(__file__).parents[3] / "configs"
 SHIPPED = {
     "fake.calibration.json": ["calibration"],
     "objects/liner.yaml": ["object", "liner"],
+    "objects/ellipse.yaml": ["object", "ellipse"],
     "objects/accuracy-object.yaml": ["object", "accuracy_object"],
     "calibration-frames/paper-108.yaml": ["object", "calibration_frame"],
 }

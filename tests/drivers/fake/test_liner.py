@@ -1,137 +1,141 @@
-"""The pulsating liner."""
+"""The liner: targets on a solved wall that follows the vacuum."""
 
-from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from grabberd_fake import ellipse
-from grabberd_fake.liner import Liner, Sections, closure, profile
+from grabberd_fake.liner import Liner, movement, patch_places
 from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.options import FakeOptions
+from grabberd_fake.wall_quantities import touch_kpa
+from grabberd_fake.wall_states import Patch, wall_names, wall_states
 
 OPEN_NS, CLOSED_NS = 400_000_000, 900_000_000
-times = st.integers(0, 3_000_000_000)
-liner = Liner(LinerOptions())
+MS = 1_000_000
+
+
+def options(**given: Any) -> LinerOptions:
+    return FakeOptions.read({"liner": given}).liner
+
+
+def heights_mm(scene: Liner, times_ns: np.ndarray) -> np.ndarray:
+    """(T, N) of the targets."""
+    return np.array([scene.targets(int(time_ns)).xyz_mm[:, 2] for time_ns in times_ns])
 
 
 def test_it_has_18_rows_of_6_targets_numbered_from_one() -> None:
-    assert liner.ids.tolist() == list(range(1, 109))
-    assert (liner.row.max(), liner.column.max()) == (17, 5)
-    assert (liner.row[6], liner.column[6]) == (1, 0)
+    scene = Liner(options())
+    assert scene.ids.tolist() == list(range(1, 109))
+    assert (scene.row.max(), scene.column.max()) == (17, 5)
+    assert (scene.row[6], scene.column[6]) == (1, 0)
 
 
-def test_open_it_is_a_tube_with_targets_on_its_outer_face() -> None:
-    targets = liner.targets(OPEN_NS)
-    y, z = targets.xyz_mm[:, 1], targets.xyz_mm[:, 2] + 9.0
-    assert_allclose(np.hypot(y, z), 13.75, atol=1e-6)
-    assert_allclose(targets.normal, np.column_stack([0 * y, y, z]) / 13.75, atol=1e-6)
-    assert_allclose(targets.xyz_mm, liner.nominal().xyz_mm, atol=1e-9)
+def test_nominal_shape_is_that_of_the_mounted_wall_on_whose_outer_face_the_targets_are_glued() -> None:
+    scene = Liner(options(wall="reference-empty"))
+    places = scene.nominal().xyz_mm.reshape(18, 6, 3)
+    y, z = places[..., 1], places[..., 2] + 9.0
+    assert_allclose(np.hypot(y, z), 13.75, atol=0.06)
+    assert_allclose(np.diff(places[:, 0, 0]), 6.5, atol=0.02)
+    assert_allclose(13.75 * np.diff(np.arctan2(y, z), axis=1), 6.5, atol=0.1)
+    assert_allclose(places[8:10, :, 0].mean(axis=0), 0, atol=1e-6)
 
 
-def test_closed_its_middle_is_flattened_toward_the_cameras_and_wider_along_y() -> None:
-    opened, closed = liner.wall(OPEN_NS).xyz_mm, liner.wall(CLOSED_NS).xyz_mm
-    middle = (liner.row == 8) & (liner.column == 3)
-    assert 4.2 < (opened - closed)[middle][0, 2] < 5.0
-    assert closed[:, 1].max() > opened[:, 1].max() + 1
-    assert_allclose(closed[:, 0], opened[:, 0])
+def test_open_it_stands_where_the_object_model_has_it() -> None:
+    scene = Liner(options())
+    assert_allclose(scene.targets(OPEN_NS).xyz_mm, scene.nominal().xyz_mm, atol=1e-9)
 
 
-def test_the_collapse_fades_towards_the_ends() -> None:
-    moved = np.linalg.norm(liner.targets(CLOSED_NS).xyz_mm - liner.targets(OPEN_NS).xyz_mm, axis=1)
-    by_row = moved.reshape(18, 6).max(axis=1)
-    assert (np.diff(by_row[:9]) > 0).all()
-    assert_allclose(by_row, by_row[::-1], atol=1e-9)
-    assert by_row[0] < 0.35
+def test_targets_are_where_the_table_has_the_wall() -> None:
+    chosen = options(wall="tapered-blunt", rows=3, columns=4, axis_z_mm=-5.0)
+    states = wall_states("tapered-blunt")
+    points, normals = Patch(states, *patch_places(chosen)).surface(states.outer_mm(42.0))
+    shown = Liner(chosen).targets(CLOSED_NS)
+    assert_allclose(shown.xyz_mm, points.reshape(-1, 3) + np.array([0, 0, -5.0]), atol=1e-9)
+    assert_allclose(shown.normal, normals.reshape(-1, 3), atol=1e-9)
 
 
-def test_the_collapse_profile_is_one_in_the_middle_and_smooth_at_the_ends() -> None:
-    x = np.array([-80.0, -65.0, -64.999, 0.0, 65.0])
-    value, slope = profile(x, 130.0)
-    assert_allclose(value, [0, 0, 0, 1, 0], atol=1e-8)
-    assert_allclose(slope, 0, atol=1e-5)
+def test_thick_targets_stand_off_along_the_normal() -> None:
+    plain, thick = (Liner(options(target_thickness_mm=t)).targets(CLOSED_NS) for t in (0.0, 0.2))
+    assert_allclose(thick.xyz_mm - plain.xyz_mm, 0.2 * plain.normal, atol=1e-9)
 
 
-COLUMNS = np.arange(6, dtype=np.int32)
-AROUND = np.arange(13, dtype=np.int32)
-sections = Sections(12.5, tuple(np.arange(-2.5, 3) * 6.5))
-whole_sections = Sections(12.5, tuple(np.linspace(-np.pi, np.pi, 13) * 12.5))
+def test_patch_farther_down_the_liner_shows_it_there() -> None:
+    whole, part = Liner(options()), Liner(options(rows=3, patch_x_mm=3.25))
+    rows = np.isin(whole.row, [8, 9, 10])
+    expected = whole.targets(CLOSED_NS).xyz_mm[rows] - [3.25, 0, 0]
+    assert_allclose(part.targets(CLOSED_NS).xyz_mm, expected, atol=1e-9)
 
 
-@given(times)
-def test_neighbours_round_the_wall_stay_one_pitch_apart_along_the_middle_surface(time_ns: int) -> None:
-    deflection = 5.0 * closure(LinerOptions(), time_ns)
-    y, z = sections.at(np.full(6, deflection), COLUMNS)[:2]
-    p = 12.5 - deflection
-    q = 12.5 * ellipse.widened(np.array([p / 12.5]))[0]
-    theta = np.arctan2(y / q, z / p)
-    for start, end in pairwise(theta):
-        way = np.linspace(start, end, 400)
-        assert np.hypot(np.diff(q * np.sin(way)), np.diff(p * np.cos(way))).sum() == pytest.approx(
-            6.5, abs=1e-4
-        )
+@pytest.mark.parametrize("wall", wall_names())
+def test_wall_closes_towards_its_axis_and_as_far_as_its_teat_lets_it(wall: str) -> None:
+    scene = Liner(options(wall=wall, rows=5))
+    middle = scene.column == 2
+    sunk = (scene.nominal().xyz_mm - scene.targets(CLOSED_NS).xyz_mm)[middle, 2]
+    assert sunk.min() > 0.5
+    assert 4 < sunk.max() < 12.5
 
 
-@given(st.floats(0, 8.7))
-def test_every_cross_section_is_an_ellipse_of_the_open_ones_perimeter(deflection: float) -> None:
-    y, z = whole_sections.at(np.full(13, deflection), AROUND)[:2]
-    p, q = 12.5 - deflection, 12.5 * ellipse.widened(np.array([1 - deflection / 12.5]))[0]
-    assert_allclose((y / q) ** 2 + (z / p) ** 2, 1, atol=1e-6)
-    assert_allclose(ellipse.perimeter(np.array([p]), np.array([q])), 2 * np.pi * 12.5, rtol=1e-12)
-    assert_allclose([y[0], z[0]], [-y[-1], z[-1]], atol=1e-6)
-    assert z[6] == pytest.approx(p, abs=1e-6)
+def test_every_period_is_like_the_one_before() -> None:
+    scene = Liner(options(period_s=0.8, fastest_mm_per_s=100))
+    for time_ns in (30 * MS, 130 * MS, 555 * MS):
+        later = scene.targets(time_ns + 75 * 800 * MS).xyz_mm
+        assert_allclose(scene.targets(time_ns).xyz_mm, later, atol=1e-9)
 
 
-@given(st.floats(0.1, 8.6))
-def test_the_derivatives_by_the_deflection_are_those_of_the_places(deflection: float) -> None:
-    before, here, after = (sections.at(np.full(6, deflection + d), COLUMNS) for d in (-0.01, 0.0, 0.01))
-    assert_allclose(here[2:4], (after[:2] - before[:2]) / 0.02, atol=2e-3)
+def test_default_liner_opens_and_closes_in_the_times_that_were_seen_on_real_ones() -> None:
+    scene = Liner(options())
+    at = heights_mm(scene, np.arange(0, 1000 * MS, MS))
+    most = np.ptp(at, axis=0).argmax()
+    open_ = (at[:, most] - at[:, most].min()) / np.ptp(at[:, most])
+    assert 5 < np.ptp(at[:, most]) < 12
+    opening_ms = int((open_[:500] < 0.9).sum() - (open_[:500] < 0.1).sum())
+    closing_ms = int((open_[500:] > 0.1).sum() - (open_[500:] > 0.9).sum())
+    assert 23 <= closing_ms <= 50
+    assert 23 <= opening_ms <= 50
 
 
-@given(times)
-def test_normals_are_perpendicular_to_the_surface_and_point_outward(time_ns: int) -> None:
-    wall = liner.wall(time_ns)
-    assert_allclose(np.linalg.norm(wall.normal, axis=1), 1, atol=1e-9)
-    for tangent in (wall.along_s, wall.along_x):
-        assert_allclose(np.einsum("nx,nx->n", wall.normal, tangent), 0, atol=1e-7)
-    assert (np.einsum("nx,nx->n", wall.normal, wall.xyz_mm - [0, 0, -9.0])[:] > 0).all()
+@pytest.mark.parametrize("wall", ["thin-empty", "reference-round"])
+def test_wall_never_moves_faster_than_it_can(wall: str) -> None:
+    steep = {"rising": 0.005, "open": 0.5, "falling": 0.005}
+    scene = Liner(options(wall=wall, vacuum=steep, fastest_mm_per_s=300.0))
+    places = np.array([scene.targets(k * MS).xyz_mm for k in range(1001)])
+    speed = np.linalg.norm(np.diff(places, axis=0), axis=-1).max() * 1000
+    assert 200 < speed < 320
 
 
-def test_the_tangent_along_the_tube_is_the_derivative_of_the_place() -> None:
-    closed = liner.wall(CLOSED_NS)
-    finer = Liner(LinerOptions(rows=3, pitch_mm=6.5, columns=6))
-    place, tangent = finer.wall(CLOSED_NS).xyz_mm, finer.wall(CLOSED_NS).along_x
-    assert_allclose(tangent[6:12, 1:], 0, atol=1e-12)
-    x = liner.row.reshape(18, 6)[:, 0] * 6.5 - 55.25
-    for column in range(6):
-        numeric = np.gradient(closed.xyz_mm.reshape(18, 6, 3)[:, column], x, axis=0, edge_order=2)
-        assert_allclose(closed.along_x.reshape(18, 6, 3)[1:-1, column], numeric[1:-1], atol=0.005)
-    assert place.shape == (18, 3)
+def test_wall_that_is_fast_enough_shows_the_state_of_the_moment() -> None:
+    slow = {"rising": 0.3, "open": 0.2, "falling": 0.3}
+    moves = movement(options(period_s=10.0, vacuum=slow))
+    for time_ns in range(0, 10_000 * MS, 37 * MS):
+        assert moves.rest_kpa(time_ns) == moves.difference_kpa(time_ns)
 
 
-@given(times)
-def test_it_pulsates(time_ns: int) -> None:
-    assert_allclose(liner.targets(time_ns).xyz_mm, liner.targets(time_ns + 1_000_000_000).xyz_mm, atol=0)
+def test_late_wall_lags_on_both_ways_and_rests_in_between() -> None:
+    steep = {"rising": 0.005, "open": 0.5, "falling": 0.005}
+    moves = movement(options(vacuum=steep, fastest_mm_per_s=150.0))
+    assert moves.rest_kpa(10 * MS) > moves.difference_kpa(10 * MS) == 0
+    assert moves.rest_kpa(515 * MS) < moves.difference_kpa(515 * MS) == 42
+    assert moves.rest_kpa(400 * MS) == pytest.approx(0, abs=1e-9)
+    assert moves.rest_kpa(900 * MS) == pytest.approx(42, abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("part", "closed"),
-    [(0.0, 1.0), (0.075, 0.5), (0.15, 0.0), (0.599, 0.0), (0.675, 0.5), (0.75, 1.0), (0.99, 1.0)],
-)
-def test_the_phases_follow_one_another_sixty_to_forty(part: float, closed: float) -> None:
-    assert closure(LinerOptions(), round(part * 1e9)) == pytest.approx(closed, abs=1e-3)
-    assert closure(LinerOptions(period_s=2.0), round(part * 2e9)) == pytest.approx(closed, abs=1e-3)
+def test_slow_ramp_takes_the_empty_liner_through_its_touch_point() -> None:
+    ramp = {"rising": 0.5, "open": 0.0, "falling": 0.5}
+    chosen = options(wall="reference-empty", period_s=60.0, vacuum=ramp)
+    moves, touch = movement(chosen), touch_kpa(wall_states("reference-empty"))
+    times_ns = np.arange(30_000, 60_000, 250) * MS
+    rest = np.array([moves.rest_kpa(int(t)) for t in times_ns])
+    assert_allclose(np.diff(rest), 42 / 30 * 0.25, rtol=1e-6)
+    middle = heights_mm(Liner(chosen), times_ns)[:, 8 * 6 + 2]
+    falls = np.diff(middle)
+    assert falls[(rest[1:] > touch - 4) & (rest[1:] < touch - 1)].max() < -0.2
+    assert np.abs(falls[rest[1:] > touch + 2]).max() < 0.02
 
 
-def test_the_wall_moves_at_most_two_millimetres_a_field_and_without_jerks() -> None:
-    places = np.array([liner.targets(t * 5_000_000).xyz_mm for t in range(201)])
-    step = np.linalg.norm(np.diff(places, axis=0), axis=2)
-    assert 0.5 < step.max() * 4 < 2.0
-    assert np.abs(np.diff(step, axis=0)).max() < 0.06
-
-
-def test_without_deflection_it_does_not_move() -> None:
-    still = Liner(LinerOptions(deflection_mm=0.0))
-    assert_allclose(still.targets(CLOSED_NS).xyz_mm, still.targets(OPEN_NS).xyz_mm, atol=1e-12)
+def test_short_exposure_finds_a_movement_even_after_months_of_clock() -> None:
+    scene = Liner(options())
+    month_ns = 30 * 86_400 * 1_000_000_000
+    now, soon = (scene.targets(month_ns + 655 * MS + more).xyz_mm for more in (0, 1000))
+    assert 1e-5 < np.abs(soon - now).max() < 1e-3

@@ -5,8 +5,9 @@ import dataclasses
 import pytest
 
 from grabberd_fake import FakeGrabber, FakeOptions
+from grabberd_fake.ellipse_options import EllipseOptions
 from grabberd_fake.faults import Lose, Unplug
-from grabberd_fake.liner_options import LinerOptions
+from grabberd_fake.liner_options import LinerOptions, WaveOptions
 from grabberd_fake.options import CameraOptions, PictureOptions, PointOption, RigOptions
 
 
@@ -33,12 +34,12 @@ def test_nested_mappings_become_a_tree_of_options() -> None:
         ({"picture": {"noise": float("nan")}}, "picture.noise", "nan is not a number"),
         ({"picture": {"stamp": 1}}, "picture.stamp", "1 is not one of True, False"),
         ({"buffers": 3.5}, "buffers", "3.5 is not a whole number from 2 to 32"),
-        ({"scene": "teat"}, "scene", "'teat' is not one of liner, calibration_frame"),
+        ({"scene": "teat"}, "scene", "'teat' is not one of liner, ellipse, calibration_frame"),
         ({"rig": {"reflections": 3}}, "rig.reflections", "3 is not one of 2, 1"),
         ({"rig": 5}, "rig", "5 is not a mapping"),
         ({"seed": -1}, "seed", "from 0 to"),
         ({"speed": 1}, "speed", "unknown key; known are scene,"),
-        ({"liner": {"radius": 1}}, "liner.radius", "unknown key; known are radius_mm,"),
+        ({"liner": {"radius": 1}}, "liner.radius", "unknown key; known are wall,"),
         ({"faults": {"kind": "lose"}}, "faults", "is not a list"),
         ({"faults": [{"kind": "melt"}]}, "faults[0]", "has no 'kind' out of lose,"),
         ({"faults": [{"kind": "lose", "at_s": 1, "cuont": 2}]}, "faults[0].cuont", "unknown key"),
@@ -48,10 +49,20 @@ def test_nested_mappings_become_a_tree_of_options() -> None:
         ({"camera": {"radial": [0.0]}}, "camera.radial", "has not 3 numbers"),
         ({"camera": {"decentering": [0.0]}}, "camera.decentering", "has not 2 numbers"),
         ({"camera": {"radial": [0.0, 1.0, 0.0]}}, "camera.radial[1]", "from -0.01 to 0.01"),
-        ({"liner": {"deflection_mm": 9}}, "liner.deflection_mm", "more than .7 of the radius 12.5"),
-        ({"liner": {"open": 0.9}}, "liner.opening + open + closing", "more than the whole period"),
-        ({"liner": {"columns": 13}}, "liner.columns", "do not fit round the wall"),
-        ({"liner": {"rows": 22}}, "liner.rows", "longer than 130 mm"),
+        ({"ellipse": {"deflection_mm": 9}}, "ellipse.deflection_mm", "more than .7 of the radius 12.5"),
+        ({"ellipse": {"open": 0.9}}, "ellipse.opening + open + closing", "more than the whole period"),
+        ({"ellipse": {"columns": 13}}, "ellipse.columns", "do not fit round the wall"),
+        ({"ellipse": {"rows": 22}}, "ellipse.rows", "longer than 130 mm"),
+        ({"liner": {"wall": "cow"}}, "liner.wall", "'cow' is not one of reference-blunt, reference-empty,"),
+        ({"liner": {"columns": 14}}, "liner.columns", "do not fit round the wall"),
+        ({"liner": {"rows": 22}}, "liner.rows", "reach over the wall's end at ±65 mm"),
+        ({"liner": {"patch_x_mm": 20}}, "liner.rows", "about 20 mm reach over the wall's end"),
+        (
+            {"liner": {"vacuum": {"open": 0.9}}},
+            "liner.vacuum.rising + open + falling",
+            "more than the whole period",
+        ),
+        ({"liner": {"vacuum": {"liner_kpa": 30}}}, "liner.vacuum.system_kpa", "no wall is solved for that"),
     ],
 )
 def test_what_cannot_be_used_is_refused_with_its_key_and_what_is_allowed(
@@ -104,7 +115,17 @@ def test_options_that_were_read_can_be_read_again() -> None:
 
 
 @pytest.mark.parametrize(
-    "tree", [CameraOptions, RigOptions, PictureOptions, LinerOptions, PointOption, FakeOptions]
+    "tree",
+    [
+        CameraOptions,
+        RigOptions,
+        PictureOptions,
+        EllipseOptions,
+        LinerOptions,
+        WaveOptions,
+        PointOption,
+        FakeOptions,
+    ],
 )
 def test_every_option_is_documented(tree: type) -> None:
     text = tree.__doc__ or ""

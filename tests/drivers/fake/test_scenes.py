@@ -85,5 +85,5 @@ def test_a_blank_scene_has_nothing() -> None:
     assert len(scene_of("blank").ids) == 0
 
 
-def test_only_the_liner_moves() -> None:
-    assert [name for name in SCENES if scene_of(name).moves] == ["liner"]
+def test_only_liner_and_ellipse_move() -> None:
+    assert [name for name in SCENES if scene_of(name).moves] == ["liner", "ellipse"]

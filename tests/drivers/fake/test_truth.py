@@ -6,21 +6,26 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from grabberd.errors import CaptureFileError
-from grabberd_fake import FakeOptions, World, truth_at, truth_of_wall
+from grabberd_fake import FakeOptions, World, truth_at, truth_of_liner, truth_of_wall
 from grabberd_fake.__main__ import main
 from grabberd_fake.truth import (
     CSV_HEADER,
+    LINER_CSV_HEADER,
+    LOAD_CSV_HEADER,
     WALL_CSV_HEADER,
+    capture_load_truth,
     capture_truth,
     capture_vacuum_log,
     capture_wall_truth,
 )
 
 OPTIONS = {"scene": "liner", "rig": {"reflections": 1}, "pace": "free"}
+ELLIPSE = {**OPTIONS, "scene": "ellipse"}
 
 
 @pytest.fixture
@@ -103,13 +108,46 @@ def test_the_command_says_what_is_wrong_and_fails(tmp_path: Path, capsys: pytest
     assert "absent.grab" in capsys.readouterr().err
 
 
-def test_the_walls_truth_of_a_capture_has_a_row_for_every_target_and_field(capture: Path) -> None:
+def last_row(lines: list[str]) -> dict[str, str]:
+    return dict(zip(lines[0].split(","), lines[-1].split(","), strict=True))
+
+
+def test_the_liners_truth_of_a_capture_has_a_row_for_every_target_and_field(capture: Path) -> None:
     lines = list(capture_wall_truth(capture))
-    columns = lines[0].split(",")
+    assert lines[0] == LINER_CSV_HEADER
+    assert len(lines) == 1 + 3 * 108
+    last, truth = last_row(lines), truth_of_liner(OPTIONS, 80_000_000)
+    assert (last["n"], last["time_ns"], last["target"]) == ("3", "80000000", "108")
+    assert float(last["strain_12"]) == pytest.approx(truth.strain[-1, 0, 1])
+    assert float(last["p_contact_kpa"]) == pytest.approx(truth.contact_kpa[-1], abs=1e-6)
+    assert float(last["rest_kpa"]) == pytest.approx(truth.rest_kpa)
+    assert float(last["pulsation_vacuum_kpa"]) == pytest.approx(truth.pulsation_kpa)
+
+
+def test_the_load_of_a_capture_has_a_row_for_every_element_and_field(capture: Path) -> None:
+    lines = list(capture_load_truth(capture))
+    assert lines[0] == LOAD_CSV_HEADER
+    truth = truth_of_liner(OPTIONS, 20_000_000)
+    assert len(lines) == 1 + 3 * len(truth.load_x_mm)
+    rows = np.array([line.split(",") for line in lines[1 : 1 + len(truth.load_x_mm)]], float)
+    assert_allclose(rows[:, 2:], np.column_stack([truth.load_x_mm, truth.load_n_per_mm]), atol=1e-6)
+
+
+def test_scenes_without_a_liner_have_no_load_and_no_vacuum(tmp_path: Path) -> None:
+    options = {"scene": "calibration_frame"}
+    path = write_capture(tmp_path / "frame.grab", {"name": "a", "driver": "fake", "options": options})
+    with pytest.raises(ValueError, match="'calibration_frame' is not the solved wall"):
+        list(capture_load_truth(path))
+    with pytest.raises(ValueError, match="'calibration_frame' has no vacuum"):
+        list(capture_vacuum_log(path))
+
+
+def test_the_ellipses_truth_of_a_capture_has_what_its_movement_would_need(tmp_path: Path) -> None:
+    path = write_capture(tmp_path / "one.grab", {"name": "a", "driver": "fake", "options": ELLIPSE})
+    lines = list(capture_wall_truth(path))
     assert lines[0] == WALL_CSV_HEADER
     assert len(lines) == 1 + 3 * 108
-    last = dict(zip(columns, lines[-1].split(","), strict=True))
-    truth = truth_of_wall(OPTIONS, 80_000_000)
+    last, truth = last_row(lines), truth_of_wall(ELLIPSE, 80_000_000)
     assert (last["n"], last["time_ns"], last["target"]) == ("3", "80000000", "108")
     assert float(last["strain_12"]) == pytest.approx(truth.strain[-1, 0, 1])
     assert float(last["curvature_per_m_22"]) == pytest.approx(truth.curvature_per_m[-1, 1, 1])
@@ -123,10 +161,11 @@ def test_the_vacuum_log_reaches_a_cycle_beyond_the_capture_on_its_own_clock(capt
     assert (first, last) == (pytest.approx(-1.0), pytest.approx(1.06))
 
 
-@pytest.mark.parametrize("of", ["wall", "vacuum"])
-def test_the_command_prints_wall_and_vacuum(
+@pytest.mark.parametrize("of", ["wall", "load", "vacuum"])
+def test_the_command_prints_wall_load_and_vacuum(
     capture: Path, capsys: pytest.CaptureFixture[str], of: str
 ) -> None:
-    lines = {"wall": capture_wall_truth, "vacuum": capture_vacuum_log}[of](capture)
+    known = {"wall": capture_wall_truth, "load": capture_load_truth, "vacuum": capture_vacuum_log}
+    lines = known[of](capture)
     assert main(["truth", str(capture), "--of", of]) == 0
     assert capsys.readouterr().out.splitlines() == list(lines)

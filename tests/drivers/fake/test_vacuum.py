@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from drivers.fake.iso_phases import iso_phases_s
-from grabberd_fake.liner import closure
+from grabberd_fake.ellipse_liner import closure
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.vacuum import LOG_HEADER, pulsation_kpa, vacuum_log
 
-LINER = FakeOptions().liner
+LINER = FakeOptions().ellipse
 
 
 @given(st.floats(0, 100))
@@ -74,4 +74,4 @@ def test_its_noise_is_seeded() -> None:
 )
 def test_a_vacuum_that_does_not_fit_into_the_cycle_is_refused(vacuum: dict[str, float], said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        FakeOptions.read({"liner": {"vacuum": vacuum}})
+        FakeOptions.read({"ellipse": {"vacuum": vacuum}})

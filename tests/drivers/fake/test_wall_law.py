@@ -13,7 +13,7 @@ from grabberd_fake.wall_law import moment, pre_stretch, strain, tension
 
 
 def liner(**material):
-    return FakeOptions.read({"liner": {"material": material}}).liner
+    return FakeOptions.read({"ellipse": {"material": material}}).ellipse
 
 
 def metric(along, around, shear=0.0):

@@ -39,12 +39,14 @@ def test_the_mounted_wall_is_all_but_a_cylinder(states: WallStates) -> None:
     radius_mm = design["radius_mm"] + design["wall_mm"] / 2 - design["taper"] * states.x_mm
     mounted = states.outer_mm(0.0)
     off_mm = np.hypot(mounted[..., 1], mounted[..., 2]) - radius_mm[:, np.newaxis]
-    assert np.abs(off_mm).max() < SLACK_MM
+    teat = states.about["teat"] or {}
+    pushed_aside_mm = abs(teat.get("y_mm", 0.0)) + abs(teat.get("z_mm", 0.0))
+    assert np.abs(off_mm).max() < SLACK_MM + pushed_aside_mm
 
 
 def test_the_wall_closes_as_the_pressure_rises(states: WallStates) -> None:
     heights = [height_mm(states, kpa) for kpa in (0, 15, 25, 40)]
-    assert np.all(np.diff(heights) < 0.01), "a wall that is closed stays so"
+    assert np.all(np.diff(heights) < 0.05), "a wall that is closed stays so"
     assert heights[-1] < 0.8 * heights[0]
 
 
@@ -76,12 +78,23 @@ def test_normals_stand_on_the_surface_and_point_outward(states: WallStates) -> N
     assert (from_axis * normals).sum(axis=-1).min() > 0
 
 
-def test_quarters_mirror_each_other(states: WallStates) -> None:
+def test_parts_that_were_not_solved_mirror_those_that_were(states: WallStates) -> None:
     grid = states.outer_mm(20.0)
     one, _ = Patch(states, ROWS_MM, np.array([0.4, np.pi - 0.4])).surface(grid)
     other, _ = Patch(states, ROWS_MM, np.array([-0.4, 0.4 - np.pi])).surface(grid)
-    np.testing.assert_allclose(other, one * [1, -1, 1], atol=1e-9)
-    np.testing.assert_allclose(one[:, 1], one[:, 0] * [1, 1, -1], atol=1e-9)
+    teat = states.about["teat"] or {}
+    flanks_differ = np.abs(other - one * [1, -1, 1]).max()
+    sides_differ = np.abs(one[:, 1] - one[:, 0] * [1, 1, -1]).max()
+    assert (flanks_differ < 1e-9) == (not teat.get("y_mm"))
+    assert (sides_differ < 1e-9) == (not teat.get("z_mm"))
+
+
+def test_surface_goes_on_smoothly_from_a_solved_part_into_a_mirrored_one(states: WallStates) -> None:
+    close = np.array([-1e-4, 1e-4])
+    for border in (0.0, np.pi / 2, -np.pi / 2):
+        points, normals = Patch(states, ROWS_MM, border + close).surface(states.outer_mm(20.0))
+        assert np.abs(points[:, 1] - points[:, 0]).max() < 0.01
+        assert (normals[:, 1] * normals[:, 0]).sum(axis=-1).min() > 0.99
 
 
 def test_an_unknown_wall_is_refused_with_the_names_there_are() -> None:

@@ -7,20 +7,20 @@ from scipy.optimize import brentq
 from scipy.special import ellipe
 
 from grabberd_fake import FakeOptions, truth_of_wall
-from grabberd_fake.liner import Liner
+from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.wall_truth import wall_sheet
 
 OPEN_NS, MOVING_NS, CLOSED_NS = 400_000_000, 60_000_000, 900_000_000
-LONG = {"liner": {"length_mm": 300.0, "rows": 3, "columns": 8}}
+LONG = {"scene": "ellipse", "ellipse": {"length_mm": 300.0, "rows": 3, "columns": 8}}
 """So long that its middle is a cylinder over an ellipse, but for the curvature along it."""
 
 
 def closed(options=None):
-    return truth_of_wall(options or {}, CLOSED_NS)
+    return truth_of_wall(options or {"scene": "ellipse"}, CLOSED_NS)
 
 
 def test_the_open_liner_is_a_cylinder_under_its_pretension_alone() -> None:
-    truth = truth_of_wall({}, OPEN_NS)
+    truth = truth_of_wall({"scene": "ellipse"}, OPEN_NS)
     assert_allclose(truth.strain, 0, atol=1e-12)
     assert_allclose(truth.stretch, 1, atol=1e-12)
     assert_allclose(truth.curvature_per_m, np.tile([[0, 0], [0, 80.0]], (108, 1, 1)), atol=1e-9)
@@ -30,11 +30,11 @@ def test_the_open_liner_is_a_cylinder_under_its_pretension_alone() -> None:
 
 
 def test_open_and_free_with_equal_vacuum_on_both_sides_nothing_touches_it() -> None:
-    assert_allclose(truth_of_wall({}, OPEN_NS).pressure_kpa, 0, atol=1e-6)
+    assert_allclose(truth_of_wall({"scene": "ellipse"}, OPEN_NS).pressure_kpa, 0, atol=1e-6)
 
 
 def test_a_difference_of_pressure_is_carried_by_the_inner_face() -> None:
-    truth = truth_of_wall({"liner": {"vacuum": {"liner_kpa": 52.0}}}, OPEN_NS)
+    truth = truth_of_wall({"scene": "ellipse", "ellipse": {"vacuum": {"liner_kpa": 52.0}}}, OPEN_NS)
     assert_allclose(truth.pressure_kpa, 10 * 12.5 / 11.25, atol=1e-6)
 
 
@@ -45,7 +45,10 @@ def test_closed_the_chamber_is_at_atmosphere() -> None:
 
 def test_places_and_normals_are_those_of_the_targets_wall() -> None:
     for time_ns in (OPEN_NS, MOVING_NS, CLOSED_NS):
-        truth, wall = truth_of_wall({}, time_ns), Liner(FakeOptions().liner).wall(time_ns)
+        truth, wall = (
+            truth_of_wall({"scene": "ellipse"}, time_ns),
+            EllipseLiner(FakeOptions().ellipse).wall(time_ns),
+        )
         assert_allclose(truth.xyz_mm, wall.xyz_mm, atol=1e-6)
         assert_allclose(truth.normal, wall.normal, atol=1e-6)
         assert_allclose(
@@ -55,7 +58,7 @@ def test_places_and_normals_are_those_of_the_targets_wall() -> None:
 
 def test_strain_is_what_finite_differences_of_neighbouring_wall_show() -> None:
     """The stretch of short lines of the wall, drawn when it was open."""
-    fine = {"liner": {"pitch_mm": 1.0, "rows": 3, "columns": 3, "length_mm": 130.0}}
+    fine = {"scene": "ellipse", "ellipse": {"pitch_mm": 1.0, "rows": 3, "columns": 3, "length_mm": 130.0}}
     options = FakeOptions.read(fine)
     places = {t: truth_of_wall(options, t).xyz_mm.reshape(3, 3, 3) for t in (OPEN_NS, CLOSED_NS)}
     edges = {t: np.array([p[2, 1] - p[0, 1], p[1, 2] - p[1, 0]]) / 2 for t, p in places.items()}
@@ -76,10 +79,10 @@ def test_principal_stretches_are_those_of_the_strain_and_their_directions_perpen
 
 def test_strain_from_another_time_composes() -> None:
     """Between two times: (C - G)/2 of the one is the difference of both, in the basis of the first."""
-    same = truth_of_wall({}, CLOSED_NS, reference_ns=CLOSED_NS)
+    same = truth_of_wall({"scene": "ellipse"}, CLOSED_NS, reference_ns=CLOSED_NS)
     assert_allclose(same.strain, 0, atol=1e-12)
     assert_allclose(same.tension_n_per_m, closed().tension_n_per_m)
-    back = truth_of_wall({}, OPEN_NS, reference_ns=CLOSED_NS)
+    back = truth_of_wall({"scene": "ellipse"}, OPEN_NS, reference_ns=CLOSED_NS)
     assert_allclose(back.stretch, 1 / closed().stretch[:, ::-1], atol=1e-9)
 
 
@@ -117,7 +120,7 @@ def _other_axis(p):
 
 @pytest.mark.parametrize("deflection_mm", [1.0, 5.0, 6.0])
 def test_a_finer_grid_says_the_same(deflection_mm: float) -> None:
-    liner = FakeOptions.read({"liner": {"deflection_mm": deflection_mm}}).liner
+    liner = FakeOptions.read({"scene": "ellipse", "ellipse": {"deflection_mm": deflection_mm}}).ellipse
     bendings = []
     for grid in ((64, 256), (128, 512)):
         _, sheet = wall_sheet(liner, 1.0, grid)
@@ -132,13 +135,15 @@ def test_the_tube_mirrors_itself() -> None:
     assert_allclose(pressure, pressure[:, ::-1], atol=1e-6)
 
 
-def test_only_the_liner_has_a_wall() -> None:
-    with pytest.raises(ValueError, match="'blank' has no wall"):
+def test_only_the_ellipse_has_this_truth() -> None:
+    with pytest.raises(ValueError, match="'blank' is not the prescribed wall"):
         truth_of_wall({"scene": "blank"}, 0)
 
 
 def test_thick_targets_stand_off_the_wall() -> None:
-    thick = Liner(FakeOptions.read({"liner": {"target_thickness_mm": 0.2}}).liner)
-    plain = Liner(FakeOptions().liner)
+    thick = EllipseLiner(
+        FakeOptions.read({"scene": "ellipse", "ellipse": {"target_thickness_mm": 0.2}}).ellipse
+    )
+    plain = EllipseLiner(FakeOptions().ellipse)
     off = thick.targets(CLOSED_NS).xyz_mm - plain.targets(CLOSED_NS).xyz_mm
     assert_allclose(off, 0.2 * plain.targets(CLOSED_NS).normal, atol=1e-9)

@@ -84,8 +84,8 @@ def test_targets_on_the_same_lines_share_their_jitter_in_both_halves(world: Make
     assert abs(correlation[0, 2]) < 0.5
 
 
-FAST = {"liner": {"deflection_mm": 8, "opening": 0.05}, "rig": {"mirror_error_px": 0}}
-"""A liner that opens so fast that its middle moves several pixels in a field; field 1 is amid it."""
+FAST = {"scene": "ellipse", "ellipse": {"deflection_mm": 8, "opening": 0.05}, "rig": {"mirror_error_px": 0}}
+"""An ellipse that opens so fast that its middle moves several pixels in a field; field 1 is amid it."""
 
 
 def test_exposure_smears_what_moves_along_its_way(world: MakeWorld, shot: Shoot) -> None:

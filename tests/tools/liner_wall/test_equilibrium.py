@@ -78,6 +78,16 @@ def test_thin_ring_buckles_at_3d_over_r_cubed(wall_mm: float) -> None:
     assert slope == pytest.approx(1.0, abs=0.006)
 
 
+def test_perfect_ring_stays_round_beyond_buckling_but_is_stable_only_before() -> None:
+    critical_mpa = 3 * bending_stiffness(1.0) / RADIUS_MM**3
+    tube = ring(wall_mm=1.0, arcs=18)
+    for share, stays in ((0.9, True), (1.1, False)):
+        state = tube.solve(tube.at_rest(), share * critical_mpa, nothing)
+        y, z = (on_axis(tube, state.nodes_mm, angle, 0.5)[i] for angle, i in ((np.pi / 2, 1), (0.0, 2)))
+        assert y == pytest.approx(z, abs=1e-6)
+        assert tube.is_stable(state, share * critical_mpa, nothing) is stays
+
+
 def test_opposite_walls_of_a_thin_ring_touch_at_their_known_pressure() -> None:
     wall_mm = 0.8
     touch_mpa = 5.24687 * bending_stiffness(wall_mm) / RADIUS_MM**3

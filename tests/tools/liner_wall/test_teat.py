@@ -1,5 +1,7 @@
 """Contact pressure as a function of a place: its slope, its reach, its shapes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tools.liner_wall.designs import TEATS
@@ -48,3 +50,22 @@ def test_opposite_walls_push_each_other_apart_where_they_meet() -> None:
     assert pressure[0] == 0
     assert pressure[1] > 0.05
     assert slope[1, 2] < 0
+
+
+def test_a_teat_that_is_moved_pushes_where_it_was_moved_to() -> None:
+    centred = SHAPES[0]
+    moved = replace(centred, y_mm=1.0, z_mm=-0.5)
+    points = np.random.default_rng(5).uniform(-12, 12, (50, 3))
+    for told, expected in zip(
+        moved.pressure(points + np.array([0.0, 1.0, -0.5])), centred.pressure(points), strict=True
+    ):
+        np.testing.assert_allclose(told, expected, atol=1e-12)
+
+
+def test_the_lower_half_is_pushed_down_where_the_upper_one_is_pushed_up() -> None:
+    point = np.array([0.0, 1.0, -0.2])
+    below, slope = opposite_wall(-point, -1.0)
+    above, opposite = opposite_wall(point, 1.0)
+    assert below == above > 0
+    np.testing.assert_allclose(slope, -opposite)
+    assert opposite_wall(point, -1.0)[0] == 0
