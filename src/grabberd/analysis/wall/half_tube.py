@@ -1,0 +1,226 @@
+"""The half of a mounted liner that faces the cameras, as a thick wall between its clamped ends.
+
+The liner's frame: x along the tube, z towards the cameras, an angle θ round it from z towards y, so the open
+wall lies at (x, R sin θ, R cos θ). The parameters of the surface are s = R θ and x, in mm. The half ends
+at its cuts, θ = ±90°.
+
+A patch is an interval round times one along. Its matrices are sums over its points of quadrature and the
+derivatives there, written as one matrix product over both.
+"""
+
+import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from grabberd.analysis.wall.banded import PATCH, Banded, BandLayout
+from grabberd.analysis.wall.cuts import Cuts
+from grabberd.analysis.wall.rubber import RubberWall
+from grabberd.analysis.wall.shell import UNKNOWNS, Geometry, Load, Shell
+from grabberd.analysis.wall.splines import DERIVATIVES, GAUSS_POINTS, Basis, SplineAxis, SplineGrid
+
+Array = NDArray[np.float64]
+
+ARCS, SLABS = 16, 26
+"""Intervals round the half and along it.
+
+Twice as many arcs move contact pressures by less than .2 kPa; along the tube the rim of a teat asks for
+intervals shorter than the targets' pitch.
+"""
+_POINTS = GAUSS_POINTS**2
+_DERIVATIVES = len(DERIVATIVES)
+_MEMBERS = PATCH // UNKNOWNS
+
+
+@dataclass(frozen=True, slots=True)
+class MountedTube:
+    """The liner as mounted, open and without a teat.
+
+    Attributes:
+        radius_mm: of the wall's middle, halfway along.
+        taper: growth of the radius per length towards low x.
+        length_mm: between the ends that hold it; x runs from minus half to plus half of it.
+        thickness_mm: of the mounted wall.
+        young_mpa: Young's modulus at small strain.
+        pretension_n: axial force of the mounted liner.
+    """
+
+    radius_mm: float
+    taper: float
+    length_mm: float
+    thickness_mm: float
+    young_mpa: float
+    pretension_n: float
+
+    @property
+    def stretch(self) -> float:
+        """λ, length of the mounted tube over that of the loose one.
+
+        Neo-Hookean: F₀ = µ (λ² − 1/λ) A, where A is the mounted section.
+        """
+        section_mm2 = 2 * np.pi * self.radius_mm * self.thickness_mm
+        load = 3 * self.pretension_n / (self.young_mpa * section_mm2)
+        roots = np.roots([1.0, 0.0, -load, -1.0])
+        # The cubic has one positive root, and it is the largest.
+        return float(roots[np.isreal(roots)].real.max())
+
+    def changed(self, young: float, thickness: float, pretension: float) -> "MountedTube":
+        """The tube with its modulus, thickness and pretension times e to the given powers."""
+        return replace(
+            self,
+            young_mpa=self.young_mpa * np.exp(young),
+            thickness_mm=self.thickness_mm * np.exp(thickness),
+            pretension_n=self.pretension_n * np.exp(pretension),
+        )
+
+
+class Tangent:
+    """Derivative of the wall's resistance less its load by its unknowns."""
+
+    def __init__(self, layout: BandLayout, patches: Array, members: NDArray[np.intp]) -> None:
+        """Factors the sum of the patches' matrices (P, 64, 64) of control points `members` (P, 16)."""
+        self.factors: Banded = layout.factors(patches)
+        self._layout, self._patches, self._members = layout, patches, members
+
+    def by_held(self, columns: sparse.csr_matrix) -> Array:
+        """(n, M) derivative by parameters that move held control values, `columns` (4 K, M) of them."""
+        touched = np.isin(self._members, columns.nonzero()[0] // UNKNOWNS).any(axis=1)
+        values = self._members[touched][:, :, np.newaxis] * UNKNOWNS + np.arange(UNKNOWNS)
+        product = self._patches[touched] @ columns.toarray()[values.reshape(-1, PATCH)]
+        unknowns = self._layout.unknowns[touched]
+        free = unknowns >= 0
+        derivative = np.zeros((self._layout.count, columns.shape[1]))
+        np.add.at(derivative, unknowns[free], product[free])
+        return derivative
+
+
+class HalfTube:
+    """Mesh and equations of the half tube.
+
+    Attributes:
+        tube: the liner.
+        grid: control points over (s, x).
+        s_mm, x_mm: (N,) points of quadrature.
+        mounted: (K, 4) control values of the open wall.
+        shell: the wall at those points.
+        cuts: what is free, what is held, and what the cuts do.
+    """
+
+    def __init__(
+        self,
+        tube: MountedTube,
+        departure_mm: Array | None = None,
+        arcs: int = ARCS,
+        slabs: int = SLABS,
+    ) -> None:
+        """Builds the mesh.
+
+        Args:
+            tube: the liner.
+            departure_mm: (K,) control values of the mounted wall's radial departure from the ideal tube.
+            arcs: intervals round the half.
+            slabs: intervals along the tube.
+        """
+        radius, half = tube.radius_mm, tube.length_mm / 2
+        self.tube = tube
+        self.grid = SplineGrid(
+            SplineAxis.over(-np.pi / 2 * radius, np.pi / 2 * radius, arcs),
+            SplineAxis.over(-half, half, slabs),
+        )
+        self.s_mm, self.x_mm, self._weights = self.grid.quadrature()
+        self._basis = self.grid.basis(self.s_mm, self.x_mm)
+        self.mounted = self._mounted(departure_mm)
+        self.shell = Shell(self._basis, self._weights, self.wall(self._basis, tube))
+        self.cuts = Cuts.of(self.grid)
+        self._members = self._basis.members[::_POINTS]
+        unknowns = self.cuts.order[self._members].reshape(-1, PATCH)
+        self._layout = BandLayout.of(unknowns, self.cuts.count)
+        # (P, 16, points × derivatives)
+        values = self._basis.values.reshape(_DERIVATIVES, -1, _POINTS, _MEMBERS).transpose(1, 3, 2, 0)
+        self._values = np.ascontiguousarray(values).reshape(len(values), _MEMBERS, -1)
+
+    def of(self, tube: MountedTube) -> "HalfTube":
+        """The same mesh of a tube with another thickness, modulus or pretension."""
+        changed = copy.copy(self)
+        changed.tube = tube
+        changed.shell = Shell(self._basis, self._weights, self.wall(self._basis, tube))
+        return changed
+
+    def wall(self, basis: Basis, tube: MountedTube) -> RubberWall:
+        """Rubber of a tube at points of the wall.
+
+        Without stress, the wall is √λ times as wide and thick as mounted, and 1/λ times as long.
+        """
+        stretch = tube.stretch
+        scale = np.array([1 / stretch, np.sqrt(stretch), np.sqrt(stretch), 0.0])
+        forms = Geometry.of(basis, self.mounted * scale).forms()
+        thickness = np.full(len(basis.members), np.sqrt(stretch) * tube.thickness_mm)
+        return RubberWall(forms, thickness, tube.young_mpa / 3)
+
+    def moved(self, control: Array, unknowns: Array) -> Array:
+        """(K, 4) control values moved by the unknowns (n,)."""
+        moved: Array = control + (self.cuts.free @ unknowns).reshape(control.shape)
+        return moved
+
+    def residual(self, control: Array, load: Load) -> Array:
+        """(n,) force out of balance on the unknowns: load less resistance, N."""
+        force: Array = self.cuts.free.T @ self.shell.force(control, load).ravel()
+        return force
+
+    def tangent(self, control: Array, load: Load) -> Tangent:
+        """Derivative of resistance less load at a state."""
+        stiffness = self.shell.stiffness(control, load) * self._weights[:, np.newaxis, np.newaxis]
+        return Tangent(self._layout, self._patches(stiffness), self._members)
+
+    def by_fields(self, work: Array) -> sparse.csr_matrix:
+        """Derivative of the residual by spline fields.
+
+        Args:
+            work: (N, 6, 4, M) of unit values of M fields at the points of quadrature, by the six derivatives.
+
+        Returns:
+            (n, M K) sparse; the control values of each field together.
+        """
+        each = self._field_patches(work * self._weights[:, np.newaxis, np.newaxis, np.newaxis])
+        fields = work.shape[-1]
+        rows = np.broadcast_to(self.cuts.order[self._members][..., np.newaxis, np.newaxis], each.shape)
+        number = self._members[:, np.newaxis] + self.grid.count * np.arange(fields)[:, np.newaxis]
+        columns = np.broadcast_to(number[:, np.newaxis, np.newaxis], each.shape)
+        free = rows >= 0
+        entries = (each[free], (rows[free], columns[free]))
+        return sparse.csr_matrix(entries, shape=(self.cuts.count, fields * self.grid.count))
+
+    def _patches(self, stiffness: Array) -> Array:
+        """(P, 64, 64) matrices of the patches, of weighted stiffness (N, 24, 24) at the points."""
+        patches = len(self._values)
+        # Axes: patch, point, derivative e, unknown c, unknown d, derivative f. First the sum over f …
+        parts = stiffness.reshape(patches, _POINTS, _DERIVATIVES, UNKNOWNS, _DERIVATIVES, UNKNOWNS)
+        parts = parts.transpose(0, 1, 2, 3, 5, 4).reshape(patches, _POINTS, -1, _DERIVATIVES)
+        by_order = self._values.reshape(patches, _MEMBERS, _POINTS, _DERIVATIVES).transpose(0, 2, 3, 1)
+        half = np.matmul(parts, by_order).reshape(patches, _POINTS * _DERIVATIVES, -1)
+        # … then the one over points and e.
+        whole = np.matmul(self._values, half).reshape(patches, _MEMBERS, UNKNOWNS, UNKNOWNS, _MEMBERS)
+        matrices: Array = whole.transpose(0, 1, 2, 4, 3).reshape(patches, PATCH, PATCH)
+        return matrices
+
+    def _field_patches(self, work: Array) -> Array:
+        """(P, 16, 4, M, 16) patches of fields' weighted work (N, 6, 4, M): 16 moved by 16 control values."""
+        patches, fields = len(self._values), work.shape[-1]
+        field_values = self._basis.values[0].reshape(patches, _POINTS, 1, 1, 1, _MEMBERS)
+        parts = work.reshape(patches, _POINTS, _DERIVATIVES, UNKNOWNS, fields, 1) * field_values
+        sums = np.matmul(self._values, parts.reshape(patches, _POINTS * _DERIVATIVES, -1))
+        matrices: Array = sums.reshape(patches, _MEMBERS, UNKNOWNS, fields, _MEMBERS)
+        return matrices
+
+    def _mounted(self, departure_mm: Array | None) -> Array:
+        """(K, 4) control values of the mounted wall: the splines nearest to it."""
+        theta = self.s_mm / self.tube.radius_mm
+        radius = self.tube.radius_mm - self.tube.taper * self.x_mm
+        if departure_mm is not None:
+            radius = radius + self._basis.of(departure_mm)
+        points = np.column_stack([self.x_mm, radius * np.sin(theta), radius * np.cos(theta)])
+        dense = self._basis.matrices[0]
+        control = sparse.linalg.splu((dense.T @ dense).tocsc()).solve(dense.T @ points)
+        return np.column_stack([control, np.zeros(len(control))])

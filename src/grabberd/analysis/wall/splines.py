@@ -1,0 +1,146 @@
+"""Tensor-product splines of degree three on the wall: round it and along it.
+
+A wall's slope has to be continuous for its bending energy to be finite; cubic B-splines are twice
+continuously differentiable, with one control point per interval and no rotations to carry along.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.interpolate import BSpline
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+DEGREE = 3
+GAUSS_POINTS = 3
+"""Per interval and direction: exact for products of two cubics' first derivatives, and of second ones."""
+DERIVATIVES = ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1))
+"""Orders round and along, in the order in which `Basis` keeps them."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplineAxis:
+    """Cubic B-splines over one direction.
+
+    Attributes:
+        knots: with the ends repeated, so that the first and last control points are the spline's own ends.
+    """
+
+    knots: Array
+
+    @classmethod
+    def over(cls, start: float, end: float, intervals: int) -> "SplineAxis":
+        """Equal intervals from start to end."""
+        inner = np.linspace(start, end, intervals + 1)
+        return cls(np.concatenate([[start] * DEGREE, inner, [end] * DEGREE]))
+
+    @property
+    def count(self) -> int:
+        """Number of control points."""
+        return len(self.knots) - DEGREE - 1
+
+    @property
+    def greville(self) -> Array:
+        """(count,) positions of the control points."""
+        shifted = np.stack([self.knots[1 + i : 1 + i + self.count] for i in range(DEGREE)])
+        positions: Array = shifted.mean(axis=0)
+        return positions
+
+    def gauss(self) -> tuple[Array, Array]:
+        """(Q,) positions and weights of the quadrature."""
+        local, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        breaks = np.unique(self.knots)
+        half = np.diff(breaks)[:, np.newaxis] / 2
+        middle = (breaks[:-1] + breaks[1:])[:, np.newaxis] / 2
+        return (middle + half * local).ravel(), (half * weights).ravel()
+
+    def first(self, at: Array) -> Indices:
+        """(N,) index of the first of the four control points that matter at each position."""
+        interval = np.searchsorted(self.knots, at, side="right") - 1
+        return np.clip(interval, DEGREE, self.count - 1) - DEGREE
+
+    def local(self, at: Array) -> Array:
+        """(3, N, 4) values, first and second derivatives of the four splines at each position."""
+        first = self.first(at)
+        members = first[:, np.newaxis] + np.arange(DEGREE + 1)
+        spline = BSpline(self.knots, np.eye(self.count), DEGREE)
+        dense = [spline(at), spline.derivative(1)(at), spline.derivative(2)(at)]
+        return np.stack([np.take_along_axis(one, members, axis=1) for one in dense])
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Splines at N points of the wall.
+
+    Attributes:
+        members: (N, 16) numbers of the control points, along × round.
+        values: (6, N, 16) derivatives, in the order of `DERIVATIVES`.
+        count: number K of all control points.
+    """
+
+    members: Indices
+    values: Array
+    count: int
+
+    def of(self, control: Array, derivative: int = 0) -> Array:
+        """(N, …) value or derivative of a field with control values (K,) or (K, M)."""
+        at: Array = self.matrices[derivative] @ control
+        return at
+
+    @cached_property
+    def matrices(self) -> tuple[sparse.csr_matrix, ...]:
+        """Six matrices (N, K): the derivatives by the control values."""
+        starts = np.arange(len(self.members) + 1) * self.members.shape[1]
+        shape = (len(self.members), self.count)
+        return tuple(
+            sparse.csr_matrix((each.ravel(), self.members.ravel(), starts), shape=shape)
+            for each in self.values
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SplineGrid:
+    """Splines on a rectangle of the wall.
+
+    Control point (i along, j round) has the number i · around.count + j.
+    """
+
+    around: SplineAxis
+    along: SplineAxis
+
+    @property
+    def count(self) -> int:
+        """Number of control points."""
+        return self.around.count * self.along.count
+
+    def basis(self, s_mm: Array, x_mm: Array) -> Basis:
+        """Splines at points (N,) round and along."""
+        around, along = self.around.local(s_mm), self.along.local(x_mm)
+        columns = self.around.first(s_mm)[:, np.newaxis] + np.arange(DEGREE + 1)
+        rows = self.along.first(x_mm)[:, np.newaxis] + np.arange(DEGREE + 1)
+        members = rows[:, :, np.newaxis] * self.around.count + columns[:, np.newaxis]
+        values = np.stack([np.einsum("ni,nj->nij", along[b], around[a]) for a, b in DERIVATIVES])
+        shape = (len(DERIVATIVES), len(s_mm), -1)
+        return Basis(members.reshape(shape[1:]), values.reshape(shape), self.count)
+
+    def quadrature(self) -> tuple[Array, Array, Array]:
+        """Points (N,) round and along, and their weights (N,) in mm².
+
+        A patch is an interval round times one along; the points of a patch, 3 × 3, stand together.
+        """
+        s, s_weights = self.around.gauss()
+        x, x_weights = self.along.gauss()
+        shape = (len(x) // GAUSS_POINTS, GAUSS_POINTS, len(s) // GAUSS_POINTS, GAUSS_POINTS)
+
+        def ordered(grid: Array) -> Array:
+            return grid.reshape(shape).transpose(0, 2, 1, 3).ravel()
+
+        return (
+            ordered(np.broadcast_to(s, (len(x), len(s)))),
+            ordered(np.broadcast_to(x[:, np.newaxis], (len(x), len(s)))),
+            ordered(np.outer(x_weights, s_weights)),
+        )
