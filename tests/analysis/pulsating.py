@@ -4,22 +4,22 @@ import numpy as np
 
 from grabberd.analysis import TimedPoints
 from grabberd.reconstruction import Points
-from grabberd_fake.liner import Liner
+from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.options import FakeOptions
 
 FIELD_S = 0.02
-LINER = FakeOptions().liner
+LINER = FakeOptions().ellipse
 OPEN_HALF_S, CLOSED_HALF_S = 0.0757439, 0.6742561
-"""When the default liner's first principal movement passes half its stroke."""
+"""When the ellipse's first principal movement passes half its stroke."""
 
 
 def liner(**options):
-    return FakeOptions.read({"liner": options}).liner
+    return FakeOptions.read({"ellipse": options}).ellipse
 
 
 def capture(times_s, sigma_mm=0.02, missing=0.0, seed=0, **options):
     """Fields of a capture; z is twice as noisy, as it is with this rig."""
-    rng, scene = np.random.default_rng(seed), Liner(liner(**options))
+    rng, scene = np.random.default_rng(seed), EllipseLiner(liner(**options))
     each = sigma_mm * np.array([1.0, 1.0, 2.0])
     fields = []
     for time_s in times_s:

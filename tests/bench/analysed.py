@@ -1,4 +1,4 @@
-"""Captures of the simulated liner, rendered, measured and analysed, with what is true of every state."""
+"""Captures of the simulated ellipse, rendered, measured and analysed, with what is true of every state."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from grabberd.processes.analysis.analyse import Analysis, FieldPoints, analyse
 from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.processes.measure import measure_fields
 from grabberd_fake import FakeOptions
-from grabberd_fake.liner import closure, profile
+from grabberd_fake.ellipse_liner import closure, profile
 from grabberd_fake.truth import truth_at
 from grabberd_fake.vacuum import pulsation_kpa
 from grabberd_fake.wall_truth import WallTruth, truth_of_wall
@@ -47,11 +47,11 @@ class Case:
     def options(self) -> dict[str, Any]:
         """As the driver takes them."""
         return {
-            "scene": "liner",
+            "scene": "ellipse",
             "seed": 3,
             "picture": {"jitter_px": self.jitter_px},
             "rig": {"mirror_error_px": self.mirror_error_px},
-            "liner": {"period_s": PERIOD_S, "radius_mm": self.radius_mm},
+            "ellipse": {"period_s": PERIOD_S, "radius_mm": self.radius_mm},
         }
 
 
@@ -76,7 +76,7 @@ class Analysed:
             for one in measured
         ]
         self.grid = Grid.of(setup.object_model)
-        self.liner = FakeOptions.read(case.options).liner
+        self.liner = FakeOptions.read(case.options).ellipse
 
     @cached_property
     def analysis(self) -> Analysis:

@@ -9,11 +9,12 @@ from grabberd.processes.analysis.analyse import FieldPoints, analyse
 from grabberd.processes.analysis.inputs import read_inputs
 from grabberd.reconstruction import ObjectModel, Points
 from grabberd_fake import FakeOptions, truth_of_wall
-from grabberd_fake.liner import Liner
+from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.vacuum import vacuum_log
 
 FIELD_S, PERIOD_S, SIGMA_MM = 0.02, 0.6, np.array([0.01, 0.01, 0.02])
-OPTIONS = {"liner": {"rows": 7, "columns": 5, "length_mm": 60.0, "deflection_mm": 3.0, "period_s": PERIOD_S}}
+SHAPE = {"rows": 7, "columns": 5, "length_mm": 60.0, "deflection_mm": 3.0, "period_s": PERIOD_S}
+OPTIONS = {"scene": "ellipse", "ellipse": SHAPE}
 FAKE = FakeOptions.read(OPTIONS)
 MATERIAL = {
     "law": "neo_hookean",
@@ -32,7 +33,7 @@ OPEN_S, CLOSED_S = 0.2, 0.52
 
 @cache
 def model():
-    scene = Liner(FAKE.liner)
+    scene = EllipseLiner(FAKE.ellipse)
     places = scene.nominal().xyz_mm
     row, column = (part.astype(np.int32) for part in (scene.row, scene.column))
     return ObjectModel("liner", scene.ids, places, row, column, 1.5, 0.3)
@@ -47,7 +48,7 @@ def field(n, time_s=None, seed=0, sigma_mm=SIGMA_MM):
     """Points of field n."""
     time_s = n * FIELD_S if time_s is None else time_s
     rng = np.random.default_rng((seed, n))
-    places = Liner(FAKE.liner).targets(round(time_s * 1e9)).xyz_mm
+    places = EllipseLiner(FAKE.ellipse).targets(round(time_s * 1e9)).xyz_mm
     places = places + rng.normal(size=places.shape) * sigma_mm
     return FieldPoints(n, TimedPoints(time_s, as_points(grid().target, places, sigma_mm)))
 
@@ -115,5 +116,5 @@ def truth(time_s):
 
 
 def log(seconds=2.0, start_s=0.0, offset_s=0.0):
-    lines = vacuum_log(FAKE.liner, round(start_s * 1e9), round((start_s + seconds) * 1e9), offset_s)
+    lines = vacuum_log(FAKE.ellipse, round(start_s * 1e9), round((start_s + seconds) * 1e9), offset_s)
     return "\n".join(lines)

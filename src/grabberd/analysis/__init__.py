@@ -2,9 +2,9 @@
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap, Shares
+from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.pressure_model import PressureModel
-from grabberd.analysis.load.touch import FreeWall, Touch, first_touch, free_wall, since_touch
+from grabberd.analysis.load.touch import Touch, first_touch
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average
 from grabberd.analysis.pulsation.phases import Phases, iso_phases, wall_phases
@@ -54,7 +54,6 @@ __all__ = [
     "EdgeStrain",
     "Estimate",
     "Forms",
-    "FreeWall",
     "Grid",
     "Height",
     "Hits",
@@ -75,7 +74,6 @@ __all__ = [
     "PulsatorWave",
     "Raster",
     "Section",
-    "Shares",
     "Smoothing",
     "Strain",
     "Surface",
@@ -102,7 +100,6 @@ __all__ = [
     "fit_pulsation",
     "fit_surface",
     "free_shape",
-    "free_wall",
     "grey_at",
     "index",
     "iso_phases",
@@ -121,7 +118,6 @@ __all__ = [
     "read_zones",
     "section",
     "sections",
-    "since_touch",
     "surface_area",
     "symmetry_plane",
     "synthetic_view",

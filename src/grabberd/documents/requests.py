@@ -152,7 +152,7 @@ class AnalysisRequest(Document):
     inputs: JsonObject = Field(
         default_factory=dict,
         description="What is known in addition to the points, as in `grabberd analyse --inputs`: reference, "
-        "material, vacuum, plane, heights_mm, phases, sought_kpa, free_rows.",
+        "material, vacuum, plane, heights_mm, phases, sought_kpa.",
     )
     bursts: list[CaptureName] = Field(
         default_factory=list,

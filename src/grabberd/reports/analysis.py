@@ -15,9 +15,6 @@ from grabberd.reports.figures import State, require_matplotlib, states_of
 Document = Mapping[str, Any]
 Tables = Mapping[str, Columns]
 
-_LIMIT = 3.0
-"""σ from which on a field's residual pressure of the free wall counts as a disagreement."""
-
 
 class Peak(NamedTuple):
     """Row of a table in which the mean pressure is greatest; `phase` if it is a table over the mean cycle."""
@@ -35,24 +32,6 @@ class Undetermined(NamedTuple):
     known: int
     without: int
     reasons: Sequence[tuple[str, int]]
-
-
-class FreeWall(NamedTuple):
-    """Pressure found where the wall is free and there should be none; `outside`: fields beyond 3 σ."""
-
-    mean_kpa: float
-    sigma_kpa: float
-    fields: int
-    outside: int
-
-
-class SigmaShares(NamedTuple):
-    """Medians over a state's targets of what the σ of the pressure is made of."""
-
-    name: str
-    points_kpa: float
-    common_kpa: float
-    total_kpa: float
 
 
 def analysis_html(document: Document) -> str:
@@ -83,9 +62,8 @@ def values(document: Document) -> dict[str, Any]:
         "peak": _peak(tables),
         "undetermined": [_undetermined(state) for state in states],
         "start_seen": tables["summary"].value("touch_n") != tables["fields"].value("n"),
-        "misfit": _misfit(tables["fields"]),
-        "free": _free(tables["fields"]),
-        "sigma_shares": list(_sigma_shares(states)),
+        "misfit": _median(tables["fields"], "misfit"),
+        "load_misfit": _median(tables["fields"], "load_misfit"),
         "heights": heights,
         "distances": [_distances(tables, height) for height in heights],
         "cycle_shares": _cycle_shares(tables["summary"]),
@@ -116,29 +94,8 @@ def _kind(reason: str) -> str:
     return re.sub(r" of [\d.e+-]+ kPa| \([^)]*\)", "", reason)
 
 
-def _misfit(fields: Columns) -> float | None:
-    return fields.spread("misfit").median if fields.is_known("misfit") else None
-
-
-def _free(fields: Columns) -> FreeWall | None:
-    residual, sigma = fields.numbers("free_residual_kpa"), fields.sigma("free_residual_kpa")
-    known = np.isfinite(residual)
-    if not known.any():
-        return None
-    left, spread = residual[known], sigma[known]
-    outside = int((np.abs(left) > _LIMIT * spread).sum())
-    return FreeWall(float(left.mean()), float(np.median(spread)), len(left), outside)
-
-
-def _sigma_shares(states: Sequence[State]) -> Iterator[SigmaShares]:
-    for state in states:
-        own, total = state.columns.numbers("points_sigma_kpa"), state.columns.sigma("contact_kpa")
-        known = np.isfinite(total)
-        if known.any():
-            # Where nothing else contributes, rounding can leave a difference just below zero.
-            common = np.sqrt(np.maximum(total[known] ** 2 - own[known] ** 2, 0.0))
-            parts = (own[known], common, total[known])
-            yield SigmaShares(state.name, *(float(np.median(part)) for part in parts))
+def _median(fields: Columns, name: str) -> float | None:
+    return fields.spread(name).median if fields.is_known(name) else None
 
 
 def _distances(tables: Tables, height: float) -> list[str]:

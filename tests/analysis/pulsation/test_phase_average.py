@@ -7,8 +7,8 @@ from numpy.testing import assert_allclose
 from analysis.pulsating import burst_times, capture, times
 from grabberd.analysis import first_movement, fit_pulsation, phase_average
 from grabberd.errors import AnalysisError
-from grabberd_fake.liner import Liner
-from grabberd_fake.options import LinerOptions
+from grabberd_fake.ellipse_liner import EllipseLiner
+from grabberd_fake.ellipse_options import EllipseOptions
 
 PHASE = np.arange(0, 1, 0.05)
 
@@ -20,7 +20,7 @@ def average(*captures):
 
 def errors(found, pulsation):
     """(P, N, 3) from the true places, and their σ."""
-    scene, start_s = Liner(LinerOptions()), pulsation.runs[0].start_s + 10
+    scene, start_s = EllipseLiner(EllipseOptions()), pulsation.runs[0].start_s + 10
     true = [scene.targets(round((start_s + p * pulsation.period_s) * 1e9)).xyz_mm for p in found.phase]
     index = [points.target - 1 for points in found.points]
     off = [p.xyz_mm - t[i] for p, t, i in zip(found.points, true, index, strict=True)]

@@ -231,4 +231,4 @@ def test_closed_and_open_are_told_apart_in_everything() -> None:
         for moment in (0.2, CLOSED_S)
     )
     shift = opened.states[0].sections[1].distance_mm.value - closed.states[0].sections[1].distance_mm.value
-    assert abs(shift - FAKE.liner.deflection_mm) < 0.1
+    assert abs(shift - FAKE.ellipse.deflection_mm) < 0.1

@@ -12,7 +12,7 @@ from processes.milking import FAKE, PERIOD_S, log, whole
 
 TIME_S = np.arange(50) * 0.02
 LOGGED = {"pulsation": "log", "liner": "log", "offset": {"s": -0.3, "sigma_s": 0.002}}
-PHASES_S = iso_phases_s(FAKE.liner)
+PHASES_S = iso_phases_s(FAKE.ellipse)
 WAVE = {
     "rate_per_min": 60 / PERIOD_S,
     "ratio": sum(PHASES_S[:2]) / PERIOD_S,
@@ -51,18 +51,18 @@ def test_one_chamber_alone_is_no_vacuum() -> None:
 def test_a_logger_is_read_at_the_fields_times_by_its_offset() -> None:
     found = vacuum({**LOGGED, "log": log(1.6, start_s=-0.3)})
     at = found.at(TIME_S)
-    assert_allclose([one.pulsation_kpa for one in at], pulsation_kpa(FAKE.liner, TIME_S), atol=0.01)
+    assert_allclose([one.pulsation_kpa for one in at], pulsation_kpa(FAKE.ellipse, TIME_S), atol=0.01)
     assert {one.time_sigma_s for one in at} == {0.002}
     assert max(abs(one.pulsation_slope_kpa_per_s) for one in at) > 100
     assert_allclose(found.phases.durations_s.value, PHASES_S, atol=0.002)
 
 
 def test_a_pulsators_settings_are_a_curve() -> None:
-    rise_s = -FAKE.liner.vacuum.opening_lag * PERIOD_S
-    begun_s = rise_s + 4 / 42 * FAKE.liner.vacuum.rising * PERIOD_S
+    rise_s = -FAKE.ellipse.vacuum.opening_lag * PERIOD_S
+    begun_s = rise_s + 4 / 42 * FAKE.ellipse.vacuum.rising * PERIOD_S
     found = vacuum({"pulsation": {**WAVE, "start_s": begun_s}, "liner": {"kpa": 42, "sigma_kpa": 0.5}})
     told = [one.pulsation_kpa for one in found.at(TIME_S)]
-    assert_allclose(told, pulsation_kpa(FAKE.liner, TIME_S), atol=0.5)
+    assert_allclose(told, pulsation_kpa(FAKE.ellipse, TIME_S), atol=0.5)
     assert_allclose(found.phases.durations_s.value, PHASES_S, atol=0.002)
 
 
@@ -83,7 +83,7 @@ def test_the_walls_lag_sets_the_beginning_of_a_pulsators_wave() -> None:
     found = vacuum(document, whole().cycle.pulsation)
     resting = np.array([0.25, 0.52, 0.85])
     told = [one.pulsation_kpa for one in found.at(resting)]
-    assert_allclose(told, pulsation_kpa(FAKE.liner, resting), atol=0.1)
+    assert_allclose(told, pulsation_kpa(FAKE.ellipse, resting), atol=0.1)
 
 
 def test_a_logger_that_does_not_cover_the_capture_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""The liner's pressure on the teat as a map, with the contributions to its σ."""
+"""The liner's pressure on the teat as a map."""
 
 import re
 from collections import Counter
@@ -39,59 +39,48 @@ class ChamberVacuum(NamedTuple):
         """p_pulsation − p_liner."""
         return self.liner_kpa - self.pulsation_kpa
 
-
-class Shares(NamedTuple):
-    """Contributions to σ_p at N places; a signed one is the effect of one σ of a cause common to all.
-
-    Attributes:
-        points_kpa: (N,) from the points, independent from field to field, and from those of the reference.
-        pulsation_kpa: (N,) signed, from the pulsation chamber's vacuum; `liner_kpa`: the liner's.
-        time_kpa: (N,) signed, from the offset between the clocks.
-        material_kpa: (3, N) signed, from E, wall and F0 (`VARIED`).
-    """
-
-    points_kpa: Array
-    pulsation_kpa: Array
-    liner_kpa: Array
-    time_kpa: Array
-    material_kpa: Array
-
     @property
-    def common_kpa(self) -> Array:
-        """(6, N) all signed shares."""
-        return np.concatenate([[self.pulsation_kpa, self.liner_kpa, self.time_kpa], self.material_kpa])
-
-    @property
-    def sigma_kpa(self) -> Array:
-        """(N,) σ from all shares."""
-        result: Array = np.sqrt(self.points_kpa**2 + (self.common_kpa**2).sum(axis=0))
-        return result
+    def difference_sigma_kpa(self) -> float:
+        """σ of the difference, from both gauges and from the offset between the clocks."""
+        slope = self.liner_slope_kpa_per_s - self.pulsation_slope_kpa_per_s
+        return float(
+            np.linalg.norm([self.pulsation_sigma_kpa, self.liner_sigma_kpa, slope * self.time_sigma_s])
+        )
 
 
 class PressureMap(NamedTuple):
-    """The pressure at N places of the wall at one field.
+    """The pressure at N targets at one field.
 
     Attributes:
-        u_mm: (N,) material coordinates; `v_mm`: (N,).
         contact_kpa: (N,) p_contact on the inner face, above the pressure in the liner.
-        overpressure_kpa: (N,) the same above atmosphere: the load on the teat, in phase d the overpressure.
-        wall_kpa: (N,) T:κ − ∇∇:M, inward pressure of the wall itself, on the middle surface.
-        shares: contributions to the σ of `contact_kpa`.
+        covariance_kpa2: (N, N) of `contact_kpa`.
+        above_atmosphere_kpa: (N,) the same above atmosphere, that is less the vacuum in the liner.
+        misfit: of points and prior by the wall in equilibrium, per measured coordinate; .3 to 1.2 is usual.
         reason: (N,) reason why a target has no pressure; empty if it has one.
     """
 
-    u_mm: Array
-    v_mm: Array
     contact_kpa: Estimate
-    overpressure_kpa: Estimate
-    wall_kpa: Array
-    shares: Shares
+    covariance_kpa2: Array
+    above_atmosphere_kpa: Estimate
+    misfit: float
     reason: tuple[str, ...]
 
     @property
     def usable(self) -> NDArray[np.bool_]:
         """(N,) True for targets with a pressure."""
         return np.array([not reason for reason in self.reason], np.bool_)
+
+    @property
+    def mean_kpa(self) -> Estimate:
+        """Mean over the targets with a pressure; its σ from their full covariance.
+
+        NaN if there are none.
+        """
+        use = self.usable
+        if not use.any():
+            return Estimate(np.asarray(np.nan), np.asarray(np.nan))
+        variance = self.covariance_kpa2[np.ix_(use, use)].mean()
+        return Estimate(self.contact_kpa.value[use].mean(), np.sqrt(variance))
 
     def determined(self) -> "PressureMap":
         """The map itself.

@@ -1,178 +1,102 @@
-"""From a field's surface to the pressure on the teat, by the wall's equilibrium."""
+"""From a field's points to the pressure on the teat, by the wall's equilibrium."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
-from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap, Shares
-from grabberd.analysis.surface.jets import Jets
-from grabberd.analysis.surface.surface import Surface
-from grabberd.analysis.wall.equilibrium import Equilibrium, Slope, WallShape
-from grabberd.analysis.wall.material import VARIED, Zone, varied
+from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.load_fit import Posterior
+from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
+from grabberd.analysis.load.load_series import LoadSeries
+from grabberd.analysis.load.mounting import Mounting
+from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd.analysis.load.wall_model import WallModel
+from grabberd.analysis.wall.material import Material, Zone
+from grabberd.errors import AnalysisError
+from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
 
+MISFIT_ALARM = 2.0
+"""Misfit above which points and wall contradict each other."""
+_EXACT = 1e-4
+"""Relative σ of an input that is given as exact."""
 _FAR = "no targets near enough"
-_FOLDED = "the face is folded, or curved more sharply than the wall is thick"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class PressureModel:
-    """Common part of a capture's pressure maps: positions, material and reference state.
+    """Common part of a capture's pressure maps: the mounted wall, and the states it has been in."""
 
-    Attributes:
-        u_mm: (N,) material coordinates; `v_mm`: (N,).
-        equilibrium: equilibrium of the wall there.
-        varied: for each of `VARIED` the equilibrium with that input raised by its σ; None if it has no σ.
-        reference: the reference state if it was measured and so has a σ of its own.
-        sought_kpa: smallest pressure that the map has to resolve; if σ exceeds both this and the pressure,
-            the target has no pressure.
-    """
-
-    u_mm: Array
-    v_mm: Array
-    equilibrium: Equilibrium
-    varied: tuple[Equilibrium | None, ...]
-    reference: Surface | None
-    sought_kpa: float
-
-    @classmethod
-    def of(
-        cls,
-        zones: Sequence[Zone],
-        places: tuple[Array, Array],
-        reference: Surface | Jets,
-        outward: float,
-        sought_kpa: float,
-    ) -> "PressureModel":
-        """The model at some positions.
+    def __init__(
+        self, grid: Grid, zones: Sequence[Zone], reference: Points | None, sought_kpa: float
+    ) -> None:
+        """Mounts the liner.
 
         Args:
-            zones: material of the wall.
-            places: u_mm and v_mm, (N,) each.
-            reference: the unbent wall, as mounted: a measured surface, or jets (N, 15, 3) taken as exact.
-            outward: `Grid.outward`.
-            sought_kpa: as in the class.
+            grid: targets of the object model.
+            zones: material of the wall; one for all of it.
+            reference: targets of the open liner; None for the object model's.
+            sought_kpa: smallest pressure that the map has to resolve; if σ exceeds both this and the pressure,
+                the target has no pressure.
 
         Raises:
-            AnalysisError: a position lies in no zone or in two.
+            AnalysisError: the inputs make no wall whose equilibrium can be computed.
         """
-        measured = isinstance(reference, Surface)
-        jets = reference.jets(*places) if isinstance(reference, Surface) else reference
+        material = _material(zones)
+        self._grid, self._sought_kpa = grid, sought_kpa
+        self._mounting = Mounting.of(grid, material, reference)
+        self._model = WallModel(
+            self._mounting.half, self._mounting.targets, LoadPrior(), _tube_prior(material)
+        )
+        self._series = LoadSeries(self._model)
 
-        def equilibrium(these: Sequence[Zone]) -> Equilibrium:
-            return Equilibrium.of(these, places[0], jets, outward, exact=not measured)
-
-        others = [varied(zones, name) for name in VARIED]
-        changed = tuple(equilibrium(these) if these else None for these in others)
-        known = reference if isinstance(reference, Surface) else None
-        return cls(*places, equilibrium(zones), changed, known, sought_kpa)
-
-    def map(self, surface: Surface, vacuum: ChamberVacuum) -> PressureMap:
+    def map(self, points: Points, within: NDArray[np.bool_], vacuum: ChamberVacuum) -> PressureMap:
         """The pressure at one field.
 
+        Args:
+            points: of the field.
+            within: (N,) True for targets that are supported by data.
+            vacuum: at the field.
+
         Raises:
-            AnalysisError: no target has a pressure.
+            AnalysisError: the wall has no equilibrium with these points.
         """
-        return self.maps([surface], [vacuum])[0].determined()
+        difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
+        found = self._series.load(self._mounting.sights(points, self._grid), difference)
+        value, covariance = found.contact_kpa(self._model.targets)
+        contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
+        # The liner's vacuum is in the difference as well, where its error partly cancels: never too small.
+        above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
+        return PressureMap(contact, covariance, above, found.j, self._reasons(contact, within, found))
 
-    def maps(self, surfaces: Sequence[Surface], vacuum: Sequence[ChamberVacuum]) -> list[PressureMap]:
-        """The pressure at F fields; some maps may have no pressure anywhere (`PressureMap.determined`)."""
-        jets = np.stack([surface.jets(self.u_mm, self.v_mm) for surface in surfaces])
-        difference = np.array([[one.difference_kpa] for one in vacuum])
-        with np.errstate(all="ignore"):
-            shape = self.equilibrium.shape(jets)
-            slope = self.equilibrium.slope(shape, difference)
-            area = self.equilibrium.inner_area(shape)
-            material = self._material_shares(jets, shape, slope, difference)
-            wall = self.equilibrium.wall_kpa(shape)
-            turned = ~((shape.middle.root.values[0] > 0) & (area > 0))
-        made = zip(
-            surfaces, vacuum, _of_fields(slope), area, np.moveaxis(material, 1, 0), wall, turned, strict=True
-        )
-        return [self._map(*one) for one in made]
-
-    def _map(
-        self,
-        surface: Surface,
-        vacuum: ChamberVacuum,
-        slope: Slope,
-        area: Array,
-        material: Array,
-        wall: Array,
-        turned: NDArray[np.bool_],
-    ) -> PressureMap:
-        points = self._points_share(surface, slope.by_jets, slope.by_reference)
-        shares = _shares(vacuum, area, points, material)
-        above = _shares(vacuum, area, points, material, above_atmosphere=True)
-        contact = _estimate(slope.contact_kpa, shares)
-        reasons = self._reasons(surface, turned, contact)
-        over = _estimate(slope.contact_kpa - vacuum.liner_kpa, above)
-        return PressureMap(self.u_mm, self.v_mm, contact, over, wall, shares, reasons)
-
-    def _reasons(self, surface: Surface, turned: NDArray[np.bool_], contact: Estimate) -> tuple[str, ...]:
-        """The first applicable reason why each target has no pressure; empty if it has one.
-
-        `turned`: True where a parallel surface inside is turned over, so that its area is not positive.
-        """
-        within = surface.within(self.u_mm, self.v_mm)
-        folded = ~np.isfinite(contact.sigma) | turned
-        least = np.maximum(np.abs(contact.value), self.sought_kpa)
-        vague = np.array(
-            [
-                f"σ of {sigma:.2g} kPa exceeds the pressure sought ({wanted:.2g} kPa)"
-                for sigma, wanted in zip(contact.sigma, least, strict=True)
-            ]
-        )
-        reasons = np.select([~within, folded, contact.sigma > least], [_FAR, _FOLDED, vague], "")
+    def _reasons(self, contact: Estimate, within: NDArray[np.bool_], found: Posterior) -> tuple[str, ...]:
+        """The first applicable reason why each target has no pressure; empty if it has one."""
+        if found.j > MISFIT_ALARM:
+            said = f"points and the wall's equilibrium contradict each other (misfit {found.j:.1f}, usual .3 to 1.2)"
+            return (said,) * len(within)
+        least = np.maximum(contact.value, self._sought_kpa)
+        vague = [
+            f"σ of {sigma:.2g} kPa exceeds the pressure sought ({wanted:.2g} kPa)"
+            for sigma, wanted in zip(contact.sigma, least, strict=True)
+        ]
+        reasons = np.select([~within, contact.sigma > least], [_FAR, np.array(vague)], "")
         return tuple(map(str, reasons))
 
-    def _points_share(self, surface: Surface, by_jets: Array, by_reference: Array) -> Array:
-        share = surface.sigma(_known(by_jets), self.u_mm, self.v_mm)
-        if self.reference is None:
-            return share
-        return np.hypot(share, self.reference.sigma(_known(by_reference), self.u_mm, self.v_mm))
 
-    def _material_shares(self, jets: Jets, shape: WallShape, slope: Slope, difference_kpa: Array) -> Array:
-        """(3, F, N) change of the pressure with one σ of each input."""
-        depth_mm = self.equilibrium.wall.depth_mm
-        shares = np.zeros((len(VARIED), *slope.contact_kpa.shape))
-        for share, other in zip(shares, self.varied, strict=True):
-            if other is not None:
-                same = np.array_equal(other.wall.depth_mm, depth_mm)
-                contact = other.contact_kpa(shape if same else other.shape(jets), difference_kpa)
-                share[:] = contact - slope.contact_kpa
-        return shares
+def _material(zones: Sequence[Zone]) -> Material:
+    if len(zones) != 1:
+        raise AnalysisError(
+            f"the wall's equilibrium needs one material for the whole liner, not {len(zones)} zones",
+            "give one material for a map of the pressure",
+        )
+    return zones[0].material
 
 
-def _of_fields(slope: Slope) -> list[Slope]:
-    """Slopes field by field; an exact reference state has a single one, without derivatives."""
-    by_reference = np.broadcast_to(slope.by_reference, slope.by_jets.shape)
-    return [Slope(*one) for one in zip(slope.contact_kpa, slope.by_jets, by_reference, strict=True)]
-
-
-def _known(slopes: Array) -> Array:
-    """Slopes without non-finite numbers: such targets are refused by their value."""
-    return np.nan_to_num(slopes, nan=0.0, posinf=0.0, neginf=0.0)
-
-
-def _shares(
-    vacuum: ChamberVacuum, area: Array, points: Array, material: Array, above_atmosphere: bool = False
-) -> Shares:
-    """Contributions to σ; above atmosphere the liner's vacuum matters less: teat and wall share it."""
-    by_pulsation, by_liner = -1 / area, 1 / area - (1.0 if above_atmosphere else 0.0)
-    slope = by_pulsation * vacuum.pulsation_slope_kpa_per_s + by_liner * vacuum.liner_slope_kpa_per_s
-    return Shares(
-        points_kpa=points,
-        pulsation_kpa=by_pulsation * vacuum.pulsation_sigma_kpa,
-        liner_kpa=by_liner * vacuum.liner_sigma_kpa,
-        time_kpa=slope * vacuum.time_sigma_s,
-        material_kpa=material,
+def _tube_prior(material: Material) -> TubePrior:
+    return TubePrior(
+        max(material.E_sigma_mpa / material.E_mpa, _EXACT),
+        max(material.wall_sigma_mm / material.wall_mm, _EXACT),
+        max(material.F0_sigma_n / material.F0_n, _EXACT) if material.F0_n else _EXACT,
     )
-
-
-def _estimate(value: Array, shares: Shares) -> Estimate:
-    return Estimate(value, np.where(np.isfinite(value), shares.sigma_kpa, np.nan))

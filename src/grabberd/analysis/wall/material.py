@@ -16,6 +16,7 @@ VARIED = ("E_mpa", "wall_mm", "F0_n")
 """Inputs whose σ contributes to that of the pressure; each has its σ in a field of its own."""
 
 _HINT = "give the values of the very liner in the teatcup"
+_ENDS = ("first_end_mm", "last_end_mm")
 _SIGMAS = {"E_mpa": "E_sigma_mpa", "wall_mm": "wall_sigma_mm", "F0_n": "F0_sigma_n"}
 
 
@@ -31,6 +32,8 @@ class Material:
         radius_mm: radius of the mounted liner's middle surface: the mounting tension is F0 / 2πR.
         target_mm: thickness of the targets on the outer face.
         law: `neo_hookean` or `linear` (in the stretches λ − 1).
+        first_end_mm: x, in the object's frame, of the lower end that holds the liner; `last_end_mm`: of the upper
+            one. Pressures alone need them.
         E_sigma_mpa: σ of E; 0 takes E as exact. `wall_sigma_mm`, `F0_sigma_n` likewise.
 
     Raises:
@@ -44,14 +47,23 @@ class Material:
     radius_mm: float
     target_mm: float
     law: str
+    first_end_mm: float | None = None
+    last_end_mm: float | None = None
     E_sigma_mpa: float = 0.0
     wall_sigma_mm: float = 0.0
     F0_sigma_n: float = 0.0
 
     def __post_init__(self) -> None:
-        problems = [problem for problem in (*_numbers(self), *_law(self)) if problem]
+        problems = [problem for problem in (*_numbers(self), *_law(self), _ends(self)) if problem]
         if problems:
             raise InputError(f"the wall's material cannot be used: {'; '.join(problems)}", _HINT)
+
+    @property
+    def ends_mm(self) -> tuple[float, float] | None:
+        """X of both ends, in the object's frame; None if one is unknown."""
+        if self.first_end_mm is None or self.last_end_mm is None:
+            return None
+        return self.first_end_mm, self.last_end_mm
 
     @property
     def depth_mm(self) -> float:
@@ -76,6 +88,13 @@ def _numbers(material: Material) -> list[str]:
 def _problem(material: Material, name: str, expected: str, good: object) -> str:
     value = getattr(material, name)
     return "" if np.isfinite(value) and good(value) else f"{name} is {value:g}, expected {expected}"  # type: ignore[operator]
+
+
+def _ends(material: Material) -> str:
+    ends = material.ends_mm
+    if ends is None or ends[0] < ends[1]:
+        return ""
+    return f"first_end_mm is {ends[0]:g}, expected below last_end_mm, {ends[1]:g}"
 
 
 def _law(material: Material) -> list[str]:
@@ -134,7 +153,7 @@ class Wall(NamedTuple):
 
 def lacking(inputs: Mapping[str, object]) -> tuple[str, ...]:
     """Names of the missing inputs of a material, which tension and pressure need."""
-    needed = [field.name for field in fields(Material) if field.name not in _SIGMAS.values()]
+    needed = [field.name for field in fields(Material) if field.name not in (*_SIGMAS.values(), *_ENDS)]
     return tuple(name for name in needed if inputs.get(name) is None)
 
 

@@ -9,7 +9,7 @@ from grabberd.geometry import Reading
 
 _KEYS = tuple(field.name for field in fields(Material))
 _ZONE_KEYS = ("rows", *_KEYS)
-_SIGMAS = tuple(name for name in _KEYS if "sigma" in name)
+_OPTIONAL = tuple(name for name in _KEYS if "sigma" in name or "end" in name)
 _HINT = "give the values of the very liner in the teatcup; none of them is assumed"
 
 
@@ -62,6 +62,6 @@ def _material(
     reading.keys(where, entry, known)
     values: dict[str, object] = {"law": reading.text(entry, "law", where)}
     for name in _KEYS:
-        if name != "law" and not (name in _SIGMAS and name not in entry):
+        if name != "law" and not (name in _OPTIONAL and name not in entry):
             values[name] = reading.number(entry, name, where)
     return values

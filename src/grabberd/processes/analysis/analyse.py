@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from grabberd.analysis import (
     ChamberVacuum,
-    FreeWall,
     Grid,
     Jets,
     Movement,
@@ -26,7 +25,6 @@ from grabberd.analysis import (
     fit_pulsation,
     fit_surface,
     free_shape,
-    free_wall,
     phase_average,
     variation,
     wall_phases,
@@ -81,7 +79,6 @@ class Analysis:
         vacuum: vacuum at each of `fields`, empty if not given; `phase_vacuum`: at each of `phase`.
         source: source of the vacuum, with the offset of its clock.
         touch: onset of pressure, as an index into `fields`.
-        free: self-check of each of `fields` where the wall is free.
         problems: problems that did not end the analysis, as sentences.
         numbers: (F,) numbers of all fields of the capture that have points.
         reference: reference state of the strain, as in `Question`.
@@ -99,7 +96,6 @@ class Analysis:
     phase_vacuum: tuple[ChamberVacuum, ...]
     source: Vacuum | None
     touch: Touch | None
-    free: tuple[FreeWall | None, ...]
     problems: tuple[str, ...]
     numbers: NDArray[np.int64]
     reference: Surface | Jets | None
@@ -160,6 +156,7 @@ class _Work:
         fields_points = [timed.points for timed in self._timed[0]]
         smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
         question = self._question(smoothings, average)
+        self._model = self._pressure(average) if vacuum else None
         of_fields = vacuum.at(self._time_s) if vacuum else []
         of_phases = self._of_phases(vacuum, average, pulsation)
         self._of = len(self._fields) + (len(average.points) if average else 0)
@@ -186,7 +183,6 @@ class _Work:
             phase_vacuum=tuple(of_phases[k] for k, _ in phases) if of_phases else (),
             source=vacuum,
             touch=self._touch(states),
-            free=tuple(self._free(state) for state in states),
             problems=self._problems.all(),
             numbers=np.array([field.n for field in self._fields], np.int64),
             reference=question.reference,
@@ -220,11 +216,19 @@ class _Work:
         if smoothings is None:
             return Question(grid, inputs.heights_mm, inputs.plane, over=free_shape(grid))
         reference = self._reference(smoothings, average) if inputs.reference else None
-        pressure = None
-        if reference is not None and inputs.zones and inputs.sought_kpa is not None:
-            places = grid.u_mm, grid.v_mm
-            pressure = PressureModel.of(inputs.zones, places, reference, grid.outward, inputs.sought_kpa)
-        return Question(grid, inputs.heights_mm, inputs.plane, reference, inputs.zones, pressure)
+        return Question(grid, inputs.heights_mm, inputs.plane, reference, inputs.zones)
+
+    def _pressure(self, average: PhaseAverage | None) -> PressureModel | None:
+        """Model of the pressure maps; None if one of its inputs is missing."""
+        inputs, grid = self._inputs, self._grid
+        if inputs.reference is None or not inputs.zones or inputs.sought_kpa is None:
+            return None
+        if inputs.zones[0].material.ends_mm is None or "pulsation" not in inputs.vacuum:
+            return None
+        nominal = inputs.reference.kind == "nominal"
+        points = None if nominal else self._reference_points(inputs.reference, average)
+        sought_kpa = inputs.sought_kpa
+        return self._problems.survived(lambda: PressureModel(grid, inputs.zones, points, sought_kpa))
 
     def _reference(self, smoothings: Smoothings, average: PhaseAverage | None) -> Surface | Jets:
         reference = self._inputs.reference
@@ -256,7 +260,7 @@ class _Work:
         smoothings: Smoothings | None,
         vacuum: Sequence[ChamberVacuum],
     ) -> list[tuple[int, WallState]]:
-        return WallSeries(question, smoothings, self._problems.note, self._count_state).states(
+        return WallSeries(question, smoothings, self._model, self._problems.note, self._count_state).states(
             points, names, vacuum
         )
 
@@ -288,13 +292,6 @@ class _Work:
         touch = self._problems.survived(lambda: first_touch([one for _, one in maps]))
         # `first_touch` counts among the fields that have a map; callers index into all analysed fields.
         return touch and touch._replace(field=maps[touch.field][0])
-
-    def _free(self, state: WallState) -> FreeWall | None:
-        rows, pressure = self._inputs.free_rows, state.pressure
-        if rows is None or pressure is None:
-            return None
-        free = (self._grid.row >= rows[0]) & (self._grid.row <= rows[1])
-        return self._problems.survived(lambda: free_wall(pressure, free))
 
 
 def _phase_times(average: PhaseAverage, pulsation: Pulsation) -> Array:

@@ -52,10 +52,7 @@ _WALL = (
     ),
     _id("greatest_contact_target", "id of the target where it is"),
     _count("determined", "at how many targets the pressure is determined"),
-    _measured(
-        "free_residual_kpa", "kPa", "what is left of contact_kpa where the wall is free; ought to be 0"
-    ),
-    _number("free_misfit", "1", "mean square of these residuals by their σ: about 1 where inputs are right"),
+    _number("load_misfit", "1", "misfit of points and wall in equilibrium; .3 to 1.2 is usual, 2 refused"),
     _number("misfit", "1", "weighted square of the points' departure from the surface by its expectation"),
 )
 _SECTION = (
@@ -83,11 +80,10 @@ _TARGET = (
     _measured("tension1_n_per_m", "N/m", "greater principal tension of the wall"),
     _measured("tension2_n_per_m", "N/m", "lesser principal tension of the wall"),
     _measured("contact_kpa", "kPa", "pressure of the liner on the teat, above the pressure in the liner"),
-    _measured("overpressure_kpa", "kPa", "the same above atmosphere"),
-    _number("wall_kpa", "kPa", "what the wall itself presses inward by its tension and bending"),
-    _number("points_sigma_kpa", "kPa", "the part of contact_kpa's σ from the points; the rest is common"),
+    _measured(
+        "above_atmosphere_kpa", "kPa", "the same above atmosphere, that is less the vacuum in the liner"
+    ),
 )
-_SINCE = _measured("since_touch_kpa", "kPa", "contact_kpa above that of the same place at the first touch")
 _REASON = _text("reason", "why there is no pressure there; empty where there is, or where none was asked for")
 _STRETCH = "present length by length in the reference state, on the face that `face` names"
 _FACE = _text("face", "outer: where the targets sit; middle: the wall's middle surface")
@@ -128,7 +124,7 @@ TABLES: Mapping[str, TableSpec] = {
         ),
     ),
     "sections": TableSpec("A row for each analysed field and height", _FIELD, _SECTION),
-    "targets": TableSpec("A row for each analysed field and target", _FIELD, (*_TARGET, _SINCE, _REASON)),
+    "targets": TableSpec("A row for each analysed field and target", _FIELD, (*_TARGET, _REASON)),
     "phases": TableSpec("The mean cycle: a row for each phase", _PHASE, _WALL),
     "phase_sections": TableSpec("The mean cycle: a row for each phase and height", _PHASE, _SECTION),
     "phase_targets": TableSpec(

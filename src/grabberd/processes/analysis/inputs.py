@@ -12,7 +12,6 @@ plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0,
 heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve
-free_rows: [0, 2]                       rows of targets where nothing touches the wall
 """
 
 from collections.abc import Mapping
@@ -25,7 +24,7 @@ from grabberd.analysis import Grid, Plane, Zone, read_zones, symmetry_plane
 from grabberd.errors import InputError
 from grabberd.geometry import Reading
 
-KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "free_rows")
+KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa")
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
@@ -65,7 +64,6 @@ class AnalysisInputs:
         heights_mm: heights of the sections, x in the object's frame.
         phases: number of states of the mean cycle.
         sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
-        free_rows: first and last row of targets where nothing touches the wall.
         homologous: as in the grid; if False, reference and material have no use.
     """
 
@@ -77,7 +75,6 @@ class AnalysisInputs:
     heights_mm: tuple[float, ...]
     phases: int
     sought_kpa: float | None
-    free_rows: tuple[int, int] | None
     homologous: bool = True
 
     @property
@@ -94,6 +91,10 @@ class AnalysisInputs:
             (
                 not self.zones,
                 "material: without it strain is that of the outer face, no tension and pressure",
+            ),
+            (
+                bool(self.zones) and self.zones[0].material.ends_mm is None,
+                "material.first_end_mm, material.last_end_mm: without them no pressure",
             ),
             ("pulsation" not in self.vacuum, "vacuum.pulsation: without it no pressure"),
             ("liner" not in self.vacuum, "vacuum.liner: without it no pressure"),
@@ -120,7 +121,6 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
     if phases > _MOST_PHASES:
         reading.refuse("phases", phases, f"at most {_MOST_PHASES}")
     sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else None
-    free = _free_rows(reading, document.get("free_rows"))
     material = reading.mapping(document, "material") if "material" in document else {}
     reading.finish(_HINT)
     return AnalysisInputs(
@@ -132,7 +132,6 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         heights_mm=heights,
         phases=phases,
         sought_kpa=sought,
-        free_rows=free,
         homologous=grid.homologous,
     )
 
@@ -186,15 +185,6 @@ def _heights(reading: Reading, value: object, grid: Grid) -> tuple[float, ...]:
         return float(low), float((low + high) / 2), float(high)
     count = len(value) if isinstance(value, list | tuple) else 0
     return tuple(sorted(map(float, reading.numbers(value, "heights_mm", (count or 1,)))))
-
-
-def _free_rows(reading: Reading, value: object) -> tuple[int, int] | None:
-    if value is None:
-        return None
-    first, last = reading.numbers(value, "free_rows", (2,))
-    if not (0 <= first <= last and float(first).is_integer() and float(last).is_integer()):
-        reading.refuse("free_rows", value, "first and last row, counted from 0")
-    return int(first), int(last)
 
 
 def missing(what: str, hint: str) -> InputError:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis import ChamberVacuum, Estimate, PressureMap, Section, since_touch
+from grabberd.analysis import ChamberVacuum, Estimate, PressureMap, Section
 from grabberd.processes.analysis.analyse import Analysis
 from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.analysis.strain_tables import strain_tables
@@ -27,13 +27,12 @@ def tables(analysis: Analysis) -> AnalysisTables:
     """All tables of an analysis; a table without results has no rows."""
     fields = _Series(analysis.states, _field_keys(analysis), analysis.vacuum)
     phases = _Series(analysis.phases, {"phase": analysis.phase}, analysis.phase_vacuum)
-    since = {"since_touch_kpa": _since(analysis, fields)}
     values: dict[str, Values] = {
         "summary": summary_values(analysis),
-        "fields": fields.keys | _of_fields(analysis, fields) | _wall(analysis, fields, analysis.free),
+        "fields": fields.keys | _of_fields(analysis, fields) | _wall(analysis, fields),
         "sections": _sections(fields),
-        "targets": _targets(analysis, fields) | since,
-        "phases": phases.keys | _wall(analysis, phases, (None,) * len(phases.states)),
+        "targets": _targets(analysis, fields),
+        "phases": phases.keys | _wall(analysis, phases),
         "phase_sections": _sections(phases),
         "phase_targets": _targets(analysis, phases),
         "cycles": _cycles(analysis),
@@ -86,7 +85,7 @@ def _movement(analysis: Analysis, time_s: Array) -> Estimate:
     return Estimate(*(np.where(there, part[index], np.nan) for part in (known.value_mm, known.sigma_mm)))
 
 
-def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str, Any]:
+def _wall(analysis: Analysis, series: _Series) -> dict[str, Any]:
     maps, states = series.maps, series.states
     greatest = [_greatest(one) for one in maps]
     return {
@@ -94,14 +93,13 @@ def _wall(analysis: Analysis, series: _Series, free: Sequence[Any]) -> dict[str,
         "covered": np.array([state.area.covered for state in states]),
         "volume_mm3": _each([state.volume_mm3 for state in states]),
         **_vacuum(series),
-        "mean_contact_kpa": _each([_mean_contact(one) for one in maps]),
+        "mean_contact_kpa": _each([one and one.mean_kpa for one in maps]),
         "greatest_contact_kpa": _each([_at(one, index) for one, index in zip(maps, greatest, strict=True)]),
         "greatest_contact_target": np.array(
             [np.nan if index is None else analysis.grid.target[index] for index in greatest]
         ),
         "determined": np.array([int(one.usable.sum()) if one else 0 for one in maps], np.int64),
-        "free_residual_kpa": _each([one and one.residual_kpa for one in free]),
-        "free_misfit": np.array([one.misfit if one else np.nan for one in free]),
+        "load_misfit": np.array([one.misfit if one else np.nan for one in maps]),
         "misfit": np.array([state.surface.misfit for state in states]),
     }
 
@@ -118,18 +116,6 @@ def _vacuum(series: _Series) -> dict[str, Estimate]:
         )
         for name in ("pulsation", "liner")
     }
-
-
-def _mean_contact(one: PressureMap | None) -> Estimate | None:
-    """Mean over the targets where the pressure is determined."""
-    if one is None or not one.usable.any():
-        return None
-    use = one.usable
-    # Neighbouring targets share points, so the points' parts of their σ are neither independent nor known to
-    # depend on each other by how much: they are averaged as if wholly dependent, which is never too small.
-    common = one.shares.common_kpa[:, use].mean(axis=1)
-    sigma = np.sqrt(one.shares.points_kpa[use].mean() ** 2 + (common**2).sum())
-    return Estimate(one.contact_kpa.value[use].mean(), sigma)
 
 
 def _greatest(one: PressureMap | None) -> int | None:
@@ -183,9 +169,9 @@ def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
         "tension1_n_per_m": tension1,
         "tension2_n_per_m": tension2,
         "contact_kpa": _stacked([one and _usable(one, one.contact_kpa) for one in maps], count)[0],
-        "overpressure_kpa": _stacked([one and _usable(one, one.overpressure_kpa) for one in maps], count)[0],
-        "wall_kpa": _determined([one and (one, one.wall_kpa) for one in maps], count),
-        "points_sigma_kpa": _determined([one and (one, one.shares.points_kpa) for one in maps], count),
+        "above_atmosphere_kpa": _stacked(
+            [one and _usable(one, one.above_atmosphere_kpa) for one in maps], count
+        )[0],
         "reason": np.array([reason for one in maps for reason in (one.reason if one else ("",) * count)]),
     }
 
@@ -193,18 +179,6 @@ def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
 def _usable(one: PressureMap, pressure: Estimate) -> Estimate:
     """The pressure where it is determined; NaN at targets that have a reason against it."""
     return Estimate(*(np.where(one.usable, part, np.nan) for part in pressure))
-
-
-def _determined(parts: Sequence[tuple[PressureMap, Array] | None], count: int) -> Array:
-    empty = np.full(count, np.nan)
-    return _rows([np.where(part[0].usable, part[1], np.nan) if part else empty for part in parts])
-
-
-def _since(analysis: Analysis, fields: _Series) -> Estimate:
-    maps = fields.maps
-    touch = analysis.touch and maps[analysis.touch.field]
-    since = [one and touch and _usable(touch, _usable(one, since_touch(one, touch))) for one in maps]
-    return _stacked(since, len(analysis.grid))[0]
 
 
 def _cycles(analysis: Analysis) -> dict[str, Estimate]:

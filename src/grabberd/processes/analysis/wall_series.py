@@ -3,7 +3,14 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from grabberd.analysis import ChamberVacuum, Surface, fit_free_surface, fit_surface
+from grabberd.analysis import (
+    ChamberVacuum,
+    PressureMap,
+    PressureModel,
+    Surface,
+    fit_free_surface,
+    fit_surface,
+)
 from grabberd.errors import AnalysisError
 from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.wall_state import Question, WallState, wall_states
@@ -23,12 +30,14 @@ class WallSeries:
         question: Quantities to compute for each state.
         smoothings: Smoothings by the wall's departure; None if the targets differ from field to field, in
             which case each field chooses its own.
+        pressure: Model of the pressure maps; None if one of its inputs is missing.
         note: Called with the name of a state and its problems.
         done: Called after each state.
     """
 
     question: Question
     smoothings: Smoothings | None
+    pressure: PressureModel | None
     note: Note
     done: Callable[[], None]
 
@@ -41,14 +50,27 @@ class WallSeries:
             some = range(start, min(start + _BATCH, len(points)))
             fitted = [(k, self._surface(points[k], names[k])) for k in some]
             made = {k: surface for k, surface in fitted if surface}
-            chambers = [vacuum[k] for k in made] if vacuum else ()
-            states = wall_states(list(made.values()), self.question, chambers)
+            maps = [
+                self._map(points[k], surface, vacuum[k], names[k]) if vacuum else None
+                for k, surface in made.items()
+            ]
+            states = wall_states(list(made.values()), self.question, maps)
             found += zip(made, states, strict=True)
             for k, state in zip(made, states, strict=True):
                 self.note(names[k], state.problems)
             for _ in some:
                 self.done()
         return found
+
+    def _map(self, points: Points, surface: Surface, vacuum: ChamberVacuum, name: str) -> PressureMap | None:
+        """Pressure of one field or phase; None, with a note, if its wall has no equilibrium."""
+        if self.pressure is None:
+            return None
+        try:
+            return self.pressure.map(points, surface.within(*self.question.places), vacuum)
+        except AnalysisError as error:
+            self.note(name, [error.message])
+            return None
 
     def _surface(self, points: Points, name: str) -> Surface | None:
         """Surface of one field or phase; None, with a note, if its points determine none."""

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from grabberd.analysis import (
     Area,
-    ChamberVacuum,
     Estimate,
     Forms,
     Grid,
@@ -18,7 +17,6 @@ from grabberd.analysis import (
     Jets,
     Plane,
     PressureMap,
-    PressureModel,
     Section,
     Smoothing,
     Surface,
@@ -56,9 +54,8 @@ class Question:
         plane: origin of widths if the targets do not go all the way round.
         reference: reference state of the strain: measured, or jets (N, 15, 3) taken as exact.
         zones: the wall's material; empty if unknown.
-        pressure: model of the pressure maps; None if one of its inputs is missing.
         over: base shape of surfaces whose targets differ from field to field; results are then evaluated at
-            positions fixed in space, the nominal ones, without reference, zones and pressure.
+            positions fixed in space, the nominal ones, without reference and zones.
     """
 
     grid: Grid
@@ -66,7 +63,6 @@ class Question:
     plane: Plane | None = None
     reference: Surface | Jets | None = None
     zones: tuple[Zone, ...] = ()
-    pressure: PressureModel | None = None
     over: Tube | Height | None = None
 
     @property
@@ -111,33 +107,29 @@ class WallState(NamedTuple):
     problems: tuple[str, ...]
 
 
-def wall_state(
-    points: Points, question: Question, smoothing: Smoothing, vacuum: ChamberVacuum | None = None
-) -> WallState:
+def wall_state(points: Points, question: Question, smoothing: Smoothing) -> WallState:
     """The wall at one field.
 
     Raises:
         AnalysisError: the points do not determine a surface.
     """
     surface = fit_surface(question.grid, points, smoothing)
-    return wall_states([surface], question, [vacuum] if vacuum else [])[0]
+    return wall_states([surface], question, [None])[0]
 
 
 def wall_states(
-    surfaces: Sequence[Surface], question: Question, vacuum: Sequence[ChamberVacuum] = ()
+    surfaces: Sequence[Surface], question: Question, maps: Sequence[PressureMap | None]
 ) -> list[WallState]:
     """The wall at several fields, evaluated together, which is faster than one by one.
 
     Args:
         surfaces: surfaces of the fields.
         question: quantities to compute.
-        vacuum: vacuum at each field; empty if unknown.
+        maps: map of the pressure at each field; None where there is none.
     """
     if not surfaces:
         return []
     walls = _of_the_wall(surfaces, question)
-    model = question.pressure if vacuum else None
-    maps = model.maps(surfaces, vacuum) if model else [None] * len(surfaces)
     each = zip(surfaces, walls, maps, strict=True)
     return [_state(surface, question, wall, pressure) for surface, wall, pressure in each]
 

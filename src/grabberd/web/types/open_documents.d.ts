@@ -26,7 +26,6 @@ export interface AnalysisInputs {
   plane?: string | { point_mm: number[]; normal: number[] };
   heights_mm?: number[];
   phases?: number;
-  free_rows?: number[];
 }
 
 /** Numbers of a course over time, or the logger's file. */

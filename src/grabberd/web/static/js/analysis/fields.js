@@ -22,6 +22,7 @@ const WAVE = [
 const MATERIAL = [
   number("E_mpa", "MPa"), number("E_sigma_mpa", "MPa", true), number("wall_mm", "mm"), number("wall_sigma_mm", "mm", true),
   number("poisson", "0…0.5"), number("F0_n", "N"), number("F0_sigma_n", "N", true), number("radius_mm", "mm"), number("target_mm", "mm"),
+  number("first_end_mm", "mm", true), number("last_end_mm", "mm", true),
 ];
 
 /** @type {Record<string, Part[]>} the parts of every group */
@@ -36,7 +37,7 @@ export const GROUPS = {
   pressure: [{ path: "", numbers: { "": [number("sought_kpa", "kPa", true)] } }],
   sections: [
     { path: "plane", kinds: ["symmetry", "own"], numbers: { symmetry: [], own: ["x", "y", "z", "nx", "ny", "nz"].map((name) => number(name, name.length > 1 ? "" : "mm")) } },
-    { path: "", numbers: { "": [number("height1", "mm", true), number("height2", "mm", true), number("height3", "mm", true), number("phases", "", true), number("first_row", "", true), number("last_row", "", true)] } },
+    { path: "", numbers: { "": [number("height1", "mm", true), number("height2", "mm", true), number("height3", "mm", true), number("phases", "", true)] } },
   ],
 };
 export const NAMES = Object.keys(GROUPS);

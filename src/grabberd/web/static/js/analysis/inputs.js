@@ -25,7 +25,6 @@ export function inputsOf(values) {
     plane: planeOf(values),
     heights_mm: heights.length ? heights : undefined,
     phases: one(values, ".phases"),
-    free_rows: given(values, ".first_row") && given(values, ".last_row") ? [one(values, ".first_row"), one(values, ".last_row")] : undefined,
   });
 }
 
@@ -60,8 +59,7 @@ function numbers(path, values) {
 /** Inputs still missing: a part is either complete or empty. @param {Values} values @param {string} log @returns {string[]} keys */
 export function missingOf(values, log) {
   const holes = parts().flatMap((part) => askedOf(part, values).filter((asked) => part.kinds && !asked.free && !given(values, keyOf(part, asked.name))).map((asked) => keyOf(part, asked.name)));
-  const rows = given(values, ".first_row") !== given(values, ".last_row") ? [given(values, ".first_row") ? ".last_row" : ".first_row"] : [];
-  return [...holes, ...rows, ...(usesLog(values) && !log ? ["log"] : [])];
+  return [...holes, ...(usesLog(values) && !log ? ["log"] : [])];
 }
 
 /** True if the logger's file is needed. @param {Values} values */
@@ -77,7 +75,7 @@ export function lacksOf(values) {
 export function valuesOf(inputs) {
   /** @type {Values} */
   const values = {};
-  const { reference, material, vacuum = {}, plane, heights_mm = [], free_rows = [] } = inputs;
+  const { reference, material, vacuum = {}, plane, heights_mm = [] } = inputs;
   if (reference) choose(values, "reference", typeof reference === "string" ? reference : Object.keys(reference)[0], typeof reference === "string" ? {} : reference);
   if (material?.law) choose(values, "material", material.law, material);
   for (const side of /** @type {const} */ (["pulsation", "liner"])) {
@@ -87,7 +85,7 @@ export function valuesOf(inputs) {
   for (const clock of /** @type {const} */ (["offset", "lag"])) if (vacuum[clock]) choose(values, "vacuum.clock", clock, vacuum[clock]);
   if (typeof plane === "string") values.plane = plane;
   else if (plane) choose(values, "plane", "own", Object.fromEntries(["x", "y", "z", "nx", "ny", "nz"].map((name, i) => [name, [...plane.point_mm, ...plane.normal][i]])));
-  const single = { sought_kpa: inputs.sought_kpa, phases: inputs.phases, first_row: free_rows[0], last_row: free_rows[1] };
+  const single = { sought_kpa: inputs.sought_kpa, phases: inputs.phases };
   for (const [name, value] of Object.entries(single)) if (value !== undefined) values[`.${name}`] = String(value);
   HEIGHTS.forEach((key, i) => heights_mm[i] !== undefined && (values[key] = String(heights_mm[i])));
   return { values, dropped: [...(material?.zones ? ["zones"] : []), ...(heights_mm.length > HEIGHTS.length ? ["heights"] : []), ...(usesLog(values) ? ["log"] : [])] };

@@ -7,7 +7,7 @@
 /** @type {Quantity[]} */
 export const QUANTITIES = [
   { name: "contact_kpa", unit: "kPa", times: 1, digits: 1, signed: true },
-  { name: "overpressure_kpa", unit: "kPa", times: 1, digits: 1, signed: true },
+  { name: "above_atmosphere_kpa", unit: "kPa", times: 1, digits: 1, signed: true },
   { name: "strain1", unit: "%", times: 100, digits: 1, signed: true },
   { name: "strain2", unit: "%", times: 100, digits: 1, signed: true },
   { name: "tension1_n_per_m", unit: "N/m", times: 1, digits: 0, signed: true },

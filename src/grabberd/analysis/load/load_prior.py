@@ -1,0 +1,127 @@
+"""What is known of the load and of the liner before a field is looked at.
+
+A teat cannot pull, so the contact pressure is a rising function of a Gaussian process g that never gets negative,
+
+    p = (g + √(g² + 4 b²)) / 2
+
+with b a few kPa: p ≈ g where the teat presses, and dies out where it does not. Unlike an exponential or a soft plus
+it falls off so slowly that a place without contact is never too dead for a step to wake it.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.wall.cuts import cut_points
+from grabberd.analysis.wall.splines import SplineGrid
+
+Array = NDArray[np.float64]
+
+MPA_PER_KPA = 1e-3
+_NUGGET = 1e-8
+"""Share of the variance that keeps a covariance of neighbouring splines positive definite in rounding."""
+_NODES = 15
+"""Points of Gauss–Hermite quadrature over g: a contact pressure's moments to 1e-4."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoadPrior:
+    """Prior of the load on the inner face.
+
+    Attributes:
+        softness_kpa: b, under which a contact pressure dies out.
+        mean: mean of g on the line that faces the cameras, by the pressure difference.
+        falloff: by how many times of that the mean falls towards the cuts: the wall folds there, away from the teat.
+        amplitude: standard deviation of g, by the pressure difference: that is what the wall has to press with.
+        least_kpa: the pressure difference is taken for at least that.
+        round_mm, along_mm: lengths over which g is correlated.
+        traction_kpa: standard deviation of friction, in either direction.
+        shift_mm, turn_rad, force_n_per_mm: standard deviations of what the hidden half does to the cuts.
+        cut_mm: length over which that is correlated.
+    """
+
+    softness_kpa: float = 4.0
+    mean: float = -1.0
+    falloff: float = 8.0
+    amplitude: float = 1.4
+    least_kpa: float = 15.0
+    round_mm: float = 6.0
+    along_mm: float = 4.5
+    traction_kpa: float = 4.5
+    shift_mm: float = 0.7
+    turn_rad: float = 0.06
+    force_n_per_mm: float = 0.05
+    cut_mm: float = 20.0
+
+    def contact_mpa(self, g_mpa: Array) -> tuple[Array, Array]:
+        """Contact pressure, and its derivative by g."""
+        softness = self.softness_kpa * MPA_PER_KPA
+        root = np.sqrt(g_mpa**2 + 4 * softness**2)
+        return (g_mpa + root) / 2, (1 + g_mpa / root) / 2
+
+    def spread_mpa(self, g_mpa: Array, sigma_mpa: Array) -> Array:
+        """Standard deviation of the contact pressure for a g with a standard deviation of its own."""
+        nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
+        weights = weights / weights.sum()
+        pressures, _ = self.contact_mpa(g_mpa[..., np.newaxis] + sigma_mpa[..., np.newaxis] * nodes)
+        mean = pressures @ weights
+        spread: Array = np.sqrt(((pressures - mean[..., np.newaxis]) ** 2) @ weights)
+        return spread
+
+    def _scale_mpa(self, difference_kpa: float) -> float:
+        return max(difference_kpa, self.least_kpa) * MPA_PER_KPA
+
+    def mean_mpa(self, grid: SplineGrid, difference_kpa: float) -> Array:
+        """(K,) prior mean of g's control values under a pressure difference."""
+        # Level beyond 45°: farther from contact than that, no data would be believed.
+        turned = np.minimum(np.abs(grid.around.greville) / grid.around.greville[-1], 0.5)
+        around = self.mean * self._scale_mpa(difference_kpa) * (1 + self.falloff * turned**2)
+        return np.tile(around, grid.along.count)
+
+    def spread(self, grid: SplineGrid, difference_kpa: float, columns: Array) -> Array:
+        """(3, K, M) prior covariance, MPa², of g and of the tractions round the wall and along it, times (3, K, M)."""
+        around = _correlation(grid.around.greville, self.round_mm)
+        along = _correlation(grid.along.greville, self.along_mm)
+        shape = (3, grid.along.count, grid.around.count, columns.shape[-1])
+        parts = columns.reshape(shape)
+        # The covariance of a grid is the product of its rows' and its columns'.
+        correlated = np.einsum("xi,sj,fijm->fxsm", along, around, parts, optimize=True)
+        traction = self.traction_kpa * MPA_PER_KPA
+        variance = np.square([self.amplitude * self._scale_mpa(difference_kpa), traction, traction])
+        spread: Array = variance[:, np.newaxis, np.newaxis, np.newaxis] * (correlated + _NUGGET * parts)
+        return spread.reshape(columns.shape)
+
+    def cut_covariances(self, grid: SplineGrid) -> list[Array]:
+        """(A, A) covariances of both cuts' shift (mm²), turn (rad²) and force (N²/mm²)."""
+        along = grid.along.greville[cut_points(grid)]
+        correlation = _correlation(along, self.cut_mm) + _NUGGET * np.eye(len(along))
+        deviations = (self.shift_mm, self.turn_rad, self.force_n_per_mm)
+        return [sigma**2 * correlation for sigma in deviations for _ in range(2)]
+
+
+@dataclass(frozen=True, slots=True)
+class TubePrior:
+    """Standard deviations of what is known of the liner.
+
+    Attributes:
+        young, thickness, pretension: of the logarithms.
+    """
+
+    young: float
+    thickness: float
+    pretension: float
+
+
+class Difference(NamedTuple):
+    """Pressure difference, outside over inside, with its standard deviation."""
+
+    kpa: float
+    sigma_kpa: float
+
+
+def _correlation(at_mm: Array, length_mm: float) -> Array:
+    distance = (at_mm[:, np.newaxis] - at_mm) / length_mm
+    correlation: Array = np.exp(-0.5 * distance**2)
+    return correlation

@@ -1,0 +1,127 @@
+"""The mounted liner in its own frame, from the object model, the material and the reference state."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.sights import Sights
+from grabberd.analysis.load.wall_model import Targets
+from grabberd.analysis.surface.nominal_shape import NominalShape
+from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
+from grabberd.analysis.wall.material import Material
+from grabberd.errors import AnalysisError
+from grabberd.reconstruction import Points
+
+Array = NDArray[np.float64]
+
+_DEPARTURE_MM, _SMOOTH_MM = 0.2, 15.0
+"""Departure of a mounted wall from a cone, and the length over which it changes."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mounting:
+    """A liner as mounted.
+
+    Attributes:
+        half: the half of it that faces the cameras.
+        targets: where the targets of the grid are glued.
+        origin_mm: (3,) middle of the tube in the object's frame.
+        axes: (3, 3) rows: along the tube, across, and outward through the middle of the targets.
+    """
+
+    half: HalfTube
+    targets: Targets
+    origin_mm: Array
+    axes: Array
+
+    @classmethod
+    def of(cls, grid: Grid, material: Material, reference: Points | None) -> "Mounting":
+        """The liner.
+
+        Args:
+            grid: targets of the object model; they have to be on a cylinder.
+            material: of the whole wall, with the ends that hold it.
+            reference: targets of the open liner; None takes the object model's as exact.
+
+        Raises:
+            AnalysisError: the object is no cylinder, or the material has no ends.
+        """
+        shape = NominalShape.of(grid)
+        ends = material.ends_mm
+        if shape.radius_mm == 0 or ends is None:
+            lacks = "an object model that is a cylinder" if shape.radius_mm == 0 else "the ends of the liner"
+            raise AnalysisError(
+                f"the wall's equilibrium needs {lacks}",
+                "give first_end_mm and last_end_mm of the material: where along x the liner is held",
+            )
+        along = shape.along / np.linalg.norm(shape.along)
+        along = along if along[0] >= 0 else -along
+        origin = shape.origin_mm + (sum(ends) / 2 - shape.origin_mm[0]) / along[0] * along
+        outward = (grid.nominal_mm - origin).mean(axis=0)
+        outward = outward - (outward @ along) * along
+        outward = outward / np.linalg.norm(outward)
+        axes = np.stack([along, np.cross(outward, along), outward])
+        frame = (origin, axes)
+        nominal = (grid.nominal_mm - origin) @ axes.T
+        if reference is None:
+            return cls._mounted(nominal, None, material, shape.radius_mm, frame)
+        # A target that the reference state does not show keeps its place in the object model.
+        seen = grid.indices(reference.target)
+        places = nominal.copy()
+        places[seen] = (reference.xyz_mm - origin) @ axes.T
+        sigma = np.full(len(grid), np.inf)
+        sigma[seen] = np.sqrt(np.einsum("nii->n", reference.covariance_mm2) / 3)
+        return cls._mounted(places, sigma, material, shape.radius_mm, frame)
+
+    @classmethod
+    def _mounted(
+        cls,
+        places_mm: Array,
+        sigma_mm: Array | None,
+        material: Material,
+        radius_mm: float,
+        frame: tuple[Array, Array],
+    ) -> "Mounting":
+        """A mounting with targets at places (N, 3) in its own frame; σ (N,) of them, or None if exact."""
+        assert material.ends_mm is not None
+        middle_mm = radius_mm - material.depth_mm
+        theta = np.arctan2(places_mm[:, 1], places_mm[:, 2])
+        targets = Targets(middle_mm * theta, places_mm[:, 0], material.target_mm)
+        first, last = material.ends_mm
+        taper, departure = 0.0, None
+        if sigma_mm is not None:
+            away = np.hypot(places_mm[:, 1], places_mm[:, 2]) - radius_mm
+            weight = sigma_mm**-2
+            taper = -float((weight * targets.x_mm * away).sum() / (weight * targets.x_mm**2).sum())
+        tube = MountedTube(middle_mm, taper, last - first, material.wall_mm, material.E_mpa, material.F0_n)
+        half = HalfTube(tube)
+        if sigma_mm is not None:
+            departure = _departure(half, targets, away + taper * targets.x_mm, sigma_mm)
+            half = HalfTube(tube, departure)
+        return cls(half, targets, *frame)
+
+    def sights(self, points: Points, grid: Grid) -> Sights:
+        """Sights of a field's targets, in the liner's frame."""
+        places = np.full((len(grid), 3), np.nan)
+        covariance = np.zeros((len(grid), 3, 3))
+        index = grid.indices(points.target)
+        places[index] = (points.xyz_mm - self.origin_mm) @ self.axes.T
+        covariance[index] = self.axes @ points.covariance_mm2 @ self.axes.T
+        return Sights.of_points(places, covariance)
+
+
+def _departure(half: HalfTube, targets: Targets, away_mm: Array, sigma_mm: Array) -> Array:
+    """(K,) control values of a smooth radial departure that the reference state's targets show."""
+    grid = half.grid
+    at = grid.basis(targets.s_mm, targets.x_mm).matrices[0]
+    around, along = (
+        np.exp(-0.5 * ((axis[:, np.newaxis] - axis) / _SMOOTH_MM) ** 2)
+        for axis in (grid.around.greville, grid.along.greville)
+    )
+    spread = _DEPARTURE_MM**2 * np.kron(along, around) @ at.T
+    seen = np.isfinite(sigma_mm)
+    covariance = (at @ spread)[np.ix_(seen, seen)] + np.diag(sigma_mm[seen] ** 2)
+    departure: Array = spread[:, seen] @ np.linalg.solve(covariance, away_mm[seen])
+    return departure

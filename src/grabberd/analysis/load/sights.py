@@ -1,0 +1,59 @@
+"""What was seen of the targets: places along given directions, with their covariance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sights:
+    """M measured components of T targets' places.
+
+    A triangulated target gives three, along x, y and z; one that a single view sees gives two, which are that
+    view's image places made linear about a place near the target.
+
+    Attributes:
+        target: (M,) which target each is of.
+        direction: (M, 3) gradient of the component by the target's place.
+        value: (M,) measured component: direction · place.
+        covariance: (M, M) of the values, locked parts included.
+    """
+
+    target: NDArray[np.intp]
+    direction: Array
+    value: Array
+    covariance: Array
+
+    @classmethod
+    def of_points(cls, points_mm: Array, covariances_mm2: Array, locked_mm2: Array | None = None) -> "Sights":
+        """Sights of targets as triangulated.
+
+        Args:
+            points_mm: (T, 3) places; a row that is not finite was not seen.
+            covariances_mm2: (T, 3, 3) of each place by itself.
+            locked_mm2: (3 T, 3 T) covariance that all places share: the calibration's.
+        """
+        seen = np.flatnonzero(np.isfinite(points_mm).all(axis=1))
+        total = np.zeros((len(seen), 3, len(seen), 3))
+        total[np.arange(len(seen)), :, np.arange(len(seen))] = covariances_mm2[seen]
+        covariance = total.reshape(3 * len(seen), -1)
+        if locked_mm2 is not None:
+            rows = (3 * seen[:, np.newaxis] + np.arange(3)).ravel()
+            covariance = covariance + locked_mm2[np.ix_(rows, rows)]
+        directions = np.tile(np.eye(3), (len(seen), 1))
+        return cls(np.repeat(seen, 3), directions, points_mm[seen].ravel(), covariance)
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    def directions(self, targets: int) -> sparse.csr_matrix:
+        """(M, 3 T) the sights as combinations of all T targets' places."""
+        columns = 3 * self.target[:, np.newaxis] + np.arange(3)
+        starts = 3 * np.arange(len(self) + 1)
+        return sparse.csr_matrix(
+            (self.direction.ravel(), columns.ravel(), starts), shape=(len(self), 3 * targets)
+        )

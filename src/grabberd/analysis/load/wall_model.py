@@ -1,0 +1,257 @@
+"""A loaded wall as a function of its parameters: the load, the liner's own values, and its cuts.
+
+A state is a wall with its parameters; it need not be in equilibrium. Linearised, it says how the targets follow the
+parameters once the wall has settled, so that a step towards the data and one towards equilibrium are the same.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from grabberd.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
+from grabberd.analysis.wall.banded import Banded
+from grabberd.analysis.wall.cuts import cut_points
+from grabberd.analysis.wall.half_tube import HalfTube, MountedTube, Tangent
+from grabberd.analysis.wall.rubber import RubberWall
+from grabberd.analysis.wall.shell import Geometry, Load
+from grabberd.analysis.wall.splines import Basis
+
+Array = NDArray[np.float64]
+
+_SMALL = 1e-4
+"""Step of a logarithm, and of a pressure in MPa: its square is far below what a residual rounds to."""
+TUBE_VALUES = 4
+"""Logarithmic changes of Young's modulus, thickness and pretension; the pressure difference in MPa."""
+
+
+class Targets(NamedTuple):
+    """Where T targets are glued.
+
+    Attributes:
+        s_mm: (T,) on the mounted wall's middle, round it; `x_mm`: (T,) along it.
+        thickness_mm: of a target, whose face is what is seen.
+    """
+
+    s_mm: Array
+    x_mm: Array
+    thickness_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """A wall and what loads it.
+
+    Attributes:
+        control: (K, 4) control values.
+        parameters: (P,) values in the order of `WallModel`.
+    """
+
+    control: Array
+    parameters: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Linearised:
+    """How a wall settles and follows its parameters, about a state.
+
+    Attributes:
+        state: that state.
+        places_mm: (T, 3) targets once the wall has settled.
+        by_parameters: (3 T, P) derivatives of the settled places.
+        settling: (n,) what its unknowns still move by.
+        factors: of the wall's stiffness; `forces`: (n, P) derivative of its out-of-balance force.
+    """
+
+    state: State
+    places_mm: Array
+    by_parameters: Array
+    settling: Array
+    factors: Banded
+    forces: sparse.csr_matrix
+
+    def unknowns(self, change: Array) -> Array:
+        """(n,) movement of the wall's unknowns with a change of the parameters (P,)."""
+        return self.settling + self.factors.solve(self.forces @ change)
+
+
+class WallModel:
+    """The model.
+
+    Parameters are, one after the other, control values of g, of the traction round the wall and along it (K each,
+    MPa), the `TUBE_VALUES`, and if the hidden half is free, both cuts' shift (mm), turn (rad) and
+    force across (N/mm).
+
+    Attributes:
+        half: the half tube.
+        prior: of the load.
+        tube_prior: of the liner.
+        mirrored: true if the hidden half is taken for the seen one's mirror image.
+        targets: splines at the targets.
+    """
+
+    def __init__(
+        self,
+        half: HalfTube,
+        targets: Targets,
+        prior: LoadPrior,
+        tube_prior: TubePrior,
+        mirrored: bool = True,
+    ) -> None:
+        """Builds the model of a wall with targets."""
+        self.half, self.prior, self.tube_prior, self.mirrored = half, prior, tube_prior, mirrored
+        self.targets = half.grid.basis(targets.s_mm, targets.x_mm)
+        self._thickness_mm = targets.thickness_mm
+        points = 0 if mirrored else len(cut_points(half.grid))
+        self._fields = 3 * half.grid.count
+        self._tube = slice(self._fields, self._fields + TUBE_VALUES)
+        self._moved = slice(self._tube.stop, self._tube.stop + 4 * points)
+        self._forced = slice(self._moved.stop, self._moved.stop + 2 * points)
+
+    @property
+    def count(self) -> int:
+        """Number P of parameters."""
+        return self._forced.stop
+
+    def mean(self, difference: Difference) -> Array:
+        """(P,) prior mean of the parameters."""
+        mean = np.zeros(self.count)
+        mean[: self.half.grid.count] = self.prior.mean_mpa(self.half.grid, difference.kpa)
+        mean[self._tube.stop - 1] = difference.kpa * MPA_PER_KPA
+        return mean
+
+    def start(self, difference: Difference) -> State:
+        """The open wall."""
+        return State(self.half.mounted, self.mean(difference))
+
+    def spread(self, columns: Array, difference: Difference) -> Array:
+        """(P, M) prior covariance times columns (P, M)."""
+        fields = columns[: self._fields].reshape(3, self.half.grid.count, -1)
+        tube = self.tube_prior
+        sigma = [tube.young, tube.thickness, tube.pretension, difference.sigma_kpa * MPA_PER_KPA]
+        parts = [
+            self.prior.spread(self.half.grid, difference.kpa, fields).reshape(self._fields, -1),
+            np.square(sigma)[:, np.newaxis] * columns[self._tube],
+        ]
+        if not self.mirrored:
+            blocks = self._cut_covariances
+            ends = np.split(columns[self._moved.start :], len(blocks))
+            parts += [block @ end for block, end in zip(blocks, ends, strict=True)]
+        return np.concatenate(parts)
+
+    @cached_property
+    def _cut_covariances(self) -> list[Array]:
+        return self.prior.cut_covariances(self.half.grid)
+
+    def field(self, parameters: Array, index: int) -> Array:
+        """(K,) control values of g (0), of the traction round the wall (1) or along it (2)."""
+        count = self.half.grid.count
+        return parameters[index * count : (index + 1) * count]
+
+    def tube_values(self, parameters: Array) -> Array:
+        """(4,) or (4, …) the liner's own values and the pressure difference."""
+        return parameters[self._tube]
+
+    def tube(self, parameters: Array) -> MountedTube:
+        """The liner."""
+        young, thickness, pretension, _ = self.tube_values(parameters)
+        return self.half.tube.changed(young, thickness, pretension)
+
+    def load(self, parameters: Array, basis: Basis) -> tuple[Load, Array]:
+        """The load at points of the wall, and the contact pressure's derivative by g."""
+        contact, by_g = self.prior.contact_mpa(basis.of(self.field(parameters, 0)))
+        traction = np.stack([basis.of(self.field(parameters, index)) for index in (1, 2)])
+        return Load(float(self.tube_values(parameters)[3]), contact, traction), by_g
+
+    def residual(self, state: State) -> Array:
+        """(n,) force out of balance."""
+        half = self.half.of(self.tube(state.parameters))
+        load, _ = self.load(state.parameters, half.shell.basis)
+        force = half.residual(state.control, load)
+        return force if self.mirrored else force + half.cuts.forced @ state.parameters[self._forced]
+
+    def moved(self, state: State, unknowns: Array, change: Array) -> State:
+        """A state moved by its unknowns (n,) and parameters (P,)."""
+        control = self.half.moved(state.control, unknowns)
+        if not self.mirrored:
+            control = control + (self.half.cuts.moved @ change[self._moved]).reshape(control.shape)
+        return State(control, state.parameters + change)
+
+    def linearised(self, state: State) -> Linearised:
+        """The model about a state."""
+        half = self.half.of(self.tube(state.parameters))
+        load, by_g = self.load(state.parameters, half.shell.basis)
+        tangent, residual = half.tangent(state.control, load), self.residual(state)
+        forces = self._forces(half, state, by_g, residual, tangent)
+        places, by_control, by_thickness = self._places(state)
+        right = (half.cuts.free.T @ by_control.T).toarray(order="F")
+        adjoint = tangent.factors.solve(right, transposed=True)
+        by_parameters = np.ascontiguousarray((forces.T @ adjoint).T)
+        by_parameters[:, self._tube.start + 1] += by_thickness
+        if not self.mirrored:
+            by_parameters[:, self._moved] += (by_control @ half.cuts.moved).toarray()
+        settled = places + (adjoint.T @ residual).reshape(places.shape)
+        factors = tangent.factors
+        return Linearised(state, settled, by_parameters, factors.solve(residual), factors, forces)
+
+    def _forces(
+        self, half: HalfTube, state: State, by_g: Array, residual: Array, tangent: Tangent
+    ) -> sparse.csr_matrix:
+        """(n, P) derivative of the residual by the parameters."""
+        contact = half.shell.contact_force(state.control) * by_g[:, np.newaxis, np.newaxis]
+        work = np.stack([contact, *half.shell.traction_force(state.control)], axis=-1)
+        parts = [half.by_fields(work), sparse.csr_matrix(self._by_tube(state, residual))]
+        if not self.mirrored:
+            parts += [sparse.csr_matrix(-tangent.by_held(half.cuts.moved)), half.cuts.forced]
+        return sparse.hstack(parts, format="csr")
+
+    def _by_tube(self, state: State, residual: Array) -> Array:
+        """(n, 4) differences of the residual."""
+        columns = []
+        for index in range(TUBE_VALUES):
+            parameters = state.parameters.copy()
+            parameters[self._tube.start + index] += _SMALL
+            columns.append((self.residual(State(state.control, parameters)) - residual) / _SMALL)
+        return np.stack(columns, axis=1)
+
+    def places_mm(self, state: State) -> Array:
+        """(T, 3) targets of a state."""
+        wall = self.half.wall(self.targets, self.tube(state.parameters))
+        return self._seen(state, Geometry.of(self.targets, state.control), wall)
+
+    def _seen(self, state: State, geometry: Geometry, wall: RubberWall) -> Array:
+        height = wall.layer(geometry.forms(), 0.5).depth_mm + self._thickness_mm
+        seen: Array = self.targets.of(state.control)[:, :3] + height[:, np.newaxis] * geometry.director()
+        return seen
+
+    def _places(self, state: State) -> tuple[Array, sparse.csr_matrix, Array]:
+        """Targets (T, 3), their derivatives by the control values (3 T, 4 K) and by ln t alone (3 T,)."""
+        tube = self.tube(state.parameters)
+        geometry = Geometry.of(self.targets, state.control)
+        walls = [self.half.wall(self.targets, each) for each in (tube, tube.changed(0.0, _SMALL, 0.0))]
+        places, thicker = (self._seen(state, geometry, wall) for wall in walls)
+        by_values = _seen_by_values(geometry, walls[0], self._thickness_mm)
+        each = np.einsum("dni,nkdc->nkic", self.targets.values, by_values, optimize=True)
+        columns = self.targets.members[:, np.newaxis, :, np.newaxis] * 4 + np.arange(4)
+        starts = np.arange(len(places) * 3 + 1) * 64
+        by_control = sparse.csr_matrix(
+            (each.ravel(), np.broadcast_to(columns, each.shape).ravel(), starts),
+            shape=(places.size, state.control.size),
+        )
+        return places, by_control, ((thicker - places) / _SMALL).ravel()
+
+
+def _seen_by_values(geometry: Geometry, wall: RubberWall, thickness_mm: float) -> Array:
+    """(T, 3, 6, 4) derivatives of the targets by the six derivatives of x, y, z, s."""
+    layer = wall.layer(geometry.forms(), 0.5)
+    depth = (layer.depth_mm + thickness_mm)[:, np.newaxis, np.newaxis]
+    by_depth = np.einsum("en,endc->ndc", layer.by_forms, geometry.forms_by_values())
+    by = np.zeros((len(layer.depth_mm), 3, 6, 4))
+    by[:, :, 1:] = np.einsum("ndc,ni->nidc", by_depth, geometry.director())
+    by[:, :, 1:3, :3] += depth[..., np.newaxis] * geometry.normal_by_tangents()
+    by[:, :, 1:3, 3] += depth * geometry.dual.transpose(1, 2, 0)
+    by[:, np.arange(3), 0, np.arange(3)] += 1.0
+    return by

@@ -1,0 +1,118 @@
+"""The pressure map: against walls that were solved as solids, with σ, refusals and reasons."""
+
+import numpy as np
+import pytest
+
+from analysis.walls import EIGHT_BITS_MM, as_points, solved
+from grabberd.analysis import ChamberVacuum, PressureModel, Zone
+from grabberd.errors import AnalysisError
+
+SOUGHT_KPA = 50.0
+"""Beyond every σ: nothing is refused for it."""
+SEEN = np.ones(72, bool)
+
+
+def vacuum(outer_kpa, sigma_kpa=0.35):
+    return ChamberVacuum(42.0 - outer_kpa, 42.0, sigma_kpa, sigma_kpa)
+
+
+def model(name, sought_kpa=SOUGHT_KPA, reference=True, **material):
+    liner = solved(name)
+    open_liner = as_points(liner.places_mm(0.0), np.full(3, 0.005)) if reference else None
+    return PressureModel(liner.grid, liner.zones(**material), open_liner, sought_kpa)
+
+
+@pytest.fixture(scope="module")
+def closing():
+    """Maps of the reference liner closing on a round teat, with what is true."""
+    liner, pressure = solved("reference-round"), model("reference-round")
+    differences = (12.0, 18.0, 26.0)
+    maps = [pressure.map(liner.points(kpa, seed), SEEN, vacuum(kpa)) for seed, kpa in enumerate(differences)]
+    return maps, [liner.contact_kpa(kpa) for kpa in differences]
+
+
+def test_the_pressure_is_that_of_the_solved_wall_within_3_kpa(closing):
+    maps, true = closing
+    off = np.concatenate([one.contact_kpa.value - truth for one, truth in zip(maps, true, strict=True)])
+    assert max(np.abs(truth).max() for truth in true) > 30
+    assert np.sqrt(np.mean(off**2)) < 3.0
+
+
+def test_sigma_says_how_far_it_is_off(closing):
+    maps, true = closing
+    ratio = [
+        (one.contact_kpa.value - truth) / one.contact_kpa.sigma for one, truth in zip(maps, true, strict=True)
+    ]
+    assert 0.2 < np.mean(np.square(ratio)) < 1.4
+
+
+def test_the_mean_of_the_seen_part_is_right_to_1_kpa_and_so_is_its_sigma(closing):
+    maps, true = closing
+    for one, truth in zip(maps, true, strict=True):
+        assert one.mean_kpa.value == pytest.approx(truth.mean(), abs=1.5)
+        assert 0.2 < one.mean_kpa.sigma < 1.5
+
+
+def test_a_wall_that_fits_has_a_small_misfit(closing):
+    assert all(0.3 < one.misfit < 1.3 for one in closing[0])
+
+
+def test_the_pressure_above_atmosphere_is_less_by_the_liner_s_vacuum(closing):
+    for one in closing[0]:
+        assert one.above_atmosphere_kpa.value == pytest.approx(one.contact_kpa.value - 42.0)
+        assert (one.above_atmosphere_kpa.sigma >= one.contact_kpa.sigma).all()
+
+
+def test_where_sigma_exceeds_the_pressure_sought_the_map_says_so():
+    liner = solved("reference-round")
+    found = model("reference-round", sought_kpa=0.5).map(liner.points(12.0, 0), SEEN, vacuum(12.0))
+    refused = np.array([bool(reason) for reason in found.reason])
+    assert refused.any()
+    assert all("exceeds the pressure sought" in reason for reason in found.reason if reason)
+    assert np.array_equal(refused, found.contact_kpa.sigma > np.maximum(found.contact_kpa.value, 0.5))
+
+
+def test_a_place_without_targets_near_it_has_no_pressure():
+    liner = solved("reference-round")
+    within = SEEN.copy()
+    within[10] = False
+    found = model("reference-round").map(liner.points(12.0, 0), within, vacuum(12.0))
+    assert found.reason[10] == "no targets near enough"
+    assert not any(reason for index, reason in enumerate(found.reason) if index != 10)
+
+
+def test_points_that_no_load_explains_are_refused():
+    liner = solved("reference-round")
+    places = liner.places_mm(12.0)
+    places[::2, 2] += 0.15
+    found = model("reference-round").map(as_points(places, EIGHT_BITS_MM), SEEN, vacuum(12.0))
+    assert found.misfit > 2
+    with pytest.raises(
+        AnalysisError, match="none of 72 places has its pressure determined: points and the wall"
+    ):
+        found.determined()
+
+
+def test_a_vacuum_that_is_badly_known_makes_sigma_larger():
+    liner, pressure = solved("reference-round"), model("reference-round")
+    good, bad = (pressure.map(liner.points(15.0, 0), SEEN, vacuum(15.0, sigma)) for sigma in (0.1, 3.0))
+    assert bad.mean_kpa.sigma > 1.2 * good.mean_kpa.sigma
+
+
+def test_a_second_of_the_clocks_counts_by_how_fast_the_vacuum_changes():
+    """10 ms at 45 kPa in 150 ms are 3 kPa."""
+    moving = ChamberVacuum(20.0, 42.0, 0.0, 0.0, pulsation_slope_kpa_per_s=-300.0, time_sigma_s=1e-2)
+    assert moving.difference_sigma_kpa == pytest.approx(3.0)
+
+
+def test_several_materials_are_refused():
+    liner = solved("reference-round")
+    (zone,) = liner.zones()
+    with pytest.raises(AnalysisError, match="needs one material for the whole liner, not 2 zones"):
+        PressureModel(liner.grid, [zone, Zone(200.0, 300.0, zone.material)], None, SOUGHT_KPA)
+
+
+def test_a_liner_whose_ends_are_unknown_is_refused():
+    liner = solved("reference-round")
+    with pytest.raises(AnalysisError, match="needs the ends of the liner"):
+        PressureModel(liner.grid, liner.zones(first_end_mm=None), None, SOUGHT_KPA)

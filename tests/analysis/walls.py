@@ -1,0 +1,89 @@
+"""Fields of a liner whose wall was solved as a solid, by a program that shares nothing with the analysis."""
+
+from functools import cache
+
+import numpy as np
+
+from grabberd.analysis import Grid
+from grabberd.analysis.wall.material import Material, Zone
+from grabberd.reconstruction import ObjectModel, Points
+from grabberd_fake.wall_states import Patch, wall_states
+
+PITCH_MM, ROWS, COLUMNS = 6.5, 18, 4
+EIGHT_BITS_MM = np.array([0.010, 0.010, 0.026])
+"""σ of a target's place in one field."""
+ONE_BIT_MM = np.array([0.021, 0.021, 0.055])
+
+
+class SolvedLiner:
+    """A liner on a teat, with targets glued to it in rows and columns."""
+
+    def __init__(self, name: str, columns: int = COLUMNS) -> None:
+        """Reads its table."""
+        self.states = wall_states(name)
+        self.design = self.states.about["design"]
+        face_mm = self.design["radius_mm"] + self.design["wall_mm"] / 2
+        self.x_mm = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
+        theta = (np.arange(columns) - (columns - 1) / 2) * PITCH_MM / face_mm
+        self._patch = Patch(self.states, self.x_mm, theta)
+        row, column = (part.ravel() for part in np.meshgrid(range(ROWS), range(columns), indexing="ij"))
+        angle = theta[column]
+        nominal = np.column_stack([self.x_mm[row], face_mm * np.sin(angle), face_mm * np.cos(angle)])
+        ids = np.arange(len(row), dtype=np.int32)
+        model = ObjectModel("liner", ids, nominal, row.astype(np.int32), column.astype(np.int32), 1.5, 0.3)
+        self.grid = Grid.of(model)
+
+    def places_mm(self, outer_kpa: float) -> np.ndarray:
+        """(N, 3) targets at a pressure difference."""
+        points, _ = self._patch.surface(self.states.outer_mm(outer_kpa))
+        return points.reshape(-1, 3)
+
+    def contact_kpa(self, outer_kpa: float) -> np.ndarray:
+        """(N,) contact pressure under the targets."""
+        return self._patch.values(self.states.contact_kpa(outer_kpa)).ravel()
+
+    def points(self, outer_kpa: float, seed: int, sigma_mm: np.ndarray = EIGHT_BITS_MM) -> Points:
+        """Points of one field, with noise."""
+        noise = np.random.default_rng(seed).normal(size=(len(self.grid), 3)) * sigma_mm
+        return as_points(self.places_mm(outer_kpa) + noise, sigma_mm)
+
+    def zones(self, **changed: float | None) -> list[Zone]:
+        """Material as a researcher would give it after a ramp with the empty liner."""
+        design = self.design
+        values = {
+            "E_mpa": design["young_mpa"],
+            "wall_mm": design["wall_mm"],
+            "F0_n": design["pretension_n"],
+            "E_sigma_mpa": 0.035 * design["young_mpa"],
+            "wall_sigma_mm": 0.02 * design["wall_mm"],
+            "F0_sigma_n": 0.1 * design["pretension_n"],
+            "first_end_mm": -65.0,
+            "last_end_mm": 65.0,
+        } | changed
+        material = Material(
+            poisson=0.5,
+            radius_mm=design["radius_mm"],
+            target_mm=0.0,
+            law="neo_hookean",
+            **values,
+        )
+        return [Zone(-10.0, 200.0, material)]
+
+
+@cache
+def solved(name: str) -> SolvedLiner:
+    """A liner, read once."""
+    return SolvedLiner(name)
+
+
+def as_points(places_mm: np.ndarray, sigma_mm: np.ndarray) -> Points:
+    """Points of all targets."""
+    count = len(places_mm)
+    return Points(
+        np.arange(count, dtype=np.int32),
+        places_mm,
+        np.tile(np.diag(np.square(sigma_mm)), (count, 1, 1)),
+        np.zeros((count, 3, 3)),
+        np.zeros((count, 2, 2)),
+        np.zeros(count),
+    )
