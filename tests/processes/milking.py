@@ -1,4 +1,4 @@
-"""Captures of a small simulated liner as points: true places, noise with its covariance, and what is true."""
+"""Captures of the flattening ellipse as points: true places, noise with its covariance, and what is true."""
 
 from functools import cache
 
@@ -106,7 +106,6 @@ def whole():
         heights_mm=[-10, 0, 10],
         phases=4,
         sought_kpa=1.0,
-        free_rows=[0, 6],
     )
 
 

@@ -3,7 +3,7 @@
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
-from grabberd.analysis.load.pressure_model import PressureModel
+from grabberd.analysis.load.pressure_model import UNSEEN, PressureModel
 from grabberd.analysis.load.touch import Touch, first_touch
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average
@@ -46,6 +46,7 @@ from grabberd.analysis.wall.target_strain import (
 __all__ = [
     "ORDERS",
     "PER_PITCH",
+    "UNSEEN",
     "Agreement",
     "Area",
     "Camera",

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from analysis.pulsating import capture, times
-from grabberd.analysis import first_movement
+from grabberd.analysis import Movement, first_movement
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
@@ -50,3 +50,9 @@ def test_too_few_fields_are_refused() -> None:
     with pytest.raises(AnalysisError, match="too few for a movement") as caught:
         first_movement([capture(times(5))])
     assert "measure the capture" in caught.value.hint
+
+
+def test_its_speed_is_that_of_the_faster_step_beside_a_field() -> None:
+    time_s = np.arange(5) * 0.02
+    movement = Movement(time_s, np.array([0.0, 0.0, 4.0, 5.0, 5.0]), np.full(5, 0.01))
+    assert_allclose(movement.speed_mm_per_s(time_s), [0.0, 200.0, 200.0, 50.0, 0.0])

@@ -80,7 +80,7 @@ class SolvedWall:
         half = self.half
         points, normals = self.face(outer_kpa)
         shift = points - normals * self.tube.thickness_mm / 2 - half.shell.basis.of(half.mounted)[:, :3]
-        places = sparse.kron(half.shell.basis.matrix(half.grid.count), sparse.eye(4).tocsr()[:3])
+        places = sparse.kron(half.shell.basis.matrices[0], sparse.eye(4).tocsr()[:3])
         by_unknowns = (places @ half.cuts.free).tocsr()
         # The shear moves no place, so the normal equations need a small stiffness for it.
         normal = by_unknowns.T @ by_unknowns + 1e-6 * sparse.eye(half.cuts.count)
@@ -94,5 +94,5 @@ def _radius(points):
 
 def _fitted(half: HalfTube, values):
     """(K,) control values of the spline nearest to values at the points of quadrature."""
-    dense = half.shell.basis.matrix(half.grid.count)
+    dense = half.shell.basis.matrices[0]
     return sparse.linalg.splu((dense.T @ dense).tocsc()).solve(dense.T @ values)

@@ -7,7 +7,6 @@ from numpy.testing import assert_allclose
 from grabberd.errors import AnalysisError, InputError
 from processes.milking import (
     CLOSED_S,
-    CONSTANT,
     FAKE,
     MATERIAL,
     PERIOD_S,
@@ -60,12 +59,6 @@ def test_strain_is_the_middle_surfaces_within_its_sigma() -> None:
 def test_tension_is_the_walls_within_its_sigma() -> None:
     for state, true in states():
         assert rms(state.tension_n_per_m, descending(true.tension_n_per_m)) < MOST
-
-
-def test_pressure_is_the_walls_within_its_sigma_wherever_it_is_given() -> None:
-    for state, true in states():
-        assert state.pressure.usable.any()
-        assert rms(state.pressure.contact_kpa, true.pressure_kpa, state.pressure.usable) < MOST
 
 
 def test_the_cycle_is_that_of_the_liner() -> None:
@@ -131,40 +124,6 @@ def test_strain_counts_from_the_field_that_is_named() -> None:
 def test_strain_from_a_phase_needs_a_pulsation() -> None:
     with pytest.raises(InputError, match=r"phase 0\.4 of the mean cycle does not exist"):
         analysed(still(3), reference={"phase": 0.4})
-
-
-def test_the_empty_open_liner_passes_its_self_check() -> None:
-    found = analysed(
-        still(3),
-        reference="nominal",
-        material=MATERIAL,
-        vacuum=CONSTANT,
-        sought_kpa=20.0,
-        free_rows=[0, 6],
-    )
-    assert all(free is not None and free.agrees for free in found.free)
-    wrong = {**CONSTANT, "liner": {"kpa": 62, "sigma_kpa": 0.5}}
-    found = analysed(
-        still(3), reference="nominal", material=MATERIAL, vacuum=wrong, sought_kpa=20.0, free_rows=[0, 6]
-    )
-    assert not any(free is not None and free.agrees for free in found.free)
-
-
-def test_a_pressure_that_its_sigma_exceeds_is_refused_with_the_reason() -> None:
-    refused = 0
-    for state in whole().states:
-        contact, reason = state.pressure.contact_kpa, np.array(state.pressure.reason)
-        exceeds = state.within & (contact.sigma > np.maximum(np.abs(contact.value), 1.0))
-        assert all("exceeds the pressure sought" in words for words in reason[exceeds])
-        refused += exceeds.sum()
-    assert refused
-
-
-def test_where_no_place_has_a_pressure_there_is_no_map_and_the_field_says_why() -> None:
-    vague = {chamber: {**one, "sigma_kpa": 20} for chamber, one in CONSTANT.items()}
-    found = analysed(still(3), reference="nominal", material=MATERIAL, vacuum=vague, sought_kpa=0.05)
-    assert [state.pressure for state in found.states] == [None] * 3
-    assert any("none of 35 places has its pressure determined" in words for words in found.problems)
 
 
 def test_a_hole_stays_a_hole() -> None:

@@ -16,13 +16,8 @@ def refusal(**document):
 
 def test_nothing_is_needed_and_nothing_is_assumed() -> None:
     read = inputs()
-    assert (read.reference, read.zones, read.plane, read.sought_kpa, read.free_rows) == (
-        None,
-        (),
-        None,
-        None,
-        None,
-    )
+    assert (read.reference, read.zones, read.plane, read.sought_kpa) == (None, (), None, None)
+    assert read.unseen == "free"
     assert len(read.lacks) == 6
 
 
@@ -30,7 +25,7 @@ def test_nothing_lacks_when_all_is_given() -> None:
     vacuum = {"pulsation": {"kpa": 0, "sigma_kpa": 0.5}, "liner": {"kpa": 42, "sigma_kpa": 0.5}}
     read = inputs(
         reference="nominal",
-        material=MATERIAL,
+        material={**MATERIAL, "first_end_mm": -65, "last_end_mm": 65},
         vacuum=vacuum,
         plane="symmetry",
         sought_kpa=1,
@@ -77,8 +72,8 @@ def test_a_reference_state_says_what_it_is(value: object, said: str) -> None:
         ({"phases": 1}, "phases"),
         ({"phases": 5000}, "phases"),
         ({"sought_kpa": 0}, "sought_kpa"),
-        ({"free_rows": [3, 1]}, "free_rows"),
-        ({"free_rows": [0.5, 1]}, "free_rows"),
+        ({"unseen": "guessed"}, "unseen"),
+        ({"free_rows": [3, 9]}, "free_rows"),
         ({"material": "rubber"}, "material"),
     ],
 )

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from grabberd.analysis import ChamberVacuum, PressureModel, fit_surface, symmetry_plane
+from grabberd.analysis import fit_surface, symmetry_plane
 from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.wall_state import Question, wall_state, wall_states
 from processes.milking import CLOSED_S, FAKE, MATERIAL, changed, field, grid, inputs, still, truth
@@ -90,16 +90,11 @@ def test_fields_looked_at_together_are_as_each_alone():
     fields = [field(n, time_s).timed.points for n, time_s in enumerate((0.2, 0.4, CLOSED_S))]
     smoothing = Smoothings.of(grid(), fields).for_points(fields[1])
     first, *surfaces = (fit_surface(grid(), points, smoothing) for points in fields)
-    places = grid().u_mm, grid().v_mm
-    pressure = PressureModel.of(zones, places, first, grid().outward, 50.0)
-    question = Question(grid(), (-10.0, 10.0), plane, first, zones, pressure)
-    vacuum = [ChamberVacuum(0.0, 42.0, 0.5, 0.5), ChamberVacuum(40.0, 42.0, 0.5, 0.5)]
-    together = wall_states(surfaces, question, vacuum)
-    for state, points, chamber in zip(together, fields[1:], vacuum, strict=True):
-        alone = wall_state(points, question, smoothing, chamber)
+    question = Question(grid(), (-10.0, 10.0), plane, first, zones)
+    together = wall_states(surfaces, question, [None, None])
+    for state, points in zip(together, fields[1:], strict=True):
+        alone = wall_state(points, question, smoothing)
         for name in ("xyz_mm", "curvature_per_m", "strain", "tension_n_per_m"):
             for one, other in zip(getattr(state, name), getattr(alone, name), strict=True):
                 assert_allclose(one, other, rtol=1e-9, atol=1e-12)
-        assert_allclose(state.pressure.contact_kpa.value, alone.pressure.contact_kpa.value, rtol=1e-9)
-        assert_allclose(state.pressure.contact_kpa.sigma, alone.pressure.contact_kpa.sigma, rtol=1e-9)
         assert state.problems == alone.problems

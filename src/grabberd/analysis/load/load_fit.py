@@ -1,11 +1,13 @@
 """The contact pressure that explains where the targets are.
 
-Gauss–Newton on equilibrium and data at once: the wall's unknowns are eliminated by one adjoint solution for each
-component of a target's place, and the step is taken in the space of the sights (a few hundred), where the prior's
-covariance (thousands of parameters) need never be inverted. The posterior covariance follows by the same elimination.
+Gauss–Newton on equilibrium and data at once: the wall's unknowns are eliminated by one adjoint solution for
+each component of a target's place, and the step is taken in the space of the sights (a few hundred), where
+the prior's covariance (thousands of parameters) need never be inverted. The posterior covariance follows
+likewise.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +22,52 @@ from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
 
-STEPS = 40
-"""Of Gauss and Newton; across a buckling of 6 mm some fifteen are taken."""
-_LONGEST_MM = 0.6
+STEPS = 60
+"""Of Gauss and Newton; from the open wall to a closed one some twenty are taken."""
+_LONGEST_MM = 1.0
 """Of a step of the wall's unknowns: farther away its stiffness is another."""
 _SLOWING, _SHORTENED = 0.5, 0.6
 """A step longer than half the last one swings about the minimum: it is shortened."""
-_SETTLED_MM, _SETTLED_SEEN_MM = 0.03, 0.002
-"""Unseen parts of the wall may still move by the first; what the sights see, by the second."""
+NEAR_MM = 0.3
+"""Next step below which the linearised model is the wall: pressures then err by less than .02 σ."""
 _HINT = "give the liner's own modulus, thickness, pretension and length, and its vacuum on the camera's clock"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """A linearised wall, and how far the prior lets its targets move.
+
+    Attributes:
+        model: the wall's.
+        linear: the model about a state.
+        spread: (P, 3 T) prior covariance of parameters and places, by `WallModel.spread`.
+    """
+
+    model: WallModel
+    linear: Linearised
+    spread: Array
+    _of_load: Array
+    _of_difference: Array
+    _of_rest: Array
+
+    @classmethod
+    def of(cls, model: WallModel, state: State) -> "Response":
+        """The response about a state."""
+        linear = model.linearised(state)
+        by_parameters = linear.by_parameters
+        spread = model.spread(by_parameters.T)
+        of_load, of_difference = (
+            by_parameters[:, part] @ spread[part] for part in (model.of_load, model.of_difference)
+        )
+        of_rest = by_parameters @ spread - of_load - of_difference
+        return cls(model, linear, spread, of_load, of_difference, of_rest)
+
+    def covariance_mm2(self, difference: Difference) -> Array:
+        """(3 T, 3 T) prior covariance of the places."""
+        factors = self.model.variances(difference)
+        load, gauge = (factors[part][0] for part in (self.model.of_load, self.model.of_difference))
+        covariance: Array = load * self._of_load + gauge * self._of_difference + self._of_rest
+        return covariance
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,20 +75,28 @@ class Posterior:
     """The load given the sights, by a model linearised near it.
 
     Attributes:
-        model: the wall's.
+        response: of the model; its state is within a step of the most probable one.
         difference: pressure difference that was given.
-        linear: the model that was linearised; its state is within a step of the most probable one.
         parameters: (P,) the most probable ones.
         j: misfit of sights and prior per sight, about .3–.9; above 2 they contradict each other.
     """
 
-    model: WallModel
+    response: Response
     difference: Difference
-    linear: Linearised
     parameters: Array
     j: float
-    _spread: Array
+    _directions: sparse.csr_matrix
     _factor: tuple[Array, bool]
+
+    @property
+    def model(self) -> WallModel:
+        """The wall's model."""
+        return self.response.model
+
+    @property
+    def linear(self) -> Linearised:
+        """The model that was linearised."""
+        return self.response.linear
 
     @property
     def change(self) -> Array:
@@ -66,9 +113,8 @@ class Posterior:
 
     def contact_kpa(self, basis: Basis) -> tuple[Array, Array]:
         """Median contact pressure at points of the wall (N,), and its covariance (N, N) in kPa²."""
-        at = basis.matrices[0]
-        g = at @ self.model.field(self.parameters, 0)
-        covariance = self._covariance(at, 0)
+        g = basis.matrices[0] @ self.model.field(self.parameters, 0)
+        covariance = self._field_covariance(basis, 0)
         sigma = np.sqrt(np.diagonal(covariance))
         pressure, _ = self.model.prior.contact_mpa(g)
         # Not by the slope at the median: without contact, that is too flat for all that g may be.
@@ -77,40 +123,56 @@ class Posterior:
 
     def traction_kpa(self, basis: Basis, along: bool) -> tuple[Array, Array]:
         """Friction on the inner face (N,), round the wall or along it, and its covariance (N, N) in kPa²."""
-        at = basis.matrices[0]
-        traction = at @ self.model.field(self.parameters, 1 + along)
-        covariance = self._covariance(at, (1 + along) * at.shape[1])
-        return traction / MPA_PER_KPA, covariance / MPA_PER_KPA**2
+        traction = basis.matrices[0] @ self.model.field(self.parameters, 1 + along)
+        return traction / MPA_PER_KPA, self._field_covariance(basis, 1 + along) / MPA_PER_KPA**2
 
     def tube_values(self) -> tuple[Array, Array]:
-        """Changes of ln E, ln t and ln F₀, and the pressure difference in MPa (4,); their covariance (4, 4)."""
+        """Changes of ln E, ln t, ln F₀, and the pressure difference in MPa (4,); covariance (4, 4)."""
         start = 3 * self.model.half.grid.count
-        values = self.model.tube_values(self.parameters)
-        return values, self._covariance(sparse.identity(TUBE_VALUES, format="csr"), start)
+        part = slice(start, start + TUBE_VALUES)
+        rows = np.zeros((self.model.count, TUBE_VALUES))
+        rows[part] = np.eye(TUBE_VALUES)
+        unit, one = self.model.spread(rows)[part], sparse.identity(TUBE_VALUES, format="csr")
+        return self.model.tube_values(self.parameters), self._covariance(one, part, unit)
 
-    def _covariance(self, rows: sparse.csr_matrix, start: int) -> Array:
-        """Posterior covariance of rows (N, W) of the W parameters from `start` on."""
-        part = slice(start, start + rows.shape[1])
-        widened = np.zeros((self.model.count, rows.shape[0]))
-        widened[part] = rows.T.toarray()
-        prior = rows @ self.model.spread(widened, self.difference)[part]
-        seen = rows @ self._spread[part]
-        covariance: Array = prior - seen @ cho_solve(self._factor, seen.T)
+    def _field_covariance(self, basis: Basis, index: int) -> Array:
+        count = self.model.half.grid.count
+        part = slice(index * count, (index + 1) * count)
+        return self._covariance(basis.matrices[0], part, _unit_covariances(self.model, basis)[index])
+
+    def _covariance(self, rows: sparse.csr_matrix, part: slice, unit: Array) -> Array:
+        """(N, N) posterior covariance of rows (N, W) of the parameters `part`; `unit` is their prior one."""
+        factors = self.model.variances(self.difference)[part]
+        seen = rows @ (factors[:, np.newaxis] * self.response.spread[part]) @ self._directions.T
+        scale = np.sqrt(factors[: rows.shape[0]] if len(factors) == TUBE_VALUES else factors[0])
+        covariance: Array = unit * np.outer(scale, scale) - seen @ cho_solve(self._factor, seen.T)
         return covariance
 
 
-def posterior(model: WallModel, linear: Linearised, sights: Sights, difference: Difference) -> Posterior:
+@lru_cache(maxsize=4)
+def _unit_covariances(model: WallModel, basis: Basis) -> list[Array]:
+    """(N, N) prior covariances of g and of both tractions at points of the wall, by `WallModel.spread`."""
+    at, count = basis.matrices[0], model.half.grid.count
+    columns = np.zeros((model.count, 3, at.shape[0]))
+    for index in range(3):
+        columns[index * count : (index + 1) * count, index] = at.T.toarray()
+    spread = model.spread(columns.reshape(model.count, -1)).reshape(columns.shape)
+    return [at @ spread[index * count : (index + 1) * count, index] for index in range(3)]
+
+
+def posterior(response: Response, sights: Sights, difference: Difference) -> Posterior:
     """The load given the sights, by a model that was linearised before."""
+    model, linear = response.model, response.linear
     directions = sights.directions(len(linear.places_mm))
-    by_parameters = directions @ linear.by_parameters
-    spread = model.spread(by_parameters.T, difference)
-    factor = cho_factor(by_parameters @ spread + sights.covariance, lower=True)
+    covariance = directions @ (directions @ response.covariance_mm2(difference)).T
+    factor = cho_factor(covariance + sights.covariance, lower=True)
     mean = model.mean(difference)
-    away = sights.value - directions @ linear.places_mm.ravel()
-    innovation = away + by_parameters @ (linear.state.parameters - mean)
+    expected = linear.places_mm.ravel() - linear.by_parameters @ (linear.state.parameters - mean)
+    innovation = sights.value - directions @ expected
     weighted = cho_solve(factor, innovation)
     j = float(innovation @ weighted) / len(sights)
-    return Posterior(model, difference, linear, mean + spread @ weighted, j, spread, factor)
+    parameters = mean + model.variances(difference) * (response.spread @ (directions.T @ weighted))
+    return Posterior(response, difference, parameters, j, directions, factor)
 
 
 def fit_load(
@@ -129,12 +191,10 @@ def fit_load(
     """
     state, last_mm = start or model.start(difference), np.inf
     for step in range(1, STEPS + 1):
-        linear = model.linearised(state)
-        found = posterior(model, linear, sights, difference)
-        unknowns = linear.unknowns(found.change)
+        found = posterior(Response.of(model, state), sights, difference)
+        unknowns = found.linear.unknowns(found.change)
         longest_mm = float(np.abs(unknowns).max())
-        seen_mm = float(np.abs(found.places_mm - model.places_mm(state)).max())
-        if longest_mm < _SETTLED_MM and seen_mm < _SETTLED_SEEN_MM:
+        if longest_mm < NEAR_MM:
             return found, step
         share = min(1.0, _LONGEST_MM / longest_mm)
         if share == 1.0 and longest_mm > _SLOWING * last_mm:
@@ -142,7 +202,7 @@ def fit_load(
         last_mm = longest_mm
         state = model.moved(state, share * unknowns, share * found.change)
     raise AnalysisError(
-        f"no load explains {len(sights)} sights at {difference.kpa:.3g} kPa: after {STEPS} steps the wall still "
-        f"moves by {last_mm:.2g} mm a step",
+        f"no load explains {len(sights)} sights at {difference.kpa:.3g} kPa: after {STEPS} steps the wall"
+        f" still moves by {last_mm:.2g} mm a step",
         _HINT,
     )

@@ -1,11 +1,12 @@
 """What is known of the load and of the liner before a field is looked at.
 
-A teat cannot pull, so the contact pressure is a rising function of a Gaussian process g that never gets negative,
+A teat cannot pull, so the contact pressure is a rising function of a Gaussian process g that is nowhere
+negative,
 
     p = (g + √(g² + 4 b²)) / 2
 
-with b a few kPa: p ≈ g where the teat presses, and dies out where it does not. Unlike an exponential or a soft plus
-it falls off so slowly that a place without contact is never too dead for a step to wake it.
+with b a few kPa: p ≈ g where the teat presses, and dies out where it does not. Unlike an exponential or a
+soft plus it falls off so slowly that a place without contact is never too dead for a step to wake it.
 """
 
 from dataclasses import dataclass
@@ -33,8 +34,9 @@ class LoadPrior:
     Attributes:
         softness_kpa: b, under which a contact pressure dies out.
         mean: mean of g on the line that faces the cameras, by the pressure difference.
-        falloff: by how many times of that the mean falls towards the cuts: the wall folds there, away from the teat.
-        amplitude: standard deviation of g, by the pressure difference: that is what the wall has to press with.
+        falloff: by how many times that the mean falls towards the cuts: the wall folds there, away from the
+            teat.
+        amplitude: standard deviation of g, by the pressure difference: the wall has no more to press with.
         least_kpa: the pressure difference is taken for at least that.
         round_mm, along_mm: lengths over which g is correlated.
         traction_kpa: standard deviation of friction, in either direction.
@@ -80,18 +82,24 @@ class LoadPrior:
         around = self.mean * self._scale_mpa(difference_kpa) * (1 + self.falloff * turned**2)
         return np.tile(around, grid.along.count)
 
-    def spread(self, grid: SplineGrid, difference_kpa: float, columns: Array) -> Array:
-        """(3, K, M) prior covariance, MPa², of g and of the tractions round the wall and along it, times (3, K, M)."""
+    def scale_mpa(self, difference_kpa: float) -> float:
+        """Standard deviation of g under a pressure difference."""
+        return self.amplitude * self._scale_mpa(difference_kpa)
+
+    def spread(self, grid: SplineGrid, columns: Array) -> Array:
+        """(3, K, M) prior covariance times columns (3, K, M): of g by its variance, of tractions in MPa²."""
         around = _correlation(grid.around.greville, self.round_mm)
         along = _correlation(grid.along.greville, self.along_mm)
-        shape = (3, grid.along.count, grid.around.count, columns.shape[-1])
-        parts = columns.reshape(shape)
         # The covariance of a grid is the product of its rows' and its columns'.
-        correlated = np.einsum("xi,sj,fijm->fxsm", along, around, parts, optimize=True)
-        traction = self.traction_kpa * MPA_PER_KPA
-        variance = np.square([self.amplitude * self._scale_mpa(difference_kpa), traction, traction])
+        parts = columns.reshape(3, grid.along.count, grid.around.count, -1)
+        correlated = np.tensordot(along, around @ parts, axes=(1, 1)).transpose(1, 0, 2, 3)
+        variance = np.array([1.0, self._traction_mpa2, self._traction_mpa2])
         spread: Array = variance[:, np.newaxis, np.newaxis, np.newaxis] * (correlated + _NUGGET * parts)
         return spread.reshape(columns.shape)
+
+    @property
+    def _traction_mpa2(self) -> float:
+        return (self.traction_kpa * MPA_PER_KPA) ** 2
 
     def cut_covariances(self, grid: SplineGrid) -> list[Array]:
         """(A, A) covariances of both cuts' shift (mm²), turn (rad²) and force (N²/mm²)."""

@@ -1,16 +1,16 @@
 """The load in state after state of a capture, most of them by a model that was linearised before.
 
-A linearised model holds for about a millimetre round its state: there it gives the load to a tenth of its σ in a
-hundredth of the time. A cycle passes through some dozen such states, again and again, so the capture's
+A linearised model holds for about a millimetre round its state: there it gives the load to a tenth of its σ
+in a hundredth of the time. A cycle passes through some dozen such states, again and again, so the capture's
 length hardly counts.
 """
 
 import numpy as np
 
-from grabberd.analysis.load.load_fit import Posterior, fit_load, posterior
+from grabberd.analysis.load.load_fit import Posterior, Response, fit_load, posterior
 from grabberd.analysis.load.load_prior import Difference
 from grabberd.analysis.load.sights import Sights
-from grabberd.analysis.load.wall_model import Linearised, WallModel
+from grabberd.analysis.load.wall_model import State, WallModel
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
@@ -24,7 +24,7 @@ class LoadSeries:
     def __init__(self, model: WallModel) -> None:
         """Begins without any state."""
         self._model = model
-        self._known: list[Linearised] = []
+        self._known: list[Response] = []
 
     def load(self, sights: Sights, difference: Difference) -> Posterior:
         """The load in one state.
@@ -32,18 +32,21 @@ class LoadSeries:
         Raises:
             AnalysisError: the wall does not settle.
         """
-        nearest = self._nearest(sights)
-        if nearest is not None:
-            found = posterior(self._model, nearest, sights, difference)
-            if np.abs(nearest.unknowns(found.change)).max() < REACH_MM:
+        start: State | None = None
+        if self._known:
+            nearest = self._nearest(sights)
+            found = posterior(nearest, sights, difference)
+            unknowns = nearest.linear.unknowns(found.change)
+            longest_mm = float(np.abs(unknowns).max())
+            if longest_mm < REACH_MM:
                 return found
-        found, _ = fit_load(self._model, sights, difference, nearest and nearest.state)
-        self._known = [*self._known[1 - _MOST :], found.linear]
+            share = min(1.0, REACH_MM / longest_mm)
+            start = self._model.moved(nearest.linear.state, share * unknowns, share * found.change)
+        found, _ = fit_load(self._model, sights, difference, start)
+        self._known = [*self._known[1 - _MOST :], found.response]
         return found
 
-    def _nearest(self, sights: Sights) -> Linearised | None:
-        if not self._known:
-            return None
-        directions = sights.directions(len(self._known[0].places_mm))
-        away = [np.abs(sights.value - directions @ one.places_mm.ravel()).max() for one in self._known]
+    def _nearest(self, sights: Sights) -> Response:
+        directions = sights.directions(len(self._known[0].linear.places_mm))
+        away = [np.abs(sights.value - directions @ one.linear.places_mm.ravel()).max() for one in self._known]
         return self._known[int(np.argmin(away))]

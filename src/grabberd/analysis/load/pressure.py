@@ -56,13 +56,17 @@ class PressureMap(NamedTuple):
         covariance_kpa2: (N, N) of `contact_kpa`.
         above_atmosphere_kpa: (N,) the same above atmosphere, that is less the vacuum in the liner.
         misfit: of points and prior by the wall in equilibrium, per measured coordinate; .3 to 1.2 is usual.
-        reason: (N,) reason why a target has no pressure; empty if it has one.
+        unseen_kpa: (N,) `contact_kpa` less what it would be if the unseen half were free; None where it is.
+        supported: (N,) True for targets that are supported by data.
+        reason: (N,) reason why a target has no pressure of its own; empty if it has one.
     """
 
     contact_kpa: Estimate
     covariance_kpa2: Array
     above_atmosphere_kpa: Estimate
     misfit: float
+    unseen_kpa: Array | None
+    supported: NDArray[np.bool_]
     reason: tuple[str, ...]
 
     @property
@@ -72,12 +76,13 @@ class PressureMap(NamedTuple):
 
     @property
     def mean_kpa(self) -> Estimate:
-        """Mean over the targets with a pressure; its σ from their full covariance.
+        """Mean over the supported targets; its σ from their full covariance.
 
-        NaN if there are none.
+        Targets whose own pressure is too uncertain count as well: without them, the mean would be that of the
+        pressed ones. NaN if no target has a pressure.
         """
-        use = self.usable
-        if not use.any():
+        use = self.supported
+        if not self.usable.any():
             return Estimate(np.asarray(np.nan), np.asarray(np.nan))
         variance = self.covariance_kpa2[np.ix_(use, use)].mean()
         return Estimate(self.contact_kpa.value[use].mean(), np.sqrt(variance))

@@ -19,6 +19,11 @@ from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
 
+UNSEEN = ("free", "mirrored")
+"""What is taken for the half of the wall that no camera sees: nothing, or the seen half's mirror image."""
+FASTEST_MM_PER_S = 300.0
+"""Speed beyond which a wall is not in equilibrium. Its inertia is .15 kPa there, with 7 mm of milk behind it
+.6 kPa, and both grow with the square of the speed."""
 MISFIT_ALARM = 2.0
 """Misfit above which points and wall contradict each other."""
 _EXACT = 1e-4
@@ -30,7 +35,12 @@ class PressureModel:
     """Common part of a capture's pressure maps: the mounted wall, and the states it has been in."""
 
     def __init__(
-        self, grid: Grid, zones: Sequence[Zone], reference: Points | None, sought_kpa: float
+        self,
+        grid: Grid,
+        zones: Sequence[Zone],
+        reference: Points | None,
+        sought_kpa: float,
+        unseen: str = "free",
     ) -> None:
         """Mounts the liner.
 
@@ -38,8 +48,10 @@ class PressureModel:
             grid: targets of the object model.
             zones: material of the wall; one for all of it.
             reference: targets of the open liner; None for the object model's.
-            sought_kpa: smallest pressure that the map has to resolve; if σ exceeds both this and the pressure,
-                the target has no pressure.
+            sought_kpa: smallest pressure that the map has to resolve; if σ exceeds both this and the
+                pressure, the target has no pressure.
+            unseen: one of `UNSEEN`. A mirror image has a smaller σ, which is too small where the teat stands
+                off the middle; so every map is then compared with that of a free half.
 
         Raises:
             AnalysisError: the inputs make no wall whose equilibrium can be computed.
@@ -47,34 +59,54 @@ class PressureModel:
         material = _material(zones)
         self._grid, self._sought_kpa = grid, sought_kpa
         self._mounting = Mounting.of(grid, material, reference)
-        self._model = WallModel(
-            self._mounting.half, self._mounting.targets, LoadPrior(), _tube_prior(material)
-        )
-        self._series = LoadSeries(self._model)
+        self._series = self._of(material, mirrored=unseen == "mirrored")
+        self._compared = self._of(material, mirrored=False) if unseen == "mirrored" else None
 
-    def map(self, points: Points, within: NDArray[np.bool_], vacuum: ChamberVacuum) -> PressureMap:
+    def _of(self, material: Material, mirrored: bool) -> LoadSeries:
+        half, targets = self._mounting.half, self._mounting.targets
+        return LoadSeries(WallModel(half, targets, LoadPrior(), _tube_prior(material), mirrored))
+
+    def map(
+        self,
+        points: Points,
+        within: NDArray[np.bool_],
+        vacuum: ChamberVacuum,
+        speed_mm_per_s: float = 0.0,
+    ) -> PressureMap:
         """The pressure at one field.
 
         Args:
             points: of the field.
             within: (N,) True for targets that are supported by data.
             vacuum: at the field.
+            speed_mm_per_s: of the target that moves fastest.
 
         Raises:
-            AnalysisError: the wall has no equilibrium with these points.
+            AnalysisError: the wall has no equilibrium with these points, or moves too fast for one.
         """
+        if speed_mm_per_s > FASTEST_MM_PER_S:
+            raise AnalysisError(
+                f"the wall moves at more than {FASTEST_MM_PER_S:g} mm/s: too fast for an equilibrium",
+                "read the pressure of the closed or the open phase",
+            )
         difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
-        found = self._series.load(self._mounting.sights(points, self._grid), difference)
-        value, covariance = found.contact_kpa(self._model.targets)
+        sights = self._mounting.sights(points, self._grid)
+        found = self._series.load(sights, difference)
+        value, covariance = found.contact_kpa(found.model.targets)
         contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
         # The liner's vacuum is in the difference as well, where its error partly cancels: never too small.
         above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
-        return PressureMap(contact, covariance, above, found.j, self._reasons(contact, within, found))
+        unseen_kpa = None
+        if self._compared:
+            free = self._compared.load(sights, difference)
+            unseen_kpa = value - free.contact_kpa(free.model.targets)[0]
+        reasons = self._reasons(contact, within, found)
+        return PressureMap(contact, covariance, above, found.j, unseen_kpa, within, reasons)
 
     def _reasons(self, contact: Estimate, within: NDArray[np.bool_], found: Posterior) -> tuple[str, ...]:
         """The first applicable reason why each target has no pressure; empty if it has one."""
         if found.j > MISFIT_ALARM:
-            said = f"points and the wall's equilibrium contradict each other (misfit {found.j:.1f}, usual .3 to 1.2)"
+            said = f"the wall in equilibrium contradicts the points (misfit {found.j:.1f}, usual .3 to 1.2)"
             return (said,) * len(within)
         least = np.maximum(contact.value, self._sought_kpa)
         vague = [

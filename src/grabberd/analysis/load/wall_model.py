@@ -1,7 +1,8 @@
 """A loaded wall as a function of its parameters: the load, the liner's own values, and its cuts.
 
-A state is a wall with its parameters; it need not be in equilibrium. Linearised, it says how the targets follow the
-parameters once the wall has settled, so that a step towards the data and one towards equilibrium are the same.
+A state is a wall with its parameters; it need not be in equilibrium. Linearised, it says how the targets
+follow the parameters once the wall has settled, so that a step towards the data and one towards equilibrium
+are the same.
 """
 
 from dataclasses import dataclass
@@ -81,9 +82,9 @@ class Linearised:
 class WallModel:
     """The model.
 
-    Parameters are, one after the other, control values of g, of the traction round the wall and along it (K each,
-    MPa), the `TUBE_VALUES`, and if the hidden half is free, both cuts' shift (mm), turn (rad) and
-    force across (N/mm).
+    Parameters are, one after the other, control values of g, of the traction round the wall and along it (K
+    each, MPa), the `TUBE_VALUES`, and if the hidden half is free, both cuts' shift (mm), turn (rad) and force
+    across (N/mm).
 
     Attributes:
         half: the half tube.
@@ -119,21 +120,21 @@ class WallModel:
     def mean(self, difference: Difference) -> Array:
         """(P,) prior mean of the parameters."""
         mean = np.zeros(self.count)
-        mean[: self.half.grid.count] = self.prior.mean_mpa(self.half.grid, difference.kpa)
-        mean[self._tube.stop - 1] = difference.kpa * MPA_PER_KPA
+        mean[self.of_load] = self.prior.mean_mpa(self.half.grid, difference.kpa)
+        mean[self.of_difference] = difference.kpa * MPA_PER_KPA
         return mean
 
     def start(self, difference: Difference) -> State:
         """The open wall."""
         return State(self.half.mounted, self.mean(difference))
 
-    def spread(self, columns: Array, difference: Difference) -> Array:
-        """(P, M) prior covariance times columns (P, M)."""
+    def spread(self, columns: Array) -> Array:
+        """(P, M) prior covariance times columns (P, M), with unit variances of g and pressure difference."""
         fields = columns[: self._fields].reshape(3, self.half.grid.count, -1)
         tube = self.tube_prior
-        sigma = [tube.young, tube.thickness, tube.pretension, difference.sigma_kpa * MPA_PER_KPA]
+        sigma = np.array([tube.young, tube.thickness, tube.pretension, 1.0])
         parts = [
-            self.prior.spread(self.half.grid, difference.kpa, fields).reshape(self._fields, -1),
+            self.prior.spread(self.half.grid, fields).reshape(self._fields, -1),
             np.square(sigma)[:, np.newaxis] * columns[self._tube],
         ]
         if not self.mirrored:
@@ -141,6 +142,23 @@ class WallModel:
             ends = np.split(columns[self._moved.start :], len(blocks))
             parts += [block @ end for block, end in zip(blocks, ends, strict=True)]
         return np.concatenate(parts)
+
+    def variances(self, difference: Difference) -> Array:
+        """(P,) factors of the rows of `spread` under a pressure difference."""
+        factors = np.ones(self.count)
+        factors[self.of_load] = self.prior.scale_mpa(difference.kpa) ** 2
+        factors[self.of_difference] = (difference.sigma_kpa * MPA_PER_KPA) ** 2
+        return factors
+
+    @property
+    def of_load(self) -> slice:
+        """The parameters of g."""
+        return slice(0, self.half.grid.count)
+
+    @property
+    def of_difference(self) -> slice:
+        """The parameter that is the pressure difference."""
+        return slice(self._tube.stop - 1, self._tube.stop)
 
     @cached_property
     def _cut_covariances(self) -> list[Array]:
@@ -206,7 +224,8 @@ class WallModel:
         parts = [half.by_fields(work), sparse.csr_matrix(self._by_tube(state, residual))]
         if not self.mirrored:
             parts += [sparse.csr_matrix(-tangent.by_held(half.cuts.moved)), half.cuts.forced]
-        return sparse.hstack(parts, format="csr")
+        forces: sparse.csr_matrix = sparse.hstack(parts, format="csr")
+        return forces
 
     def _by_tube(self, state: State, residual: Array) -> Array:
         """(n, 4) differences of the residual."""

@@ -39,6 +39,14 @@ class Movement(NamedTuple):
     value_mm: Array
     sigma_mm: Array
 
+    def speed_mm_per_s(self, time_s: Array) -> Array:
+        """(N,) speed within the step before or after each time, whichever is greater."""
+        step_s = float(np.median(np.diff(self.time_s)))
+        moments = (time_s - step_s, time_s, time_s + step_s)
+        before, now, after = (np.interp(at_s, self.time_s, self.value_mm) for at_s in moments)
+        speed: Array = np.maximum(np.abs(now - before), np.abs(after - now)) / step_s
+        return speed
+
 
 class Tracks(NamedTuple):
     """N targets in F fields; NaN for targets that were not seen.

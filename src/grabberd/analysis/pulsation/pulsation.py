@@ -99,6 +99,11 @@ class Pulsation:
         low, high = self.waveform.levels()
         return high - low
 
+    def speed_mm_per_s(self, phase: Array) -> Array:
+        """(P,) of the target that moves most, at phases of the mean cycle."""
+        speed: Array = np.abs(self.waveform.slope(phase)) / self.period_s
+        return speed
+
     @property
     def cycles(self) -> float:
         """Number of cycles that all runs span."""

@@ -153,6 +153,8 @@ class _Work:
         pulsation = self._problems.survived(lambda: fit_pulsation(movements)) if movements else None
         average = self._average(pulsation)
         vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s) if homologous else None
+        if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
+            self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
         fields_points = [timed.points for timed in self._timed[0]]
         smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
         question = self._question(smoothings, average)
@@ -161,9 +163,12 @@ class _Work:
         of_phases = self._of_phases(vacuum, average, pulsation)
         self._of = len(self._fields) + (len(average.points) if average else 0)
         named = [f"field {field.n}" for field in self._fields]
-        fields = self._states(fields_points, named, question, smoothings, of_fields)
+        speed = movements[0].speed_mm_per_s(self._time_s) if movements else np.zeros(len(self._fields))
+        fields = self._states(fields_points, named, question, smoothings, of_fields, speed)
         named = [f"phase {phase:g}" for phase in average.phase] if average else []
-        phases = self._states(list(average.points) if average else [], named, question, smoothings, of_phases)
+        averaged = list(average.points) if average else []
+        speed = pulsation.speed_mm_per_s(average.phase) if pulsation and average else np.empty(0)
+        phases = self._states(averaged, named, question, smoothings, of_phases, speed)
         if not fields:
             raise AnalysisError(
                 f"none of {len(self._fields)} fields has a surface: {self._problems.most_frequent}",
@@ -227,8 +232,8 @@ class _Work:
             return None
         nominal = inputs.reference.kind == "nominal"
         points = None if nominal else self._reference_points(inputs.reference, average)
-        sought_kpa = inputs.sought_kpa
-        return self._problems.survived(lambda: PressureModel(grid, inputs.zones, points, sought_kpa))
+        sought_kpa, unseen = inputs.sought_kpa, inputs.unseen
+        return self._problems.survived(lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen))
 
     def _reference(self, smoothings: Smoothings, average: PhaseAverage | None) -> Surface | Jets:
         reference = self._inputs.reference
@@ -259,9 +264,10 @@ class _Work:
         question: Question,
         smoothings: Smoothings | None,
         vacuum: Sequence[ChamberVacuum],
+        speed_mm_per_s: Array,
     ) -> list[tuple[int, WallState]]:
         return WallSeries(question, smoothings, self._model, self._problems.note, self._count_state).states(
-            points, names, vacuum
+            points, names, vacuum, speed_mm_per_s
         )
 
     def _count_state(self) -> None:

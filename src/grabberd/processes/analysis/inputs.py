@@ -12,6 +12,7 @@ plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0,
 heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve
+unseen: free                            or mirrored: the half of the wall that no camera sees
 """
 
 from collections.abc import Mapping
@@ -20,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.analysis import Grid, Plane, Zone, read_zones, symmetry_plane
+from grabberd.analysis import UNSEEN, Grid, Plane, Zone, read_zones, symmetry_plane
 from grabberd.errors import InputError
 from grabberd.geometry import Reading
 
-KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa")
+KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "unseen")
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
@@ -64,6 +65,7 @@ class AnalysisInputs:
         heights_mm: heights of the sections, x in the object's frame.
         phases: number of states of the mean cycle.
         sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
+        unseen: what the pressure takes for the unseen half of the wall, as in `PressureModel`.
         homologous: as in the grid; if False, reference and material have no use.
     """
 
@@ -75,6 +77,7 @@ class AnalysisInputs:
     heights_mm: tuple[float, ...]
     phases: int
     sought_kpa: float | None
+    unseen: str = "free"
     homologous: bool = True
 
     @property
@@ -121,6 +124,9 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
     if phases > _MOST_PHASES:
         reading.refuse("phases", phases, f"at most {_MOST_PHASES}")
     sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else None
+    unseen = reading.text(document, "unseen") if "unseen" in document else UNSEEN[0]
+    if unseen not in UNSEEN:
+        reading.refuse("unseen", unseen, " or ".join(UNSEEN))
     material = reading.mapping(document, "material") if "material" in document else {}
     reading.finish(_HINT)
     return AnalysisInputs(
@@ -132,6 +138,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         heights_mm=heights,
         phases=phases,
         sought_kpa=sought,
+        unseen=unseen,
         homologous=grid.homologous,
     )
 

@@ -11,7 +11,7 @@ from grabberd.analysis import ChamberVacuum, Phases, Pulsation, iso_phases
 from grabberd.analysis.vacuum.vacuum import ConstantVacuum, LoggedVacuum, PulsatorWave, VacuumSource
 from grabberd.analysis.vacuum.vacuum_log import VacuumLog, read_vacuum_log
 from grabberd.analysis.vacuum.vacuum_offset import Offset, WallLag, find_offset
-from grabberd.errors import InputError
+from grabberd.errors import AnalysisError, InputError
 from grabberd.geometry import Reading
 from grabberd.processes.analysis.inputs import missing
 
@@ -29,7 +29,7 @@ class Vacuum(NamedTuple):
         pulsation: source of the pulsation chamber's vacuum; `liner`: of the vacuum inside the liner.
         time_sigma_s: σ of the offset between the clocks; 0 if there is only one clock.
         offset: offset found from the wall's movement, or None.
-        phases: ISO phases a, b, c, d; None unless the chamber's vacuum is known as a curve.
+        phases: ISO phases a, b, c, d; None unless the chamber's vacuum is a curve with a whole cycle.
     """
 
     pulsation: VacuumSource
@@ -37,6 +37,11 @@ class Vacuum(NamedTuple):
     time_sigma_s: float
     offset: Offset | None
     phases: Phases | None
+
+    @property
+    def is_curve(self) -> bool:
+        """True if the chamber's vacuum is known as it changes."""
+        return not isinstance(self.pulsation, ConstantVacuum)
 
     def at(self, time_s: Array) -> list[ChamberVacuum]:
         """Vacuum at every field; the offset's σ is common to all fields and stays separate (`time_sigma_s`).
@@ -174,7 +179,10 @@ def _as_log(wave: PulsatorWave | None, pulsation: Pulsation, near_s: float) -> V
 
 def _phases(log: VacuumLog | None, wave: PulsatorWave | None, time_s: Array) -> Phases | None:
     if log is not None:
-        return iso_phases(log)
+        try:
+            return iso_phases(log)
+        except AnalysisError:  # a slow ramp, or less than a cycle
+            return None
     if wave is None:
         return None
     # Every cycle of a wave is the same; three leave at least one whole one wherever the first begins.

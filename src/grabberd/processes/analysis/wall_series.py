@@ -3,6 +3,9 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from grabberd.analysis import (
     ChamberVacuum,
     PressureMap,
@@ -19,6 +22,7 @@ from grabberd.reconstruction import Points
 _BATCH = 8
 """Fields evaluated in one batch; larger batches are no faster."""
 
+Array = NDArray[np.float64]
 Note = Callable[[str, Iterable[str]], None]
 
 
@@ -42,16 +46,27 @@ class WallSeries:
     done: Callable[[], None]
 
     def states(
-        self, points: Sequence[Points], names: Sequence[str], vacuum: Sequence[ChamberVacuum]
+        self,
+        points: Sequence[Points],
+        names: Sequence[str],
+        vacuum: Sequence[ChamberVacuum],
+        speed_mm_per_s: Array,
     ) -> list[tuple[int, WallState]]:
-        """States of the points that determine a surface, with their indices in the series."""
+        """States of the points that determine a surface, with their indices in the series.
+
+        Args:
+            points: of F fields or phases.
+            names: of each of them.
+            vacuum: at each of them; empty if unknown.
+            speed_mm_per_s: (F,) of the target that moves fastest.
+        """
         found: list[tuple[int, WallState]] = []
         for start in range(0, len(points), _BATCH):
             some = range(start, min(start + _BATCH, len(points)))
             fitted = [(k, self._surface(points[k], names[k])) for k in some]
             made = {k: surface for k, surface in fitted if surface}
             maps = [
-                self._map(points[k], surface, vacuum[k], names[k]) if vacuum else None
+                self._map(points[k], surface, vacuum[k], speed_mm_per_s[k], names[k]) if vacuum else None
                 for k, surface in made.items()
             ]
             states = wall_states(list(made.values()), self.question, maps)
@@ -62,12 +77,15 @@ class WallSeries:
                 self.done()
         return found
 
-    def _map(self, points: Points, surface: Surface, vacuum: ChamberVacuum, name: str) -> PressureMap | None:
+    def _map(
+        self, points: Points, surface: Surface, vacuum: ChamberVacuum, speed_mm_per_s: float, name: str
+    ) -> PressureMap | None:
         """Pressure of one field or phase; None, with a note, if its wall has no equilibrium."""
         if self.pressure is None:
             return None
         try:
-            return self.pressure.map(points, surface.within(*self.question.places), vacuum)
+            within = surface.within(*self.question.places)
+            return self.pressure.map(points, within, vacuum, speed_mm_per_s)
         except AnalysisError as error:
             self.note(name, [error.message])
             return None
