@@ -10,7 +10,9 @@ from grabberd.errors import AnalysisError
 def pressure(value, sigma=0.5, reason=None):
     value = np.array(value, float)
     contact = Estimate(value, np.full(len(value), sigma))
-    return PressureMap(contact, sigma**2 * np.eye(len(value)), contact, 0.7, reason or ("",) * len(value))
+    count, all_of_them = len(value), np.ones(len(value), bool)
+    covariance = sigma**2 * np.eye(count)
+    return PressureMap(contact, covariance, contact, 0.7, None, all_of_them, reason or ("",) * count)
 
 
 def test_the_first_touch_is_the_first_pressure_that_lasts():

@@ -23,7 +23,7 @@ def test_pressure_is_the_walls_within_its_sigma() -> None:
     for one, kpa in list(zip(maps, DIFFERENCES_KPA, strict=True))[1:]:
         off = one.contact_kpa.value - solved(LINER).contact_kpa(kpa)
         assert np.sqrt(np.mean((off / one.contact_kpa.sigma) ** 2)) < 1.5
-        assert abs(off.mean()) < 1.0
+        assert abs(off.mean()) < 2.5 * one.mean_kpa.sigma < 4
         assert one.mean_kpa.value > 5
 
 
@@ -70,7 +70,7 @@ def test_a_field_in_which_the_wall_moves_too_fast_has_no_pressure_and_says_so() 
     found = analysed((*snap, *steady), reference={"field": 0})
     has = [state.pressure is not None for state in found.states]
     assert has == [True] * 4 + [False] * 2 + [True] * 4
-    assert "fields 4, 5: the wall moves at more than 300 mm/s" in " ".join(reasons(found))
+    assert "field 4, field 5: the wall moves at more than 300 mm/s" in " ".join(reasons(found))
 
 
 def test_the_mirror_image_of_the_seen_half_is_compared_with_a_free_one() -> None:

@@ -1,6 +1,7 @@
 """The mounted liner in its own frame, from the object model, the material and the reference state."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ Array = NDArray[np.float64]
 
 _DEPARTURE_MM, _SMOOTH_MM = 0.2, 15.0
 """Departure of a mounted wall from a cone, and the length over which it changes."""
+_UNSEEN_MM = 0.3
+"""σ of a target's place in the face if the reference state does not show it: of glueing by hand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,12 +32,14 @@ class Mounting:
         targets: where the targets of the grid are glued.
         origin_mm: (3,) middle of the tube in the object's frame.
         axes: (3, 3) rows: along the tube, across, and outward through the middle of the targets.
+        shared_mm2: (3 N, 3 N) covariance of the targets' places in every state, from that of the reference's.
     """
 
     half: HalfTube
     targets: Targets
     origin_mm: Array
     axes: Array
+    shared_mm2: Array
 
     @classmethod
     def of(cls, grid: Grid, material: Material, reference: Points | None) -> "Mounting":
@@ -71,36 +76,37 @@ class Mounting:
         seen = grid.indices(reference.target)
         places = nominal.copy()
         places[seen] = (reference.xyz_mm - origin) @ axes.T
-        sigma = np.full(len(grid), np.inf)
-        sigma[seen] = np.sqrt(np.einsum("nii->n", reference.covariance_mm2) / 3)
-        return cls._mounted(places, sigma, material, shape.radius_mm, frame)
+        covariance = np.tile(np.diag([_UNSEEN_MM**2, _UNSEEN_MM**2, np.inf]), (len(grid), 1, 1))
+        covariance[seen] = axes @ reference.covariance_mm2 @ axes.T
+        return cls._mounted(places, covariance, material, shape.radius_mm, frame)
 
     @classmethod
     def _mounted(
         cls,
         places_mm: Array,
-        sigma_mm: Array | None,
+        covariance_mm2: Array | None,
         material: Material,
         radius_mm: float,
         frame: tuple[Array, Array],
     ) -> "Mounting":
-        """A mounting with targets at places (N, 3) in its own frame; σ (N,) of them, or None if exact."""
+        """A mounting with targets at places (N, 3) in its own frame, with covariance (N, 3, 3); None: exact."""
         assert material.ends_mm is not None
         middle_mm = radius_mm - material.depth_mm
         theta = np.arctan2(places_mm[:, 1], places_mm[:, 2])
         targets = Targets(middle_mm * theta, places_mm[:, 0], material.target_mm)
         first, last = material.ends_mm
-        taper, departure = 0.0, None
-        if sigma_mm is not None:
-            away = np.hypot(places_mm[:, 1], places_mm[:, 2]) - radius_mm
-            weight = sigma_mm**-2
-            taper = -float((weight * targets.x_mm * away).sum() / (weight * targets.x_mm**2).sum())
-        tube = MountedTube(middle_mm, taper, last - first, material.wall_mm, material.E_mpa, material.F0_n)
-        half = HalfTube(tube)
-        if sigma_mm is not None:
-            departure = _departure(half, targets, away + taper * targets.x_mm, sigma_mm)
-            half = HalfTube(tube, departure)
-        return cls(half, targets, *frame)
+        tube = MountedTube(middle_mm, 0.0, last - first, material.wall_mm, material.E_mpa, material.F0_n)
+        if covariance_mm2 is None:
+            return cls(HalfTube(tube), targets, *frame, np.zeros((3 * len(theta),) * 2))
+        radial = np.stack([np.zeros_like(theta), np.sin(theta), np.cos(theta)], axis=1)
+        sigma = np.sqrt(np.einsum("ni,nij,nj->n", radial, covariance_mm2, radial))
+        away = np.hypot(places_mm[:, 1], places_mm[:, 2]) - radius_mm
+        weight = sigma**-2
+        taper = -float((weight * targets.x_mm * away).sum() / (weight * targets.x_mm**2).sum())
+        tube = replace(tube, taper=taper)
+        found = _departure(HalfTube(tube), targets, away + taper * targets.x_mm, sigma)
+        shared = _shared(covariance_mm2, radial, found.covariance_mm2)
+        return cls(HalfTube(tube, found.control), targets, *frame, shared)
 
     def sights(self, points: Points, grid: Grid) -> Sights:
         """Sights of a field's targets, in the liner's frame."""
@@ -109,11 +115,22 @@ class Mounting:
         index = grid.indices(points.target)
         places[index] = (points.xyz_mm - self.origin_mm) @ self.axes.T
         covariance[index] = self.axes @ points.covariance_mm2 @ self.axes.T
-        return Sights.of_points(places, covariance)
+        return Sights.of_points(places, covariance, self.shared_mm2)
 
 
-def _departure(half: HalfTube, targets: Targets, away_mm: Array, sigma_mm: Array) -> Array:
-    """(K,) control values of a smooth radial departure that the reference state's targets show."""
+class Departure(NamedTuple):
+    """Smooth radial departure of a mounted wall from a cone.
+
+    Attributes:
+        control: (K,) control values; `covariance_mm2`: (N, N) at the targets.
+    """
+
+    control: Array
+    covariance_mm2: Array
+
+
+def _departure(half: HalfTube, targets: Targets, away_mm: Array, sigma_mm: Array) -> Departure:
+    """The departure that the reference state's targets show."""
     grid = half.grid
     at = grid.basis(targets.s_mm, targets.x_mm).matrices[0]
     around, along = (
@@ -122,6 +139,18 @@ def _departure(half: HalfTube, targets: Targets, away_mm: Array, sigma_mm: Array
     )
     spread = _DEPARTURE_MM**2 * np.kron(along, around) @ at.T
     seen = np.isfinite(sigma_mm)
-    covariance = (at @ spread)[np.ix_(seen, seen)] + np.diag(sigma_mm[seen] ** 2)
-    departure: Array = spread[:, seen] @ np.linalg.solve(covariance, away_mm[seen])
-    return departure
+    prior = at @ spread
+    seen_covariance = prior[np.ix_(seen, seen)] + np.diag(sigma_mm[seen] ** 2)
+    gain = np.linalg.solve(seen_covariance, np.column_stack([away_mm[seen], prior[seen]]))
+    return Departure(spread[:, seen] @ gain[:, 0], prior - prior[:, seen] @ gain[:, 1:])
+
+
+def _shared(covariance_mm2: Array, radial: Array, departure_mm2: Array) -> Array:
+    """(3 N, 3 N) covariance of places: of each target within the face, and of the smooth wall across it."""
+    within = np.eye(3) - radial[:, :, np.newaxis] * radial[:, np.newaxis]
+    finite = np.where(np.isfinite(covariance_mm2), covariance_mm2, 0.0)
+    shared = np.einsum("ni,nm,mj->nimj", radial, departure_mm2, radial)
+    each = np.arange(len(radial))
+    shared[each, :, each] += within @ finite @ within
+    covariance: Array = shared.reshape(3 * len(radial), -1)
+    return covariance
