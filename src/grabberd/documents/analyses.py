@@ -8,7 +8,7 @@ from grabberd.documents.document import Document
 from grabberd.documents.named_types import JsonObject
 
 _METHOD = (
-    "How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier analyses, "
+    "How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, "
     "whose pressures are wrong."
 )
 
