@@ -100,7 +100,7 @@ def test_every_figure_is_heard_and_has_a_caption(page):
 
 
 def test_how_well_a_wall_in_equilibrium_explains_the_points_is_told(page):
-    assert "misses the points, and what was known of the load before, by 0.62 of" in page.text
+    assert "misses the points, and what was known of the load before, by 0.62 times" in page.text
 
 
 def test_pressures_of_the_earlier_way_are_called_wrong_at_the_top():
