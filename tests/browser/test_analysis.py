@@ -1,5 +1,6 @@
 """Analyses asked for and looked at; two captures compared."""
 
+import json
 import re
 
 import pytest
@@ -32,8 +33,28 @@ def test_what_is_left_empty_and_what_is_half_filled_in_is_said(daemon: Daemon, o
     page.get_by_label("Law of the rubber").select_option("linear")
     expect(page.locator("#analysis-why")).to_contain_text("Stiffness E")
     expect(page.get_by_role("button", name="Analyse")).to_be_disabled()
+    expect(page.locator("[data-group='material'] .analysis-lack")).to_contain_text("Without the ends")
+    page.get_by_label("First end").fill("-65")
+    page.get_by_label("Last end").fill("65")
+    expect(page.locator("[data-group='material'] .analysis-lack")).to_be_hidden()
     page.get_by_label("Law of the rubber").select_option("")
     expect(page.get_by_role("button", name="Analyse")).to_be_enabled()
+
+
+def test_an_analysis_with_wrong_pressures_is_marked_wherever_it_is_listed(
+    daemon: Daemon, open_page: Open
+) -> None:
+    capture = daemon.capture(5, bits=8)
+    daemon.analyse(capture, plane="symmetry")
+    path = daemon.folder / "analyses" / capture / "1" / "record.json"
+    told = {"reference": "nominal", "material": {}, "vacuum": {}, "sought_kpa": 1.0}
+    record = json.loads(path.read_text()) | {"pressure_method": None, "inputs": told, "lacks": []}
+    path.write_text(json.dumps(record))
+    page = open_page(f"{daemon.url}/#analysis/{capture}").page
+    expect(page.locator("nav [data-outdated]")).to_have_text("wrong pressures")
+    expect(page.locator("[data-analysis] [data-outdated]")).to_contain_text("Start a new analysis below")
+    page.goto(f"{daemon.url}/#captures/{capture}")
+    expect(page.locator(".analysis-links [data-outdated]")).to_be_visible()
 
 
 @pytest.mark.slow

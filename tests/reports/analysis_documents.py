@@ -41,8 +41,7 @@ def state(name, height_mm, reasons=("",) * 12):
             strain1=("1", [0.01 * k for k in range(count)], [0.001] * count),
             tension1_n_per_m=("N/m", [100.0 + k for k in range(count)], [3.0] * count),
             contact_kpa=("kPa", contact, sigma),
-            overpressure_kpa=("kPa", [c and c - 10 for c in contact], sigma),
-            points_sigma_kpa=("kPa", [s and 1.2 for s in sigma]),
+            above_atmosphere_kpa=("kPa", [c and c - 42 for c in contact], sigma),
             reason=("", list(reasons)),
         ),
     }
@@ -55,7 +54,7 @@ def wall_columns(count):
         "liner_vacuum_kpa": ("kPa", [42.0] * count, [0.5] * count),
         "mean_contact_kpa": ("kPa", [8.0 + k for k in range(count)], [2.0] * count),
         "greatest_contact_kpa": ("kPa", [12.0] * count, [3.0] * count),
-        "free_residual_kpa": ("kPa", [0.3] * count, [0.5] * count),
+        "load_misfit": ("1", [0.62] * count),
         "misfit": ("1", [1.02] * count),
     }
 
@@ -81,6 +80,7 @@ def full():
             "id": "milking-<7>",
             "created_utc": "2026-11-21T15:00:00.000Z",
             "version": "0.1",
+            "pressure_method": "equilibrium",
             "about": {"run": 1, "device": "barn", "note": "cow & teat"},
             "inputs": {
                 "given": {"reference": "nominal", "material": {"E_mpa": 3}, "heights_mm": [-30, 30]},
@@ -127,6 +127,31 @@ def full():
             "states": [state("opening (a)", 12.0), closed],
         }
     )
+
+
+def earlier():
+    """A document whose pressures were found by differentiating the shape, with the columns of that time."""
+    document = full()
+    del document["pressure_method"]
+    for state in document["states"]:
+        columns = {one["name"]: one for one in state["targets"]["columns"]}
+        for name in ("above_atmosphere_kpa", "sigma_above_atmosphere_kpa"):
+            columns[name]["name"] = name.replace("above_atmosphere", "overpressure")
+        contact, sigma = columns["contact_kpa"]["values"], columns["sigma_contact_kpa"]["values"]
+        state["targets"]["columns"] += table(
+            "",
+            wall_kpa=("kPa", contact),
+            points_sigma_kpa=("kPa", [s and 1.2 for s in sigma]),
+            since_touch_kpa=("kPa", contact, sigma),
+        )["columns"]
+    for name, count in (("fields", 3), ("phases", 2)):
+        columns = [one for one in document["tables"][name]["columns"] if one["name"] != "load_misfit"]
+        residual = {
+            "free_residual_kpa": ("kPa", [0.3] * count, [0.5] * count),
+            "free_misfit": ("1", [1.1] * count),
+        }
+        document["tables"][name]["columns"] = columns + table("", **residual)["columns"]
+    return document
 
 
 def least():

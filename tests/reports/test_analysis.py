@@ -6,11 +6,11 @@ import sys
 import pytest
 
 from grabberd.errors import ExtraMissing, InputError
-from grabberd.reports import analysis_html
+from grabberd.reports import analysis_html, marked_outdated
 from grabberd.reports.analysis import values
 from grabberd.reports.environment import render
 from grabberd.reports.figures import model_svg, states_of
-from reports.analysis_documents import full, least
+from reports.analysis_documents import earlier, full, least
 from reports.hostile import EVIL, hostile
 from reports.pages import Page
 
@@ -99,10 +99,44 @@ def test_every_figure_is_heard_and_has_a_caption(page):
     assert len({attributes["aria-label"] for attributes in figures}) == 7
 
 
-def test_the_sigma_of_the_pressure_is_told_apart(page):
-    (opening, closed) = page.table("Composition of the pressure's σ")
-    assert opening == ["opening (a)", "1.20", "1.60", "2.00"]
-    assert closed == ["closed (d)", "1.20", "1.60", "2.00"]
+def test_how_well_a_wall_in_equilibrium_explains_the_points_is_told(page):
+    assert "misses the points, and what was known of the load before, by 0.62 times" in page.text
+
+
+def test_pressures_of_the_earlier_way_are_called_wrong_at_the_top():
+    page = Page(analysis_html(earlier()))
+    top = page.text.partition("1 The wall")[0]
+    assert page.headings[:2] == ["Analysis report", "Wrong pressures"]
+    assert "The pressures of this analysis are wrong" in top
+    assert "Analyse the capture again" in top
+    assert "grabberd analyse" in top
+    assert "mean pressure is greatest" not in top
+
+
+def test_a_report_with_the_earlier_columns_opens_and_lists_them():
+    page = Page(analysis_html(earlier()))
+    listed = [row[0] for row in page.table("Columns, units and meanings")]
+    assert {"overpressure_kpa", "wall_kpa", "points_sigma_kpa", "since_touch_kpa", "free_misfit"} < set(
+        listed
+    )
+    assert "Map of the pressure above atmosphere" not in {one["aria-label"] for one in page.all("svg")}
+
+
+def test_pressures_of_a_wall_in_equilibrium_are_not_called_wrong(page):
+    assert "Wrong pressures" not in page.headings
+
+
+def test_an_earlier_analysis_without_pressures_has_nothing_wrong():
+    document = least()
+    del document["pressure_method"]
+    assert "Wrong pressures" not in Page(analysis_html(document)).headings
+
+
+def test_a_report_that_was_drawn_earlier_gets_the_same_notice_at_its_top(text):
+    marked = Page(marked_outdated(text))
+    assert marked.headings[:2] == ["Wrong pressures", "Analysis report"]
+    assert "Analyse the capture again" in marked.text
+    assert marked.text.count("Its pressures are wrong.") == 0
 
 
 def test_inputs_are_listed_with_their_sources(page):

@@ -7,6 +7,11 @@ from pydantic import Field
 from grabberd.documents.document import Document
 from grabberd.documents.named_types import JsonObject
 
+_METHOD = (
+    "How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, "
+    "whose pressures are wrong."
+)
+
 
 class AnalysisRecord(Document):
     """Origin of an analysis, and a summary of its results."""
@@ -15,6 +20,7 @@ class AnalysisRecord(Document):
     version: str | None = None
     device: str | None = Field(None, description="Name of the device that captured it.")
     run: int | None = Field(None, description="Run whose points were analysed.")
+    pressure_method: str | None = Field(None, description=_METHOD)
     bursts: list[str] = Field(
         default_factory=list, description="Further captures that were merged with it by phase."
     )
@@ -36,6 +42,10 @@ class AnalysisRow(AnalysisRecord):
     """An analysis in a list; of a damaged one only `analysis` and `problem` are known."""
 
     analysis: int = Field(description="Number of the analysis, from 1; no analysis is ever overwritten.")
+    outdated_pressure: bool = Field(
+        False,
+        description="True if its pressures were found in the earlier, wrong way: analyse the capture again.",
+    )
     problem: str | None = Field(None, description="Why the analysis cannot be used.")
 
 
@@ -77,6 +87,7 @@ class AnalysisDocument(Document):
     id: str = Field(description="Id of the capture.")
     created_utc: str
     version: str
+    pressure_method: str | None = Field(None, description=_METHOD)
     about: JsonObject = Field(description="What was analysed: capture, run, calibration, object, ledger, …")
     inputs: JsonObject = Field(description="Inputs as given, what they lack, and where they come from.")
     problems: list[str]

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from grabberd.documents.pressure_method import is_outdated
 from grabberd.reports.columns import Columns
 from grabberd.reports.document import ANALYSIS, check_document
 from grabberd.reports.environment import render
@@ -60,6 +61,7 @@ def values(document: Document) -> dict[str, Any]:
         "states": states,
         "is_known": lambda name: any(state.columns.is_known(name) for state in states),
         "peak": _peak(tables),
+        "outdated": is_outdated(document.get("pressure_method"), _peak(tables) is not None),
         "undetermined": [_undetermined(state) for state in states],
         "start_seen": tables["summary"].value("touch_n") != tables["fields"].value("n"),
         "misfit": _median(tables["fields"], "misfit"),

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, pass_environment
 
+from grabberd.documents.pressure_method import OUTDATED_PRESSURE, OUTDATED_TITLE
 from grabberd.reports import figures, names, numbers
 
 _NUMBER = re.compile(r"(< |[+−])?\d+(\.\d+)?( × 10\S+)?( \(\S+\))?")
@@ -65,6 +66,7 @@ def environment() -> Environment:
     made.filters.update({written.__name__: written for written in _FILTERS})
     made.globals.update({name: getattr(figures, name) for name in figures.__all__ if name.endswith("_svg")})
     made.globals["has_samples"] = figures.has_samples
+    made.globals.update(outdated_title=OUTDATED_TITLE, outdated_pressure=OUTDATED_PRESSURE)
     return made
 
 

@@ -16,13 +16,16 @@ from grabberd.api import create_app
 from grabberd.documents.analyses import AnalysisDocument
 from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.service.service import Service
-from processes.milking import CONSTANT, MATERIAL, PERIOD_S, field, still
+from processes.milking import CONSTANT, PERIOD_S, field, still
+from processes.milking import MATERIAL as EXAMPLE
 from storage.milkings import milking, object_document
 
 pytestmark = pytest.mark.timeout(600)
 CAPTURES = "/api/v1/captures"
 BUSY_S = 4 * PATIENCE_S
 """Jobs are niced: a busy computer does them late."""
+MATERIAL = {name: value for name, value in EXAMPLE.items() if not name.endswith("_end_mm")}
+"""Without the ends that hold the liner: pressures take long, and are the same as those of the processes."""
 INPUTS = {
     "reference": "nominal",
     "material": MATERIAL,
@@ -115,7 +118,8 @@ def test_it_is_listed_with_its_inputs_and_what_was_found(client: TestClient, ana
     row = rows(client, "pulsating")[-1]
     assert (row["analysis"], row["run"], row["bursts"]) == (1, 1, [])
     assert row["inputs"] == INPUTS
-    assert row["lacks"] == []
+    assert row["lacks"] == ["material.first_end_mm, material.last_end_mm: without them no pressure"]
+    assert (row["pressure_method"], row["outdated_pressure"]) == ("equilibrium", False)
     assert "1 after field 29" in row["problems"][0]
     assert row["created_utc"].endswith("Z")
     assert abs(row["summary"]["period_s"] - PERIOD_S) < 5 * row["summary"]["sigma_period_s"]
@@ -125,6 +129,7 @@ def test_it_is_listed_with_its_inputs_and_what_was_found(client: TestClient, ana
 def test_the_curves_come_as_columns_with_unit_and_sigma(client: TestClient, analysed: str) -> None:
     document = client.get(analysed).json()
     assert AnalysisDocument.model_validate(document).id == "pulsating"
+    assert document["pressure_method"] == "equilibrium"
     assert set(document["inputs"]["sources"]) == set(INPUTS)
     fields = document["tables"]["fields"]
     assert column(fields, "n") == [n for n in range(46) if n != 30]
@@ -188,6 +193,24 @@ def test_every_table_comes_as_csv(client: TestClient, analysed: str) -> None:
     for name in ("summary", "phase_targets", "triangles", "gaps"):
         assert client.get(f"{analysed}/{name}.csv").status_code == 200
     assert is_problem(client.get(f"{analysed}/nothing.csv"), 404)
+
+
+def test_an_analysis_with_outdated_pressures_says_so_wherever_it_is_read(client: TestClient) -> None:
+    number = done(client, "resting", inputs=SHAPE)
+    folder = service_of(client).analyses.directory / "resting" / str(number)
+    record = json.loads((folder / "record.json").read_text())
+    document = json.loads((folder / "report.json").read_text())
+    del record["pressure_method"], document["pressure_method"]
+    (folder / "record.json").write_text(json.dumps({**record, "inputs": INPUTS, "lacks": []}))
+    (folder / "report.json").write_text(json.dumps(document))
+    address = f"{CAPTURES}/resting/analyses/{number}"
+    assert [row["outdated_pressure"] for row in rows(client, "resting") if row["analysis"] == number] == [
+        True
+    ]
+    assert "The pressures of this analysis are wrong" in client.get(f"{address}/report").text
+    name = client.get(f"{address}/targets.csv").headers["content-disposition"]
+    assert f"resting-analysis-{number}-targets-outdated-pressure.csv" in name
+    assert AnalysisDocument.model_validate(client.get(address).json()).pressure_method is None
 
 
 def test_without_inputs_there_is_the_shape_and_what_lacks_is_said(client: TestClient) -> None:

@@ -12,8 +12,11 @@ from grabberd.errors import (
     GrabberdError,
 )
 from grabberd.processes.analysis.columns import TABLES
-from processes.milking import CONSTANT, MATERIAL
+from processes.milking import CONSTANT
+from processes.milking import MATERIAL as EXAMPLE
 
+MATERIAL = {name: value for name, value in EXAMPLE.items() if not name.endswith("_end_mm")}
+"""Without the ends that hold the liner: pressures take long, and are the same as those of the processes."""
 LOGGED = {"pulsation": "log", "liner": "log", "offset": {"s": -0.3, "sigma_s": 0.001}}
 INPUTS: dict[str, Any] = {
     "reference": "nominal",

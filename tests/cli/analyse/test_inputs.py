@@ -7,6 +7,7 @@ import pytest
 
 from cli.analyse.analysing import (
     LOGGED,
+    MATERIAL,
     refusal,
     refused,
 )
@@ -14,7 +15,7 @@ from grabberd.config import shipped_configs
 from grabberd.errors import (
     InputError,
 )
-from processes.milking import MATERIAL, log
+from processes.milking import log
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -109,7 +110,11 @@ def test_a_material_that_lacks_something_names_it(resting: Path, tmp_path: Path)
         ({"sought_kpa": 0}, "sought_kpa"),
         ({"vacuum": {"pulsation": {"kpa": 42}, "liner": {"kpa": 42, "sigma_kpa": 1}}}, "sigma_kpa"),
         ({"vacuum": {"pulsation": "log", "liner": "log"}}, "lack vacuum.log"),
-        ({"free_rows": [3, 1]}, "free_rows"),
+        ({"free_rows": [3, 1]}, "free_rows: unknown key"),
+        (
+            {"material": {**MATERIAL, "first_end_mm": 65, "last_end_mm": -65}},
+            "first_end_mm is 65, expected below",
+        ),
     ],
 )
 def test_inputs_that_cannot_be_meant_are_refused_by_name(

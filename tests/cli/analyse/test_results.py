@@ -37,7 +37,7 @@ def analysed(pulsating: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple
     folder = tmp_path_factory.mktemp("analysed")
     vacuum_log = folder / "log.csv"
     vacuum_log.write_text("\ufeff" + log(1.6, start_s=-0.3))
-    inputs = inputs_file(folder, {**INPUTS, "vacuum": LOGGED, "free_rows": [0, 6], "sought_kpa": 1.0})
+    inputs = inputs_file(folder, {**INPUTS, "vacuum": LOGGED, "sought_kpa": 1.0})
     more = ("--vacuum-log", vacuum_log, "--formats", "csv, hdf5,parquet,ply,vtu", "--json")
     return run(pulsating, "--inputs", inputs, *more, "--out", folder / "out"), folder / "out"
 
@@ -56,7 +56,7 @@ def test_scripts_are_told_what_was_found_what_lacks_and_where_it_is(analysed: tu
     found = json.loads(result.stdout)
     assert abs(found["summary"]["period_s"] - PERIOD_S) < 4 * found["summary"]["sigma_period_s"]
     assert (found["id"], found["run"], found["summary"]["missing"]) == ("milking", 1, 2)
-    assert found["lacks"] == []
+    assert found["lacks"] == ["material.first_end_mm, material.last_end_mm: without them no pressure"]
     assert "2 fields are missing and were not filled in: 2 after field 19" in found["problems"][0]
     assert {Path(path).name for path in found["files"]} == written(out)
 
@@ -67,6 +67,18 @@ def test_the_report_says_where_each_input_comes_from(analysed: tuple[Result, Pat
     assert sources["material"].endswith("inputs.yaml")
     assert sources["vacuum.log"].endswith("log.csv")
     assert report["about"]["ledger"]["lacking"][0]["count"] == 2
+
+
+def test_all_that_can_say_so_says_how_pressures_are_found(analysed: tuple[Result, Path]) -> None:
+    h5py, pq = pytest.importorskip("h5py"), pytest.importorskip("pyarrow.parquet")
+    result, out = analysed
+    assert json.loads(result.stdout)["pressure_method"] == "equilibrium"
+    assert json.loads((out / "report.json").read_text())["pressure_method"] == "equilibrium"
+    assert b"pressure_method equilibrium" in (out / "ply" / "phase-0.2500.ply").read_bytes()
+    told = pq.read_schema(out / "targets.parquet").metadata[b"grabberd"]
+    assert json.loads(told)["pressure_method"] == "equilibrium"
+    with h5py.File(out / "analysis.h5") as file:
+        assert json.loads(file.attrs["grabberd"])["pressure_method"] == "equilibrium"
 
 
 def test_missing_fields_have_no_rows(analysed: tuple[Result, Path]) -> None:

@@ -65,7 +65,7 @@ def made():
 @pytest.fixture(scope="module")
 def folder(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("meshes")
-    write_analysis(folder, made, grid(), {}, ("vtu", "ply"))
+    write_analysis(folder, made, grid(), {"pressure_method": "equilibrium"}, ("vtu", "ply"))
     return folder
 
 
@@ -109,6 +109,10 @@ def test_ply_has_the_same(folder, made):
         np.testing.assert_array_equal(vertices[axis], of_field(made, 30, f"{axis}_mm"))
     for name in vertices.dtype.names[3:]:
         np.testing.assert_array_equal(vertices[name], of_field(made, 30, name))
+
+
+def test_ply_says_how_pressures_were_found(folder):
+    assert b"\ncomment pressure_method equilibrium\n" in (folder / "ply" / "field-00000030.ply").read_bytes()
 
 
 def test_triangles_are_counter_clockwise_as_seen_from_outside(made):

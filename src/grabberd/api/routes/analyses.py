@@ -18,7 +18,7 @@ from grabberd.documents.analyses import AnalysisDocument, AnalysisList, MapDocum
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.problems import Problem
 from grabberd.documents.requests import AnalysisRequest
-from grabberd.service.archive.analysis_documents import analysis_list, report_page
+from grabberd.service.archive.analysis_documents import analysis_list, analysis_row, report_page
 from grabberd.service.jobs.analysis import AnalysisJob
 from grabberd.storage.export.analysis_maps import read_map
 from grabberd.storage.state.analysis_store import DOCUMENT, RECORD
@@ -133,8 +133,10 @@ def get_analysis_table(
     capture_id: CaptureId, number: AnalysisNumber, table: TableName, service: ServiceOf
 ) -> Response:
     """One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
-    describes every column.
+    describes every column. The file's name says so if the analysis has outdated pressures.
     """
     path = service.analyses.file(capture_id, number, f"{table}.csv")
-    name = f"{capture_id}-analysis-{number}-{table}.csv"
+    row = analysis_row(service.analyses, capture_id, number)
+    mark = "-outdated-pressure" if row is not None and row.outdated_pressure else ""
+    name = f"{capture_id}-analysis-{number}-{table}{mark}.csv"
     return FileResponse(path, media_type="text/csv", filename=name, headers={"Cache-Control": IMMUTABLE})

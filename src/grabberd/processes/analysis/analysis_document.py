@@ -17,6 +17,7 @@ WHOLE = ("summary", "fields", "sections", "phases", "phase_sections", "cycles", 
 GRID = ("target", "row", "column", "u_mm", "v_mm", "triangles")
 """Attributes of the target grid in the document; a triangle's corners are indices into `target`."""
 
+_ORIGIN = ("id", "created_utc", "version", "pressure_method")
 _WALL_PHASES = {"a": "opening", "b": "open", "c": "closing", "d": "closed"}
 # As many as there are wall phases, so that the report has the same layout with and without a pulsation.
 _STATES = 4
@@ -37,13 +38,13 @@ def analysis_document(analysis: Analysis, tables: AnalysisTables, about: Mapping
     Args:
         analysis: Analysis of the capture.
         tables: Tables of the analysis.
-        about: Origin of the analysis: id (the capture's), created_utc, version, run, device, captured_utc,
-            bits, note, object, calibration, bursts, and sources by the name of an input.
+        about: Origin of the analysis: id (the capture's), created_utc, version, pressure_method, run, device,
+            captured_utc, bits, note, object, calibration, bursts, and sources by the name of an input.
     """
     return {
         "schema": SCHEMA,
-        **{key: about.get(key) for key in ("id", "created_utc", "version")},
-        "about": {key: about[key] for key in about if key not in ("id", "created_utc", "version", "sources")},
+        **{key: about.get(key) for key in _ORIGIN},
+        "about": {key: about[key] for key in about if key not in (*_ORIGIN, "sources")},
         "inputs": _inputs(analysis, about.get("sources") or {}),
         "problems": list(analysis.problems),
         "grid": {name: getattr(analysis.grid, name).tolist() for name in GRID},

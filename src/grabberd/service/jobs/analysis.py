@@ -13,6 +13,7 @@ from grabberd.acquisition import Ledger
 from grabberd.acquisition.clock import SystemClock, iso_utc
 from grabberd.documents.analyses import AnalysisRecord
 from grabberd.documents.named_types import JsonObject
+from grabberd.documents.pressure_method import PRESSURE_METHOD
 from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError, NotReady
 from grabberd.reconstruction import ObjectModel
@@ -131,6 +132,7 @@ def analyse_file(
         **captures[0].about,
         "created_utc": iso_utc(SystemClock().utc_now()),
         "version": __version__,
+        "pressure_method": PRESSURE_METHOD,
         "bursts": [capture.about["id"] for capture in captures[1:]],
         "sources": dict(sources or {}),
     }
@@ -254,6 +256,7 @@ def _write_all(folder: Path, made: AnalysisOutput) -> AnalysisRecord:
     record = AnalysisRecord(
         created_utc=document["created_utc"],
         version=document["version"],
+        pressure_method=document["pressure_method"],
         device=made.about["device"],
         run=made.about["run"],
         bursts=made.about["bursts"],

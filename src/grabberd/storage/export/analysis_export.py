@@ -109,14 +109,16 @@ def _ply(folder: Path, analysis: _Analysis) -> list[Path]:
     """`ply/` with a file for each field and phase."""
     inner = _new_folder(folder / "ply")
     for mesh in meshes(analysis.tables, analysis.grid):
-        _write(inner / f"{mesh.name}.ply", _ply_parts(mesh))
+        _write(inner / f"{mesh.name}.ply", _ply_parts(mesh, analysis.about))
     return [inner]
 
 
-def _ply_parts(mesh: Mesh) -> Iterable[bytes]:
+def _ply_parts(mesh: Mesh, about: Mapping[str, Any]) -> Iterable[bytes]:
     columns = (*mesh.position, *mesh.columns)
-    comment = f"grabberd {__version__}, {mesh.name}, x y z in mm"
-    yield ply_head(columns, len(mesh), [comment], len(mesh.triangles))
+    comments = [f"grabberd {__version__}, {mesh.name}, x y z in mm"]
+    if method := about.get("pressure_method"):
+        comments.append(f"pressure_method {method}")
+    yield ply_head(columns, len(mesh), comments, len(mesh.triangles))
     yield ply_vertices(columns, mesh.rows)
     yield ply_triangles(mesh.triangles)
 

@@ -1,7 +1,7 @@
 // The questions of an analysis: each with its unit and a word what it is. What is left empty is not computed.
 import { el, fill, symbol } from "../core/dom.js";
 import { GROUPS, NAMES } from "./fields.js";
-import { askedOf, inputsOf, keyOf, lacksOf, missingOf, usesLog } from "./inputs.js";
+import { ENDS, askedOf, inputsOf, keyOf, lacksOf, missingOf, usesLog } from "./inputs.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Asked, Part } from "./fields.js" */
@@ -85,4 +85,4 @@ export function createForm(context, changed) {
 }
 
 /** In which group something is that lacks. @param {string} lack */
-const groupOf = (lack) => ({ vacuum_pulsation: "vacuum", vacuum_liner: "vacuum", sought_kpa: "pressure", plane: "sections" })[lack] ?? lack;
+const groupOf = (lack) => ({ [ENDS]: "material", vacuum_pulsation: "vacuum", vacuum_liner: "vacuum", sought_kpa: "pressure", plane: "sections" })[lack] ?? lack;

@@ -5,6 +5,8 @@ import { GROUPS, NAMES } from "./fields.js";
 /** @import { AnalysisInputs, VacuumSource } from "types/open_documents" */
 
 /** @typedef {Record<string, string>} Values what was filled in, by part and name: "material" → "linear", "material.E_mpa" → "3" */
+/** Where the liner is held, as the instrument names it among what lacks. */
+export const ENDS = "material_first_end_mm_material_last_end_mm";
 const HEIGHTS = [".height1", ".height2", ".height3"];
 
 /** @param {Part} part @param {string} name */
@@ -67,7 +69,8 @@ export const usesLog = (values) => [values["vacuum.pulsation"], values["vacuum.l
 
 /** Results that cannot be computed for lack of inputs. @param {Values} values @returns {string[]} names of texts */
 export function lacksOf(values) {
-  const lacks = { reference: !values.reference, material: !values.material, vacuum_pulsation: !values["vacuum.pulsation"], vacuum_liner: !values["vacuum.liner"], sought_kpa: !given(values, ".sought_kpa"), plane: !values.plane };
+  const held = given(values, "material.first_end_mm") && given(values, "material.last_end_mm");
+  const lacks = { reference: !values.reference, material: !values.material, [ENDS]: Boolean(values.material) && !held, vacuum_pulsation: !values["vacuum.pulsation"], vacuum_liner: !values["vacuum.liner"], sought_kpa: !given(values, ".sought_kpa"), plane: !values.plane };
   return Object.entries(lacks).filter(([, lack]) => lack).map(([name]) => name);
 }
 

@@ -3,6 +3,7 @@ import { el, fill, symbol } from "../core/dom.js";
 import { createCurves } from "./curves.js";
 import { createFiles } from "./files.js";
 import { createMaps } from "./maps.js";
+import { outdatedNote } from "./outdated.js";
 import { createSummary } from "./summary.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -25,7 +26,7 @@ export function createResults(context, capture, record) {
     const maps = createMaps(context, path, document);
     parts = [curves, maps];
     const found = el("section", { class: "card stack" }, el("h2", {}, t("analysis.found")), createSummary(context, document, record), inputs());
-    fill(element, found, maps.element, curves.element, createFiles(context, path, record));
+    fill(element, outdatedNote(context, record), found, maps.element, curves.element, createFiles(context, path, record));
   }
 
   /** The inputs exactly as they were given. */

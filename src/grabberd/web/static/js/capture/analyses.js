@@ -1,4 +1,5 @@
 // The analyses of a capture, in a line each.
+import { outdatedMark } from "../analysis/outdated.js";
 import { el, fill, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -16,7 +17,7 @@ export function createAnalyses(context) {
   async function show(capture) {
     const found = await api.get(`/captures/${encodeURIComponent(capture.id)}/analyses`).catch(() => ({ analyses: [] }));
     element.hidden = !found.analyses.length;
-    fill(list, ...found.analyses.slice(0, SHOWN).map((one) => el("li", {}, el("a", { class: "button", href: `#analysis/${encodeURIComponent(capture.id)}/${one.analysis}` }, symbol("maps"), t("capture.analysis", { n: one.analysis })), " ", el("span", { class: "muted small" }, one.created_utc && format.moment(one.created_utc)))));
+    fill(list, ...found.analyses.slice(0, SHOWN).map((one) => el("li", {}, el("a", { class: "button", href: `#analysis/${encodeURIComponent(capture.id)}/${one.analysis}` }, symbol("maps"), t("capture.analysis", { n: one.analysis })), " ", el("span", { class: "muted small" }, one.created_utc && format.moment(one.created_utc)), " ", outdatedMark(context, one))));
   }
   return { element, show };
 }

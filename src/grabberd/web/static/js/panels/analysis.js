@@ -1,4 +1,5 @@
 // The analyses of a capture: asked for, followed, looked at.
+import { outdatedMark } from "../analysis/outdated.js";
 import { createRequest } from "../analysis/request.js";
 import { createResults } from "../analysis/results.js";
 import { labelsIn } from "../captures/words.js";
@@ -42,7 +43,7 @@ export const panel = {
 
     /** @param {AnalysisRow} one @param {boolean} isShown */
     function link(one, isShown) {
-      return el("a", { class: "button", href: `#analysis/${encodeURIComponent(id)}/${one.analysis}`, "aria-current": isShown ? "page" : null }, t("capture.analysis", { n: one.analysis }), el("span", { class: "muted small" }, one.created_utc && format.moment(one.created_utc)));
+      return el("a", { class: "button", href: `#analysis/${encodeURIComponent(id)}/${one.analysis}`, "aria-current": isShown ? "page" : null }, t("capture.analysis", { n: one.analysis }), el("span", { class: "muted small" }, one.created_utc && format.moment(one.created_utc)), outdatedMark(context, one));
     }
 
     /** @param {Capture} capture @param {AnalysisRow[]} analyses */

@@ -66,7 +66,7 @@ export async function measuredPart(api, opened, part) {
 }
 
 /**
- * The mean cycle of an analysis, phase by phase.
+ * The mean cycle of an analysis, phase by phase; pressures of the earlier, wrong way are left out.
  * @param {Api} api
  * @param {Drawable} opened
  * @param {number} number of the analysis
@@ -77,7 +77,8 @@ export async function meanCycle(api, opened, number) {
   const phases = column(document.tables.phases, "phase").filter((phase) => phase !== null);
   const period_s = column(document.tables.summary, "period_s")[0] ?? 1;
   const maps = await inTurn(phases, (phase) => api.get(`${path}/maps?phase=${phase}`));
-  const quantities = ANALYSED.filter((name) => maps.some((map) => map.columns[name]?.some(Number.isFinite)));
+  const outdated = opened.analyses.some((one) => one.analysis === number && one.outdated_pressure);
+  const quantities = ANALYSED.filter((name) => !(outdated && name === "contact_kpa") && maps.some((map) => map.columns[name]?.some(Number.isFinite)));
   const moments = maps.map((map) => phaseMoment(opened.grid, map, quantities));
   return { moments, times_s: phases.map((phase) => phase * period_s), quantities: [...quantities, "displacement_mm"] };
 }
