@@ -89,7 +89,7 @@ class Mounting:
         radius_mm: float,
         frame: tuple[Array, Array],
     ) -> "Mounting":
-        """A mounting with targets at places (N, 3) in its own frame, with covariance (N, 3, 3); None: exact."""
+        """A mounting with targets at places (N, 3) in its own frame, their covariance (N, 3, 3) or None."""
         assert material.ends_mm is not None
         middle_mm = radius_mm - material.depth_mm
         theta = np.arctan2(places_mm[:, 1], places_mm[:, 2])

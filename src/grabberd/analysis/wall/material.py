@@ -32,8 +32,8 @@ class Material:
         radius_mm: radius of the mounted liner's middle surface: the mounting tension is F0 / 2πR.
         target_mm: thickness of the targets on the outer face.
         law: `neo_hookean` or `linear` (in the stretches λ − 1).
-        first_end_mm: x, in the object's frame, of the lower end that holds the liner; `last_end_mm`: of the
-            upper one. Pressures alone need them.
+        first_end_mm: x, in the object's frame, of the end at lesser x that holds the liner; `last_end_mm`: of
+            the other one. Pressures alone need them.
         E_sigma_mpa: σ of E; 0 takes E as exact. `wall_sigma_mm`, `F0_sigma_n` likewise.
 
     Raises:
