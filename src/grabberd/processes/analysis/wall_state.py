@@ -87,7 +87,7 @@ class WallState(NamedTuple):
             outer face.
         strain: (N, 2) principal strains λ − 1 of the same surface, the greater first; None without reference.
         tension_n_per_m: (N, 2) T1 ≥ T2, its σ from points and material; None without reference or material.
-        pressure: pressure map; None if an input is missing or no pressure is determined.
+        pressure: pressure map; None if an input is missing or the wall has no equilibrium.
         area: area of the outer face.
         sections: sections at those requested heights that the wall reaches.
         volume_mm3: volume between the first and last section and the plane; None without a plane.
@@ -145,7 +145,6 @@ class _OfTheWall(NamedTuple):
 def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: PressureMap | None) -> WallState:
     within = surface.within(*question.places)
     found, missed = sections(surface, question.heights_mm, question.plane)
-    shown, vague = _shown(pressure)
     return WallState(
         surface=surface,
         within=within,
@@ -153,22 +152,22 @@ def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: Pre
         curvature_per_m=_masked(wall.curvature_per_m, within),
         strain=wall.strain and _masked(wall.strain, within),
         tension_n_per_m=wall.tension_n_per_m and _masked(wall.tension_n_per_m, within),
-        pressure=shown,
+        pressure=pressure,
         area=surface_area(surface),
         sections=found,
         volume_mm3=_volume(surface, question, found),
-        problems=(*surface.problems, *vague, *missed),
+        problems=(*surface.problems, *_vague(pressure), *missed),
     )
 
 
-def _shown(pressure: PressureMap | None) -> tuple[PressureMap | None, tuple[str, ...]]:
-    """The map, or the reason why there is none to show."""
-    if pressure is None:
-        return None, ()
+def _vague(pressure: PressureMap | None) -> tuple[str, ...]:
+    """The reason why a map has no pressure anywhere, if it has none."""
     try:
-        return pressure.determined(), ()
+        if pressure:
+            pressure.determined()
     except AnalysisError as error:
-        return None, (error.message,)
+        return (error.message,)
+    return ()
 
 
 def _xyz(surface: Surface, question: Question) -> Estimate:
