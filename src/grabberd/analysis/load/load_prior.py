@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.wall.cuts import cut_points
-from grabberd.analysis.wall.splines import SplineGrid
+from grabberd.analysis.wall.splines import Basis, SplineGrid
 
 Array = NDArray[np.float64]
 
@@ -89,9 +89,26 @@ class LoadPrior:
         # The covariance of a grid is the product of its rows' and its columns'.
         correlated = np.einsum("xi,sj,fijm->fxsm", along, around, parts, optimize=True)
         traction = self.traction_kpa * MPA_PER_KPA
-        variance = np.square([self.amplitude * self._scale_mpa(difference_kpa), traction, traction])
+        variance = np.array([self.variance_mpa2(difference_kpa), traction**2, traction**2])
         spread: Array = variance[:, np.newaxis, np.newaxis, np.newaxis] * (correlated + _NUGGET * parts)
         return spread.reshape(columns.shape)
+
+    def variance_shares(self, grid: SplineGrid, basis: Basis) -> Array:
+        """(N,) prior variance of g at points of the wall, by that of its control values."""
+        row, column = np.divmod(basis.members, grid.around.count)
+        around = _correlation(grid.around.greville, self.round_mm)
+        along = _correlation(grid.along.greville, self.along_mm)
+        pairs = (
+            along[row[:, :, np.newaxis], row[:, np.newaxis]]
+            * around[column[:, :, np.newaxis], column[:, np.newaxis]]
+        )
+        weights = basis.values[0]
+        shares = np.einsum("ni,nij,nj->n", weights, pairs, weights, optimize=True)
+        return np.asarray(shares + _NUGGET * (weights**2).sum(axis=1), np.float64)
+
+    def variance_mpa2(self, difference_kpa: float) -> float:
+        """Prior variance of g's control values under a pressure difference."""
+        return (self.amplitude * self._scale_mpa(difference_kpa)) ** 2
 
     def cut_covariances(self, grid: SplineGrid) -> list[Array]:
         """(A, A) covariances of both cuts' shift (mm²), turn (rad²) and force (N²/mm²)."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.load.load_profile import LoadProfile
 from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
@@ -57,6 +58,7 @@ class PressureMap(NamedTuple):
         above_atmosphere_kpa: (N,) the same above atmosphere, that is less the vacuum in the liner.
         misfit: of points and prior by the wall in equilibrium, per measured coordinate; .3 to 1.2 is usual.
         reason: (N,) reason why a target has no pressure; empty if it has one.
+        profile: the load over height, x in the object's frame; None if points and wall contradict each other.
     """
 
     contact_kpa: Estimate
@@ -64,6 +66,7 @@ class PressureMap(NamedTuple):
     above_atmosphere_kpa: Estimate
     misfit: float
     reason: tuple[str, ...]
+    profile: LoadProfile | None = None
 
     @property
     def usable(self) -> NDArray[np.bool_]:

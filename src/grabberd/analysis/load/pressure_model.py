@@ -9,9 +9,11 @@ from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.load_fit import Posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
+from grabberd.analysis.load.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_series import LoadSeries
 from grabberd.analysis.load.mounting import Mounting
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
+from grabberd.analysis.load.sights import Sights
 from grabberd.analysis.load.wall_model import WallModel
 from grabberd.analysis.wall.material import Material, Zone
 from grabberd.errors import AnalysisError
@@ -51,6 +53,7 @@ class PressureModel:
             self._mounting.half, self._mounting.targets, LoadPrior(), _tube_prior(material)
         )
         self._series = LoadSeries(self._model)
+        self._sections: dict[tuple[float, float], Sections] = {}
 
     def map(self, points: Points, within: NDArray[np.bool_], vacuum: ChamberVacuum) -> PressureMap:
         """The pressure at one field.
@@ -64,12 +67,25 @@ class PressureModel:
             AnalysisError: the wall has no equilibrium with these points.
         """
         difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
-        found = self._series.load(self._mounting.sights(points, self._grid), difference)
+        sights = self._mounting.sights(points, self._grid)
+        found = self._series.load(sights, difference)
         value, covariance = found.contact_kpa(self._model.targets)
         contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
         # The liner's vacuum is in the difference as well, where its error partly cancels: never too small.
         above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
-        return PressureMap(contact, covariance, above, found.j, self._reasons(contact, within, found))
+        reasons = self._reasons(contact, within, found)
+        return PressureMap(contact, covariance, above, found.j, reasons, self._profile(found, sights))
+
+    def _profile(self, found: Posterior, sights: Sights) -> LoadProfile | None:
+        if found.j > MISFIT_ALARM:
+            return None
+        targets, mounting = self._mounting.targets, self._mounting
+        seen_mm = targets.s_mm[sights.target]
+        arc_mm = (float(seen_mm.min()), float(seen_mm.max()))
+        if arc_mm not in self._sections:
+            self._sections[arc_mm] = Sections(self._model, profile_heights(targets.x_mm), arc_mm)
+        profile = self._sections[arc_mm].profile(found)
+        return profile._replace(x_mm=mounting.origin_mm[0] + mounting.axes[0, 0] * profile.x_mm)
 
     def _reasons(self, contact: Estimate, within: NDArray[np.bool_], found: Posterior) -> tuple[str, ...]:
         """The first applicable reason why each target has no pressure; empty if it has one."""
