@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from analysis.load.profiles import DIFFERENCES_KPA, pressure_model, solved_profiles, vacuum
-from analysis.walls import EIGHT_BITS_MM, as_points, solved
+from analysis.load.profiles import DIFFERENCES_KPA, solved_profiles
+from analysis.walls import solved
 from grabberd.analysis.load.load_fit import posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
 from grabberd.analysis.load.load_profile import profile_heights
@@ -134,13 +134,3 @@ def test_a_section_that_the_wall_has_stretched_stands_for_more_of_the_tube(closi
     mounted_mm = profile.x_mm[-1] - profile.x_mm[0]
     assert profile.spans_mm.sum() == pytest.approx(mounted_mm, rel=0.02)
     assert profile.spans_mm[5] / profile.length[5] == pytest.approx(profile.x_mm[1] - profile.x_mm[0])
-
-
-def test_points_that_contradict_the_wall_have_no_profile():
-    """They scatter four times as much as they say."""
-    liner = solved("reference-round")
-    places = liner.points(5.0, 0, EIGHT_BITS_MM).xyz_mm
-    points = as_points(places, EIGHT_BITS_MM / 4)
-    found = pressure_model(liner).map(points, np.ones(72, bool), vacuum(5.0))
-    assert found.misfit > 2
-    assert found.profile is None

@@ -87,6 +87,7 @@ def test_points_that_no_load_explains_are_refused():
     places[::2, 2] += 0.15
     found = model("reference-round").map(as_points(places, EIGHT_BITS_MM), SEEN, vacuum(12.0))
     assert found.misfit > 2
+    assert found.profile is None
     with pytest.raises(
         AnalysisError, match="none of 72 places has its pressure determined: points and the wall"
     ):

@@ -12,6 +12,7 @@ plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0,
 heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve
+flow_stop: {kpa: 9, sigma_kpa: 1}       pressure on the teat's end at which milk just stops flowing
 """
 
 from collections.abc import Mapping
@@ -20,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.analysis import Grid, Plane, Zone, read_zones, symmetry_plane
+from grabberd.analysis import Estimate, Grid, Plane, Zone, read_zones, symmetry_plane
 from grabberd.errors import InputError
 from grabberd.geometry import Reading
 
-KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa")
+KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "flow_stop")
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
@@ -65,6 +66,8 @@ class AnalysisInputs:
         phases: number of states of the mean cycle.
         sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
         homologous: as in the grid; if False, reference and material have no use.
+        flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
+            overpressure.
     """
 
     given: Mapping[str, Any]
@@ -76,6 +79,7 @@ class AnalysisInputs:
     phases: int
     sought_kpa: float | None
     homologous: bool = True
+    flow_stop_kpa: Estimate | None = None
 
     @property
     def lacks(self) -> tuple[str, ...]:
@@ -121,6 +125,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
     if phases > _MOST_PHASES:
         reading.refuse("phases", phases, f"at most {_MOST_PHASES}")
     sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else None
+    flow_stop = _flow_stop(reading, document.get("flow_stop"))
     material = reading.mapping(document, "material") if "material" in document else {}
     reading.finish(_HINT)
     return AnalysisInputs(
@@ -133,6 +138,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         phases=phases,
         sought_kpa=sought,
         homologous=grid.homologous,
+        flow_stop_kpa=flow_stop,
     )
 
 
@@ -163,6 +169,17 @@ def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
     if "offset" in value and "lag" in value:
         reading.problems.append("vacuum: offset and lag are both given; give one of them")
     return value
+
+
+def _flow_stop(reading: Reading, value: object) -> Estimate | None:
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        reading.refuse("flow_stop", value, "a mapping of kpa and sigma_kpa")
+        return None
+    reading.keys("flow_stop.", value, ("kpa", "sigma_kpa"))
+    numbers = [reading.number(value, key, "flow_stop.", positive=True) for key in ("kpa", "sigma_kpa")]
+    return Estimate(*map(np.asarray, numbers))
 
 
 def _plane(reading: Reading, value: object) -> Plane | str | None:
