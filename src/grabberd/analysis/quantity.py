@@ -6,7 +6,7 @@ from grabberd.analysis.estimate import Estimate
 
 
 class Quantity(NamedTuple):
-    """What a number means.
+    """Meaning of a number.
 
     Attributes:
         name: as in tables and documents.
@@ -24,7 +24,7 @@ class Quantity(NamedTuple):
 
 
 class Finding(NamedTuple):
-    """What was found of a quantity.
+    """Result for a quantity.
 
     Attributes:
         quantity: which one.

@@ -28,7 +28,7 @@ def true_compression_kpa(liner, outer_kpa, x_mm):
     contact = Patch(liner.states, x_mm, np.linspace(-end, end, 41)).values(
         liner.states.contact_kpa(outer_kpa)
     )
-    return contact.mean(axis=1)
+    return np.trapezoid(contact, axis=1) / (contact.shape[1] - 1)
 
 
 def over_elements(profile, states):

@@ -25,7 +25,7 @@ LEAST_GAP_MM = 1.0
 
 
 class TeatHeights(NamedTuple):
-    """Where a closed liner presses the teat.
+    """Heights at which a closed liner presses the teat.
 
     Attributes:
         teat: (H,) true from the first to the last height that is pressed and held apart.

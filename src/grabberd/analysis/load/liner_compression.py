@@ -193,7 +193,7 @@ def _of_closed(closed: LoadProfile, heights: TeatHeights) -> dict[str, Estimate]
 
 def _at_end(profile: LoadProfile, heights: TeatHeights) -> Estimate:
     """Compression over the last `TEAT_END_MM` of the teat."""
-    from_end_mm = np.abs(profile.x_mm - profile.x_mm[heights.end])
+    from_end_mm = np.abs(profile.x_mm - float(heights.end_mm.value))
     over = heights.teat * (from_end_mm < TEAT_END_MM) * profile.spans_mm
     return profile.compression_kpa.summed(over / over.sum())
 

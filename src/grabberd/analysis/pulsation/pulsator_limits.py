@@ -98,7 +98,7 @@ def liner_times(phases: Phases | None, reason: str) -> tuple[Finding, ...]:
 
 
 def verdict(found: Estimate, least: float) -> str:
-    """Whether a value is at least that: met, not met, or not certain within 2 σ of the limit."""
+    """Verdict on a least value: met, not met, or not certain within 2 σ of it."""
     margin = float(found.value) - least
     if abs(margin) < _CERTAIN * float(found.sigma):
         return NOT_CERTAIN
