@@ -21,7 +21,7 @@ _PRESSURE = {"mean_contact_kpa": "mean", "greatest_contact_kpa": "greatest"}
 _PROFILE = {
     "load [N/mm]": "load_n_per_mm",
     "compression [kPa]": "compression_kpa",
-    "gap between the walls [mm]": "gap_mm",
+    "gap [mm]": "gap_mm",
 }
 _VACUUM = {"pulsation_vacuum_kpa": "pulsation chamber", "liner_vacuum_kpa": "liner"}
 
