@@ -93,7 +93,14 @@ def test_sigma_is_never_less_than_the_model_s_share(even):
 def test_without_the_pressure_that_stops_the_flow_there_is_no_overpressure():
     found = found_of(cycle([closed()] * 6), flow_stop=None)
     assert np.isnan(found["overpressure_kpa"].value)
-    assert "flow_stop_kpa was not given" in found["overpressure_kpa"].reason
+    assert "flow_stop was not given" in found["overpressure_kpa"].reason
+
+
+def test_without_the_teat_s_end_only_what_needs_it_is_missing():
+    found = found_of(cycle([closed(below=False)] * 6))
+    missing = {name for name, one in found.items() if one.reason}
+    assert missing == {"liner_compression_teat_end_kpa", "teat_end_x_mm", "overpressure_kpa"}
+    assert "nowhere do opposite walls meet" in found["overpressure_kpa"].reason
 
 
 def test_without_a_teat_every_pressure_says_so():

@@ -29,13 +29,13 @@ class TeatHeights(NamedTuple):
 
     Attributes:
         teat: (H,) true from the first to the last height that is pressed and held apart.
-        end: index of the height next to the teat's end.
-        end_mm: where the teat ends, with σ.
+        end_mm: where the teat ends, with σ; None if that is not among the heights that are seen.
+        reason: why there is no end; empty if there is one.
     """
 
     teat: NDArray[np.bool_]
-    end: int
-    end_mm: Estimate
+    end_mm: Estimate | None
+    reason: str
 
 
 def mean_profile(profiles: Sequence[LoadProfile], weights: Array) -> LoadProfile:
@@ -83,7 +83,7 @@ def teat_heights(profile: LoadProfile) -> TeatHeights:
     The end is on the side where opposite walls come nearest to each other: there is no teat between them.
 
     Raises:
-        AnalysisError: no teat is pressed, or its end is not between the heights that are known.
+        AnalysisError: no teat is pressed.
     """
     load, gap = profile.load_n_per_mm.estimate, profile.gap_mm
     pressed = load.value > CERTAIN * load.sigma
@@ -98,17 +98,17 @@ def teat_heights(profile: LoadProfile) -> TeatHeights:
             "these quantities are those of a liner on a teat; analyse phases in which it is closed",
         )
     first, last = max(runs, key=lambda run: float(load.value[run[0] : run[1] + 1].sum()))
-    nearest = int(np.argmin(gap.value))
-    if first <= nearest <= last or apart[nearest]:
-        raise AnalysisError(
-            f"the teat's end is not among the heights that are seen: opposite walls meet nowhere below it "
-            f"(least gap {gap.value[nearest]:.1f} mm, at {profile.x_mm[nearest]:.0f} mm)",
-            "glue targets as far as the liner closes below the teat",
-        )
     teat = np.zeros(len(load.value), np.bool_)
     teat[first : last + 1] = True
+    nearest = int(np.argmin(gap.value))
+    if apart[nearest] or first <= nearest <= last:
+        reason = (
+            "the teat's end is not among the heights that are seen: nowhere do opposite walls meet "
+            f"(least gap {gap.value[nearest]:.1f} mm, at {profile.x_mm[nearest]:.0f} mm)"
+        )
+        return TeatHeights(teat, None, reason)
     end, beyond = (last, last + 1) if nearest > last else (first, first - 1)
-    return TeatHeights(teat, end, _end_mm(profile, end, beyond))
+    return TeatHeights(teat, _end_mm(profile, end, beyond), "")
 
 
 def _runs(yes: NDArray[np.bool_], broken: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -118,6 +118,9 @@ QUANTITIES: Mapping[str, Quantity] = {
 }
 
 
+_OF_THE_END = ("liner_compression_teat_end_kpa", "teat_end_x_mm", "overpressure_kpa")
+
+
 class LinerCompression(NamedTuple):
     """Quantities of the closed liner.
 
@@ -165,16 +168,11 @@ def liner_compression(
     except AnalysisError as error:
         return LinerCompression(_findings(found, {}, error.message), closed, None)
     found |= _of_closed(closed, heights)
-    reasons: dict[str, str] = {}
-    if flow_stop_kpa is None:
+    reasons = dict.fromkeys(_OF_THE_END, heights.reason)
+    if heights.end_mm is not None:
+        found |= _of_the_end(closed, closing, heights.teat, heights.end_mm, flow_stop_kpa)
         reasons["overpressure_kpa"] = (
-            "flow_stop_kpa was not given: the contact pressure at which milk stops flowing"
-        )
-    else:
-        fullest = max(closing, key=lambda one: float(one.load_n_per_mm.value @ (heights.teat * one.spans_mm)))
-        end = _at_end(fullest, heights)
-        found["overpressure_kpa"] = Estimate(
-            end.value - flow_stop_kpa.value, np.hypot(end.sigma, flow_stop_kpa.sigma)
+            "flow_stop was not given: the contact pressure at the teat's end at which milk just stops flowing"
         )
     return LinerCompression(_findings(found, reasons, ""), closed, heights)
 
@@ -188,18 +186,32 @@ def _of_closed(closed: LoadProfile, heights: TeatHeights) -> dict[str, Estimate]
         "liner_compression_mean_kpa": mean,
         "liner_compression_greatest_kpa": _with_model(greatest),
         "liner_compression_greatest_x_mm": greatest_x_mm,
-        "liner_compression_teat_end_kpa": _at_end(closed, heights),
-        "teat_end_x_mm": heights.end_mm,
         "teat_load_peak_n_per_mm": _with_model(peak),
         "teat_load_n": _with_model(closed.load_n_per_mm.summed(over)),
         "massage_pressure_kpa": mean,
     }
 
 
-def _at_end(profile: LoadProfile, heights: TeatHeights) -> Estimate:
+def _of_the_end(
+    closed: LoadProfile,
+    closing: Sequence[LoadProfile],
+    teat: NDArray[np.bool_],
+    end_mm: Estimate,
+    flow_stop_kpa: Estimate | None,
+) -> dict[str, Estimate]:
+    found = {"liner_compression_teat_end_kpa": _at_end(closed, teat, end_mm), "teat_end_x_mm": end_mm}
+    if flow_stop_kpa is not None:
+        fullest = max(closing, key=lambda one: float(one.load_n_per_mm.value @ (teat * one.spans_mm)))
+        at_end = _at_end(fullest, teat, end_mm)
+        sigma = np.hypot(at_end.sigma, flow_stop_kpa.sigma)
+        found["overpressure_kpa"] = Estimate(at_end.value - flow_stop_kpa.value, sigma)
+    return found
+
+
+def _at_end(profile: LoadProfile, teat: NDArray[np.bool_], end_mm: Estimate) -> Estimate:
     """Compression over the last `TEAT_END_MM` of the teat."""
-    from_end_mm = np.abs(profile.x_mm - float(heights.end_mm.value))
-    over = heights.teat * (from_end_mm < TEAT_END_MM) * profile.spans_mm
+    from_end_mm = np.abs(profile.x_mm - float(end_mm.value))
+    over = teat * (from_end_mm < TEAT_END_MM) * profile.spans_mm
     return _with_model(profile.compression_kpa.summed(over / over.sum()))
 
 
