@@ -6,7 +6,7 @@ import pytest
 from analysis.load.profiles import DIFFERENCES_KPA, TEAT_END_MM, X_MM, closed, solved_profiles
 from analysis.walls import solved
 from grabberd.analysis import Estimate, Phases
-from grabberd.analysis.load.liner_compression import MODEL_SHARE, QUANTITIES, liner_compression
+from grabberd.analysis.load.liner_compression import COMPRESSION_SHARE, QUANTITIES, liner_compression
 from grabberd_fake.wall_quantities import teat_load
 
 PHASE = np.arange(20) / 20
@@ -87,7 +87,7 @@ def test_overpressure_is_that_at_full_closure_less_what_stops_the_flow():
 
 def test_sigma_is_never_less_than_the_model_s_share(even):
     mean = even["liner_compression_mean_kpa"]
-    assert mean.sigma > MODEL_SHARE * mean.value
+    assert mean.sigma > COMPRESSION_SHARE * mean.value
 
 
 def test_without_the_pressure_that_stops_the_flow_there_is_no_overpressure():
@@ -132,7 +132,7 @@ def test_sigma_of_the_mean_is_that_of_errors_that_are_drawn():
         values = np.array([one[name].value for one in drawn])
         # The σ of the model, and of what stops the flow, are in it but were not drawn.
         stop = FLOW_STOP if name == "overpressure_kpa" else Estimate(0.0, 0.0)
-        model = MODEL_SHARE * (drawn[0][name].value + stop.value)
+        model = COMPRESSION_SHARE * (drawn[0][name].value + stop.value)
         sigma = np.sqrt(drawn[0][name].sigma ** 2 - model**2 - stop.sigma**2)
         assert 0.7 < values.var() / sigma**2 < 1.4
 

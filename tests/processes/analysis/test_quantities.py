@@ -9,6 +9,7 @@ from analysis.load.profiles import TEAT_END_MM, X_MM, closed
 from grabberd.analysis import Estimate, PressureMap
 from grabberd.errors import InputError
 from grabberd.processes.analysis.analysis_document import analysis_document
+from grabberd.processes.analysis.columns import TABLES
 from grabberd.processes.analysis.quantities import quantities
 from grabberd.processes.analysis.tables import tables
 from processes.milking import CONSTANT, analysed, field, inputs, log, still
@@ -91,6 +92,14 @@ def test_the_table_has_a_row_for_each_with_its_definition(loaded):
     assert table.column("sigma_value") == pytest.approx([one.sigma for one in found])
     assert all(text.endswith(".") for text in table.column("definition"))
     assert set(table.column("unit")) <= {"kPa", "mm", "N", "N/mm", "s", "1"}
+
+
+@pytest.mark.parametrize("name", ["quantities", "phase_profile", "profile"])
+def test_the_tables_have_the_columns_and_types_of_their_specification(loaded, name):
+    columns = tables(loaded)[name].columns
+    assert [(one.name, one.dtype) for one in columns] == [
+        (one.name, one.dtype) for one in TABLES[name].columns
+    ]
 
 
 def test_the_load_over_height_is_a_table_of_phases_and_heights(loaded):

@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 
 TEAT_END_MM = 10.0
 """Length of tube, up to the teat's end, over which compression there is averaged: shorter patches blur."""
-MODEL_SHARE = 0.06
-"""Of a compression or load: σ of the estimator itself, on walls solved as solids, beyond that of its inputs.
+COMPRESSION_SHARE, LOAD_SHARE = 0.08, 0.04
+"""σ of the estimator itself by the value, on walls solved as solids, beyond that of its inputs and noise.
 
-Contact is never quite 0 in the prior, so pressures and loads come out too high rather than too low.
+Contact is never quite 0 in the prior, so pressures come out too high rather than too low.
 """
 _DRAWS, _SEED = 400, 5
 """Of profiles, to find how far the place of a maximum scatters: its σ to 4 %."""
@@ -186,8 +186,8 @@ def _of_closed(closed: LoadProfile, heights: TeatHeights) -> dict[str, Estimate]
         "liner_compression_mean_kpa": mean,
         "liner_compression_greatest_kpa": _with_model(greatest),
         "liner_compression_greatest_x_mm": greatest_x_mm,
-        "teat_load_peak_n_per_mm": _with_model(peak),
-        "teat_load_n": _with_model(closed.load_n_per_mm.summed(over)),
+        "teat_load_peak_n_per_mm": _with_model(peak, LOAD_SHARE),
+        "teat_load_n": _with_model(closed.load_n_per_mm.summed(over), LOAD_SHARE),
         "massage_pressure_kpa": mean,
     }
 
@@ -215,8 +215,8 @@ def _at_end(profile: LoadProfile, teat: NDArray[np.bool_], end_mm: Estimate) -> 
     return _with_model(profile.compression_kpa.summed(over / over.sum()))
 
 
-def _with_model(found: Estimate) -> Estimate:
-    return Estimate(found.value, np.hypot(found.sigma, MODEL_SHARE * np.abs(found.value)))
+def _with_model(found: Estimate, share: float = COMPRESSION_SHARE) -> Estimate:
+    return Estimate(found.value, np.hypot(found.sigma, share * np.abs(found.value)))
 
 
 def _greatest(joint: Joint, teat: NDArray[np.bool_], x_mm: Array) -> tuple[Estimate, Estimate]:
