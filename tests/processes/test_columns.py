@@ -59,7 +59,15 @@ def test_an_analysis_has_the_columns_and_types_of_its_specification(name):
 
 @pytest.mark.parametrize("name", TABLES)
 def test_units_end_the_names(name):
-    endings = {"1/m": "per_m", "N/m": "n_per_m", "1/min": "per_min", "mm²": "mm2", "mm³": "mm3", "kPa": "kpa"}
+    endings = {
+        "1/m": "per_m",
+        "N/m": "n_per_m",
+        "N/mm": "n_per_mm",
+        "1/min": "per_min",
+        "mm²": "mm2",
+        "mm³": "mm3",
+        "kPa": "kpa",
+    }
     for column in TABLES[name].columns:
         if column.unit not in {"", "1"}:
             assert column.name.endswith(f"_{endings.get(column.unit, column.unit)}")

@@ -121,6 +121,25 @@ def full():
                 "sections": sections("time_s", [0.0, 0.02, 0.14]),
                 "phases": table("phases", phase=("1", [0.0, 0.5]), **wall_columns(2)),
                 "phase_sections": sections("phase", [0.0, 0.5]),
+                "phase_profile": table(
+                    "load over height",
+                    phase=("1", [0.0] * 3 + [0.5] * 3),
+                    x_mm=("mm", [-5.0, 0.0, 5.0] * 2),
+                    compression_kpa=("kPa", [1.0, 2.0, 1.0, 20.0, 30.0, 20.0], [1.0] * 6),
+                    load_n_per_mm=("N/mm", [0.1, 0.2, 0.1, 0.8, 1.0, 0.8], [0.05] * 6),
+                    gap_mm=("mm", [20.0] * 3 + [14.0, 12.0, 0.1], [0.1] * 6),
+                ),
+                "quantities": table(
+                    "quantities",
+                    name=("", ["teat_load_n", "overpressure_kpa", "phase_b_share"]),
+                    title=("", ["teat load", "overpressure", "phase b of the cycle"]),
+                    value=("", [38.7312, None, 0.4512], [1.5, None, 0.002]),
+                    unit=("", ["N", "kPa", "1"]),
+                    verdict=("", ["", "", "met"]),
+                    reason=("", ["", "flow_stop was not given", ""]),
+                    definition=("", ["Force of one side.", "Pressure that is left.", "Share of phase b."]),
+                    source=("", ["the wall", "the literature", "ISO 5707"]),
+                ),
                 "cycles": table("cycles", start_s=("s", [0.1], [0.01]), stroke=("1", [1.0], [0.01])),
                 "gaps": table("gaps", after_n=("", [1]), until_n=("", [7]), missing=("", [5])),
             },
@@ -159,7 +178,10 @@ def least():
     document = full()
     document["inputs"] |= {"given": {}, "reference": None, "lacks": ["material: without it no pressure"]}
     document["wall_phases"], document["problems"] = None, ["there is no pulsation"]
-    empty = {name: table(name) for name in ("sections", "phases", "phase_sections", "cycles", "gaps")}
+    empty = {
+        name: table(name)
+        for name in ("sections", "phases", "phase_sections", "phase_profile", "quantities", "cycles", "gaps")
+    }
     document["tables"] |= empty | {
         "summary": table("summary", fields=("", [1]), analysed=("", [1]), missing=("", [0])),
         "fields": table("fields", n=("", [0]), time_s=("s", [0.0]), area_mm2=("mm²", [3000.0], [4.0])),

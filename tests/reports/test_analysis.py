@@ -56,13 +56,37 @@ def test_chapters_are_numbered(page):
         "Problems",
         "1 The wall and its pressure",
     ]
-    assert [heading.split()[0] for heading in page.headings[3:]] == [*"123456789"]
+    assert [heading.split()[0] for heading in page.headings[3:]] == [*"123456789", "10"]
 
 
 def test_the_top_says_what_was_found_with_its_sigma(page):
     assert "3 of 4 fields were analysed." in page.text
     assert "one cycle takes 1.00120 ± 0.00030 s" in page.text
     assert "greatest at phase 0.50: 9.0 (2.0) kPa" in page.text
+
+
+def test_the_first_page_has_the_quantities_that_were_found_with_sigma_and_verdict(page):
+    found = dict(page.tables["Quantities of the milking (± is one σ)"])
+    assert found == {"Teat load": "38.7 ± 1.5 N", "Phase b of the cycle": "0.4512 ± 0.0020, ISO 5707: met"}
+
+
+def test_every_quantity_is_defined_and_one_that_lacks_says_why(page):
+    rows = {row[0]: row[1:] for row in page.table("Quantities and their definitions")}
+    assert rows["Teat load"] == ["38.7 ± 1.5 N", "", "Force of one side.", "the wall"]
+    assert rows["Overpressure"][0] == "flow_stop was not given"
+
+
+def test_the_load_over_height_is_drawn_in_every_wall_phase():
+    drawn = chapter("load", full())
+    assert "not a teat" in drawn.text
+    assert len(drawn.all("svg")) == 1
+    assert drawn.captions[0].startswith("Force per height on the side that faces the cameras")
+
+
+def test_a_document_of_an_earlier_version_has_a_report_without_quantities():
+    document = full()
+    del document["tables"]["quantities"], document["tables"]["phase_profile"]
+    assert "had no such quantities" in Page(analysis_html(document)).text
 
 
 def test_what_lacks_and_what_went_wrong_stands_at_the_top(page):
@@ -95,8 +119,8 @@ def test_a_state_without_a_map_has_no_target_determined():
 
 def test_every_figure_is_heard_and_has_a_caption(page):
     figures = page.all("svg")
-    assert len(figures) == len(page.captions) == 7
-    assert len({attributes["aria-label"] for attributes in figures}) == 7
+    assert len(figures) == len(page.captions) == 8
+    assert len({attributes["aria-label"] for attributes in figures}) == 8
 
 
 def test_how_well_a_wall_in_equilibrium_explains_the_points_is_told(page):

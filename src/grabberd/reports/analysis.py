@@ -12,6 +12,7 @@ from grabberd.reports.columns import Columns
 from grabberd.reports.document import ANALYSIS, check_document
 from grabberd.reports.environment import render
 from grabberd.reports.figures import State, require_matplotlib, states_of
+from grabberd.reports.numbers import measured
 
 Document = Mapping[str, Any]
 Tables = Mapping[str, Columns]
@@ -33,6 +34,17 @@ class Undetermined(NamedTuple):
     known: int
     without: int
     reasons: Sequence[tuple[str, int]]
+
+
+class QuantityRow(NamedTuple):
+    """A quantity of the field: value with ± σ and unit, verdict and reason are empty where there is none."""
+
+    title: str
+    value: str
+    verdict: str
+    reason: str
+    definition: str
+    source: str
 
 
 def analysis_html(document: Document) -> str:
@@ -68,6 +80,8 @@ def values(document: Document) -> dict[str, Any]:
         "load_misfit": _median(tables["fields"], "load_misfit"),
         "heights": heights,
         "distances": [_distances(tables, height) for height in heights],
+        "quantities": _quantities(tables.get("quantities")),
+        "has_profile": "phase_profile" in tables and len(tables["phase_profile"]) > 0,
         "cycle_shares": _cycle_shares(tables["summary"]),
         "given": list(_given(document["inputs"]["given"])),
         "all_columns": _all_columns(document),
@@ -94,6 +108,22 @@ def _undetermined(state: State) -> Undetermined:
 def _kind(reason: str) -> str:
     """A reason without the values of its target, so that equal ones can be counted."""
     return re.sub(r" of [\d.e+-]+ kPa| \([^)]*\)", "", reason)
+
+
+def _quantities(table: Columns | None) -> list[QuantityRow]:
+    """Rows of the table `quantities`; none in a document of an earlier version."""
+    if table is None:
+        return []
+    value, sigma = table.values("value"), table.values("sigma_value")
+    shown = [_shown(*one) for one in zip(value, sigma, table.words("unit"), strict=True)]
+    texts = [table.words(name) for name in ("verdict", "reason", "definition", "source")]
+    return [QuantityRow(*row) for row in zip(table.words("title"), shown, *texts, strict=True)]
+
+
+def _shown(value: float | None, sigma: float | None, unit: str) -> str:
+    if value is None or sigma is None:
+        return ""
+    return "{} ± {} {}".format(*measured(value, sigma), "" if unit == "1" else unit).strip()
 
 
 def _median(fields: Columns, name: str) -> float | None:

@@ -88,6 +88,7 @@ def test_points_that_no_load_explains_are_refused():
     places[uneven, 2] += 0.4
     found = model("reference-round").map(as_points(places, EIGHT_BITS_MM), SEEN, vacuum(12.0))
     assert found.misfit > 2
+    assert found.profile is None
     with pytest.raises(
         AnalysisError,
         match="none of 72 places has its pressure determined: the wall in equilibrium contradicts",

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.load.load_profile import LoadProfile
 from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
@@ -59,6 +60,7 @@ class PressureMap(NamedTuple):
         unseen_kpa: (N,) `contact_kpa` less what it would be if the unseen half were free; None where it is.
         supported: (N,) True for targets that are supported by data.
         reason: (N,) reason why a target has no pressure of its own; empty if it has one.
+        profile: the load over height, x in the object's frame; None if points and wall contradict each other.
     """
 
     contact_kpa: Estimate
@@ -68,6 +70,7 @@ class PressureMap(NamedTuple):
     unseen_kpa: Array | None
     supported: NDArray[np.bool_]
     reason: tuple[str, ...]
+    profile: LoadProfile | None = None
 
     @property
     def usable(self) -> NDArray[np.bool_]:

@@ -9,6 +9,7 @@ from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.load_fit import Posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
+from grabberd.analysis.load.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_series import LoadSeries
 from grabberd.analysis.load.mounting import Mounting
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
@@ -28,6 +29,9 @@ MISFIT_ALARM = 2.0
 """Misfit above which points and wall contradict each other."""
 _EXACT = 1e-4
 """Relative σ of an input that is given as exact."""
+_ARC_MM = 10.0
+"""How far round the wall from its middle a compression is averaged, if targets reach as far: on its teat, a
+wall is hardly flat for longer."""
 _FAR = "no targets near enough"
 
 
@@ -61,6 +65,7 @@ class PressureModel:
         self._mounting = Mounting.of(grid, material, reference)
         self._series = self._of(material, mirrored=unseen == "mirrored")
         self._compared = self._of(material, mirrored=False) if unseen == "mirrored" else None
+        self._sections: Sections | None = None
 
     def _of(self, material: Material, mirrored: bool) -> LoadSeries:
         half, targets = self._mounting.half, self._mounting.targets
@@ -101,7 +106,20 @@ class PressureModel:
             free = self._compared.load(sights, difference)
             unseen_kpa = value - free.contact_kpa(free.model.targets)[0]
         reasons = self._reasons(contact, within, found)
-        return PressureMap(contact, covariance, above, found.j, unseen_kpa, within, reasons)
+        return PressureMap(
+            contact, covariance, above, found.j, unseen_kpa, within, reasons, self._profile(found)
+        )
+
+    def _profile(self, found: Posterior) -> LoadProfile | None:
+        if found.j > MISFIT_ALARM:
+            return None
+        if self._sections is None:
+            targets = self._mounting.targets
+            reach_mm = min(float(np.abs(targets.s_mm).max()), _ARC_MM)
+            heights = profile_heights(targets.x_mm)
+            self._sections = Sections(found.model, heights, (-reach_mm, reach_mm))
+        mounting, profile = self._mounting, self._sections.profile(found)
+        return profile._replace(x_mm=mounting.origin_mm[0] + mounting.axes[0, 0] * profile.x_mm)
 
     def _reasons(self, contact: Estimate, within: NDArray[np.bool_], found: Posterior) -> tuple[str, ...]:
         """The first applicable reason why each target has no pressure; empty if it has one."""

@@ -84,6 +84,14 @@ _TARGET = (
         "above_atmosphere_kpa", "kPa", "the same above atmosphere, that is less the vacuum in the liner"
     ),
 )
+_PROFILE = (
+    _number("x_mm", "mm", "height on the mounted tube: x in the object's frame; it stays with the material"),
+    _measured(
+        "compression_kpa", "kPa", "mean contact pressure over the arc between the outermost columns seen"
+    ),
+    _measured("load_n_per_mm", "N/mm", "force on one side of the teat per present length of the tube"),
+    _measured("gap_mm", "mm", "between the inner faces of opposite walls; takes the hidden half as mirrored"),
+)
 _REASON = _text("reason", "why there is no pressure there; empty where there is, or where none was asked for")
 _STRETCH = "present length by length in the reference state, on the face that `face` names"
 _FACE = _text("face", "outer: where the targets sit; middle: the wall's middle surface")
@@ -124,11 +132,28 @@ TABLES: Mapping[str, TableSpec] = {
         ),
     ),
     "sections": TableSpec("A row for each analysed field and height", _FIELD, _SECTION),
+    "profile": TableSpec("The load over height: a row for each field and height", _FIELD, _PROFILE),
     "targets": TableSpec("A row for each analysed field and target", _FIELD, (*_TARGET, _REASON)),
     "phases": TableSpec("The mean cycle: a row for each phase", _PHASE, _WALL),
     "phase_sections": TableSpec("The mean cycle: a row for each phase and height", _PHASE, _SECTION),
     "phase_targets": TableSpec(
         "The mean cycle: a row for each phase and target", _PHASE, (*_TARGET, _REASON)
+    ),
+    "phase_profile": TableSpec(
+        "The mean cycle: the load over height, a row for each phase and height", _PHASE, _PROFILE
+    ),
+    "quantities": TableSpec(
+        "The field's own quantities, a row for each; the definitions are in the rows",
+        (_text("name", "name of the quantity; it ends with its unit where it has one"),),
+        (
+            _text("title", "what it is called"),
+            _measured("value", "", "its value, in the row's unit; empty where there is a reason"),
+            _text("unit", "its unit; 1 for a ratio"),
+            _text("verdict", "met, not met or not certain, where a standard sets a limit; else empty"),
+            _text("reason", "why it has no value; empty if it has one"),
+            _text("definition", "what it is, in a sentence"),
+            _text("source", "where the term is from"),
+        ),
     ),
     "cycles": TableSpec(
         "A row for each whole cycle",

@@ -13,6 +13,7 @@ heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
 sought_kpa: 1                           smallest pressure that the map has to resolve
 unseen: free                            or mirrored: the half of the wall that no camera sees
+flow_stop: {kpa: 9, sigma_kpa: 1}       pressure on the teat's end at which milk just stops flowing
 """
 
 from collections.abc import Mapping
@@ -21,11 +22,21 @@ from typing import Any
 
 import numpy as np
 
-from grabberd.analysis import UNSEEN, Grid, Plane, Zone, read_zones, symmetry_plane
+from grabberd.analysis import UNSEEN, Estimate, Grid, Plane, Zone, read_zones, symmetry_plane
 from grabberd.errors import InputError
 from grabberd.geometry import Reading
 
-KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa", "unseen")
+KEYS = (
+    "reference",
+    "material",
+    "vacuum",
+    "plane",
+    "heights_mm",
+    "phases",
+    "sought_kpa",
+    "unseen",
+    "flow_stop",
+)
 _VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
@@ -67,6 +78,8 @@ class AnalysisInputs:
         sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
         unseen: what the pressure takes for the unseen half of the wall, as in `PressureModel`.
         homologous: as in the grid; if False, reference and material have no use.
+        flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
+            overpressure.
     """
 
     given: Mapping[str, Any]
@@ -79,6 +92,7 @@ class AnalysisInputs:
     sought_kpa: float | None
     unseen: str = "free"
     homologous: bool = True
+    flow_stop_kpa: Estimate | None = None
 
     @property
     def lacks(self) -> tuple[str, ...]:
@@ -127,6 +141,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
     unseen = reading.text(document, "unseen") if "unseen" in document else UNSEEN[0]
     if unseen not in UNSEEN:
         reading.refuse("unseen", unseen, " or ".join(UNSEEN))
+    flow_stop = _flow_stop(reading, document.get("flow_stop"))
     material = reading.mapping(document, "material") if "material" in document else {}
     reading.finish(_HINT)
     return AnalysisInputs(
@@ -140,6 +155,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         sought_kpa=sought,
         unseen=unseen,
         homologous=grid.homologous,
+        flow_stop_kpa=flow_stop,
     )
 
 
@@ -170,6 +186,17 @@ def _vacuum(reading: Reading, value: object) -> Mapping[str, Any]:
     if "offset" in value and "lag" in value:
         reading.problems.append("vacuum: offset and lag are both given; give one of them")
     return value
+
+
+def _flow_stop(reading: Reading, value: object) -> Estimate | None:
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        reading.refuse("flow_stop", value, "a mapping of kpa and sigma_kpa")
+        return None
+    reading.keys("flow_stop.", value, ("kpa", "sigma_kpa"))
+    numbers = [reading.number(value, key, "flow_stop.", positive=True) for key in ("kpa", "sigma_kpa")]
+    return Estimate(*map(np.asarray, numbers))
 
 
 def _plane(reading: Reading, value: object) -> Plane | str | None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from grabberd.analysis import ChamberVacuum, Estimate, PressureMap, Section
 from grabberd.processes.analysis.analyse import Analysis
 from grabberd.processes.analysis.columns import TABLES
+from grabberd.processes.analysis.quantities import quantities, quantity_values
 from grabberd.processes.analysis.strain_tables import strain_tables
 from grabberd.processes.analysis.summary import gap_values, summary_values
 from grabberd.processes.analysis.wall_state import WallState
@@ -31,10 +32,13 @@ def tables(analysis: Analysis) -> AnalysisTables:
         "summary": summary_values(analysis),
         "fields": fields.keys | _of_fields(analysis, fields) | _wall(analysis, fields),
         "sections": _sections(fields),
+        "profile": _profiles(fields),
         "targets": _targets(analysis, fields),
         "phases": phases.keys | _wall(analysis, phases),
         "phase_sections": _sections(phases),
         "phase_targets": _targets(analysis, phases),
+        "phase_profile": _profiles(phases),
+        "quantities": quantity_values(quantities(analysis)),
         "cycles": _cycles(analysis),
         "gaps": gap_values(analysis),
         **strain_tables(analysis, fields.keys),
@@ -138,6 +142,23 @@ def _sections(series: _Series) -> dict[str, Any]:
         "height_mm": np.array([section.x_mm for section in all_of_them]),
         **{name: _each([_of_section(section, name) for section in all_of_them]) for name in measured},
     }
+
+
+def _profiles(series: _Series) -> dict[str, Any]:
+    """Rows of the load over height; states without it have none."""
+    profiles = [one.profile if one else None for one in series.maps]
+    known = [one for one in profiles if one]
+    return {
+        **series.repeated([len(one.x_mm) if one else 0 for one in profiles]),
+        "x_mm": _rows([one.x_mm for one in known]),
+        "compression_kpa": _joined([one.compression_kpa.estimate for one in known]),
+        "load_n_per_mm": _joined([one.load_n_per_mm.estimate for one in known]),
+        "gap_mm": _joined([one.gap_mm for one in known]),
+    }
+
+
+def _joined(estimates: Sequence[Estimate]) -> Estimate:
+    return Estimate(*(_rows([one[part] for one in estimates]) for part in (0, 1)))
 
 
 def _of_section(section: Section, name: str) -> Estimate | None:

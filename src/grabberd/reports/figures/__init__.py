@@ -5,7 +5,7 @@ Matplotlib is imported only while something is drawn, and without its global sta
 
 from grabberd.reports.figures.accuracy import validation_svg, volume_svg
 from grabberd.reports.figures.correlation import correlation_svg
-from grabberd.reports.figures.curves import phase_svg, time_svg
+from grabberd.reports.figures.curves import phase_svg, profile_svg, time_svg
 from grabberd.reports.figures.distribution import distribution_svg, has_samples
 from grabberd.reports.figures.drawing import require_matplotlib
 from grabberd.reports.figures.geometry import geometry_svg
@@ -22,6 +22,7 @@ __all__ = [
     "maps_svg",
     "model_svg",
     "phase_svg",
+    "profile_svg",
     "require_matplotlib",
     "residuals_svg",
     "states_of",

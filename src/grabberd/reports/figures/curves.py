@@ -1,4 +1,4 @@
-"""Curves with bands of one σ, panel under panel, over time or over the phase of the mean cycle."""
+"""Curves with bands of one σ, panel under panel, over time, phase of the mean cycle or height."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,6 +18,11 @@ _TOP_MM, _BOTTOM_MM, _PANEL_MM, _GAP_MM = 8.0, 11.0, 27.0, 9.0
 _LEFT_MM, _RIGHT_MM = 17.0, 3.0
 # Names in the legend of the columns that share a panel.
 _PRESSURE = {"mean_contact_kpa": "mean", "greatest_contact_kpa": "greatest"}
+_PROFILE = {
+    "load [N/mm]": "load_n_per_mm",
+    "compression [kPa]": "compression_kpa",
+    "gap [mm]": "gap_mm",
+}
 _VACUUM = {"pulsation_vacuum_kpa": "pulsation chamber", "liner_vacuum_kpa": "liner"}
 
 
@@ -67,6 +72,39 @@ def phase_svg(tables: Mapping[str, Columns], wall_phases: Sequence[Mapping[str, 
     """
     panels = _panels(tables["phases"], tables["phase_sections"], "phase")
     return _svg(panels, "phase of the mean cycle", label, wall_phases)
+
+
+def profile_svg(
+    tables: Mapping[str, Columns], wall_phases: Sequence[Mapping[str, Any]] | None, label: str
+) -> Svg:
+    """Draw load, compression and gap over height, in the middle of each wall phase.
+
+    Args:
+        tables: the document's tables, of which `phase_profile` has rows.
+        wall_phases: first, end, letter and name of each wall phase; without them, one phase stands for all.
+        label: alternative text.
+    """
+    profile = tables["phase_profile"]
+    panels = [
+        Panel(title, [_in_phase(profile, column, *chosen) for chosen in _middles(profile, wall_phases)])
+        for title, column in _PROFILE.items()
+    ]
+    return _svg(panels, "height x on the mounted tube [mm]", label)
+
+
+def _middles(profile: Columns, wall_phases: Sequence[Mapping[str, Any]] | None) -> list[tuple[float, str]]:
+    """The known phase nearest to the middle of each wall phase, with its name."""
+    known = np.unique(profile.numbers("phase"))
+    if not wall_phases:
+        return [(float(known[0]), f"phase {fixed(float(known[0]), 2)}")]
+    named = [((one["first"] + one["end"]) / 2, f"{one['name']} ({one['phase']})") for one in wall_phases]
+    return [(float(known[np.abs(known - middle).argmin()]), name) for middle, name in named]
+
+
+def _in_phase(profile: Columns, column: str, phase: float, name: str) -> Curve:
+    at = profile.numbers("phase") == phase
+    whole = Curve.of(name, profile, "x_mm", column)
+    return Curve(name, *(part[at] for part in whole[1:]))
 
 
 def _panels(table: Columns, sections: Columns, x: str) -> list[Panel]:

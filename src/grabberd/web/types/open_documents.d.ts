@@ -23,6 +23,7 @@ export interface AnalysisInputs {
   material?: { law?: string; zones?: unknown; [number: string]: unknown };
   vacuum?: { pulsation?: VacuumSource; liner?: VacuumSource; offset?: Record<string, number>; lag?: Record<string, number> };
   sought_kpa?: number;
+  flow_stop?: { kpa: number; sigma_kpa: number };
   plane?: string | { point_mm: number[]; normal: number[] };
   heights_mm?: number[];
   phases?: number;

@@ -1,0 +1,137 @@
+"""The field's own quantities in an analysis: rows with σ, or with the reason why they are missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from analysis.load.profiles import TEAT_END_MM, X_MM, closed
+from grabberd.analysis import Estimate, PressureMap
+from grabberd.errors import InputError
+from grabberd.processes.analysis.analysis_document import analysis_document
+from grabberd.processes.analysis.columns import TABLES
+from grabberd.processes.analysis.quantities import quantities
+from grabberd.processes.analysis.tables import tables
+from processes.milking import CONSTANT, analysed, field, inputs, log, still
+
+FIELDS = [field(n) for n in range(62)]
+LOGGED = {
+    "pulsation": "log",
+    "liner": "log",
+    "log": log(1.6, start_s=-0.3),
+    "offset": {"s": -0.3, "sigma_s": 0.001},
+}
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """Without material, so without pressure."""
+    return analysed(FIELDS, reference="nominal", vacuum=LOGGED, phases=12, sought_kpa=1.0)
+
+
+@pytest.fixture(scope="module")
+def loaded(plain):
+    """The same with a load that is as if there were a teat."""
+    none = Estimate(np.zeros(35), np.ones(35))
+    pressure = PressureMap(none, np.eye(35), none, 0.7, ("",) * 35, closed())
+    phases = tuple(state._replace(pressure=pressure) for state in plain.phases)
+    given = replace(plain.inputs, flow_stop_kpa=Estimate(np.asarray(9.0), np.asarray(1.0)))
+    return replace(plain, phases=phases, inputs=given)
+
+
+def by_name(analysis):
+    return {one.quantity.name: one for one in quantities(analysis)}
+
+
+def test_with_a_load_every_quantity_has_a_value_and_sigma(loaded):
+    for one in quantities(loaded):
+        assert np.isfinite(one.value), one
+        assert one.sigma > 0, one
+        assert not one.reason
+
+
+def test_massage_and_liner_times_are_those_of_the_wall_phases(loaded):
+    found, wall = by_name(loaded), loaded.cycle.wall.durations_s
+    for name, phase in (("liner_opening_s", 0), ("liner_closing_s", 2), ("massage_time_s", 3)):
+        assert found[name].value == wall.value[phase]
+        assert found[name].sigma == wall.sigma[phase]
+
+
+def test_the_logged_vacuum_has_verdicts(loaded):
+    found = by_name(loaded)
+    assert {found[name].verdict for name in ("phase_b_share", "phase_d_share", "phase_d_s")} <= {
+        "met",
+        "not met",
+    }
+
+
+def test_without_material_the_rows_say_what_lacks(plain):
+    found = by_name(plain)
+    assert found["teat_load_n"].reason == "there is no pressure without material"
+    assert found["massage_time_s"].value > 0
+
+
+def test_a_constant_vacuum_has_no_verdict():
+    found = by_name(analysed(FIELDS, vacuum=CONSTANT, phases=4))
+    assert "not known as a curve" in found["phase_d_s"].reason
+
+
+def test_a_wall_that_rests_has_no_quantities_and_says_so():
+    found = by_name(analysed(still(6)))
+    assert {one.reason for one in found.values()} == {
+        "there is no mean cycle",
+        "the pulsation chamber's vacuum is not known as a curve: its phases have no durations",
+    }
+
+
+def test_the_table_has_a_row_for_each_with_its_definition(loaded):
+    table = tables(loaded)["quantities"]
+    found = quantities(loaded)
+    assert list(table.column("name")) == [one.quantity.name for one in found]
+    assert table.column("value") == pytest.approx([one.value for one in found])
+    assert table.column("sigma_value") == pytest.approx([one.sigma for one in found])
+    assert all(text.endswith(".") for text in table.column("definition"))
+    assert set(table.column("unit")) <= {"kPa", "mm", "N", "N/mm", "s", "1"}
+
+
+@pytest.mark.parametrize("name", ["quantities", "phase_profile", "profile"])
+def test_the_tables_have_the_columns_and_types_of_their_specification(loaded, name):
+    columns = tables(loaded)[name].columns
+    assert [(one.name, one.dtype) for one in columns] == [
+        (one.name, one.dtype) for one in TABLES[name].columns
+    ]
+
+
+def test_the_load_over_height_is_a_table_of_phases_and_heights(loaded):
+    table, profile = tables(loaded)["phase_profile"], closed()
+    assert len(table) == len(loaded.phase) * len(X_MM)
+    first = table.column("phase") == loaded.phase[0]
+    assert table.column("x_mm")[first] == pytest.approx(X_MM)
+    assert table.column("load_n_per_mm")[first] == pytest.approx(profile.load_n_per_mm.value)
+    assert table.column("sigma_compression_kpa")[first] == pytest.approx(1.0)
+    assert table.column("gap_mm")[first][X_MM == TEAT_END_MM] > 1
+
+
+def test_states_without_a_load_have_no_rows(plain):
+    made = tables(plain)
+    assert len(made["phase_profile"]) == 0
+    assert len(made["profile"]) == 0
+
+
+def test_the_document_holds_the_quantities_and_the_mean_cycle_s_load(loaded):
+    document = analysis_document(loaded, tables(loaded), {})
+    assert {"quantities", "phase_profile"} <= set(document["tables"])
+    assert "profile" not in document["tables"]
+
+
+def test_the_pressure_that_stops_the_flow_is_an_input():
+    assert inputs(flow_stop={"kpa": 9, "sigma_kpa": 1}).flow_stop_kpa == (9, 1)
+    assert inputs().flow_stop_kpa is None
+
+
+@pytest.mark.parametrize(
+    "value", [9, {"kpa": -1, "sigma_kpa": 1}, {"kpa": 9}, {"kpa": 9, "sigma_kpa": 1, "x": 2}]
+)
+def test_another_kind_of_flow_stop_is_refused(value):
+    with pytest.raises(InputError, match="flow_stop"):
+        inputs(flow_stop=value)
