@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.sights import Sights
-from grabberd.analysis.load.wall_model import Targets
+from grabberd.analysis.load.target_places import Targets
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.material import Material
