@@ -102,6 +102,11 @@ class Mounting:
             half = HalfTube(tube, departure)
         return cls(half, targets, *frame)
 
+    @property
+    def face_mm(self) -> float:
+        """Distance of a target's face from the wall's inner face."""
+        return self.half.tube.thickness_mm + self.targets.thickness_mm
+
     def sights(self, points: Points, grid: Grid) -> Sights:
         """Sights of a field's targets, in the liner's frame."""
         places = np.full((len(grid), 3), np.nan)

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 MISFIT_ALARM = 2.0
 """Misfit above which points and wall contradict each other."""
 _EXACT = 1e-4
-"""Relative σ of an input that is given as exact."""
+"""σ in kPa of a pressure difference that is given as exact."""
 _FAR = "no targets near enough"
 
 
@@ -48,7 +48,7 @@ class PressureModel:
         self._grid, self._sought_kpa = grid, sought_kpa
         self._mounting = Mounting.of(grid, material, reference)
         self._model = WallModel(
-            self._mounting.half, self._mounting.targets, LoadPrior(), _tube_prior(material)
+            self._mounting.half, self._mounting.targets, LoadPrior(), TubePrior.of(material)
         )
         self._series = LoadSeries(self._model)
 
@@ -92,11 +92,3 @@ def _material(zones: Sequence[Zone]) -> Material:
             "give one material for a map of the pressure",
         )
     return zones[0].material
-
-
-def _tube_prior(material: Material) -> TubePrior:
-    return TubePrior(
-        max(material.E_sigma_mpa / material.E_mpa, _EXACT),
-        max(material.wall_sigma_mm / material.wall_mm, _EXACT),
-        max(material.F0_sigma_n / material.F0_n, _EXACT) if material.F0_n else _EXACT,
-    )

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
+from grabberd.analysis.wall.half_tube import HalfTube
 from grabberd.analysis.wall.rubber import RubberWall
 from grabberd.analysis.wall.shell import Geometry
 
@@ -39,26 +39,30 @@ class TargetPlaces:
     def __init__(self, half: HalfTube, targets: Targets) -> None:
         """Finds the targets on the wall's mesh."""
         self.basis = half.grid.basis(targets.s_mm, targets.x_mm)
-        self._half, self._thickness_mm = half, targets.thickness_mm
+        self._thickness_mm = targets.thickness_mm
 
-    def places_mm(self, control: Array, tube: MountedTube) -> Array:
+    def places_mm(self, half: HalfTube, control: Array) -> Array:
         """(T, 3) targets of a wall with control values (K, 4)."""
-        return self._seen(control, Geometry.of(self.basis, control), self._half.wall(self.basis, tube))
+        return self._seen(control, Geometry.of(self.basis, control), half.wall(self.basis, half.tube))
 
-    def derived(self, control: Array, tube: MountedTube) -> tuple[Array, sparse.csr_matrix, Array]:
-        """Targets (T, 3), their derivatives by the control values (3 T, 4 K) and by ln t alone (3 T,)."""
-        geometry = Geometry.of(self.basis, control)
-        walls = [self._half.wall(self.basis, each) for each in (tube, tube.changed(0.0, _SMALL, 0.0))]
-        places, thicker = (self._seen(control, geometry, wall) for wall in walls)
-        by_values = _seen_by_values(geometry, walls[0], self._thickness_mm)
+    def by_control(self, half: HalfTube, control: Array) -> sparse.csr_matrix:
+        """(3 T, 4 K) derivatives of the targets by the control values."""
+        geometry, wall = Geometry.of(self.basis, control), half.wall(self.basis, half.tube)
+        by_values = _seen_by_values(geometry, wall, self._thickness_mm)
         each = np.einsum("dni,nkdc->nkic", self.basis.values, by_values, optimize=True)
         columns = self.basis.members[:, np.newaxis, :, np.newaxis] * 4 + np.arange(4)
-        starts = np.arange(len(places) * 3 + 1) * 64
-        by_control = sparse.csr_matrix(
-            (each.ravel(), np.broadcast_to(columns, each.shape).ravel(), starts),
-            shape=(places.size, control.size),
+        count = 3 * len(self.basis.members)
+        starts = np.arange(count + 1) * 64
+        return sparse.csr_matrix(
+            (each.ravel(), np.broadcast_to(columns, each.shape).ravel(), starts), shape=(count, control.size)
         )
-        return places, by_control, ((thicker - places) / _SMALL).ravel()
+
+    def by_thickness(self, half: HalfTube, control: Array) -> Array:
+        """(3 T,) derivatives by ln t alone, of a wall whose middle stays where it is."""
+        thicker = half.of(half.tube.changed(0.0, _SMALL, 0.0))
+        moved = self.places_mm(thicker, control) - self.places_mm(half, control)
+        by_thickness: Array = moved.ravel() / _SMALL
+        return by_thickness
 
     def _seen(self, control: Array, geometry: Geometry, wall: RubberWall) -> Array:
         height = wall.layer(geometry.forms(), 0.5).depth_mm + self._thickness_mm

@@ -116,11 +116,11 @@ class WallModel:
     def spread(self, columns: Array, difference: Difference) -> Array:
         """(P, M) prior covariance times columns (P, M)."""
         fields = columns[: self._fields].reshape(3, self.half.grid.count, -1)
-        tube = self.tube_prior
-        sigma = [tube.young, tube.thickness, tube.pretension, difference.sigma_kpa * MPA_PER_KPA]
+        tube = columns[self._tube]
         parts = [
             self.prior.spread(self.half.grid, difference.kpa, fields).reshape(self._fields, -1),
-            np.square(sigma)[:, np.newaxis] * columns[self._tube],
+            self.tube_prior.covariance @ tube[:-1],
+            (difference.sigma_kpa * MPA_PER_KPA) ** 2 * tube[-1:],
         ]
         if not self.mirrored:
             blocks = self._cut_covariances
@@ -172,11 +172,12 @@ class WallModel:
         load, by_g = self.load(state.parameters, half.shell.basis)
         tangent, residual = half.tangent(state.control, load), self.residual(state)
         forces = self._forces(half, state, by_g, residual, tangent)
-        places, by_control, by_thickness = self._places.derived(state.control, half.tube)
+        places = self._places.places_mm(half, state.control)
+        by_control = self._places.by_control(half, state.control)
         right = (half.cuts.free.T @ by_control.T).toarray(order="F")
         adjoint = tangent.factors.solve(right, transposed=True)
         by_parameters = np.ascontiguousarray((forces.T @ adjoint).T)
-        by_parameters[:, self._tube.start + 1] += by_thickness
+        by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
         if not self.mirrored:
             by_parameters[:, self._moved] += (by_control @ half.cuts.moved).toarray()
         settled = places + (adjoint.T @ residual).reshape(places.shape)
@@ -205,4 +206,5 @@ class WallModel:
 
     def places_mm(self, state: State) -> Array:
         """(T, 3) targets of a state."""
-        return self._places.places_mm(state.control, self.tube(state.parameters))
+        half = self.half.of(self.tube(state.parameters))
+        return self._places.places_mm(half, state.control)
