@@ -1,7 +1,7 @@
 """The liner's own values from a slow ramp of the pressure difference with the empty liner.
 
-Nothing touches the inner face, so the pressure difference alone flattens the wall, by as much as its stiffness lets it:
-what a capture with a teat cannot tell apart, modulus and contact pressure, is told here.
+Nothing touches the inner face, so the pressure difference alone flattens the wall, by as much as its
+stiffness lets it: what a capture with a teat cannot tell apart, modulus and contact pressure, is told here.
 """
 
 from collections.abc import Sequence
@@ -30,7 +30,8 @@ LEAST_LEVELS = 4
 _MOST_BUCKLED, _MOST_OPEN = 7, 2
 """Levels that are fitted: more add time, but no knowledge, for what errs alike in all of them stays."""
 _BUCKLED, _OPEN, _TOUCHING = 0.06, 0.02, 0.03
-"""Of the radius: fall of the wall from which it counts as buckled, and to which as open; distance of touch."""
+"""Of the radius: fall of the wall from which it counts as buckled, and to which as open; distance of
+touch."""
 _PART = 0.5
 """Of the least pressure difference that buckles: below it an open wall says nothing."""
 _SIGMA_STIFFNESS = 0.1
@@ -90,7 +91,7 @@ class LinerValues:
             F0_sigma_n=self.F0_n * float(sigma[2]),
             E_wall_correlation=float(related[0, 1]),
             E_F0_correlation=float(related[0, 2]),
-            wall_F0_correlation=float(related[1, 2]),
+            F0_wall_correlation=float(related[1, 2]),
         )
 
 
@@ -111,11 +112,14 @@ def liner_values(
         common_sigma_kpa: σ of the pressure difference that all levels share, the gauge's.
 
     Raises:
-        AnalysisError: the inputs make no wall, the ramp does not buckle it, too few levels can be used, or points
+        AnalysisError: the inputs make no wall, the ramp does not buckle it, too few levels can be used, or
+            points
             and equilibrium contradict each other.
     """
     if material.F0_n == 0:
         raise AnalysisError("the pretension of the liner is given as 0", "give F0_n, with its σ")
+    if not levels:
+        raise AnalysisError("the ramp has no levels", "measure its fields, and give both vacuums")
     mounting = Mounting.of(grid, material, reference)
     unused, fallen_mm = _unused(mounting, grid, levels)
     used = sorted(
@@ -135,9 +139,7 @@ def liner_values(
         F0_n=float(material.F0_n * pretension),
         covariance=covariance,
         used=tuple(used),
-        difference_kpa=Estimate(
-            fit.values[TUBE_VALUES:], np.sqrt(np.diagonal(fit.covariance)[TUBE_VALUES:])
-        ),
+        difference_kpa=Estimate(fit.values[TUBE_VALUES:], np.sqrt(np.diagonal(fit.covariance)[TUBE_VALUES:])),
         misfit=misfit,
         unused=unused,
     )
@@ -166,7 +168,8 @@ def _unused(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> tupl
         )
     if buckled.sum() < LEAST_LEVELS:
         raise AnalysisError(
-            f"only {buckled.sum()} of {len(levels)} levels lie between buckling and touch, {LEAST_LEVELS} are needed",
+            f"only {buckled.sum()} of {len(levels)} levels lie between buckling and touch, "
+            f"{LEAST_LEVELS} are needed",
             "let the pressure difference rise more slowly, or in smaller steps",
         )
     chosen = {*_spread(fallen_mm, buckled, _MOST_BUCKLED), *_spread(kpa, is_open, _MOST_OPEN)}
@@ -181,14 +184,15 @@ def _unused(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> tupl
 def _open_heights(levels: Sequence[RampLevel], heights: Array) -> Array:
     """(R,) heights in the level with the least pressure difference."""
     least = int(np.argmin([abs(level.difference.kpa) for level in levels]))
-    return heights[least]
+    open_heights: Array = heights[least]
+    return open_heights
 
 
 def _spread(values: Array, among: NDArray[np.bool_], most: int) -> list[int]:
     """Indices of at most `most`, evenly spread by value."""
     index = np.flatnonzero(among)
     if len(index) <= most:
-        return index.tolist()
+        return [int(one) for one in index]
     wanted = np.linspace(values[index].min(), values[index].max(), most)
     return [int(index[np.abs(values[index] - one).argmin()]) for one in wanted]
 
@@ -223,7 +227,8 @@ def _common_mm2(mounting: Mounting) -> Array:
         -0.5 * ((s_mm[:, np.newaxis] - s_mm) / _MODEL_ROUND_MM) ** 2
         - 0.5 * ((x_mm[:, np.newaxis] - x_mm) / _MODEL_ALONG_MM) ** 2
     )
-    return np.kron(_MODEL_MM**2 * near, np.eye(3))
+    common: Array = np.kron(_MODEL_MM**2 * near, np.eye(3))
+    return common
 
 
 def _stiffness_sigma(covariance: Array) -> float:
@@ -234,8 +239,8 @@ def _stiffness_sigma(covariance: Array) -> float:
 def _check(misfit: float, covariance: Array, levels: int) -> None:
     if misfit > MISFIT_ALARM:
         raise AnalysisError(
-            f"points and the empty wall's equilibrium contradict each other (misfit {misfit:.1f} over {levels} levels, "
-            "usual about 1)",
+            f"points and the empty wall's equilibrium contradict each other (misfit {misfit:.1f} over "
+            f"{levels} levels, usual about 1)",
             "check that the liner is empty and flattens towards the cameras, its ends, and the vacuum",
         )
     sigma = _stiffness_sigma(covariance)

@@ -1,6 +1,7 @@
 """The wall without a teat, as a function of the liner's own values and the pressure difference.
 
-What is known of a mounted liner is its outer face, where the targets are. So a thicker wall is one whose middle lies
+What is known of a mounted liner is its outer face, where the targets are. So a thicker wall is one whose
+middle lies
 farther in: had it its middle where it was, the targets would say how thick it is.
 """
 
@@ -39,8 +40,8 @@ class EmptyWall:
     """The wall. The hidden half is the mirror image of the seen one.
 
     Its four values are the logarithmic changes of Young's modulus, thickness and pretension from those of the
-    mounted tube, and the pressure difference in kPa. Its shape is the departure (K, 4) of its control values from
-    those of the open wall.
+    mounted tube, and the pressure difference in kPa. Its shape is the departure (K, 4) of its control values
+    from those of the open wall.
     """
 
     def __init__(self, half: HalfTube, targets: Targets) -> None:

@@ -1,6 +1,7 @@
 """The liner's own values by equilibrium of the empty wall at several pressure differences.
 
-Gauss–Newton on all states at once: their shapes, the values that they share, and each one's pressure difference.
+Gauss–Newton on all states at once: their shapes, the values that they share, and each one's pressure
+difference.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,8 @@ _STEPS = 25
 _LONGEST_MM = 0.6
 """Of a step of the wall's unknowns: farther away its stiffness is another."""
 _NEAR_MM, _SETTLED_MM = 0.1, 0.01
-"""Movement in a step below which a state is near enough to join the others, and below which all have settled."""
+"""Movement in a step below which a state is near enough to join the others, and below which all have
+settled."""
 
 
 class Ramp(NamedTuple):
@@ -68,7 +70,8 @@ def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
 
     Args:
         ramp: states by rising pressure difference.
-        amplitude_mm: how far each has flattened, about: the first one that has gives the way the wall buckles.
+        amplitude_mm: how far each has flattened, about: the first one that has gives the way the wall
+            buckles.
 
     Raises:
         AnalysisError: the wall does not settle.
@@ -78,8 +81,8 @@ def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
     prior = np.linalg.inv(ramp.covariance)
     values = ramp.mean.copy()
     for _ in range(_STEPS):
-        normal, right, common = prior.copy(), prior @ (ramp.mean - values), 0.0
-        settlings, misfit = [], []
+        normal, right = prior.copy(), prior @ (ramp.mean - values)
+        settlings = []
         for index, (shape, weight) in enumerate(zip(shapes, weights, strict=True)):
             at = ramp.of_state(index)
             settling = ramp.wall.settling(shape, values[at])
@@ -169,7 +172,7 @@ def _misfit(away: Array, by_values: Array, change: Array, weight: Array) -> floa
 
 def _unsettled(where: str, longest_mm: float) -> AnalysisError:
     return AnalysisError(
-        f"the empty liner has no equilibrium near what was seen at {where}: after {_STEPS} steps the wall still "
-        f"moves by {longest_mm:.2g} mm a step",
+        f"the empty liner has no equilibrium near what was seen at {where}: after {_STEPS} steps the wall "
+        f"still moves by {longest_mm:.2g} mm a step",
         "check the material, the ends that hold the liner, and that nothing is in it",
     )

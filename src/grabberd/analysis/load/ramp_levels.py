@@ -28,8 +28,8 @@ class RampLevel(NamedTuple):
 def row_heights(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> Estimate:
     """(L, R) heights of the inner face over the plane of symmetry, on the line that faces the cameras, mm.
 
-    A parabola through the targets of a row gives the height of its outer face in the middle; NaN where fewer than
-    three were seen. σ is that of the points.
+    A parabola through the targets of a row gives the height of its outer face in the middle; NaN where fewer
+    than three were seen. σ is that of the points.
     """
     rows = int(grid.row.max()) + 1
     each = [_of_level(mounting, grid, level.points, rows) for level in levels]

@@ -17,7 +17,7 @@ VARIED = ("E_mpa", "wall_mm", "F0_n")
 
 _HINT = "give the values of the very liner in the teatcup"
 _ENDS = ("first_end_mm", "last_end_mm")
-_CORRELATIONS = ("E_wall_correlation", "E_F0_correlation", "wall_F0_correlation")
+_CORRELATIONS = ("E_wall_correlation", "E_F0_correlation", "F0_wall_correlation")
 _SIGMAS = {"E_mpa": "E_sigma_mpa", "wall_mm": "wall_sigma_mm", "F0_n": "F0_sigma_n"}
 _OPTIONAL = (*_SIGMAS.values(), *_CORRELATIONS, *_ENDS)
 
@@ -34,11 +34,11 @@ class Material:
         radius_mm: radius of the mounted liner's middle surface: the mounting tension is F0 / 2πR.
         target_mm: thickness of the targets on the outer face.
         law: `neo_hookean` or `linear` (in the stretches λ − 1).
-        first_end_mm: x, in the object's frame, of the lower end that holds the liner; `last_end_mm`: of the upper
-            one. Pressures alone need them.
+        first_end_mm: x, in the object's frame, of the lower end that holds the liner; `last_end_mm`: of the
+            upper one. Pressures alone need them.
         E_sigma_mpa: σ of E; 0 takes E as exact. `wall_sigma_mm`, `F0_sigma_n` likewise.
-        E_wall_correlation: correlation of E and wall, as a ramp with the empty liner gives it: E t³ is better known
-            than either. `E_F0_correlation`, `wall_F0_correlation` likewise.
+        E_wall_correlation: correlation of E and wall, as a ramp with the empty liner gives it: E t³ is better
+            known than either. `E_F0_correlation`, `F0_wall_correlation` likewise.
 
     Raises:
         InputError: values are impossible; the message names all of them.
@@ -58,10 +58,12 @@ class Material:
     F0_sigma_n: float = 0.0
     E_wall_correlation: float = 0.0
     E_F0_correlation: float = 0.0
-    wall_F0_correlation: float = 0.0
+    F0_wall_correlation: float = 0.0
 
     def __post_init__(self) -> None:
-        problems = [problem for problem in (*_numbers(self), *_law(self), _ends(self), _related(self)) if problem]
+        problems = [
+            problem for problem in (*_numbers(self), *_law(self), _ends(self), _related(self)) if problem
+        ]
         if problems:
             raise InputError(f"the wall's material cannot be used: {'; '.join(problems)}", _HINT)
 
@@ -75,7 +77,7 @@ class Material:
     @property
     def correlations(self) -> tuple[float, float, float]:
         """Of E and wall, E and F0, wall and F0."""
-        return self.E_wall_correlation, self.E_F0_correlation, self.wall_F0_correlation
+        return self.E_wall_correlation, self.E_F0_correlation, self.F0_wall_correlation
 
     @property
     def depth_mm(self) -> float:

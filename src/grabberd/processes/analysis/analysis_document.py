@@ -12,7 +12,7 @@ from grabberd.processes.analysis.tables import AnalysisTables
 from grabberd.processes.columns import Table, json_values
 
 SCHEMA = "grabberd/analysis-report/1"
-WHOLE = ("summary", "fields", "sections", "phases", "phase_sections", "cycles", "gaps")
+WHOLE = ("summary", "ramp", "fields", "sections", "phases", "phase_sections", "cycles", "gaps")
 """Tables in the document; those with a row for each target, triangle or edge are separate files."""
 GRID = ("target", "row", "column", "u_mm", "v_mm", "triangles")
 """Attributes of the target grid in the document; a triangle's corners are indices into `target`."""

@@ -7,7 +7,9 @@ vacuum:
   liner: {kpa: 42, sigma_kpa: 0.5}      or log
   log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
   offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's
+  gauge_sigma_kpa: 0.2                  σ of a logger's zero, for a ramp
   lag: {opening_s: 0.03, closing_s: 0.03, sigma_s: 0.005, near_s: 12}   in place of offset
+teat: none                              the liner is empty: a ramp of the vacuum, for the liner's own values
 plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: origin of widths
 heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
@@ -24,8 +26,8 @@ from grabberd.analysis import Grid, Plane, Zone, read_zones, symmetry_plane
 from grabberd.errors import InputError
 from grabberd.geometry import Reading
 
-KEYS = ("reference", "material", "vacuum", "plane", "heights_mm", "phases", "sought_kpa")
-_VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
+KEYS = ("reference", "material", "vacuum", "teat", "plane", "heights_mm", "phases", "sought_kpa")
+_VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag", "gauge_sigma_kpa")
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
 _MOST_PHASES = 200
@@ -64,6 +66,7 @@ class AnalysisInputs:
         heights_mm: heights of the sections, x in the object's frame.
         phases: number of states of the mean cycle.
         sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
+        empty: True if the capture is a ramp with the empty liner: its own values in place of pressures.
         homologous: as in the grid; if False, reference and material have no use.
     """
 
@@ -75,6 +78,7 @@ class AnalysisInputs:
     heights_mm: tuple[float, ...]
     phases: int
     sought_kpa: float | None
+    empty: bool = False
     homologous: bool = True
 
     @property
@@ -98,7 +102,7 @@ class AnalysisInputs:
             ),
             ("pulsation" not in self.vacuum, "vacuum.pulsation: without it no pressure"),
             ("liner" not in self.vacuum, "vacuum.liner: without it no pressure"),
-            (self.sought_kpa is None, "sought_kpa: without it no pressure"),
+            (self.sought_kpa is None and not self.empty, "sought_kpa: without it no pressure"),
             plane,
         )
         return tuple(text for lacks, text in missing if lacks)
@@ -121,6 +125,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
     if phases > _MOST_PHASES:
         reading.refuse("phases", phases, f"at most {_MOST_PHASES}")
     sought = reading.number(document, "sought_kpa", positive=True) if "sought_kpa" in document else None
+    empty = _empty(reading, document)
     material = reading.mapping(document, "material") if "material" in document else {}
     reading.finish(_HINT)
     return AnalysisInputs(
@@ -132,8 +137,15 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         heights_mm=heights,
         phases=phases,
         sought_kpa=sought,
+        empty=empty,
         homologous=grid.homologous,
     )
+
+
+def _empty(reading: Reading, document: Mapping[str, Any]) -> bool:
+    if "teat" in document and document["teat"] != "none":
+        reading.refuse("teat", document["teat"], "none, or no such key for a liner with a teat")
+    return document.get("teat") == "none"
 
 
 def _reference(reading: Reading, value: object) -> Reference | None:

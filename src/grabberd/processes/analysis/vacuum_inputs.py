@@ -59,8 +59,16 @@ class Vacuum(NamedTuple):
         return slope
 
 
-def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s: Array) -> Vacuum | None:
+def read_vacuum(
+    document: Mapping[str, Any], pulsation: Pulsation | None, time_s: Array, pulsating: bool = True
+) -> Vacuum | None:
     """The vacuum that the inputs describe; None where they lack one of the chambers.
+
+    Args:
+        document: the inputs.
+        pulsation: of the wall, if there is one.
+        time_s: (F,) times of the fields.
+        pulsating: False for a slow ramp, which has no ISO phases.
 
     Raises:
         InputError, AnalysisError: the vacuum cannot be used, or does not belong to this capture.
@@ -78,7 +86,7 @@ def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s
         liner=_source("liner", document["liner"], log, clock),
         time_sigma_s=clock[1] if clock else 0.0,
         offset=offset,
-        phases=_phases(log, wave, time_s),
+        phases=_phases(log, wave, time_s) if pulsating else None,
     )
 
 
