@@ -1,10 +1,12 @@
 """The liner's own values from a ramp, against walls that were solved as solids, with σ and refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from analysis.ramps import empty, guessed, open_liner, ramp, solved_kpa
-from grabberd.analysis import RampLevel, liner_values
+from grabberd.analysis import liner_values
 from grabberd.analysis.load.load_prior import TubePrior
 from grabberd.errors import AnalysisError
 
@@ -54,7 +56,7 @@ def test_each_level_that_is_not_fitted_says_why(thin):
     _, _, found = thin
     assert found.unused[0] == "not buckled enough to tell"
     assert found.unused[-1] == "opposite walls touch"
-    assert [not reason for reason in found.unused].count(True) == len(found.used) == 5
+    assert [not reason for reason in found.unused].count(True) == len(found.used) == 4
 
 
 def test_the_pressure_differences_are_found_along(thin):
@@ -82,18 +84,20 @@ def refused(levels, **material):
 
 
 def test_a_ramp_that_does_not_buckle_the_liner_is_refused():
-    with pytest.raises(AnalysisError, match="the ramp does not buckle the liner: up to 4.6"):
+    with pytest.raises(AnalysisError, match=r"the ramp does not buckle the liner: up to 4\.51 kPa"):
         refused(ramp(empty("thin"), np.array([0.0, 3.0, 4.5])))
 
 
 def test_too_few_levels_between_buckling_and_touch_are_refused():
     levels = ramp(empty("thin"), np.array([0.0, 4.5, 6.5625, 7.125, 9.0]))
-    with pytest.raises(AnalysisError, match="only 2 of 5 levels lie between buckling and touch, 4 are needed"):
+    with pytest.raises(
+        AnalysisError, match="only 2 of 5 levels lie between buckling and touch, 4 are needed"
+    ):
         refused(levels)
 
 
 def test_no_levels_are_refused():
-    with pytest.raises(AnalysisError, match="0 levels|no levels"):
+    with pytest.raises(AnalysisError, match="the ramp has no levels"):
         refused([])
 
 
@@ -106,10 +110,10 @@ def test_a_wall_that_something_presses_on_is_refused():
     liner = empty("thin")
     levels = ramp(liner, np.array(LEVELS_KPA[:-1]), own_kpa=0.02)
     bumped = [
-        RampLevel(level.points._replace(xyz_mm=_bumped(level.points.xyz_mm)), level.difference)
+        level._replace(points=replace(level.points, xyz_mm=_bumped(level.points.xyz_mm)))
         for level in levels[1:]
     ]
-    with pytest.raises(AnalysisError, match="contradict each other|no equilibrium near"):
+    with pytest.raises(AnalysisError, match=r"contradict each other|no equilibrium near"):
         refused([levels[0], *bumped])
 
 
