@@ -101,7 +101,9 @@ class _Curve(NamedTuple):
         sigma = self.own_kpa
         for _ in range(3):
             design = np.vander(over_mm, order + 1, increasing=True)
-            covariance = np.linalg.inv((design / sigma[:, np.newaxis] ** 2).T @ design)
+            covariance = np.asarray(
+                np.linalg.inv((design / sigma[:, np.newaxis] ** 2).T @ design), np.float64
+            )
             found = covariance @ (design.T @ (self.kpa / sigma**2))
             slope = np.polynomial.polynomial.polyval(over_mm, np.polynomial.polynomial.polyder(found))
             sigma = np.hypot(self.own_kpa, slope * self.sigma_mm)
@@ -116,7 +118,7 @@ def _touch(curve: _Curve, radius_mm: float, wall_sigma_mm: float) -> Estimate:
     near = near.only(near.height_mm < _NEAR_TOUCH * radius_mm)
     if len(near.kpa) < 4:
         raise AnalysisError(
-    f"the touch of opposite walls cannot be read: {len(near.kpa)} levels have walls that are less "
+            f"the touch of opposite walls cannot be read: {len(near.kpa)} levels have walls that are less "
             f"than {2 * _NEAR_TOUCH * radius_mm:.1f} mm apart and do not touch, 4 are needed",
             _HINT,
         )

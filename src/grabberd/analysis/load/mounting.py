@@ -7,10 +7,11 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.sights import Sights
-from grabberd.analysis.load.target_places import Targets
+from grabberd.analysis.load.target_places import TargetPlaces, Targets
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.material import Material
+from grabberd.analysis.wall.shell import Load
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
@@ -90,7 +91,7 @@ class Mounting:
         theta = np.arctan2(places_mm[:, 1], places_mm[:, 2])
         targets = Targets(middle_mm * theta, places_mm[:, 0], material.target_mm)
         first, last = material.ends_mm
-        taper, departure = 0.0, None
+        taper = 0.0
         if sigma_mm is not None:
             away = np.hypot(places_mm[:, 1], places_mm[:, 2]) - radius_mm
             weight = sigma_mm**-2
@@ -98,8 +99,10 @@ class Mounting:
         tube = MountedTube(middle_mm, taper, last - first, material.wall_mm, material.E_mpa, material.F0_n)
         half = HalfTube(tube)
         if sigma_mm is not None:
-            departure = _departure(half, targets, away + taper * targets.x_mm, sigma_mm)
-            half = HalfTube(tube, departure)
+            away = away + taper * targets.x_mm
+            half = HalfTube(tube, _departure(half, targets, away, sigma_mm))
+            # What was seen is the wall in equilibrium, not the one that it settles from.
+            targets = targets._replace(x_mm=targets.x_mm - _slid_mm(half, targets))
         return cls(half, targets, *frame)
 
     @property
@@ -115,6 +118,20 @@ class Mounting:
         places[index] = (points.xyz_mm - self.origin_mm) @ self.axes.T
         covariance[index] = self.axes @ points.covariance_mm2 @ self.axes.T
         return Sights.of_points(places, covariance)
+
+
+def _slid_mm(half: HalfTube, targets: Targets) -> Array:
+    """(T,) how far targets move along the open wall until it is in equilibrium.
+
+    A tapered tube with the same stretch all along is not: its wall slides by a few tenths of a millimetre.
+    """
+    none = np.zeros(len(half.s_mm))
+    load = Load(0.0, none, np.stack([none, none]))
+    settling = half.tangent(half.mounted, load).factors.solve(half.residual(half.mounted, load))
+    places = TargetPlaces(half, targets)
+    settled = places.places_mm(half, half.moved(half.mounted, settling))
+    slid_mm: Array = (settled - places.places_mm(half, half.mounted))[:, 0]
+    return slid_mm
 
 
 def _departure(half: HalfTube, targets: Targets, away_mm: Array, sigma_mm: Array) -> Array:

@@ -48,7 +48,7 @@ class Ramp(NamedTuple):
 
     def weight(self, index: int) -> Array:
         """(M, M) weight of a state's sights."""
-        weight: Array = np.linalg.inv(self.sights[index].covariance + self.common_mm2)
+        weight: Array = np.asarray(np.linalg.inv(self.sights[index].covariance + self.common_mm2), np.float64)
         return weight
 
 
@@ -78,7 +78,7 @@ def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
     """
     shapes = _followed(ramp, amplitude_mm)
     weights = [ramp.weight(index) for index in range(len(shapes))]
-    prior = np.linalg.inv(ramp.covariance)
+    prior = np.asarray(np.linalg.inv(ramp.covariance), np.float64)
     values = ramp.mean.copy()
     for _ in range(_STEPS):
         normal, right = prior.copy(), prior @ (ramp.mean - values)
@@ -90,7 +90,7 @@ def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
             normal[np.ix_(at, at)] += by_values.T @ weight @ by_values
             right[at] += by_values.T @ weight @ away
             settlings.append(settling)
-        change = np.linalg.solve(normal, right)
+        change = np.asarray(np.linalg.solve(normal, right), np.float64)
         moves = [_move(one, change[ramp.of_state(index)]) for index, one in enumerate(settlings)]
         longest_mm = max(float(np.abs(move).max()) for move in moves)
         share = min(1.0, _LONGEST_MM / longest_mm)
@@ -107,7 +107,7 @@ def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
 
 def _covariance(ramp: Ramp, settlings: Sequence[Settling], weights: Sequence[Array], normal: Array) -> Array:
     """Covariance of the values; what errs alike in all states does not average out over them."""
-    inverse = np.linalg.inv(normal)
+    inverse = np.asarray(np.linalg.inv(normal), np.float64)
     total, alone = np.zeros((len(normal), len(ramp.common_mm2))), np.zeros_like(normal)
     for index, (settling, weight) in enumerate(zip(settlings, weights, strict=True)):
         at = ramp.of_state(index)
@@ -137,13 +137,15 @@ def _followed(ramp: Ramp, amplitude_mm: Sequence[float]) -> list[Array]:
 
 def _near(ramp: Ramp, index: int, shape: Array, values: Array) -> tuple[Array, Array]:
     at = np.ix_(ramp.of_state(index), ramp.of_state(index))
-    weight, prior = ramp.weight(index), np.linalg.inv(ramp.covariance[at])
+    weight, prior = ramp.weight(index), np.asarray(np.linalg.inv(ramp.covariance[at]), np.float64)
     mean = ramp.mean[ramp.of_state(index)]
     for _ in range(_STEPS):
         settling = ramp.wall.settling(shape, values)
         away, by_values = _seen(ramp.sights[index], settling)
         normal = by_values.T @ weight @ by_values + prior
-        change = np.linalg.solve(normal, by_values.T @ weight @ away + prior @ (mean - values))
+        change = np.asarray(
+            np.linalg.solve(normal, by_values.T @ weight @ away + prior @ (mean - values)), np.float64
+        )
         move = _move(settling, change)
         longest_mm = float(np.abs(move).max())
         share = min(1.0, _LONGEST_MM / longest_mm)
