@@ -1,4 +1,4 @@
-"""Where the empty liner buckles and where its walls touch, from a slow ramp of the pressure difference.
+"""Buckling of the empty liner and touch of its walls, from a slow ramp of the pressure difference.
 
 Both are read from the height of the wall over the plane of symmetry. That falls ever faster once the wall
 buckles, so
@@ -134,7 +134,7 @@ def _touch(curve: _Curve, radius_mm: float, wall_sigma_mm: float) -> Estimate:
 
 
 def _buckling(curve: _Curve, radius_mm: float) -> Estimate:
-    """Where two lines meet: of the open wall, and along the steepest fall."""
+    """Meeting of two lines: of the open wall, and along the steepest fall."""
     least = int(np.argmin(np.abs(curve.kpa)))
     roughly_mm = curve.height_mm[least] - curve.height_mm
     low, high = (share * radius_mm for share in _BEND)

@@ -49,7 +49,7 @@ _MODEL_MM, _MODEL_ROUND_MM, _MODEL_ALONG_MM = 0.02, 8.0, 20.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinerValues:
-    """What a ramp says of the liner.
+    """The liner's own values, from a ramp.
 
     Attributes:
         E_mpa, wall_mm, F0_n: Young's modulus, thickness and pretension of the mounted liner.

@@ -23,7 +23,7 @@ _STEPS = np.diag([1e-4, 1e-4, 1e-4, 1e-1])
 
 
 class Settling(NamedTuple):
-    """How an empty wall settles and follows its values, about a state that need not be in equilibrium.
+    """Movement of an empty wall towards equilibrium and with its values, about a state.
 
     Attributes:
         places_mm: (T, 3) targets in that state.

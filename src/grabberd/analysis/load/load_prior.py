@@ -120,7 +120,7 @@ class TubePrior:
 
     @classmethod
     def of(cls, material: Material) -> "TubePrior":
-        """What a material says of its liner."""
+        """Prior knowledge from a material."""
         return cls(
             max(material.E_sigma_mpa / material.E_mpa, _EXACT),
             max(material.wall_sigma_mm / material.wall_mm, _EXACT),

@@ -121,7 +121,7 @@ class Mounting:
 
 
 def _slid_mm(half: HalfTube, targets: Targets) -> Array:
-    """(T,) how far targets move along the open wall until it is in equilibrium.
+    """(T,) movement of targets along the open wall until it is in equilibrium.
 
     A tapered tube with the same stretch all along is not: its wall slides by a few tenths of a millimetre.
     """

@@ -27,7 +27,7 @@ settled."""
 
 
 class Ramp(NamedTuple):
-    """What is fitted: L states.
+    """Data and prior of a fit: L states.
 
     Attributes:
         wall: the empty wall; `sights`: of each state.
@@ -53,7 +53,7 @@ class Ramp(NamedTuple):
 
 
 class RampFit(NamedTuple):
-    """What the ramp says.
+    """Result of a fit.
 
     Attributes:
         values: (3 + L,) as in `Ramp.mean`, with `covariance`.
@@ -156,7 +156,7 @@ def _near(ramp: Ramp, index: int, shape: Array, values: Array) -> tuple[Array, A
 
 
 def _seen(sights: Sights, settling: Settling) -> tuple[Array, Array]:
-    """How far the sights (M,) are from the settled wall, and the wall's derivatives there (M, 4)."""
+    """Distances (M,) of the sights from the settled wall, and the wall's derivatives there (M, 4)."""
     directions = sights.directions(len(settling.places_mm))
     away = sights.value - directions @ (settling.places_mm.ravel() + settling.targets[:, 0])
     return away, directions @ settling.targets[:, 1:]

@@ -1,4 +1,4 @@
-"""Where targets glued to the outer face are, and how they follow the wall."""
+"""Places of the targets that are glued to the outer face, and their derivatives by the wall."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ _SMALL = 1e-4
 
 
 class Targets(NamedTuple):
-    """Where T targets are glued.
+    """Material points at which T targets are glued.
 
     Attributes:
         s_mm: (T,) on the mounted wall's middle, round it; `x_mm`: (T,) along it.
