@@ -73,7 +73,7 @@ def collapse(
     heights = row_heights(mounting, grid, levels)
     kpa = np.array([level.difference.kpa for level in levels])
     own_kpa = np.array([max(level.difference.sigma_kpa, _LEAST_SIGMA_KPA) for level in levels])
-    row = int(np.nanargmin(np.nanmin(heights.value, axis=0)))
+    row = int(np.nan_to_num(heights.value, nan=np.inf).min(axis=0).argmin())
     seen = np.isfinite(heights.value[:, row])
     curve = _Curve(kpa[seen], own_kpa[seen], heights.value[seen, row], heights.sigma[seen, row])
     touch = _touch(curve, radius_mm, material.wall_sigma_mm)

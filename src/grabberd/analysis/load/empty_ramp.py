@@ -160,8 +160,8 @@ def _unused(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> tupl
     """
     radius_mm = mounting.half.tube.radius_mm
     heights = row_heights(mounting, grid, levels).value
-    least_mm = np.nanmin(heights, axis=1, initial=np.inf)
-    fallen_mm = np.nanmax(_open_heights(levels, heights) - heights, axis=1, initial=0.0)
+    least_mm = np.nan_to_num(heights, nan=np.inf).min(axis=1)
+    fallen_mm = np.nan_to_num(_open_heights(levels, heights) - heights, nan=-np.inf).max(axis=1)
     touching = least_mm < _TOUCHING * radius_mm
     buckled = ~touching & (fallen_mm > _BUCKLED * radius_mm)
     kpa = np.array([level.difference.kpa for level in levels])

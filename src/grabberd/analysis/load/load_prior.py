@@ -106,7 +106,7 @@ class LoadPrior:
 
 @dataclass(frozen=True, slots=True)
 class TubePrior:
-    """What is known of the liner.
+    """Prior knowledge of the liner.
 
     Attributes:
         young, thickness, pretension: standard deviations of the logarithms.

@@ -76,7 +76,7 @@ class Material:
 
     @property
     def correlations(self) -> tuple[float, float, float]:
-        """Of E and wall, E and F0, wall and F0."""
+        """Correlations of E and wall, of E and F0, of wall and F0."""
         return self.E_wall_correlation, self.E_F0_correlation, self.F0_wall_correlation
 
     @property

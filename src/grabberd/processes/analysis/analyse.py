@@ -198,7 +198,7 @@ class _Work:
         )
 
     def _empty(self, vacuum: Vacuum | None, points: Sequence[Points]) -> EmptyLiner | None:
-        """What a ramp says; None, with a problem, if it says nothing."""
+        """Result of a ramp; None, with a problem, if there is none."""
         inputs = self._inputs
         if not inputs.empty or inputs.reference is None or not inputs.zones or vacuum is None:
             return None

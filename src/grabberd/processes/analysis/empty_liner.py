@@ -32,7 +32,7 @@ Survived = Callable[[Callable[[], Any]], Any]
 
 
 class EmptyLiner(NamedTuple):
-    """What a ramp says; None where it does not.
+    """Result of a ramp; None for what it does not determine.
 
     Attributes:
         values: the liner's own values, with `material`: the given one with these values.
@@ -52,7 +52,7 @@ def empty_liner(
     vacuum: Sequence[ChamberVacuum],
     survived: Survived,
 ) -> EmptyLiner:
-    """What a ramp says.
+    """Evaluates a ramp.
 
     Args:
         grid: targets of the object model.
