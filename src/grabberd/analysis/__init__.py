@@ -2,8 +2,12 @@
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.collapse import Collapse, collapse
+from grabberd.analysis.load.empty_ramp import LinerValues, liner_values
+from grabberd.analysis.load.load_prior import Difference
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.pressure_model import UNSEEN, PressureModel
+from grabberd.analysis.load.ramp_levels import RampLevel
 from grabberd.analysis.load.touch import Touch, first_touch
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average
@@ -51,7 +55,9 @@ __all__ = [
     "Area",
     "Camera",
     "ChamberVacuum",
+    "Collapse",
     "ConstantVacuum",
+    "Difference",
     "EdgeStrain",
     "Estimate",
     "Forms",
@@ -59,6 +65,7 @@ __all__ = [
     "Height",
     "Hits",
     "Jets",
+    "LinerValues",
     "LoggedVacuum",
     "Material",
     "Mesh",
@@ -73,6 +80,7 @@ __all__ = [
     "Principal",
     "Pulsation",
     "PulsatorWave",
+    "RampLevel",
     "Raster",
     "Section",
     "Smoothing",
@@ -92,6 +100,7 @@ __all__ = [
     "agreement",
     "cast",
     "choose_smoothing",
+    "collapse",
     "curvature_per_m",
     "edge_strain",
     "find_offset",
@@ -105,6 +114,7 @@ __all__ = [
     "index",
     "iso_phases",
     "lacking",
+    "liner_values",
     "middle_forms",
     "middle_places",
     "middles",

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.wall.cuts import cut_points
+from grabberd.analysis.wall.material import Material
 from grabberd.analysis.wall.splines import Basis, SplineGrid
 
 Array = NDArray[np.float64]
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 MPA_PER_KPA = 1e-3
 _NUGGET = 1e-8
 """Share of the variance that keeps a covariance of neighbouring splines positive definite in rounding."""
+_EXACT = 1e-4
+"""Relative σ of a value of the liner that is given as exact."""
 _NODES = 15
 """Points of Gauss–Hermite quadrature over g: a contact pressure's moments to 1e-4."""
 
@@ -124,15 +127,36 @@ class LoadPrior:
 
 @dataclass(frozen=True, slots=True)
 class TubePrior:
-    """Standard deviations of what is known of the liner.
+    """Prior knowledge of the liner.
 
     Attributes:
-        young, thickness, pretension: of the logarithms.
+        young, thickness, pretension: standard deviations of the logarithms.
+        correlations: of young and thickness, young and pretension, thickness and pretension.
     """
 
     young: float
     thickness: float
     pretension: float
+    correlations: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @classmethod
+    def of(cls, material: Material) -> "TubePrior":
+        """Prior knowledge from a material."""
+        return cls(
+            max(material.E_sigma_mpa / material.E_mpa, _EXACT),
+            max(material.wall_sigma_mm / material.wall_mm, _EXACT),
+            max(material.F0_sigma_n / material.F0_n, _EXACT) if material.F0_n else _EXACT,
+            material.correlations,
+        )
+
+    @property
+    def covariance(self) -> Array:
+        """(3, 3) of the logarithms."""
+        sigma = np.array([self.young, self.thickness, self.pretension])
+        upper = np.zeros((3, 3))
+        upper[np.triu_indices(3, 1)] = self.correlations
+        covariance: Array = np.outer(sigma, sigma) * (np.eye(3) + upper + upper.T)
+        return covariance
 
 
 class Difference(NamedTuple):

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.sights import Sights
-from grabberd.analysis.load.wall_model import Targets
+from grabberd.analysis.load.target_places import TargetPlaces, Targets
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.material import Material
+from grabberd.analysis.wall.shell import Load
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
@@ -105,8 +106,15 @@ class Mounting:
         taper = -float((weight * targets.x_mm * away).sum() / (weight * targets.x_mm**2).sum())
         tube = replace(tube, taper=taper)
         found = _departure(HalfTube(tube), targets, away + taper * targets.x_mm, sigma)
-        shared = _shared(covariance_mm2, radial, found.covariance_mm2)
-        return cls(HalfTube(tube, found.control), targets, *frame, shared)
+        half = HalfTube(tube, found.control)
+        # What was seen is the wall in equilibrium, not the one that it settles from.
+        targets = targets._replace(x_mm=targets.x_mm - _slid_mm(half, targets))
+        return cls(half, targets, *frame, _shared(covariance_mm2, radial, found.covariance_mm2))
+
+    @property
+    def face_mm(self) -> float:
+        """Distance of a target's face from the wall's inner face."""
+        return self.half.tube.thickness_mm + self.targets.thickness_mm
 
     def sights(self, points: Points, grid: Grid) -> Sights:
         """Sights of a field's targets, in the liner's frame."""
@@ -116,6 +124,20 @@ class Mounting:
         places[index] = (points.xyz_mm - self.origin_mm) @ self.axes.T
         covariance[index] = self.axes @ points.covariance_mm2 @ self.axes.T
         return Sights.of_points(places, covariance, self.shared_mm2)
+
+
+def _slid_mm(half: HalfTube, targets: Targets) -> Array:
+    """(T,) movement of targets along the open wall until it is in equilibrium.
+
+    A tapered tube with the same stretch all along is not: its wall slides by a few tenths of a millimetre.
+    """
+    none = np.zeros(len(half.s_mm))
+    load = Load(0.0, none, np.stack([none, none]))
+    settling = half.tangent(half.mounted, load).factors.solve(half.residual(half.mounted, load))
+    places = TargetPlaces(half, targets)
+    settled = places.places_mm(half, half.moved(half.mounted, settling))
+    slid_mm: Array = (settled - places.places_mm(half, half.mounted))[:, 0]
+    return slid_mm
 
 
 class Departure(NamedTuple):

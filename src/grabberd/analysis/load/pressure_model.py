@@ -28,7 +28,7 @@ FASTEST_MM_PER_S = 300.0
 MISFIT_ALARM = 2.0
 """Misfit above which points and wall contradict each other."""
 _EXACT = 1e-4
-"""Relative σ of an input that is given as exact."""
+"""σ in kPa of a pressure difference that is given as exact."""
 _ARC_MM = 10.0
 """How far round the wall from its middle a compression is averaged, if targets reach as far: on its teat, a
 wall is hardly flat for longer."""
@@ -69,7 +69,7 @@ class PressureModel:
 
     def _of(self, material: Material, mirrored: bool) -> LoadSeries:
         half, targets = self._mounting.half, self._mounting.targets
-        return LoadSeries(WallModel(half, targets, LoadPrior(), _tube_prior(material), mirrored))
+        return LoadSeries(WallModel(half, targets, LoadPrior(), TubePrior.of(material), mirrored))
 
     def map(
         self,
@@ -142,11 +142,3 @@ def _material(zones: Sequence[Zone]) -> Material:
             "give one material for a map of the pressure",
         )
     return zones[0].material
-
-
-def _tube_prior(material: Material) -> TubePrior:
-    return TubePrior(
-        max(material.E_sigma_mpa / material.E_mpa, _EXACT),
-        max(material.wall_sigma_mm / material.wall_mm, _EXACT),
-        max(material.F0_sigma_n / material.F0_n, _EXACT) if material.F0_n else _EXACT,
-    )

@@ -7,18 +7,17 @@ are the same.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
 from grabberd.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
+from grabberd.analysis.load.target_places import TargetPlaces, Targets
 from grabberd.analysis.wall.banded import Banded
 from grabberd.analysis.wall.cuts import cut_points
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube, Tangent
-from grabberd.analysis.wall.rubber import RubberWall
-from grabberd.analysis.wall.shell import Geometry, Load
+from grabberd.analysis.wall.shell import Load
 from grabberd.analysis.wall.splines import Basis
 
 Array = NDArray[np.float64]
@@ -27,19 +26,6 @@ _SMALL = 1e-4
 """Step of a logarithm, and of a pressure in MPa: its square is far below what a residual rounds to."""
 TUBE_VALUES = 4
 """Logarithmic changes of Young's modulus, thickness and pretension; the pressure difference in MPa."""
-
-
-class Targets(NamedTuple):
-    """Where T targets are glued.
-
-    Attributes:
-        s_mm: (T,) on the mounted wall's middle, round it; `x_mm`: (T,) along it.
-        thickness_mm: of a target, whose face is what is seen.
-    """
-
-    s_mm: Array
-    x_mm: Array
-    thickness_mm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -104,8 +90,8 @@ class WallModel:
     ) -> None:
         """Builds the model of a wall with targets."""
         self.half, self.prior, self.tube_prior, self.mirrored = half, prior, tube_prior, mirrored
-        self.targets = half.grid.basis(targets.s_mm, targets.x_mm)
-        self._thickness_mm = targets.thickness_mm
+        self._places = TargetPlaces(half, targets)
+        self.targets = self._places.basis
         points = 0 if mirrored else len(cut_points(half.grid))
         self._fields = 3 * half.grid.count
         self._tube = slice(self._fields, self._fields + TUBE_VALUES)
@@ -131,11 +117,11 @@ class WallModel:
     def spread(self, columns: Array) -> Array:
         """(P, M) prior covariance times columns (P, M), with unit variances of g and pressure difference."""
         fields = columns[: self._fields].reshape(3, self.half.grid.count, -1)
-        tube = self.tube_prior
-        sigma = np.array([tube.young, tube.thickness, tube.pretension, 1.0])
+        tube = columns[self._tube]
         parts = [
             self.prior.spread(self.half.grid, fields).reshape(self._fields, -1),
-            np.square(sigma)[:, np.newaxis] * columns[self._tube],
+            self.tube_prior.covariance @ tube[:-1],
+            tube[-1:],
         ]
         if not self.mirrored:
             blocks = self._cut_covariances
@@ -204,11 +190,12 @@ class WallModel:
         load, by_g = self.load(state.parameters, half.shell.basis)
         tangent, residual = half.tangent(state.control, load), self.residual(state)
         forces = self._forces(half, state, by_g, residual, tangent)
-        places, by_control, by_thickness = self._places(state)
+        places = self._places.places_mm(half, state.control)
+        by_control = self._places.by_control(half, state.control)
         right = (half.cuts.free.T @ by_control.T).toarray(order="F")
         adjoint = tangent.factors.solve(right, transposed=True)
         by_parameters = np.ascontiguousarray((forces.T @ adjoint).T)
-        by_parameters[:, self._tube.start + 1] += by_thickness
+        by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
         if not self.mirrored:
             by_parameters[:, self._moved] += (by_control @ half.cuts.moved).toarray()
         settled = places + (adjoint.T @ residual).reshape(places.shape)
@@ -238,39 +225,5 @@ class WallModel:
 
     def places_mm(self, state: State) -> Array:
         """(T, 3) targets of a state."""
-        wall = self.half.wall(self.targets, self.tube(state.parameters))
-        return self._seen(state, Geometry.of(self.targets, state.control), wall)
-
-    def _seen(self, state: State, geometry: Geometry, wall: RubberWall) -> Array:
-        height = wall.layer(geometry.forms(), 0.5).depth_mm + self._thickness_mm
-        seen: Array = self.targets.of(state.control)[:, :3] + height[:, np.newaxis] * geometry.director()
-        return seen
-
-    def _places(self, state: State) -> tuple[Array, sparse.csr_matrix, Array]:
-        """Targets (T, 3), their derivatives by the control values (3 T, 4 K) and by ln t alone (3 T,)."""
-        tube = self.tube(state.parameters)
-        geometry = Geometry.of(self.targets, state.control)
-        walls = [self.half.wall(self.targets, each) for each in (tube, tube.changed(0.0, _SMALL, 0.0))]
-        places, thicker = (self._seen(state, geometry, wall) for wall in walls)
-        by_values = _seen_by_values(geometry, walls[0], self._thickness_mm)
-        each = np.einsum("dni,nkdc->nkic", self.targets.values, by_values, optimize=True)
-        columns = self.targets.members[:, np.newaxis, :, np.newaxis] * 4 + np.arange(4)
-        starts = np.arange(len(places) * 3 + 1) * 64
-        by_control = sparse.csr_matrix(
-            (each.ravel(), np.broadcast_to(columns, each.shape).ravel(), starts),
-            shape=(places.size, state.control.size),
-        )
-        return places, by_control, ((thicker - places) / _SMALL).ravel()
-
-
-def _seen_by_values(geometry: Geometry, wall: RubberWall, thickness_mm: float) -> Array:
-    """(T, 3, 6, 4) derivatives of the targets by the six derivatives of x, y, z, s."""
-    layer = wall.layer(geometry.forms(), 0.5)
-    depth = (layer.depth_mm + thickness_mm)[:, np.newaxis, np.newaxis]
-    by_depth = np.einsum("en,endc->ndc", layer.by_forms, geometry.forms_by_values())
-    by = np.zeros((len(layer.depth_mm), 3, 6, 4))
-    by[:, :, 1:] = np.einsum("ndc,ni->nidc", by_depth, geometry.director())
-    by[:, :, 1:3, :3] += depth[..., np.newaxis] * geometry.normal_by_tangents()
-    by[:, :, 1:3, 3] += depth * geometry.dual.transpose(1, 2, 0)
-    by[:, np.arange(3), 0, np.arange(3)] += 1.0
-    return by
+        half = self.half.of(self.tube(state.parameters))
+        return self._places.places_mm(half, state.control)

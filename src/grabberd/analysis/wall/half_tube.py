@@ -141,11 +141,17 @@ class HalfTube:
         values = self._basis.values.reshape(_DERIVATIVES, -1, _POINTS, _MEMBERS).transpose(1, 3, 2, 0)
         self._values = np.ascontiguousarray(values).reshape(len(values), _MEMBERS, -1)
 
-    def of(self, tube: MountedTube) -> "HalfTube":
-        """The same mesh of a tube with another thickness, modulus or pretension."""
+    def of(self, tube: MountedTube, mounted: Array | None = None) -> "HalfTube":
+        """The same mesh of a tube with another thickness, modulus or pretension.
+
+        Args:
+            tube: that tube.
+            mounted: (K, 4) control values of the open wall, if they are others as well.
+        """
         changed = copy.copy(self)
         changed.tube = tube
-        changed.shell = Shell(self._basis, self._weights, self.wall(self._basis, tube))
+        changed.mounted = self.mounted if mounted is None else mounted
+        changed.shell = Shell(self._basis, self._weights, changed.wall(self._basis, tube))
         return changed
 
     def wall(self, basis: Basis, tube: MountedTube) -> RubberWall:

@@ -17,7 +17,9 @@ VARIED = ("E_mpa", "wall_mm", "F0_n")
 
 _HINT = "give the values of the very liner in the teatcup"
 _ENDS = ("first_end_mm", "last_end_mm")
+_CORRELATIONS = ("E_wall_correlation", "E_F0_correlation", "F0_wall_correlation")
 _SIGMAS = {"E_mpa": "E_sigma_mpa", "wall_mm": "wall_sigma_mm", "F0_n": "F0_sigma_n"}
+_OPTIONAL = (*_SIGMAS.values(), *_CORRELATIONS, *_ENDS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,8 @@ class Material:
         first_end_mm: x, in the object's frame, of the end at lesser x that holds the liner; `last_end_mm`: of
             the other one. Pressures alone need them.
         E_sigma_mpa: σ of E; 0 takes E as exact. `wall_sigma_mm`, `F0_sigma_n` likewise.
+        E_wall_correlation: correlation of E and wall, as a ramp with the empty liner gives it: E t³ is better
+            known than either. `E_F0_correlation`, `F0_wall_correlation` likewise.
 
     Raises:
         InputError: values are impossible; the message names all of them.
@@ -52,9 +56,14 @@ class Material:
     E_sigma_mpa: float = 0.0
     wall_sigma_mm: float = 0.0
     F0_sigma_n: float = 0.0
+    E_wall_correlation: float = 0.0
+    E_F0_correlation: float = 0.0
+    F0_wall_correlation: float = 0.0
 
     def __post_init__(self) -> None:
-        problems = [problem for problem in (*_numbers(self), *_law(self), _ends(self)) if problem]
+        problems = [
+            problem for problem in (*_numbers(self), *_law(self), _ends(self), _related(self)) if problem
+        ]
         if problems:
             raise InputError(f"the wall's material cannot be used: {'; '.join(problems)}", _HINT)
 
@@ -64,6 +73,11 @@ class Material:
         if self.first_end_mm is None or self.last_end_mm is None:
             return None
         return self.first_end_mm, self.last_end_mm
+
+    @property
+    def correlations(self) -> tuple[float, float, float]:
+        """Correlations of E and wall, of E and F0, of wall and F0."""
+        return self.E_wall_correlation, self.E_F0_correlation, self.F0_wall_correlation
 
     @property
     def depth_mm(self) -> float:
@@ -95,6 +109,15 @@ def _ends(material: Material) -> str:
     if ends is None or ends[0] < ends[1]:
         return ""
     return f"first_end_mm is {ends[0]:g}, expected below last_end_mm, {ends[1]:g}"
+
+
+def _related(material: Material) -> str:
+    young_wall, young_force, wall_force = correlations = material.correlations
+    determinant = 1 + 2 * young_wall * young_force * wall_force - sum(np.square(correlations))
+    if determinant >= 0 and max(map(abs, correlations)) <= 1:
+        return ""
+    said = ", ".join(f"{one:g}" for one in correlations)
+    return f"the correlations of E, wall and F0 are {said}, which no three values can have"
 
 
 def _law(material: Material) -> list[str]:
@@ -153,7 +176,7 @@ class Wall(NamedTuple):
 
 def lacking(inputs: Mapping[str, object]) -> tuple[str, ...]:
     """Names of the missing inputs of a material, which tension and pressure need."""
-    needed = [field.name for field in fields(Material) if field.name not in (*_SIGMAS.values(), *_ENDS)]
+    needed = [field.name for field in fields(Material) if field.name not in _OPTIONAL]
     return tuple(name for name in needed if inputs.get(name) is None)
 
 

@@ -9,7 +9,7 @@ from grabberd.geometry import Reading
 
 _KEYS = tuple(field.name for field in fields(Material))
 _ZONE_KEYS = ("rows", *_KEYS)
-_OPTIONAL = tuple(name for name in _KEYS if "sigma" in name or "end" in name)
+_OPTIONAL = tuple(name for name in _KEYS if any(part in name for part in ("sigma", "end", "correlation")))
 _HINT = "give the values of the very liner in the teatcup; none of them is assumed"
 
 

@@ -31,6 +31,7 @@ from grabberd.analysis import (
 )
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.errors import AnalysisError, InputError
+from grabberd.processes.analysis.empty_liner import EmptyLiner, empty_liner
 from grabberd.processes.analysis.inputs import AnalysisInputs, Reference
 from grabberd.processes.analysis.problems import Problems
 from grabberd.processes.analysis.smoothings import Smoothings
@@ -82,6 +83,7 @@ class Analysis:
         problems: problems that did not end the analysis, as sentences.
         numbers: (F,) numbers of all fields of the capture that have points.
         reference: reference state of the strain, as in `Question`.
+        empty: what a ramp with the empty liner says; None for a capture with a teat.
     """
 
     grid: Grid
@@ -99,6 +101,7 @@ class Analysis:
     problems: tuple[str, ...]
     numbers: NDArray[np.int64]
     reference: Surface | Jets | None
+    empty: EmptyLiner | None = None
 
 
 def analyse(
@@ -150,15 +153,20 @@ class _Work:
         # targets only the surface itself is left to analyse.
         homologous = self._grid.homologous
         movements = self._problems.survived(lambda: first_movement(self._timed)) if homologous else None
-        pulsation = self._problems.survived(lambda: fit_pulsation(movements)) if movements else None
+        pulsation = (
+            self._problems.survived(lambda: fit_pulsation(movements))
+            if movements and not self._inputs.empty
+            else None
+        )
         average = self._average(pulsation)
+        pulsating = not self._inputs.empty
         vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s) if homologous else None
         if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
             self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
         fields_points = [timed.points for timed in self._timed[0]]
         smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
         question = self._question(smoothings, average)
-        self._model = self._pressure(average) if vacuum else None
+        self._model = self._pressure(average) if vacuum and pulsating else None
         of_fields = vacuum.at(self._time_s) if vacuum else []
         of_phases = self._of_phases(vacuum, average, pulsation)
         self._of = len(self._fields) + (len(average.points) if average else 0)
@@ -191,7 +199,19 @@ class _Work:
             problems=self._problems.all(),
             numbers=np.array([field.n for field in self._fields], np.int64),
             reference=question.reference,
+            empty=self._empty(vacuum, fields_points),
         )
+
+    def _empty(self, vacuum: Vacuum | None, points: Sequence[Points]) -> EmptyLiner | None:
+        """Result of a ramp; None, with a problem, if there is none."""
+        inputs = self._inputs
+        if not inputs.empty or inputs.reference is None or not inputs.zones or vacuum is None:
+            return None
+        reference = (
+            None if inputs.reference.kind == "nominal" else self._reference_points(inputs.reference, None)
+        )
+        of_fields = vacuum.at(self._time_s)
+        return empty_liner(self._grid, inputs, reference, points, of_fields, self._problems.survived)
 
     def _of_phases(
         self, vacuum: Vacuum | None, average: PhaseAverage | None, pulsation: Pulsation | None

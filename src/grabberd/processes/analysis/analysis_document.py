@@ -14,6 +14,7 @@ from grabberd.processes.columns import Table, json_values
 SCHEMA = "grabberd/analysis-report/1"
 WHOLE = (
     "summary",
+    "ramp",
     "quantities",
     "fields",
     "sections",

@@ -119,6 +119,29 @@ TABLES: Mapping[str, TableSpec] = {
             _id("touch_target", "target at which it begins"),
         ),
     ),
+    "ramp": TableSpec(
+        "A ramp with the empty liner: one row with the liner's own values; without a ramp, none",
+        (),
+        (
+            _measured("E_mpa", "MPa", "Young's modulus of the mounted liner"),
+            _measured("wall_mm", "mm", "thickness of its wall"),
+            _measured("F0_n", "N", "its pretension"),
+            _measured(
+                "stiffness_nmm", "N mm", "bending stiffness E t³ / 12 (1 − ν²): better known than its parts"
+            ),
+            _number(
+                "load_misfit",
+                "1",
+                "misfit of points and the empty wall in equilibrium; 1 is usual, 2 refused",
+            ),
+            _count("levels", "fields that were fitted"),
+            _measured("touch_kpa", "kPa", "TPPD: pressure difference at which opposite walls touch"),
+            _measured("buckling_kpa", "kPa", "CCPD: pressure difference at which the liner buckles"),
+            _text(
+                "material", "the material with the liner's own values, as JSON: input of the other analyses"
+            ),
+        ),
+    ),
     "fields": TableSpec(
         "A row for each analysed field",
         _FIELD,

@@ -7,7 +7,9 @@ vacuum:
   liner: {kpa: 42, sigma_kpa: 0.5}      or log
   log: "time_s,pulsation_vacuum_kpa…"   the text of a logger's file
   offset: {s: 12.3, sigma_s: 0.005}     the camera's time less the logger's
+  gauge_sigma_kpa: 0.2                  σ of a logger's zero, for a ramp
   lag: {opening_s: 0.03, closing_s: 0.03, sigma_s: 0.005, near_s: 12}   in place of offset
+teat: none                              the liner is empty: a ramp of the vacuum, for the liner's own values
 plane: symmetry                         or {point_mm: [0, 0, -9], normal: [0, 0, 1]}: origin of widths
 heights_mm: [-30, 0, 30]
 phases: 24                              number of states of the mean cycle
@@ -30,6 +32,7 @@ KEYS = (
     "reference",
     "material",
     "vacuum",
+    "teat",
     "plane",
     "heights_mm",
     "phases",
@@ -37,7 +40,7 @@ KEYS = (
     "unseen",
     "flow_stop",
 )
-_VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag")
+_VACUUM_KEYS = ("pulsation", "liner", "log", "offset", "lag", "gauge_sigma_kpa")
 _HINT = "correct these inputs; docs/howto/analyse.md describes all of them"
 # Time and memory of an analysis grow with the phases.
 _MOST_PHASES = 200
@@ -77,6 +80,7 @@ class AnalysisInputs:
         phases: number of states of the mean cycle.
         sought_kpa: smallest pressure that the map has to resolve; None: no pressure.
         unseen: what the pressure takes for the unseen half of the wall, as in `PressureModel`.
+        empty: True if the capture is a ramp with the empty liner: its own values in place of pressures.
         homologous: as in the grid; if False, reference and material have no use.
         flow_stop_kpa: contact pressure at the teat's end at which milk just stops flowing; None: no
             overpressure.
@@ -91,6 +95,7 @@ class AnalysisInputs:
     phases: int
     sought_kpa: float | None
     unseen: str = "free"
+    empty: bool = False
     homologous: bool = True
     flow_stop_kpa: Estimate | None = None
 
@@ -115,7 +120,7 @@ class AnalysisInputs:
             ),
             ("pulsation" not in self.vacuum, "vacuum.pulsation: without it no pressure"),
             ("liner" not in self.vacuum, "vacuum.liner: without it no pressure"),
-            (self.sought_kpa is None, "sought_kpa: without it no pressure"),
+            (self.sought_kpa is None and not self.empty, "sought_kpa: without it no pressure"),
             plane,
         )
         return tuple(text for lacks, text in missing if lacks)
@@ -142,6 +147,7 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
     if unseen not in UNSEEN:
         reading.refuse("unseen", unseen, " or ".join(UNSEEN))
     flow_stop = _flow_stop(reading, document.get("flow_stop"))
+    empty = _empty(reading, document)
     material = reading.mapping(document, "material") if "material" in document else {}
     reading.finish(_HINT)
     return AnalysisInputs(
@@ -154,9 +160,16 @@ def read_inputs(document: Mapping[str, Any], grid: Grid) -> AnalysisInputs:
         phases=phases,
         sought_kpa=sought,
         unseen=unseen,
+        empty=empty,
         homologous=grid.homologous,
         flow_stop_kpa=flow_stop,
     )
+
+
+def _empty(reading: Reading, document: Mapping[str, Any]) -> bool:
+    if "teat" in document and document["teat"] != "none":
+        reading.refuse("teat", document["teat"], "none, or no such key for a liner with a teat")
+    return document.get("teat") == "none"
 
 
 def _reference(reading: Reading, value: object) -> Reference | None:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from grabberd.analysis import ChamberVacuum, Estimate, PressureMap, Section
 from grabberd.processes.analysis.analyse import Analysis
 from grabberd.processes.analysis.columns import TABLES
+from grabberd.processes.analysis.empty_liner import ramp_values
 from grabberd.processes.analysis.quantities import quantities, quantity_values
 from grabberd.processes.analysis.strain_tables import strain_tables
 from grabberd.processes.analysis.summary import gap_values, summary_values
@@ -41,6 +42,7 @@ def tables(analysis: Analysis) -> AnalysisTables:
         "quantities": quantity_values(quantities(analysis)),
         "cycles": _cycles(analysis),
         "gaps": gap_values(analysis),
+        "ramp": ramp_values(analysis.empty),
         **strain_tables(analysis, fields.keys),
     }
     return {name: make_table(name, spec, values[name]) for name, spec in TABLES.items()}

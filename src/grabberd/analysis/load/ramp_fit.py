@@ -1,0 +1,180 @@
+"""The liner's own values by equilibrium of the empty wall at several pressure differences.
+
+Gauss–Newton on all states at once: their shapes, the values that they share, and each one's pressure
+difference.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.load.empty_wall import EmptyWall, Settling
+from grabberd.analysis.load.sights import Sights
+from grabberd.errors import AnalysisError
+
+Array = NDArray[np.float64]
+
+TUBE_VALUES = 3
+"""Logarithmic changes of Young's modulus, thickness and pretension."""
+_STEPS = 25
+_LONGEST_MM = 0.6
+"""Of a step of the wall's unknowns: farther away its stiffness is another."""
+_NEAR_MM, _SETTLED_MM = 0.1, 0.01
+"""Movement in a step below which a state is near enough to join the others, and below which all have
+settled."""
+
+
+class Ramp(NamedTuple):
+    """Data and prior of a fit: L states.
+
+    Attributes:
+        wall: the empty wall; `sights`: of each state.
+        mean: (3 + L,) the values before the ramp: the liner's own, and the pressure differences in kPa.
+        covariance: (3 + L, 3 + L) of `mean`.
+        common_mm2: (M, M) covariance of what errs alike in all states: the open wall, and the model.
+    """
+
+    wall: EmptyWall
+    sights: Sequence[Sights]
+    mean: Array
+    covariance: Array
+    common_mm2: Array
+
+    def of_state(self, index: int) -> list[int]:
+        """The four values of one state."""
+        return [*range(TUBE_VALUES), TUBE_VALUES + index]
+
+    def weight(self, index: int) -> Array:
+        """(M, M) weight of a state's sights."""
+        weight: Array = np.asarray(np.linalg.inv(self.sights[index].covariance + self.common_mm2), np.float64)
+        return weight
+
+
+class RampFit(NamedTuple):
+    """Result of a fit.
+
+    Attributes:
+        values: (3 + L,) as in `Ramp.mean`, with `covariance`.
+        misfit: (L,) of each state's sights, by coordinate; 1 is usual.
+    """
+
+    values: Array
+    covariance: Array
+    misfit: Array
+
+
+def fit_ramp(ramp: Ramp, amplitude_mm: Sequence[float]) -> RampFit:
+    """Fits the liner's values.
+
+    Args:
+        ramp: states by rising pressure difference.
+        amplitude_mm: how far each has flattened, about: the first one that has gives the way the wall
+            buckles.
+
+    Raises:
+        AnalysisError: the wall does not settle.
+    """
+    shapes = _followed(ramp, amplitude_mm)
+    weights = [ramp.weight(index) for index in range(len(shapes))]
+    prior = np.asarray(np.linalg.inv(ramp.covariance), np.float64)
+    values = ramp.mean.copy()
+    for _ in range(_STEPS):
+        normal, right = prior.copy(), prior @ (ramp.mean - values)
+        settlings = []
+        for index, (shape, weight) in enumerate(zip(shapes, weights, strict=True)):
+            at = ramp.of_state(index)
+            settling = ramp.wall.settling(shape, values[at])
+            away, by_values = _seen(ramp.sights[index], settling)
+            normal[np.ix_(at, at)] += by_values.T @ weight @ by_values
+            right[at] += by_values.T @ weight @ away
+            settlings.append(settling)
+        change = np.asarray(np.linalg.solve(normal, right), np.float64)
+        moves = [_move(one, change[ramp.of_state(index)]) for index, one in enumerate(settlings)]
+        longest_mm = max(float(np.abs(move).max()) for move in moves)
+        share = min(1.0, _LONGEST_MM / longest_mm)
+        values = values + share * change
+        shapes = [ramp.wall.moved(shape, share * move) for shape, move in zip(shapes, moves, strict=True)]
+        if longest_mm < _SETTLED_MM:
+            misfit = [
+                _misfit(*_seen(ramp.sights[index], one), change[ramp.of_state(index)], weights[index])
+                for index, one in enumerate(settlings)
+            ]
+            return RampFit(values, _covariance(ramp, settlings, weights, normal), np.array(misfit))
+    raise _unsettled(f"all {len(shapes)} states together", longest_mm)
+
+
+def _covariance(ramp: Ramp, settlings: Sequence[Settling], weights: Sequence[Array], normal: Array) -> Array:
+    """Covariance of the values; what errs alike in all states does not average out over them."""
+    inverse = np.asarray(np.linalg.inv(normal), np.float64)
+    total, alone = np.zeros((len(normal), len(ramp.common_mm2))), np.zeros_like(normal)
+    for index, (settling, weight) in enumerate(zip(settlings, weights, strict=True)):
+        at = ramp.of_state(index)
+        _, by_values = _seen(ramp.sights[index], settling)
+        share = by_values.T @ weight
+        total[at] += share
+        alone[np.ix_(at, at)] += share @ ramp.common_mm2 @ share.T
+    beyond = total @ ramp.common_mm2 @ total.T - alone
+    covariance: Array = inverse + inverse @ beyond @ inverse
+    return covariance
+
+
+def _followed(ramp: Ramp, amplitude_mm: Sequence[float]) -> list[Array]:
+    """Shapes near all states, each found from the one before."""
+    # One state alone leaves the modulus to be what makes it fit, so that the path is that of the data.
+    shapes, shape, tube = [], ramp.wall.open_shape, ramp.mean[:TUBE_VALUES]
+    for index, amplitude in enumerate(amplitude_mm):
+        at = ramp.of_state(index)
+        if amplitude > 0 and not np.any(shape):
+            shape = ramp.wall.flattened(amplitude)
+        shape, values = _near(ramp, index, shape, np.append(tube, ramp.mean[at[-1]]))
+        shapes.append(shape)
+        tube = values[:TUBE_VALUES]
+        shape = shape if amplitude > 0 else ramp.wall.open_shape
+    return shapes
+
+
+def _near(ramp: Ramp, index: int, shape: Array, values: Array) -> tuple[Array, Array]:
+    at = np.ix_(ramp.of_state(index), ramp.of_state(index))
+    weight, prior = ramp.weight(index), np.asarray(np.linalg.inv(ramp.covariance[at]), np.float64)
+    mean = ramp.mean[ramp.of_state(index)]
+    for _ in range(_STEPS):
+        settling = ramp.wall.settling(shape, values)
+        away, by_values = _seen(ramp.sights[index], settling)
+        normal = by_values.T @ weight @ by_values + prior
+        change = np.asarray(
+            np.linalg.solve(normal, by_values.T @ weight @ away + prior @ (mean - values)), np.float64
+        )
+        move = _move(settling, change)
+        longest_mm = float(np.abs(move).max())
+        share = min(1.0, _LONGEST_MM / longest_mm)
+        shape, values = ramp.wall.moved(shape, share * move), values + share * change
+        if longest_mm < _NEAR_MM:
+            return shape, values
+    raise _unsettled(f"{mean[-1]:.3g} kPa", longest_mm)
+
+
+def _seen(sights: Sights, settling: Settling) -> tuple[Array, Array]:
+    """Distances (M,) of the sights from the settled wall, and the wall's derivatives there (M, 4)."""
+    directions = sights.directions(len(settling.places_mm))
+    away = sights.value - directions @ (settling.places_mm.ravel() + settling.targets[:, 0])
+    return away, directions @ settling.targets[:, 1:]
+
+
+def _move(settling: Settling, change: Array) -> Array:
+    move: Array = settling.unknowns[:, 0] + settling.unknowns[:, 1:] @ change
+    return move
+
+
+def _misfit(away: Array, by_values: Array, change: Array, weight: Array) -> float:
+    left = away - by_values @ change
+    return float(left @ weight @ left) / len(left)
+
+
+def _unsettled(where: str, longest_mm: float) -> AnalysisError:
+    return AnalysisError(
+        f"the empty liner has no equilibrium near what was seen at {where}: after {_STEPS} steps the wall "
+        f"still moves by {longest_mm:.2g} mm a step",
+        "check the material, the ends that hold the liner, and that nothing is in it",
+    )

@@ -1,0 +1,53 @@
+"""The states of a slow ramp with the empty liner, and which of them can be used for what."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.load_prior import Difference
+from grabberd.analysis.load.mounting import Mounting
+from grabberd.reconstruction import Points
+
+Array = NDArray[np.float64]
+
+_TERMS = 3
+"""Of a row's height round the wall: level, slope, bend."""
+
+
+class RampLevel(NamedTuple):
+    """One state of the ramp: the targets, and the pressure difference, whose σ is of this level alone."""
+
+    points: Points
+    difference: Difference
+
+
+def row_heights(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> Estimate:
+    """(L, R) heights of the inner face over the plane of symmetry, on the line that faces the cameras, mm.
+
+    A parabola through the targets of a row gives the height of its outer face in the middle; NaN where fewer
+    than three were seen. σ is that of the points.
+    """
+    rows = int(grid.row.max()) + 1
+    each = [_of_level(mounting, grid, level.points, rows) for level in levels]
+    value, sigma = (np.array(part).reshape(len(levels), rows) for part in zip(*each, strict=True))
+    return Estimate(value, sigma)
+
+
+def _of_level(mounting: Mounting, grid: Grid, points: Points, rows: int) -> tuple[Array, Array]:
+    value, sigma = np.full(rows, np.nan), np.full(rows, np.nan)
+    places = (points.xyz_mm - mounting.origin_mm) @ mounting.axes.T
+    variance = np.einsum("i,nij,j->n", mounting.axes[2], points.covariance_mm2, mounting.axes[2])
+    row = grid.row[grid.indices(points.target)]
+    for index in range(rows):
+        of_row = row == index
+        if of_row.sum() < _TERMS:
+            continue
+        design = np.vander(places[of_row, 1], _TERMS, increasing=True) / np.sqrt(variance[of_row, np.newaxis])
+        covariance = np.linalg.pinv(design.T @ design)
+        terms = covariance @ design.T @ (places[of_row, 2] / np.sqrt(variance[of_row]))
+        value[index], sigma[index] = terms[0] - mounting.face_mm, np.sqrt(covariance[0, 0])
+    return value, sigma

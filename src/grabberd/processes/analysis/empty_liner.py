@@ -1,0 +1,140 @@
+"""A ramp with the empty liner: its own values, its collapse, and the material for the other captures."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from grabberd.analysis import (
+    ChamberVacuum,
+    Collapse,
+    Difference,
+    Estimate,
+    Grid,
+    LinerValues,
+    Material,
+    RampLevel,
+    collapse,
+    liner_values,
+)
+from grabberd.errors import AnalysisError
+from grabberd.processes.analysis.inputs import AnalysisInputs, missing
+from grabberd.reconstruction import Points
+
+_MOST_LEVELS = 400
+"""Fields of a ramp that are looked at: every few, if it has more."""
+_DIGITS = 5
+_UNKNOWN = Estimate(np.asarray(np.nan), np.asarray(np.nan))
+
+Survived = Callable[[Callable[[], Any]], Any]
+
+
+class EmptyLiner(NamedTuple):
+    """Result of a ramp; None for what it does not determine.
+
+    Attributes:
+        values: the liner's own values, with `material`: the given one with these values.
+        collapse: pressure differences at which it buckles and at which its walls touch.
+    """
+
+    values: LinerValues | None
+    material: Material | None
+    collapse: Collapse | None
+
+
+def empty_liner(
+    grid: Grid,
+    inputs: AnalysisInputs,
+    reference: Points | None,
+    points: Sequence[Points],
+    vacuum: Sequence[ChamberVacuum],
+    survived: Survived,
+) -> EmptyLiner:
+    """Evaluates a ramp.
+
+    Args:
+        grid: targets of the object model.
+        inputs: of the analysis; with material and both vacuums.
+        reference: targets of the open liner; None for the object model's.
+        points: of the fields.
+        vacuum: at each of the fields.
+        survived: calls a function, and returns None, with a problem noted, if the data do not determine
+            its result.
+
+    Raises:
+        InputError: the σ of a logger's zero is missing.
+    """
+    material, common_kpa = _material(inputs), _common_sigma_kpa(inputs)
+    every = -(-len(points) // _MOST_LEVELS)
+    levels = [
+        RampLevel(one, _difference(at, common_kpa))
+        for one, at in zip(points[::every], vacuum[::every], strict=True)
+        if len(one)
+    ]
+    arguments = (grid, material, reference, levels, common_kpa)
+    values: LinerValues | None = survived(lambda: liner_values(*arguments))
+    found = values.material(material) if values else None
+    if found is not None:
+        arguments = (grid, found, reference, levels, common_kpa)
+    return EmptyLiner(values, found, survived(lambda: collapse(*arguments)))
+
+
+def ramp_values(empty: EmptyLiner | None) -> dict[str, Any]:
+    """Values of the table `ramp` by column name."""
+    values, found, ends = empty or EmptyLiner(None, None, None)
+    rows = 0 if empty is None else 1
+    sigma = values.sigma if values else np.full(3, np.nan)
+    parts = (values.E_mpa, values.wall_mm, values.F0_n) if values else (np.nan,) * 3
+    estimates = {
+        name: Estimate(np.asarray(value), np.asarray(value * relative))
+        for name, value, relative in zip(("E_mpa", "wall_mm", "F0_n"), parts, sigma, strict=True)
+    } | {
+        "stiffness_nmm": values.stiffness_nmm if values else _UNKNOWN,
+        "touch_kpa": ends.touch_kpa if ends else _UNKNOWN,
+        "buckling_kpa": ends.buckling_kpa if ends else _UNKNOWN,
+    }
+    return {
+        **{name: Estimate(*(np.full(rows, part) for part in one)) for name, one in estimates.items()},
+        "load_misfit": np.full(rows, values.misfit if values else np.nan),
+        "levels": np.full(rows, len(values.used) if values else 0),
+        "material": np.full(rows, json.dumps(material_document(found)) if found else "", object).astype(str),
+    }
+
+
+def material_document(material: Material) -> dict[str, object]:
+    """The material as it is given to an analysis."""
+    return {
+        name: float(f"{value:.{_DIGITS}g}") if isinstance(value, float) else value
+        for name, value in asdict(material).items()
+        if value is not None
+    }
+
+
+def _material(inputs: AnalysisInputs) -> Material:
+    if len(inputs.zones) != 1:
+        raise AnalysisError(
+            f"a ramp needs one material for the whole liner, not {len(inputs.zones)} zones",
+            "give one material",
+        )
+    return inputs.zones[0].material
+
+
+def _common_sigma_kpa(inputs: AnalysisInputs) -> float:
+    """σ that the pressure differences of all fields share: of constants, and of a logger's zero."""
+    given = [inputs.vacuum[name] for name in ("pulsation", "liner")]
+    constant = [one["sigma_kpa"] for one in given if one != "log"]
+    if len(constant) < len(given):
+        if "gauge_sigma_kpa" not in inputs.vacuum:
+            raise missing(
+                "vacuum.gauge_sigma_kpa", "the logger's zero sets the scale of the liner's stiffness"
+            )
+        constant.append(inputs.vacuum["gauge_sigma_kpa"])
+    return float(np.linalg.norm(constant))
+
+
+def _difference(vacuum: ChamberVacuum, common_kpa: float) -> Difference:
+    # The σ of constants is in that of every field as well, and is taken out of it.
+    own = max(vacuum.difference_sigma_kpa**2 - common_kpa**2, 0.0)
+    return Difference(vacuum.difference_kpa, float(np.sqrt(own)))

@@ -1,0 +1,67 @@
+"""Touch and buckling of the empty liner, against walls that were solved as solids, with σ and refusals."""
+
+import numpy as np
+import pytest
+
+from analysis.ramps import empty, guessed, open_liner, ramp
+from grabberd.analysis import collapse
+from grabberd.errors import AnalysisError
+from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
+
+DESIGNS = ("reference", "thin", "stiffening", "wide", "rubbing", "tapered")
+LEVELS = 120
+
+
+def found(design, last=1.02, seed=0, own_kpa=0.1, common_kpa=0.0, levels=LEVELS, thickness=1.0):
+    liner = empty(design)
+    kpa = np.linspace(0.0, last * touch_kpa(liner.states), levels)
+    levels = ramp(liner, kpa, seed, own_kpa, common_kpa)
+    return collapse(liner.grid, guessed(liner, thickness=thickness), open_liner(liner), levels, common_kpa)
+
+
+@pytest.fixture(scope="module")
+def all_designs():
+    return [(empty(design).states, found(design, own_kpa=0.05)) for design in DESIGNS]
+
+
+def test_the_walls_touch_where_those_of_the_solved_liner_do(all_designs):
+    for states, one in all_designs:
+        assert one.touch_kpa.value == pytest.approx(touch_kpa(states), abs=0.2)
+
+
+def test_the_liner_buckles_where_the_solved_one_does(all_designs):
+    for states, one in all_designs:
+        assert one.buckling_kpa.value == pytest.approx(buckling_kpa(states), abs=0.25)
+
+
+def test_sigma_says_how_far_they_are_off():
+    states = empty("thin").states
+    many = [found("thin", seed=seed) for seed in range(8)]
+    touch = [(one.touch_kpa.value - touch_kpa(states)) / one.touch_kpa.sigma for one in many]
+    buckling = [(one.buckling_kpa.value - buckling_kpa(states)) / one.buckling_kpa.sigma for one in many]
+    assert 0.2 < np.mean(np.square(touch)) < 2.0
+    assert 0.2 < np.mean(np.square(buckling)) < 2.0
+
+
+def test_the_gauge_s_own_error_is_not_averaged_out():
+    assert found("thin", common_kpa=0.5).touch_kpa.sigma > 0.5
+
+
+def test_a_thicker_wall_touches_earlier():
+    thin, thick = (float(found("thin", thickness=factor).touch_kpa.value) for factor in (1.0, 1.1))
+    assert thick < thin
+
+
+def test_a_ramp_that_ends_before_touch_is_refused():
+    with pytest.raises(AnalysisError, match=r"still \d+\.\d mm apart"):
+        found("thin", last=0.85)
+
+
+def test_a_ramp_that_does_not_come_near_touch_is_refused():
+    with pytest.raises(AnalysisError, match="the touch of opposite walls cannot be read: 0 levels"):
+        found("thin", last=0.6)
+
+
+def test_a_ramp_in_a_few_steps_is_refused():
+    with pytest.raises(AnalysisError, match="cannot be read"):
+        found("thin", levels=8)
