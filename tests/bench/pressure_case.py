@@ -1,5 +1,6 @@
 """One solved wall as an estimator is given it, and what came of it beside the truth."""
 
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -220,3 +221,8 @@ class Figures(NamedTuple):
 def refused_text(maps: Sequence[Judged]) -> str:
     """The share of maps that were refused, in %."""
     return f"{100 * np.mean([one.refused for one in maps]):.0f} %" if maps else "none"
+
+
+def paragraph(*parts: str) -> str:
+    """One paragraph of Markdown in lines of some length."""
+    return textwrap.fill(" ".join(parts), 100)
