@@ -21,7 +21,7 @@ DESIGNS = ("stiffening", "wide", "rubbing", "tapered")
 """Set aside: the prior was made with other liners."""
 EMPTY = "empty"
 TEATS = ("round", "blunt", "pointed", EMPTY)
-SIX_COLUMNS = ("stiffening", "tapered")
+SIX_COLUMNS = ("tapered",)
 """Liners that are judged with six columns as well, on all teats."""
 COLUMNS = (4, 6)
 NOISE_MM = {8: EIGHT_BITS_MM, 1: ONE_BIT_MM}
