@@ -104,7 +104,8 @@ def posterior(model: WallModel, linear: Linearised, sights: Sights, difference: 
     directions = sights.directions(len(linear.places_mm))
     by_parameters = directions @ linear.by_parameters
     spread = model.spread(by_parameters.T, difference)
-    factor = cho_factor(by_parameters @ spread + sights.covariance, lower=True)
+    seen = sights.covariance + np.diag(sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2)
+    factor = cho_factor(by_parameters @ spread + seen, lower=True)
     mean = model.mean(difference)
     away = sights.value - directions @ linear.places_mm.ravel()
     innovation = away + by_parameters @ (linear.state.parameters - mean)
