@@ -40,8 +40,8 @@ class LoadPrior:
         traction_kpa: standard deviation of friction, in either direction.
         shift_mm, turn_rad, force_n_per_mm: standard deviations of what the hidden half does to the cuts.
         cut_mm: length over which that is correlated.
-        model_mm_per_kpa: standard deviation, for each kPa of pressure difference, by which a target is elsewhere
-            than in the model's wall, in any direction: what its splines and its rubber do not follow.
+        model_mm_per_kpa2: standard deviation by which a target is elsewhere than in the model's wall, in any
+            direction, over the square of the pressure difference: what splines and rubber do not follow.
     """
 
     softness_kpa: float = 4.0
@@ -56,7 +56,7 @@ class LoadPrior:
     turn_rad: float = 0.06
     force_n_per_mm: float = 0.05
     cut_mm: float = 20.0
-    model_mm_per_kpa: float = 0.00035
+    model_mm_per_kpa2: float = 9e-6
 
     def contact_mpa(self, g_mpa: Array) -> tuple[Array, Array]:
         """Contact pressure, and its derivative by g."""
@@ -75,7 +75,7 @@ class LoadPrior:
 
     def model_mm(self, difference_kpa: float) -> float:
         """Standard deviation of the model's own error in a target's place."""
-        return self.model_mm_per_kpa * abs(difference_kpa)
+        return self.model_mm_per_kpa2 * difference_kpa**2
 
     def _scale_mpa(self, difference_kpa: float) -> float:
         return max(difference_kpa, self.least_kpa) * MPA_PER_KPA
