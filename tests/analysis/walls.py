@@ -20,11 +20,13 @@ class SolvedLiner:
 
     def __init__(self, name: str, columns: int = COLUMNS) -> None:
         """Reads its table."""
+        self.name = name
         self.states = wall_states(name)
         self.design = self.states.about["design"]
         face_mm = self.design["radius_mm"] + self.design["wall_mm"] / 2
         self.x_mm = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
         theta = (np.arange(columns) - (columns - 1) / 2) * PITCH_MM / face_mm
+        self._theta, self._face_mm = theta, face_mm
         self._patch = Patch(self.states, self.x_mm, theta)
         row, column = (part.ravel() for part in np.meshgrid(range(ROWS), range(columns), indexing="ij"))
         angle = theta[column]
@@ -33,9 +35,22 @@ class SolvedLiner:
         model = ObjectModel("liner", ids, nominal, row.astype(np.int32), column.astype(np.int32), 1.5, 0.3)
         self.grid = Grid.of(model)
 
+    @property
+    def inner(self) -> np.ndarray:
+        """(N,) True for targets that are not in the first or last column."""
+        return (self.grid.column > 0) & (self.grid.column < self.grid.column.max())
+
     def places_mm(self, outer_kpa: float) -> np.ndarray:
         """(N, 3) targets at a pressure difference."""
-        points, _ = self._patch.surface(self.states.outer_mm(outer_kpa))
+        return self._places_mm(self._patch, outer_kpa)
+
+    def moved_mm(self, outer_kpa: float, along_mm: float, round_mm: float) -> np.ndarray:
+        """(N, 3) targets, had they been glued farther along and round the liner."""
+        moved = Patch(self.states, self.x_mm + along_mm, self._theta + round_mm / self._face_mm)
+        return self._places_mm(moved, outer_kpa)
+
+    def _places_mm(self, patch: Patch, outer_kpa: float) -> np.ndarray:
+        points, _ = patch.surface(self.states.outer_mm(outer_kpa))
         return points.reshape(-1, 3)
 
     def contact_kpa(self, outer_kpa: float) -> np.ndarray:

@@ -19,6 +19,8 @@ from tests.bench import (
     location,
     location_bits,
     page,
+    pressure_accuracy,
+    pressure_robustness,
     reprocess,
     several,
     soak,
@@ -57,6 +59,10 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
         "Pointing at 1 bit: the missing lines, RMS in px": location_bits.table_of_lines,
     },
     "page": {"The page: what it weighs, how soon it is seen, what it costs": page.table},
+    "pressure": {
+        "Contact pressure on solved walls, kPa: RMS / σ (χ²)": pressure_accuracy.table,
+        "Contact pressure where something is off, kPa": pressure_robustness.table,
+    },
     "reprocess": {"An archive measured again": reprocess.table},
     "walls": {"The simulated walls: buckling, touch, and the load on the teat": walls.table},
 }

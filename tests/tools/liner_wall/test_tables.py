@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from tools.liner_wall.__main__ import FROM_MPA, STEP_MPA, TO_MPA
-from tools.liner_wall.designs import OFF_CENTRE, Case, Design, cases, mounting_stretch
+from tools.liner_wall.designs import Case, Design, cases, mounting_stretch
 from tools.liner_wall.path import _LARGEST_SHIFT_MM
 from tools.liner_wall.teat import Teat
 
 from grabberd_fake.wall_quantities import buckling_kpa, touch_kpa
 from grabberd_fake.wall_states import WallStates, wall_names, wall_states
 
-CASES = [case for case in cases() if case.teat not in OFF_CENTRE]
+CASES = [case for case in cases() if case.name != "reference-round-towards"]
 EMPTY = [case for case in CASES if case.teat is None]
 by_name = pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 by_empty = pytest.mark.parametrize("case", EMPTY, ids=lambda case: case.name)

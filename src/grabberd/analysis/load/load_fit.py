@@ -212,8 +212,9 @@ def posterior(response: Response, sights: Sights, difference: Difference) -> Pos
     """The load given the sights, by a model that was linearised before."""
     model, linear = response.model, response.linear
     directions = sights.directions(len(linear.places_mm))
-    covariance = directions @ (directions @ response.covariance_mm2(difference)).T
-    factor = cho_factor(covariance + sights.covariance, lower=True)
+    covariance = directions @ (directions @ response.covariance_mm2(difference)).T + sights.covariance
+    of_model = sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2
+    factor = cho_factor(covariance + np.diag(of_model), lower=True)
     mean = model.mean(difference)
     expected = linear.places_mm.ravel() - linear.by_parameters @ (linear.state.parameters - mean)
     innovation = sights.value - directions @ expected

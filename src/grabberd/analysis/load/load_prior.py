@@ -45,6 +45,8 @@ class LoadPrior:
         traction_kpa: standard deviation of friction, in either direction.
         shift_mm, turn_rad, force_n_per_mm: standard deviations of what the hidden half does to the cuts.
         cut_mm: length over which that is correlated.
+        model_mm_per_kpa2: standard deviation by which a target is elsewhere than in the model's wall, in any
+            direction, over the square of the pressure difference: what splines and rubber do not follow.
     """
 
     softness_kpa: float = 4.0
@@ -59,6 +61,7 @@ class LoadPrior:
     turn_rad: float = 0.06
     force_n_per_mm: float = 0.05
     cut_mm: float = 20.0
+    model_mm_per_kpa2: float = 9e-6
 
     def contact_mpa(self, g_mpa: Array) -> tuple[Array, Array]:
         """Contact pressure, and its derivative by g."""
@@ -74,6 +77,10 @@ class LoadPrior:
         mean = pressures @ weights
         spread: Array = np.sqrt(((pressures - mean[..., np.newaxis]) ** 2) @ weights)
         return spread
+
+    def model_mm(self, difference_kpa: float) -> float:
+        """Standard deviation of the model's own error in a target's place."""
+        return self.model_mm_per_kpa2 * difference_kpa**2
 
     def _scale_mpa(self, difference_kpa: float) -> float:
         return max(difference_kpa, self.least_kpa) * MPA_PER_KPA

@@ -50,6 +50,11 @@ class Sights:
     def __len__(self) -> int:
         return len(self.target)
 
+    def unit_variance(self) -> Array:
+        """(M,) variance of each component where every place has one of 1 mm² in all directions."""
+        variance: Array = np.einsum("mi,mi->m", self.direction, self.direction)
+        return variance
+
     def directions(self, targets: int) -> sparse.csr_matrix:
         """(M, 3 T) the sights as combinations of all T targets' places."""
         columns = 3 * self.target[:, np.newaxis] + np.arange(3)

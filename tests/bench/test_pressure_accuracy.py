@@ -1,0 +1,66 @@
+"""The tables of the pressure's accuracy, on a wall or two."""
+
+import numpy as np
+import pytest
+
+from grabberd.analysis import ChamberVacuum
+
+from .pressure_accuracy import CYCLE, FIELD, PHASE, case
+from .pressure_case import Figures, Given, Judged, refused_text
+from .pressure_robustness import JUDGED, REFERENCES, SEEN, Aside, SolvedLiner, asides, maps
+
+
+@pytest.fixture(scope="module")
+def found():
+    return case("wide-round", 4, {"closing": (12.0,)})
+
+
+def test_a_wall_is_judged_by_bits_and_by_the_fields_averaged(found):
+    assert {(one.bits, one.averaged) for one in found} == {
+        (b, a) for b in (8, 1) for a in (FIELD, PHASE, CYCLE)
+    }
+    assert {(one.design, one.teat, one.columns) for one in found} == {("wide", "round", 4)}
+    assert Figures.of_places(one.judged for one in found).rms < 5.0
+
+
+def test_half_of_four_columns_are_inner(found):
+    assert all(one.inner.sum() == len(one.inner) / 2 for one in found)
+
+
+def test_the_mean_of_one_state_s_cycle_is_that_state(found):
+    mean, cycle = (
+        [one.judged for one in found if (one.bits, one.averaged) == (8, way)] for way in (PHASE, CYCLE)
+    )
+    for one, other in zip(mean, cycle, strict=True):
+        assert np.array_equal(one.error_kpa, other.error_kpa)
+
+
+def test_refused_maps_are_counted_and_left_out():
+    good = Judged.of(np.array([3.0, 5.0]), np.eye(2), np.array([2.0, 6.0]), 1.0)
+    bad = Judged.of(np.array([90.0, 90.0]), np.eye(2), np.zeros(2), 2.5)
+    assert Figures.of_places([good, bad, Judged.refusal(2)]) == Figures(0.0, 1.0, 1.0, 1.0)
+    assert refused_text([good, bad, Judged.refusal(2), good]) == "50 %"
+    assert Figures.of_places([bad]).text() == "none"
+
+
+def test_the_estimator_is_told_values_that_err_with_their_sigma():
+    given = Given(E=0.1, kpa=2.0, kpa_sigma=0.7)
+    told = given.material(SolvedLiner("reference-round"))
+    assert told["E_mpa"] == pytest.approx(3.3)
+    assert told["E_sigma_mpa"] == pytest.approx(0.105)
+    vacuum: ChamberVacuum = given.vacuum(15.0)
+    assert vacuum.difference_kpa == pytest.approx(17.0)
+    assert vacuum.difference_sigma_kpa == pytest.approx(0.7)
+
+
+def test_every_row_names_points_that_can_be_made():
+    liner = SolvedLiner("reference-round")
+    for aside in asides():
+        assert REFERENCES[aside.reference](liner) is None or aside.reference != "none"
+        assert len(SEEN[aside.seen](liner, 16.0, np.random.default_rng(0)))
+        assert JUDGED[aside.judged](liner).any()
+
+
+def test_a_row_judges_its_places_in_every_state():
+    found = maps(Aside("off", ("reference-round",), judged="glued"), Given(kpa=1.0), (12.0,))
+    assert [len(one.error_kpa) for one in found] == [9, 9]
