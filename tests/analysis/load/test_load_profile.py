@@ -36,7 +36,7 @@ def over_elements(profile, states):
     borders = states.x_mm[::2]
     weights = []
     for start, end in pairwise(borders):
-        within = (profile.x_mm > start - 1e-6) & (profile.x_mm < end + 1e-6)
+        within = (profile.x_mm > start - 0.01) & (profile.x_mm < end + 0.01)
         if within.sum() == 3:
             simpson = np.zeros(len(profile.x_mm))
             simpson[within] = np.array([1.0, 4.0, 1.0]) * profile.length[within]

@@ -1,4 +1,4 @@
-"""What is known of the load and of the liner before a field is looked at.
+"""Prior knowledge of the load and of the liner, before any field is looked at.
 
 A teat cannot pull, so the contact pressure is a rising function of a Gaussian process g that is nowhere
 negative,

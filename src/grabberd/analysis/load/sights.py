@@ -1,4 +1,4 @@
-"""What was seen of the targets: places along given directions, with their covariance."""
+"""Sights of the targets: their places along given directions, with covariance."""
 
 from dataclasses import dataclass
 

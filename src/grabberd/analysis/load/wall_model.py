@@ -43,7 +43,7 @@ class State:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearised:
-    """How a wall settles and follows its parameters, about a state.
+    """Response of a wall about a state: how it settles and follows its parameters.
 
     Attributes:
         state: that state.

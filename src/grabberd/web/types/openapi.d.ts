@@ -457,7 +457,7 @@ export interface paths {
         /**
          * Get a table of an analysis
          * @description One table with all its rows, such as targets, triangles or edges; the reference of the analysis tables
-         *     describes every column.
+         *     describes every column. The file's name says so if the analysis has outdated pressures.
          */
         get: operations["get_analysis_table"];
         put?: never;
@@ -1163,6 +1163,11 @@ export interface components {
             created_utc: string;
             /** Version */
             version: string;
+            /**
+             * Pressure Method
+             * @description How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, whose pressures are wrong.
+             */
+            pressure_method?: string | null;
             /** @description What was analysed: capture, run, calibration, object, ledger, … */
             about: components["schemas"]["JsonObject"];
             /** @description Inputs as given, what they lack, and where they come from. */
@@ -1229,7 +1234,7 @@ export interface components {
          *     }
          */
         AnalysisRequest: {
-            /** @description What is known in addition to the points, as in `grabberd analyse --inputs`: reference, material, vacuum, plane, heights_mm, phases, sought_kpa, free_rows. */
+            /** @description What is known in addition to the points, as in `grabberd analyse --inputs`: reference, material, vacuum, plane, heights_mm, phases, sought_kpa. */
             inputs?: components["schemas"]["JsonObject"];
             /**
              * Bursts
@@ -1266,6 +1271,11 @@ export interface components {
              * @description Run whose points were analysed.
              */
             run?: number | null;
+            /**
+             * Pressure Method
+             * @description How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, whose pressures are wrong.
+             */
+            pressure_method?: string | null;
             /**
              * Bursts
              * @description Further captures that were merged with it by phase.
@@ -1326,6 +1336,11 @@ export interface components {
              */
             run?: number | null;
             /**
+             * Pressure Method
+             * @description How pressures were found: `equilibrium`, as the load of a wall in equilibrium; null in earlier ones, whose pressures are wrong.
+             */
+            pressure_method?: string | null;
+            /**
              * Bursts
              * @description Further captures that were merged with it by phase.
              */
@@ -1364,6 +1379,12 @@ export interface components {
              * @description Number of the analysis, from 1; no analysis is ever overwritten.
              */
             analysis: number;
+            /**
+             * Outdated Pressure
+             * @description True if its pressures were found in the earlier, wrong way: analyse the capture again.
+             * @default false
+             */
+            outdated_pressure?: boolean;
             /**
              * Problem
              * @description Why the analysis cannot be used.
