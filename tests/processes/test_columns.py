@@ -67,6 +67,7 @@ def test_units_end_the_names(name):
         "mm²": "mm2",
         "mm³": "mm3",
         "kPa": "kpa",
+        "MPa": "mpa",
     }
     for column in TABLES[name].columns:
         if column.unit not in {"", "1"}:
