@@ -68,6 +68,7 @@ def test_units_end_the_names(name):
         "mm³": "mm3",
         "kPa": "kpa",
         "MPa": "mpa",
+        "N": "n",
     }
     for column in TABLES[name].columns:
         if column.unit not in {"", "1"}:
