@@ -18,6 +18,10 @@ Document = Mapping[str, Any]
 Tables = Mapping[str, Columns]
 
 
+_CLOSED = ("liner compression, mean", "liner compression, greatest", "teat load")
+"""Titles of the quantities that the verdict is about."""
+
+
 class Peak(NamedTuple):
     """Row of a table in which the mean pressure is greatest; `phase` if it is a table over the mean cycle."""
 
@@ -67,6 +71,7 @@ def values(document: Document) -> dict[str, Any]:
     """Prepare the values of the template; its own comment describes them."""
     tables = {name: Columns(table) for name, table in document["tables"].items()}
     states = states_of(document)
+    quantities = _quantities(tables.get("quantities"))
     heights = np.unique(tables["phase_sections"].numbers("height_mm")).tolist()
     return {
         "tables": tables,
@@ -80,7 +85,8 @@ def values(document: Document) -> dict[str, Any]:
         "load_misfit": _median(tables["fields"], "load_misfit"),
         "heights": heights,
         "distances": [_distances(tables, height) for height in heights],
-        "quantities": _quantities(tables.get("quantities")),
+        "quantities": quantities,
+        "closed_liner": _closed_liner(quantities),
         "has_profile": "phase_profile" in tables and len(tables["phase_profile"]) > 0,
         "cycle_shares": _cycle_shares(tables["summary"]),
         "given": list(_given(document["inputs"]["given"])),
@@ -118,6 +124,13 @@ def _quantities(table: Columns | None) -> list[QuantityRow]:
     shown = [_shown(*one) for one in zip(value, sigma, table.words("unit"), strict=True)]
     texts = [table.words(name) for name in ("verdict", "reason", "definition", "source")]
     return [QuantityRow(*row) for row in zip(table.words("title"), shown, *texts, strict=True)]
+
+
+def _closed_liner(quantities: Sequence[QuantityRow]) -> list[str]:
+    """Compression, its maximum and the load of the closed liner; empty unless all are known."""
+    values = {one.title: one.value for one in quantities}
+    found = [values.get(title, "") for title in _CLOSED]
+    return found if all(found) else []
 
 
 def _shown(value: float | None, sigma: float | None, unit: str) -> str:

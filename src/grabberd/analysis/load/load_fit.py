@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_triangular
 
 from grabberd.analysis.estimate import Joint
 from grabberd.analysis.load.load_prior import MPA_PER_KPA, Difference
@@ -57,11 +57,11 @@ class Response:
         linear = model.linearised(state)
         by_parameters = linear.by_parameters
         spread = model.spread(by_parameters.T)
-        of_load, of_difference = (
-            by_parameters[:, part] @ spread[part] for part in (model.of_load, model.of_difference)
-        )
-        of_rest = by_parameters @ spread - of_load - of_difference
-        return cls(model, linear, spread, of_load, of_difference, of_rest)
+        load, difference = model.of_load, model.of_difference
+        # Each by itself: a small part would be lost in rounding as the rest of a large one.
+        parts = (load, difference, slice(load.stop, difference.start), slice(difference.stop, None))
+        of_load, of_difference, *rest = (by_parameters[:, part] @ spread[part] for part in parts)
+        return cls(model, linear, spread, of_load, of_difference, rest[0] + rest[1])
 
     def covariance_mm2(self, difference: Difference) -> Array:
         """(3 T, 3 T) prior covariance of the places."""
@@ -209,12 +209,22 @@ def _unit_covariance_of_load(model: WallModel) -> Array:
 
 
 def posterior(response: Response, sights: Sights, difference: Difference) -> Posterior:
-    """The load given the sights, by a model that was linearised before."""
+    """The load given the sights, by a model that was linearised before.
+
+    Raises:
+        AnalysisError: the wall is about to buckle.
+    """
     model, linear = response.model, response.linear
     directions = sights.directions(len(linear.places_mm))
     covariance = directions @ (directions @ response.covariance_mm2(difference)).T + sights.covariance
     of_model = sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2
-    factor = cho_factor(covariance + np.diag(of_model), lower=True)
+    try:
+        factor = cho_factor(covariance + np.diag(of_model), lower=True)
+    except LinAlgError as error:
+        raise AnalysisError(
+            f"at {difference.kpa:.3g} kPa the wall is about to buckle: the load cannot be told",
+            _HINT,
+        ) from error
     mean = model.mean(difference)
     expected = linear.places_mm.ravel() - linear.by_parameters @ (linear.state.parameters - mean)
     innovation = sights.value - directions @ expected
