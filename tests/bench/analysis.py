@@ -1,4 +1,4 @@
-"""From rendered captures of the simulated liner to strain, tension and pressure, against its truth."""
+"""From rendered captures of the flattening ellipse to strain and tension, against its truth."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -13,6 +13,7 @@ from grabberd.analysis import (
     Estimate,
     Surface,
     edge_strain,
+    fit_surface,
     middle_places,
     nominal_middle_places,
     nominal_places,
@@ -22,7 +23,9 @@ from grabberd.analysis import (
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.forms import middle_forms
 from grabberd.analysis.wall.strain import strain
+from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.wall_state import WallState
+from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
 
@@ -71,6 +74,25 @@ def states_of(made: Analysed, averaged: bool) -> Iterator[tuple[WallState, int]]
     return zip(states, made.moments_ns(averaged), strict=True)
 
 
+def _points(made: Analysed, averaged: bool) -> tuple[Points, ...]:
+    """Points of the same states."""
+    found = made.analysis
+    if not averaged:
+        return tuple(field.timed.points for field in found.fields)
+    assert found.cycle is not None
+    assert found.cycle.average is not None
+    average = found.cycle.average
+    return tuple(average.points[int(np.argmin(np.abs(average.phase - p)))] for p in found.phase)
+
+
+@cache
+def _surfaces(made: Analysed, averaged: bool) -> list[Surface]:
+    """Surfaces of the same states, fitted as the analysis fits them."""
+    smoothings = Smoothings.of(made.grid, [field.timed.points for field in made.fields])
+    points = _points(made, averaged)
+    return [fit_surface(made.grid, one, smoothings.for_points(one)) for one in points]
+
+
 @cache
 def edges(made: Analysed, averaged: bool) -> dict[str, Compared]:
     """Strain of the edges: outer face from the points, middle surface."""
@@ -78,18 +100,13 @@ def edges(made: Analysed, averaged: bool) -> dict[str, Compared]:
     depth = wall_at(found.inputs.zones, grid.u_mm).depth_mm
     nominal = NominalShape.of(grid).jets(grid.u_mm, grid.v_mm)
     outer, middle = nominal_places(grid), nominal_middle_places(grid, nominal, depth)
-    if averaged:
-        assert found.cycle is not None
-        assert found.cycle.average is not None
-        average = found.cycle.average
-        points = tuple(average.points[int(np.argmin(np.abs(average.phase - p)))] for p in found.phase)
-    else:
-        points = tuple(field.timed.points for field in found.fields)
+    points, surfaces = _points(made, averaged), _surfaces(made, averaged)
     both: dict[str, list[Compared]] = {"outer": [], "middle": []}
-    for (state, moment), one in zip(states_of(made, averaged), points, strict=True):
+    states = states_of(made, averaged)
+    for (_, moment), one, surface in zip(states, points, surfaces, strict=True):
         true = made.targets_mm(moment), made.wall(moment).xyz_mm
         open_mm = grid.nominal_mm, made.wall_open.xyz_mm
-        of_face = outer_places(grid, one), middle_places(grid, state.surface, depth)
+        of_face = outer_places(grid, one), middle_places(grid, surface, depth)
         for name, places, before, now, then in zip(
             both, of_face, (outer, middle), true, open_mm, strict=True
         ):
@@ -110,24 +127,24 @@ def _joined(parts: list[Compared]) -> Compared:
 
 @cache
 def places(made: Analysed, averaged: bool) -> dict[str, Compared]:
-    """(states, targets) of strain, curvature, tension and pressure."""
+    """(states, targets) of strain, curvature and tension."""
     parts: dict[str, list[Compared]] = {}
-    for state, moment in states_of(made, averaged):
+    each = zip(states_of(made, averaged), _surfaces(made, averaged), strict=True)
+    for (state, moment), surface in each:
         wall = made.wall(moment)
         assert state.tension_n_per_m is not None
         for name, estimate, true in (
-            ("ε", _strain(made, state), np.einsum("nii->ni", wall.strain)),
+            ("ε", _strain(made, state, surface), np.einsum("nii->ni", wall.strain)),
             ("κ", state.curvature_per_m, _principal(wall.curvature_per_m)),
             ("T", state.tension_n_per_m, _principal(wall.tension_n_per_m)),
         ):
             for k in (0, 1):
                 compared = Compared(estimate.value[:, k] - true[:, k], estimate.sigma[:, k])
                 parts.setdefault(f"{name}{k + 1}", []).append(compared)
-        parts.setdefault("p", []).append(_pressure(state, wall.pressure_kpa))
     return {name: Compared(*(np.array([p[k] for p in some]) for k in (0, 1))) for name, some in parts.items()}
 
 
-def _strain(made: Analysed, state: WallState) -> Estimate:
+def _strain(made: Analysed, state: WallState, surface: Surface) -> Estimate:
     """(N, 2) Green-Lagrange along and round: of principal ones no σ holds where the wall is not strained."""
     grid, reference = made.grid, made.analysis.reference
     depth = wall_at(made.analysis.inputs.zones, grid.u_mm).depth_mm
@@ -139,19 +156,10 @@ def _strain(made: Analysed, state: WallState) -> Estimate:
 
     at = grid.u_mm, grid.v_mm
     if isinstance(reference, Surface):
-        found = state.surface.propagate(values, *at, reference, highest=2)
+        found = surface.propagate(values, *at, reference, highest=2)
     else:
-        found = state.surface.propagate(lambda now: values(now, reference), *at, highest=2)
+        found = surface.propagate(lambda now: values(now, reference), *at, highest=2)
     return Estimate(*(np.where(state.within[:, None], part, np.nan) for part in found))
-
-
-def _pressure(state: WallState, true: Array) -> Compared:
-    """Of the places that the map shows."""
-    nothing = np.full_like(true, np.nan)
-    if state.pressure is None:
-        return Compared(nothing, nothing)
-    contact, shown = state.pressure.contact_kpa, state.pressure.usable
-    return Compared(np.where(shown, contact.value - true, np.nan), np.where(shown, contact.sigma, np.nan))
 
 
 def _principal(tensor: Array) -> Array:
@@ -185,18 +193,18 @@ from the nominal shape. RMS error / RMS σ given (χ² per degree). Single field
 *inner* are the middle two, *outermost* the other two, at the fold of the closed wall."""
 _REMARKS = """What misses its goal, and why:
 
-- The middle surface's strain in the mean cycle, and κ1, tension and pressure of the closed wall's
+- The middle surface's strain in the mean cycle, and κ1 and tension of the closed wall's
   outermost columns: the wall bends there within a pitch, beyond what is seen. It is so without
   any noise too (the mean cycle's points are good to .005 mm, χ² 1.0), so averaging does not help;
   more columns would. σ says it, but for κ2 there in the mean cycle, whose χ² is 3.
-- χ² of κ1, tension and pressure is .2 to .6 at the inner columns and up to 1.5 at the outermost:
+- χ² of κ1 and tension is .2 to .6 at the inner columns and up to 1.5 at the outermost:
   the prior is the same all round, and a closed wall is flat in its middle and folded at its
   sides. The map's σ of the middle is twice what it need be, that of the sides up to a fifth too
   small; over all targets, κ1 has about .8.
 - Widths of the mean cycle: the crown lies halfway between two columns, where a closed wall's bend
   is the prior's guess; without line jitter it is no better.
 - Uneven mirrors do the same to all fields. No σ from one field's points can contain that; σ of
-  what counts from a measured phase (strain along, tension, pressure) is honest again, that of
+  what counts from a measured phase (strain along, tension) is honest again, that of
   shapes (κ2, widths) is not."""
 
 Made = list[tuple[str, Analysed]]
@@ -215,17 +223,15 @@ def _strains(made: Made) -> str:
 
 
 def _fields(made: Made) -> str:
-    """Curvature, tension and pressure at the targets."""
-    head = ["capture", "columns", "κ1, 1/m", "κ2, 1/m", "T1, N/m", "T2, N/m", "p_contact, kPa"]
-    rows = [("to be", "", *["χ² .8 to 1.2"] * 5)]
+    """Curvature and tension at the targets."""
+    head = ["capture", "columns", "κ1, 1/m", "κ2, 1/m", "T1, N/m", "T2, N/m"]
+    rows = [("to be", "", *["χ² .8 to 1.2"] * 4)]
     for name, one in made:
         for averaged in (False, True):
             for columns, place in _split(one, averaged).items():
                 values = [place["κ1"].text(1), place["κ2"].text(2), place["T1"].text(0), place["T2"].text(0)]
-                rows.append((f"{name}{_of(averaged)}", columns, *values, place["p"].text(1)))
-    return _markdown(
-        "Curvature and tension of the middle surface, pressure where the map shows it.", head, rows
-    )
+                rows.append((f"{name}{_of(averaged)}", columns, *values))
+    return _markdown("Curvature and tension of the middle surface.", head, rows)
 
 
 def _shapes(made: Made) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tests.analysis.walls import SolvedLiner, as_points
 
-from grabberd.analysis import ChamberVacuum, PressureModel
+from grabberd.analysis import ChamberVacuum, PressureMap, PressureModel
 from grabberd.analysis.load.pressure_model import MISFIT_ALARM
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
@@ -90,16 +90,12 @@ class Judged(NamedTuple):
     refused: bool
 
     @classmethod
-    def of(cls, value_kpa: Array, covariance_kpa2: Array, true_kpa: Array, misfit: float) -> "Judged":
-        """An estimate with its covariance (N, N)."""
-        error = value_kpa - true_kpa
-        return cls(
-            error,
-            np.sqrt(np.diagonal(covariance_kpa2)),
-            float(error.mean()),
-            float(np.sqrt(covariance_kpa2.mean())),
-            misfit > MISFIT_ALARM,
-        )
+    def of(cls, one: PressureMap, true_kpa: Array) -> "Judged":
+        """A map of all targets beside the truth."""
+        error = one.contact_kpa.value - true_kpa
+        mean_sigma_kpa = float(one.mean_kpa.sigma)
+        refused = one.misfit > MISFIT_ALARM
+        return cls(error, one.contact_kpa.sigma, float(error.mean()), mean_sigma_kpa, refused)
 
     @classmethod
     def refusal(cls, count: int) -> "Judged":
@@ -138,7 +134,7 @@ class Estimator:
             one = self._model.map(points, everywhere, vacuum)
         except AnalysisError:
             return Judged.refusal(len(true_kpa))
-        return Judged.of(one.contact_kpa.value, one.covariance_kpa2, true_kpa, one.misfit)
+        return Judged.of(one, true_kpa)
 
 
 def reference_points(liner: SolvedLiner, random: np.random.Generator) -> Points:

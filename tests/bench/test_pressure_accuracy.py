@@ -36,8 +36,8 @@ def test_the_mean_of_one_state_s_cycle_is_that_state(found):
 
 
 def test_refused_maps_are_counted_and_left_out():
-    good = Judged.of(np.array([3.0, 5.0]), np.eye(2), np.array([2.0, 6.0]), 1.0)
-    bad = Judged.of(np.array([90.0, 90.0]), np.eye(2), np.zeros(2), 2.5)
+    good = Judged(np.array([1.0, -1.0]), np.ones(2), 0.0, 0.7, False)
+    bad = Judged(np.array([90.0, 90.0]), np.ones(2), 90.0, 0.7, True)
     assert Figures.of_places([good, bad, Judged.refusal(2)]) == Figures(0.0, 1.0, 1.0, 1.0)
     assert refused_text([good, bad, Judged.refusal(2), good]) == "50 %"
     assert Figures.of_places([bad]).text() == "none"

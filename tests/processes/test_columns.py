@@ -69,6 +69,7 @@ def test_units_end_the_names(name):
         "kPa": "kpa",
         "MPa": "mpa",
         "N": "n",
+        "N mm": "n_mm",
     }
     for column in TABLES[name].columns:
         if column.unit not in {"", "1"}:

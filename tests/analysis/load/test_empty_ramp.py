@@ -48,8 +48,8 @@ def test_sigma_says_how_far_the_values_are_off(thin):
 
 def test_the_stiffness_is_better_known_than_its_parts(thin):
     _, _, found = thin
-    assert found.stiffness_nmm.sigma / found.stiffness_nmm.value < found.sigma[0]
-    assert found.stiffness_nmm.value == pytest.approx(found.E_mpa * found.wall_mm**3 / 9)
+    assert found.stiffness_n_mm.sigma / found.stiffness_n_mm.value < found.sigma[0]
+    assert found.stiffness_n_mm.value == pytest.approx(found.E_mpa * found.wall_mm**3 / 9)
 
 
 def test_each_level_that_is_not_fitted_says_why(thin):

@@ -11,8 +11,8 @@ def pressure(value, sigma=0.5, reason=None):
     value = np.array(value, float)
     contact = Estimate(value, np.full(len(value), sigma))
     count, all_of_them = len(value), np.ones(len(value), bool)
-    covariance = sigma**2 * np.eye(count)
-    return PressureMap(contact, covariance, contact, 0.7, None, all_of_them, reason or ("",) * count)
+    mean = Estimate(value.mean(), np.asarray(sigma))
+    return PressureMap(contact, mean, contact, 0.7, None, all_of_them, reason or ("",) * count)
 
 
 def test_the_first_touch_is_the_first_pressure_that_lasts():

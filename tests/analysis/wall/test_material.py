@@ -79,7 +79,7 @@ def test_each_place_has_the_material_of_its_zone():
     wall = wall_at(zones, np.array([0.0, 52.0, 58.5, 110.5]))
     assert wall.E_mpa == pytest.approx([3.0, 3.0, 2.0, 2.0])
     assert wall.depth_mm == pytest.approx([1.35, 1.35, 1.6, 1.6])
-    assert wall.stiffness_nmm[0] == pytest.approx(3.0 * 2.5**3 / 12 / 0.75)
+    assert wall.stiffness_n_mm[0] == pytest.approx(3.0 * 2.5**3 / 12 / 0.75)
 
 
 def test_a_place_in_no_zone_or_in_two_is_refused():

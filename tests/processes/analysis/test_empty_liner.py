@@ -73,8 +73,8 @@ def row(analysed):
 def test_a_ramp_gives_the_liner_s_stiffness_with_its_sigma(row):
     design = empty("thin").design
     true = design["young_mpa"] * design["wall_mm"] ** 3 / 9
-    assert row["stiffness_nmm"] == pytest.approx(true, rel=0.05)
-    assert 0 < row["sigma_stiffness_nmm"] < 0.05 * true
+    assert row["stiffness_n_mm"] == pytest.approx(true, rel=0.05)
+    assert 0 < row["sigma_stiffness_n_mm"] < 0.05 * true
 
 
 def test_a_ramp_gives_touch_and_buckling(row):

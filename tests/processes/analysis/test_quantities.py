@@ -33,7 +33,8 @@ def plain():
 def loaded(plain):
     """The same with a load that is as if there were a teat."""
     none = Estimate(np.zeros(35), np.ones(35))
-    pressure = PressureMap(none, np.eye(35), none, 0.7, None, np.ones(35, bool), ("",) * 35, closed())
+    mean, seen = Estimate(np.zeros(()), np.ones(())), np.ones(35, bool)
+    pressure = PressureMap(none, mean, none, 0.7, None, seen, ("",) * 35, closed())
     phases = tuple(state._replace(pressure=pressure) for state in plain.phases)
     given = replace(plain.inputs, flow_stop_kpa=Estimate(np.asarray(9.0), np.asarray(1.0)))
     return replace(plain, phases=phases, inputs=given)

@@ -4,8 +4,9 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from grabberd.analysis import fit_surface, symmetry_plane
+from grabberd.processes.analysis.question import Question
 from grabberd.processes.analysis.smoothings import Smoothings
-from grabberd.processes.analysis.wall_state import Question, wall_state, wall_states
+from grabberd.processes.analysis.wall_state import wall_state, wall_states
 from processes.milking import CLOSED_S, FAKE, MATERIAL, changed, field, grid, inputs, still, truth
 
 
@@ -55,8 +56,8 @@ def test_distances_count_from_the_plane() -> None:
 def test_strain_of_the_reference_itself_is_nothing_and_its_sigma_counts() -> None:
     points = field(0, CLOSED_S).timed.points
     smoothing = Smoothings.of(grid(), [points]).for_points(points)
-    first = wall_state(points, Question(grid()), smoothing)
-    again = wall_state(points, Question(grid(), reference=first.surface), smoothing)
+    first = fit_surface(grid(), points, smoothing)
+    again = wall_state(points, Question(grid(), reference=first), smoothing)
     assert again.strain is not None
     assert_allclose(again.strain.value, 0, atol=1e-9)
     assert (again.strain.sigma > 0).all()
@@ -68,7 +69,7 @@ def test_tension_at_rest_is_the_mounting() -> None:
     assert reference is not None
     points = still(1)[0].timed.points
     smoothing = Smoothings.of(grid(), [points]).for_points(points)
-    nominal = wall_state(points, Question(grid(), zones=zones), smoothing).surface
+    nominal = fit_surface(grid(), points, smoothing)
     found = wall_state(points, Question(grid(), zones=zones, reference=nominal), smoothing)
     assert found.tension_n_per_m is not None
     mounted = truth(0.2).tension_n_per_m[:, 0, 0]

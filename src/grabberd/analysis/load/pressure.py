@@ -54,7 +54,9 @@ class PressureMap(NamedTuple):
 
     Attributes:
         contact_kpa: (N,) p_contact on the inner face, above the pressure in the liner.
-        covariance_kpa2: (N, N) of `contact_kpa`.
+        mean_kpa: mean of `contact_kpa` over the supported targets, its σ from their full covariance. Targets
+            whose own pressure is too uncertain count as well: without them, it would be that of the pressed
+            ones. NaN if no target has a pressure.
         above_atmosphere_kpa: (N,) the same above atmosphere, that is less the vacuum in the liner.
         misfit: of points and prior by the wall in equilibrium, per measured coordinate; .3 to 1.2 is usual.
         unseen_kpa: (N,) `contact_kpa` less what it would be if the unseen half were free; None where it is.
@@ -64,7 +66,7 @@ class PressureMap(NamedTuple):
     """
 
     contact_kpa: Estimate
-    covariance_kpa2: Array
+    mean_kpa: Estimate
     above_atmosphere_kpa: Estimate
     misfit: float
     unseen_kpa: Array | None
@@ -76,19 +78,6 @@ class PressureMap(NamedTuple):
     def usable(self) -> NDArray[np.bool_]:
         """(N,) True for targets with a pressure."""
         return np.array([not reason for reason in self.reason], np.bool_)
-
-    @property
-    def mean_kpa(self) -> Estimate:
-        """Mean over the supported targets; its σ from their full covariance.
-
-        Targets whose own pressure is too uncertain count as well: without them, the mean would be that of the
-        pressed ones. NaN if no target has a pressure.
-        """
-        use = self.supported
-        if not self.usable.any():
-            return Estimate(np.asarray(np.nan), np.asarray(np.nan))
-        variance = self.covariance_kpa2[np.ix_(use, use)].mean()
-        return Estimate(self.contact_kpa.value[use].mean(), np.sqrt(variance))
 
     def determined(self) -> "PressureMap":
         """The map itself.

@@ -32,6 +32,8 @@ _EXACT = 1e-4
 _ARC_MM = 10.0
 """How far round the wall from its middle a compression is averaged, if targets reach as far: on its teat, a
 wall is hardly flat for longer."""
+_MEAN_SHARE = 0.06
+"""Share by which a mean errs beyond its covariance: what a prior that is one for all teats makes of each."""
 _FAR = "no targets near enough"
 
 
@@ -106,9 +108,8 @@ class PressureModel:
             free = self._compared.load(sights, difference)
             unseen_kpa = value - free.contact_kpa(free.model.targets)[0]
         reasons = self._reasons(contact, within, found)
-        return PressureMap(
-            contact, covariance, above, found.j, unseen_kpa, within, reasons, self._profile(found)
-        )
+        mean, profile = _mean(value, covariance, within, reasons), self._profile(found)
+        return PressureMap(contact, mean, above, found.j, unseen_kpa, within, reasons, profile)
 
     def _profile(self, found: Posterior) -> LoadProfile | None:
         if found.j > MISFIT_ALARM:
@@ -133,6 +134,13 @@ class PressureModel:
         ]
         reasons = np.select([~within, contact.sigma > least], [_FAR, np.array(vague)], "")
         return tuple(map(str, reasons))
+
+
+def _mean(value: Array, covariance: Array, use: NDArray[np.bool_], reasons: Sequence[str]) -> Estimate:
+    if all(reasons):
+        return Estimate(np.asarray(np.nan), np.asarray(np.nan))
+    mean = value[use].mean()
+    return Estimate(mean, np.hypot(np.sqrt(covariance[np.ix_(use, use)].mean()), _MEAN_SHARE * mean))
 
 
 def _material(zones: Sequence[Zone]) -> Material:

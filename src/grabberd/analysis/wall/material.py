@@ -169,7 +169,7 @@ class Wall(NamedTuple):
     neo_hookean: NDArray[np.bool_]
 
     @property
-    def stiffness_nmm(self) -> Array:
+    def stiffness_n_mm(self) -> Array:
         """D = E t³ / 12 (1 − ν²) in N mm."""
         return self.E_mpa * self.wall_mm**3 / (12 * (1 - self.poisson**2))
 

@@ -34,10 +34,11 @@ from grabberd.errors import AnalysisError, InputError
 from grabberd.processes.analysis.empty_liner import EmptyLiner, empty_liner
 from grabberd.processes.analysis.inputs import AnalysisInputs, Reference
 from grabberd.processes.analysis.problems import Problems
+from grabberd.processes.analysis.question import Question
 from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.vacuum_inputs import Vacuum, read_vacuum
 from grabberd.processes.analysis.wall_series import WallSeries
-from grabberd.processes.analysis.wall_state import Question, WallState
+from grabberd.processes.analysis.wall_state import WallState
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]

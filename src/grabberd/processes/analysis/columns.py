@@ -127,7 +127,7 @@ TABLES: Mapping[str, TableSpec] = {
             _measured("wall_mm", "mm", "thickness of its wall"),
             _measured("F0_n", "N", "its pretension"),
             _measured(
-                "stiffness_nmm", "N mm", "bending stiffness E t³ / 12 (1 − ν²): better known than its parts"
+                "stiffness_n_mm", "N mm", "bending stiffness E t³ / 12 (1 − ν²): better known than its parts"
             ),
             _number(
                 "load_misfit",

@@ -91,7 +91,7 @@ def ramp_values(empty: EmptyLiner | None) -> dict[str, Any]:
         name: Estimate(np.asarray(value), np.asarray(value * relative))
         for name, value, relative in zip(("E_mpa", "wall_mm", "F0_n"), parts, sigma, strict=True)
     } | {
-        "stiffness_nmm": values.stiffness_nmm if values else _UNKNOWN,
+        "stiffness_n_mm": values.stiffness_n_mm if values else _UNKNOWN,
         "touch_kpa": ends.touch_kpa if ends else _UNKNOWN,
         "buckling_kpa": ends.buckling_kpa if ends else _UNKNOWN,
     }

@@ -36,7 +36,7 @@ class Smoothings:
         Raises:
             AnalysisError: no field has enough points for a surface.
         """
-        departures = np.array([_departure_mm(grid, points) for points in fields])
+        departures = np.array([departure_mm(grid, points) for points in fields])
         known = departures[np.isfinite(departures)]
         if not len(known):
             raise AnalysisError(f"there are no points in {len(fields)} fields", "measure the capture first")
@@ -48,7 +48,7 @@ class Smoothings:
 
     def for_points(self, points: Points) -> Smoothing:
         """Smoothing of one field."""
-        return self.choices[int(np.searchsorted(self.limits_mm, _departure_mm(self.grid, points)))]
+        return self.choices[int(np.searchsorted(self.limits_mm, departure_mm(self.grid, points)))]
 
 
 def _choices(
@@ -67,7 +67,7 @@ def _choices(
     return tuple(reversed(chosen))
 
 
-def _departure_mm(grid: Grid, points: Points) -> float:
+def departure_mm(grid: Grid, points: Points) -> float:
     """Root mean square departure of the points from the nominal shape."""
     if not len(points):
         return float("nan")

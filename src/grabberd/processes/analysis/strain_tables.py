@@ -7,19 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis import (
-    EdgeStrain,
     Estimate,
-    Grid,
-    Places,
-    Surface,
-    TriangleStrain,
-    edge_strain,
-    middle_places,
-    nominal_middle_places,
-    triangle_strain,
-    wall_at,
 )
-from grabberd.errors import AnalysisError
 from grabberd.processes.analysis.analyse import Analysis
 
 Keys = Mapping[str, NDArray[Any]]
@@ -35,7 +24,9 @@ def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
         analysis: Analysis of the capture.
         keys: (F,) key columns of the fields.
     """
-    triangles, edges = _strains(analysis)
+    strains = {at: state.strains for at, state in enumerate(analysis.states) if state.strains}
+    triangles = {at: one.triangles for at, one in strains.items()}
+    edges = {at: one.edges for at, one in strains.items()}
     grid = analysis.grid
     corners = grid.target[_joined([grid.triangles[one.triangle] for one in triangles.values()], (0, 3))]
     ends = grid.target[_joined([one.edge for one in edges.values()], (0, 2))]
@@ -58,38 +49,8 @@ def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
     }
 
 
-def _strains(analysis: Analysis) -> tuple[dict[int, TriangleStrain], dict[int, EdgeStrain]]:
-    """Strains of triangles and edges, by the index of the field among those analysed."""
-    triangles: dict[int, TriangleStrain] = {}
-    edges: dict[int, EdgeStrain] = {}
-    if analysis.reference is None:
-        return triangles, edges
-    depth_mm, grid = _depth_mm(analysis), analysis.grid
-    reference = _reference(grid, analysis.reference, depth_mm)
-    for at, state in enumerate(analysis.states):
-        places = middle_places(grid, state.surface, depth_mm)
-        try:
-            triangles[at] = triangle_strain(grid, places, reference)
-            edges[at] = edge_strain(grid, places, reference)
-        except AnalysisError:  # this field shares no targets with the reference state
-            continue
-    return triangles, edges
-
-
-def _depth_mm(analysis: Analysis) -> Array:
-    """(N,) depth below the targets' face at which strain is evaluated: half the wall if it is known."""
-    grid, zones = analysis.grid, analysis.inputs.zones
-    return wall_at(zones, grid.u_mm).depth_mm if zones else np.zeros(len(grid))
-
-
 def _face(analysis: Analysis) -> str:
     return "middle" if analysis.inputs.zones else "outer"
-
-
-def _reference(grid: Grid, reference: Surface | Array, depth_mm: Array) -> Places:
-    if isinstance(reference, Surface):
-        return middle_places(grid, reference, depth_mm)
-    return nominal_middle_places(grid, reference, depth_mm)
 
 
 def _keys(keys: Keys, counts: Mapping[int, int]) -> dict[str, NDArray[Any]]:

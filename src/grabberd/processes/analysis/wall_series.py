@@ -15,8 +15,9 @@ from grabberd.analysis import (
     fit_surface,
 )
 from grabberd.errors import AnalysisError
-from grabberd.processes.analysis.smoothings import Smoothings
-from grabberd.processes.analysis.wall_state import Question, WallState, wall_states
+from grabberd.processes.analysis.question import Question
+from grabberd.processes.analysis.smoothings import Smoothings, departure_mm
+from grabberd.processes.analysis.wall_state import WallState, wall_states
 from grabberd.reconstruction import Points
 
 _BATCH = 8
@@ -35,7 +36,7 @@ class WallSeries:
         smoothings: Smoothings by the wall's departure; None if the targets differ from field to field, in
             which case each field chooses its own.
         pressure: Model of the pressure maps; None if one of its inputs is missing.
-        note: Called with the name of a state and its problems.
+        note: Called with the name of every state and its problems, in order, after the last one.
         done: Called after each state.
     """
 
@@ -60,38 +61,57 @@ class WallSeries:
             vacuum: at each of them; empty if unknown.
             speed_mm_per_s: (F,) of the target that moves fastest.
         """
-        found: list[tuple[int, WallState]] = []
+        found: dict[int, WallState] = {}
+        problems: list[list[str]] = [[] for _ in points]
+        order = self._order(points)
         for start in range(0, len(points), _BATCH):
-            some = range(start, min(start + _BATCH, len(points)))
-            fitted = [(k, self._surface(points[k], names[k])) for k in some]
+            some = order[start : start + _BATCH]
+            fitted = [(k, self._surface(points[k], problems[k])) for k in some]
             made = {k: surface for k, surface in fitted if surface}
             maps = [
-                self._map(points[k], surface, vacuum[k], speed_mm_per_s[k], names[k]) if vacuum else None
+                self._map(points[k], surface, vacuum[k], speed_mm_per_s[k], problems[k]) if vacuum else None
                 for k, surface in made.items()
             ]
             states = wall_states(list(made.values()), self.question, maps)
-            found += zip(made, states, strict=True)
+            found |= dict(zip(made, states, strict=True))
             for k, state in zip(made, states, strict=True):
-                self.note(names[k], state.problems)
+                problems[k] += state.problems
             for _ in some:
                 self.done()
-        return found
+        for name, of_state in zip(names, problems, strict=True):
+            self.note(name, of_state)
+        return sorted(found.items())
+
+    def _order(self, points: Sequence[Points]) -> list[int]:
+        """Indices of the points, with a pressure from the open wall to the closed one.
+
+        Every load is then sought from a known one near it, which takes a third of the time.
+        """
+        if self.pressure is None:
+            return list(range(len(points)))
+        departures = [departure_mm(self.question.grid, one) for one in points]
+        return [int(k) for k in np.argsort(departures, kind="stable")]
 
     def _map(
-        self, points: Points, surface: Surface, vacuum: ChamberVacuum, speed_mm_per_s: float, name: str
+        self,
+        points: Points,
+        surface: Surface,
+        vacuum: ChamberVacuum,
+        speed_mm_per_s: float,
+        problems: list[str],
     ) -> PressureMap | None:
-        """Pressure of one field or phase; None, with a note, if its wall has no equilibrium."""
+        """Pressure of one field or phase; None, with a problem, if its wall has no equilibrium."""
         if self.pressure is None:
             return None
         try:
             within = surface.within(*self.question.places)
             return self.pressure.map(points, within, vacuum, speed_mm_per_s)
         except AnalysisError as error:
-            self.note(name, [error.message])
+            problems.append(error.message)
             return None
 
-    def _surface(self, points: Points, name: str) -> Surface | None:
-        """Surface of one field or phase; None, with a note, if its points determine none."""
+    def _surface(self, points: Points, problems: list[str]) -> Surface | None:
+        """Surface of one field or phase; None, with a problem, if its points determine none."""
         question = self.question
         try:
             if question.over is not None:
@@ -99,5 +119,5 @@ class WallSeries:
             smoothing = self.smoothings.for_points(points) if self.smoothings else None
             return fit_surface(question.grid, points, smoothing)
         except AnalysisError as error:
-            self.note(name, [error.message])
+            problems.append(error.message)
             return None

@@ -1,7 +1,6 @@
 """State of the wall at one field or phase, computed from its points (paper 3.8)."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -12,16 +11,11 @@ from grabberd.analysis import (
     Area,
     Estimate,
     Forms,
-    Grid,
-    Height,
     Jets,
-    Plane,
     PressureMap,
     Section,
     Smoothing,
     Surface,
-    Tube,
-    Zone,
     fit_surface,
     middle_forms,
     outer_forms,
@@ -35,6 +29,8 @@ from grabberd.analysis.wall.forms import mixed, principal_values
 from grabberd.analysis.wall.material import VARIED, Wall, varied
 from grabberd.analysis.wall.tension import mixed_tension
 from grabberd.errors import AnalysisError
+from grabberd.processes.analysis.question import Question
+from grabberd.processes.analysis.target_strains import TargetStrains, target_strains
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
@@ -44,43 +40,12 @@ _BENT = 2
 """Highest derivative that curvature, strain of the middle surface and tension depend on."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Question:
-    """Quantities to compute for every field of a capture.
-
-    Attributes:
-        grid: target grid of the object model; results are evaluated at its targets.
-        heights_mm: heights of the sections, x in the object's frame.
-        plane: origin of widths if the targets do not go all the way round.
-        reference: reference state of the strain: measured, or jets (N, 15, 3) taken as exact.
-        zones: the wall's material; empty if unknown.
-        over: base shape of surfaces whose targets differ from field to field; results are then evaluated at
-            positions fixed in space, the nominal ones, without reference and zones.
-    """
-
-    grid: Grid
-    heights_mm: tuple[float, ...] = ()
-    plane: Plane | None = None
-    reference: Surface | Jets | None = None
-    zones: tuple[Zone, ...] = ()
-    over: Tube | Height | None = None
-
-    @property
-    def places(self) -> tuple[Array, Array]:
-        """u_mm and v_mm of the targets, (N,) each."""
-        return self.over.material(self.grid.nominal_mm) if self.over else (self.grid.u_mm, self.grid.v_mm)
-
-    @property
-    def outward(self) -> float:
-        """1 if X_u × X_v points outward, −1 if inward; outward over a tube or a plane."""
-        return 1.0 if self.over else self.grid.outward
-
-
 class WallState(NamedTuple):
     """The wall at the N targets of the grid; NaN at targets without supporting data.
 
+    It holds no surface: with its covariance, that of a capture's every field would fill the memory.
+
     Attributes:
-        surface: surface of the outer (target) face.
         within: (N,) True for targets that are supported by data.
         xyz_mm: (N, 3) points of the smooth face at the targets, object's frame.
         curvature_per_m: (N, 2) κ1 ≥ κ2 of the middle surface if the wall's material is known, else of the
@@ -91,10 +56,12 @@ class WallState(NamedTuple):
         area: area of the outer face.
         sections: sections at those requested heights that the wall reaches.
         volume_mm3: volume between the first and last section and the plane; None without a plane.
+        strains: strains of triangles and edges between targets; None without reference, or if no target is
+            seen in both states.
+        misfit: of the points by the surface, as in `Surface`.
         problems: problems that did not prevent a result, as sentences.
     """
 
-    surface: Surface
     within: NDArray[np.bool_]
     xyz_mm: Estimate
     curvature_per_m: Estimate
@@ -104,6 +71,8 @@ class WallState(NamedTuple):
     area: Area
     sections: tuple[Section, ...]
     volume_mm3: Estimate | None
+    strains: TargetStrains | None
+    misfit: float
     problems: tuple[str, ...]
 
 
@@ -146,7 +115,6 @@ def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: Pre
     within = surface.within(*question.places)
     found, missed = sections(surface, question.heights_mm, question.plane)
     return WallState(
-        surface=surface,
         within=within,
         xyz_mm=_masked(_xyz(surface, question), within),
         curvature_per_m=_masked(wall.curvature_per_m, within),
@@ -156,6 +124,8 @@ def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: Pre
         area=surface_area(surface),
         sections=found,
         volume_mm3=_volume(surface, question, found),
+        strains=target_strains(surface, question),
+        misfit=surface.misfit,
         problems=(*surface.problems, *_vague(pressure), *missed),
     )
 
