@@ -12,7 +12,7 @@ from grabberd.documents.problems import JobProblem
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import Conflict, InputError, NotFound
 from grabberd.service.jobs.progress import REPORTS, Progress, counted, portion
-from grabberd.service.jobs.runner import NICENESS, JobRunner, JobSpec, JobState
+from grabberd.service.jobs.runner import KILLED_FIRST, NICENESS, OOM_SCORE, JobRunner, JobSpec, JobState
 
 PATIENCE_S = 30.0
 
@@ -47,6 +47,11 @@ class Add(TestJob):
 class Niceness(TestJob):
     def run(self, progress: Progress) -> MeasurementResult:
         return counted_to(os.nice(0))
+
+
+class OomScore(TestJob):
+    def run(self, progress: Progress) -> MeasurementResult:
+        return counted_to(int(OOM_SCORE.read_text()))
 
 
 class Refuse(TestJob):
@@ -89,6 +94,12 @@ def test_a_job_gives_its_result(jobs: JobRunner) -> None:
 def test_jobs_run_niced_so_that_they_never_disturb_a_capture(jobs: JobRunner) -> None:
     done = jobs.wait(jobs.submit(Niceness()).id, PATIENCE_S)
     assert done.result == counted_to(min(19, os.nice(0) + NICENESS))
+
+
+@pytest.mark.skipif(not OOM_SCORE.exists(), reason="the kernel has no such file")
+def test_where_memory_is_used_up_the_job_is_killed_before_the_daemon(jobs: JobRunner) -> None:
+    done = jobs.wait(jobs.submit(OomScore()).id, PATIENCE_S)
+    assert done.result == counted_to(KILLED_FIRST)
 
 
 def test_what_a_job_refuses_it_says_with_its_hint(jobs: JobRunner) -> None:

@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
+from pathlib import Path
 from typing import Any, ClassVar
 
 from grabberd.acquisition.clock import UtcClock, iso_utc
@@ -20,6 +21,8 @@ from grabberd.service.jobs.progress import Progress
 
 NICENESS = 10
 """Linux weighs it 110 against the daemon's 1024: a capture keeps nine tenths of a processor they share."""
+OOM_SCORE, KILLED_FIRST = Path("/proc/self/oom_score_adj"), 500
+"""Half of all memory is added to what the job uses, when the kernel looks for the process to kill."""
 KILLED_S = 10.0
 """A killed process that waits for a slow disk ends only when the disk has answered."""
 
@@ -236,12 +239,21 @@ class _JobProcess:
 def _serve(connection: Connection) -> None:
     """Runs one job after the other in the job process; ends with its parent."""
     os.nice(NICENESS)
+    _be_killed_first()
     while True:
         try:
             spec: JobSpec = connection.recv()
         except EOFError:
             return
         connection.send(_outcome(connection, spec))
+
+
+def _be_killed_first() -> None:
+    """Lets the kernel take this process, and not the daemon, where the service's memory is used up."""
+    try:
+        OOM_SCORE.write_text(str(KILLED_FIRST))
+    except OSError:  # no such file but on Linux; without it the largest process is taken
+        return
 
 
 def _outcome(connection: Connection, spec: JobSpec) -> tuple[str, Any]:
