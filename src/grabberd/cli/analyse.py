@@ -112,16 +112,32 @@ def _document(made: "AnalysisOutput", written: list[Path]) -> dict[str, Any]:
     """Summary for scripts; everything else is in the files."""
     return {
         **made.about,
-        "summary": {name: value if math.isfinite(value) else None for name, value in _summary(made).items()},
+        "summary": {name: _known(value) for name, value in _summary(made).items()},
+        "quantities": [
+            {**one, **{key: _known(one[key]) for key in ("value", "sigma_value")}}
+            for one in _quantities(made)
+        ],
         "lacks": list(made.analysis.inputs.lacks),
         "problems": list(made.analysis.problems),
         "files": [str(path) for path in written],
     }
 
 
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
 def _summary(made: "AnalysisOutput") -> dict[str, float]:
     """The only row of the table `summary`."""
     return {name: values.tolist()[0] for name, values in made.tables["summary"].rows.items()}
+
+
+def _quantities(made: "AnalysisOutput") -> list[dict[str, Any]]:
+    """Rows of the table `quantities`, without definition and source."""
+    table = made.tables["quantities"]
+    names = ("name", "value", "sigma_value", "unit", "verdict", "reason")
+    columns = [table.column(name).tolist() for name in names]
+    return [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def _show(made: "AnalysisOutput") -> None:
@@ -134,6 +150,10 @@ def _show(made: "AnalysisOutput") -> None:
     for name in _SHOWN:
         if math.isfinite(row[name]):
             table.add_row(name, *measured(row[name], row[f"sigma_{name}"]))
+    for one in _quantities(made):
+        if math.isfinite(one["value"]):
+            verdict = f", ISO 5707: {one['verdict']}" if one["verdict"] else ""
+            table.add_row(f"{one['name']}{verdict}", *measured(one["value"], one["sigma_value"]))
     for cells in _ranges(made):
         table.add_row(*cells)
     console.print(table)

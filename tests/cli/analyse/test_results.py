@@ -56,6 +56,11 @@ def test_scripts_are_told_what_was_found_what_lacks_and_where_it_is(analysed: tu
     found = json.loads(result.stdout)
     assert abs(found["summary"]["period_s"] - PERIOD_S) < 4 * found["summary"]["sigma_period_s"]
     assert (found["id"], found["run"], found["summary"]["missing"]) == ("milking", 1, 2)
+    quantities = {one["name"]: one for one in found["quantities"]}
+    assert quantities["liner_closing_s"]["value"] == found["summary"]["wall_c_s"]
+    assert quantities["phase_b_share"]["verdict"] == "met"
+    assert quantities["teat_load_n"]["value"] is None
+    assert quantities["teat_load_n"]["reason"]
     assert found["lacks"] == ["material.first_end_mm, material.last_end_mm: without them no pressure"]
     assert "2 fields are missing and were not filled in: 2 after field 19" in found["problems"][0]
     assert {Path(path).name for path in found["files"]} == written(out)
