@@ -39,7 +39,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
     "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
     "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
-    "analysis": {"From points to pressure, against the simulated liner's truth": analysis.table},
+    "analysis": {"From points to tension, against the simulated ellipse's truth": analysis.table},
     "content": {
         "A look at every field: what it costs": content.table,
         "A look at every field: what it finds": content_found.table,

@@ -22,7 +22,7 @@ def cost(made: Analysed) -> str:
     ours = min(_taken(lambda: made.analysed(made.fields[:TIMED])) for _ in range(ROUNDS))
     theirs = min(_taken(lambda: _by_lot(made)) for _ in range(ROUNDS))
     return (
-        f"{TIMED} fields, everything with σ (surface, curvature, strain, tension, pressure, three sections, "
+        f"{TIMED} fields, everything with σ (surface, curvature, strain, tension, three sections, "
         f"volume, area): {ours:.1f} s of one core, to be 2. The curvature alone of as many, from scipy's "
         f"`RectBivariateSpline` with σ by {DRAWS} draws: {theirs:.1f} s; ratio {ours / theirs:.2f}."
     )
