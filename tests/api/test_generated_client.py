@@ -70,7 +70,8 @@ def test_it_starts_waits_reads_and_deletes(python: Path, client: Path, daemon: t
     assert seen["complete"]
     assert seen["received"] == 20
     assert seen["numbers"] == list(range(0, 20, 3))
-    assert seen["lines"] - 1 >= 20 * seen["targets"] * 0.9 > 0
+    # A closed wall hides the targets at its folds: a field has two thirds of those of an open one.
+    assert seen["lines"] - 1 >= 20 * seen["targets"] * 0.6 > 0
     assert bytes.fromhex(seen["picture"]) == b"\x89PNG"
     assert seen["deleted"] == 204
     assert "GET /api/v1/captures" in seen["hint"]
