@@ -115,6 +115,12 @@ def test_several_materials_are_refused():
         PressureModel(liner.grid, [zone, Zone(200.0, 300.0, zone.material)], None, SOUGHT_KPA)
 
 
+def test_ends_that_the_targets_are_not_between_are_refused():
+    liner = solved("reference-round")
+    with pytest.raises(AnalysisError, match="not between the ends that hold the liner, -20 and 65 mm"):
+        PressureModel(liner.grid, liner.zones(first_end_mm=-20.0), None, SOUGHT_KPA)
+
+
 def test_a_liner_whose_ends_are_unknown_is_refused():
     liner = solved("reference-round")
     with pytest.raises(AnalysisError, match="needs the ends of the liner"):

@@ -71,6 +71,7 @@ class Mounting:
         axes = np.stack([along, np.cross(outward, along), outward])
         frame = (origin, axes)
         nominal = (grid.nominal_mm - origin) @ axes.T
+        _check_ends(ends, grid.nominal_mm[:, 0])
         if reference is None:
             return cls._mounted(nominal, None, material, shape.radius_mm, frame)
         # A target that the reference state does not show keeps its place in the object model.
@@ -116,14 +117,30 @@ class Mounting:
         """Distance of a target's face from the wall's inner face."""
         return self.half.tube.thickness_mm + self.targets.thickness_mm
 
-    def sights(self, points: Points, grid: Grid) -> Sights:
-        """Sights of a field's targets, in the liner's frame."""
+    def sights(self, points: Points, grid: Grid, shared: bool = True) -> Sights:
+        """Sights of a field's targets, in the liner's frame.
+
+        Args:
+            points: of the field.
+            grid: targets of the object model.
+            shared: true if their covariance includes `shared_mm2`.
+        """
         places = np.full((len(grid), 3), np.nan)
         covariance = np.zeros((len(grid), 3, 3))
         index = grid.indices(points.target)
         places[index] = (points.xyz_mm - self.origin_mm) @ self.axes.T
         covariance[index] = self.axes @ points.covariance_mm2 @ self.axes.T
-        return Sights.of_points(places, covariance, self.shared_mm2)
+        return Sights.of_points(places, covariance, self.shared_mm2 if shared else None)
+
+
+def _check_ends(ends_mm: tuple[float, float], x_mm: Array) -> None:
+    if ends_mm[0] < x_mm.min() and x_mm.max() < ends_mm[1]:
+        return
+    raise AnalysisError(
+        f"targets at x from {x_mm.min():.1f} to {x_mm.max():.1f} mm are not between the ends that hold the "
+        f"liner, {ends_mm[0]:g} and {ends_mm[1]:g} mm",
+        "measure first_end_mm and last_end_mm along the liner, in the object model's x",
+    )
 
 
 def _slid_mm(half: HalfTube, targets: Targets) -> Array:
