@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tests.analysis.walls import SolvedLiner, as_points
 
 from grabberd.analysis import ChamberVacuum, PressureMap, PressureModel
-from grabberd.analysis.load.pressure_model import MISFIT_ALARM
+from grabberd.analysis.load.load_fit import MISFIT_ALARM
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 

@@ -1,8 +1,8 @@
 """Buckling of the empty liner and touch of its walls, from a slow ramp of the pressure difference.
 
 Both are read from the height of the wall over the plane of symmetry. That falls ever faster once the wall
-buckles, so
-the pressure difference is taken as a function of the height: between buckling and touch it is a smooth one.
+buckles, so the pressure difference is taken as a function of the height: between buckling and touch it is a
+smooth one.
 """
 
 from collections.abc import Sequence

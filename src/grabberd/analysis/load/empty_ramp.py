@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.empty_wall import EmptyWall
+from grabberd.analysis.load.load_fit import MISFIT_ALARM
 from grabberd.analysis.load.load_prior import TubePrior
 from grabberd.analysis.load.mounting import Mounting
 from grabberd.analysis.load.ramp_fit import TUBE_VALUES, Ramp, fit_ramp
@@ -23,15 +24,12 @@ from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
 
-MISFIT_ALARM = 2.0
-"""Misfit above which points and the wall's equilibrium contradict each other."""
 LEAST_LEVELS = 4
 """Buckled levels that are needed; fewer cannot contradict each other."""
 _MOST_BUCKLED, _MOST_OPEN = 7, 2
 """Levels that are fitted: more add time, but no knowledge, for what errs alike in all of them stays."""
 _BUCKLED, _OPEN, _TOUCHING = 0.06, 0.02, 0.03
-"""Of the radius: fall of the wall from which it counts as buckled, and to which as open; distance of
-touch."""
+"""Of the radius: fall of the wall from which it counts as buckled, to which as open; distance of touch."""
 _PART = 0.5
 """Of the least pressure difference that buckles: below it an open wall says nothing."""
 _SIGMA_STIFFNESS = 0.1
@@ -119,8 +117,7 @@ def liner_values(
 
     Raises:
         AnalysisError: the inputs make no wall, the ramp does not buckle it, too few levels can be used, or
-            points
-            and equilibrium contradict each other.
+            points and equilibrium contradict each other.
     """
     if material.F0_n == 0:
         raise AnalysisError("the pretension of the liner is given as 0", "give F0_n, with its σ")
@@ -133,7 +130,7 @@ def liner_values(
         key=lambda index: levels[index].difference.kpa,
     )
     chosen = [levels[index] for index in used]
-    ramp = _ramp(mounting, grid, material, reference, chosen, common_sigma_kpa)
+    ramp = _ramp(mounting, grid, material, chosen, common_sigma_kpa)
     buckled = _BUCKLED * material.radius_mm
     fit = fit_ramp(ramp, [fallen_mm[index] * (fallen_mm[index] > buckled) for index in used])
     misfit, covariance = float(fit.misfit.mean()), fit.covariance[:TUBE_VALUES, :TUBE_VALUES].copy()
@@ -208,7 +205,6 @@ def _ramp(
     mounting: Mounting,
     grid: Grid,
     material: Material,
-    reference: Points | None,
     levels: Sequence[RampLevel],
     common_sigma_kpa: float,
 ) -> Ramp:
@@ -217,18 +213,18 @@ def _ramp(
     covariance = np.zeros((TUBE_VALUES + len(kpa),) * 2)
     covariance[:TUBE_VALUES, :TUBE_VALUES] = TubePrior.of(material).covariance
     covariance[TUBE_VALUES:, TUBE_VALUES:] = np.diag(own**2) + common_sigma_kpa**2
-    sights = [mounting.sights(level.points, grid) for level in levels]
+    sights = [mounting.sights(level.points, grid, shared=False) for level in levels]
     return Ramp(
         EmptyWall(mounting.half, mounting.targets),
         sights,
         np.concatenate([np.zeros(TUBE_VALUES), kpa]),
         covariance,
-        _common_mm2(mounting),
+        mounting.shared_mm2 + _model_mm2(mounting),
     )
 
 
-def _common_mm2(mounting: Mounting) -> Array:
-    """(3 T, 3 T) covariance of what errs alike in all levels."""
+def _model_mm2(mounting: Mounting) -> Array:
+    """(3 T, 3 T) covariance of the model's own error, alike in all levels."""
     s_mm, x_mm, _ = mounting.targets
     near = np.exp(
         -0.5 * ((s_mm[:, np.newaxis] - s_mm) / _MODEL_ROUND_MM) ** 2

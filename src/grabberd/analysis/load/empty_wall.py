@@ -1,8 +1,7 @@
 """The wall without a teat, as a function of the liner's own values and the pressure difference.
 
 What is known of a mounted liner is its outer face, where the targets are. So a thicker wall is one whose
-middle lies
-farther in: had it its middle where it was, the targets would say how thick it is.
+middle lies farther in: had it its middle where it was, the targets would say how thick it is.
 """
 
 from dataclasses import replace

@@ -31,6 +31,7 @@ Contact is never quite 0 in the prior, so pressures come out too high rather tha
 _DRAWS, _SEED = 400, 5
 """Of profiles, to find how far the place of a maximum scatters: its σ to 4 %."""
 
+_ARC = "round the wall from its middle to 10 mm, or to the outermost targets if they are nearer"
 _ON_TEAT = "over the heights at which the closed wall presses the teat"
 _CLOSED = "mean over wall phase d"
 _LITERATURE = "liner compression as in milking research: pressure of the closed liner on the teat's tissue"
@@ -42,15 +43,14 @@ QUANTITIES: Mapping[str, Quantity] = {
             "liner_compression_mean_kpa",
             "liner compression, mean",
             "kPa",
-            f"Contact pressure of the closed liner, {_CLOSED}, over the arc with targets and {_ON_TEAT}.",
+            f"Contact pressure of the closed liner, {_CLOSED}, {_ARC} and {_ON_TEAT}.",
             _LITERATURE,
         ),
         Quantity(
             "liner_compression_greatest_kpa",
             "liner compression, greatest",
             "kPa",
-            f"Greatest over height of the contact pressure, {_CLOSED} and over the arc with targets; "
-            "noise raises it.",
+            f"Greatest over height of the contact pressure, {_CLOSED} and {_ARC}; noise raises it.",
             _LITERATURE,
         ),
         Quantity(
@@ -65,7 +65,7 @@ QUANTITIES: Mapping[str, Quantity] = {
             "liner compression at the teat's end",
             "kPa",
             f"Contact pressure of the closed liner on the last {TEAT_END_MM:g} mm of the teat, {_CLOSED} and "
-            "over the arc with targets.",
+            f"{_ARC}.",
             _LITERATURE,
         ),
         Quantity(

@@ -31,6 +31,8 @@ _SLOWING, _SHORTENED = 0.5, 0.6
 """A step longer than half the last one swings about the minimum: it is shortened."""
 NEAR_MM = 0.3
 """Next step below which the linearised model is the wall: pressures then err by less than .02 σ."""
+MISFIT_ALARM = 2.0
+"""Misfit above which points and the wall's equilibrium contradict each other."""
 _HINT = "give the liner's own modulus, thickness, pretension and length, and its vacuum on the camera's clock"
 
 
@@ -170,20 +172,21 @@ class Posterior:
         part = slice(start, start + TUBE_VALUES)
         rows = np.zeros((self.model.count, TUBE_VALUES))
         rows[part] = np.eye(TUBE_VALUES)
-        unit, one = self.model.spread(rows)[part], sparse.identity(TUBE_VALUES, format="csr")
-        return self.model.tube_values(self.parameters), self._covariance(one, part, unit)
+        prior = self.model.variances(self.difference)[part, np.newaxis] * self.model.spread(rows)[part]
+        one = sparse.identity(TUBE_VALUES, format="csr")
+        return self.model.tube_values(self.parameters), self._covariance(one, part, prior)
 
     def _field_covariance(self, basis: Basis, index: int) -> Array:
         count = self.model.half.grid.count
         part = slice(index * count, (index + 1) * count)
-        return self._covariance(basis.matrices[0], part, _unit_covariances(self.model, basis)[index])
+        prior = self.model.variances(self.difference)[part][0] * _unit_covariances(self.model, basis)[index]
+        return self._covariance(basis.matrices[0], part, prior)
 
-    def _covariance(self, rows: sparse.csr_matrix, part: slice, unit: Array) -> Array:
-        """(N, N) posterior covariance of rows (N, W) of the parameters `part`; `unit` is their prior one."""
-        factors = self.model.variances(self.difference)[part]
-        seen = rows @ (factors[:, np.newaxis] * self.response.spread[part]) @ self._directions.T
-        scale = np.sqrt(factors[: rows.shape[0]] if len(factors) == TUBE_VALUES else factors[0])
-        covariance: Array = unit * np.outer(scale, scale) - seen @ cho_solve(self._factor, seen.T)
+    def _covariance(self, rows: sparse.csr_matrix, part: slice, prior: Array) -> Array:
+        """(N, N) posterior covariance of rows (N, W) of the parameters `part`, from their prior one."""
+        factors = self.model.variances(self.difference)[part, np.newaxis]
+        seen = rows @ (factors * self.response.spread[part]) @ self._directions.T
+        covariance: Array = prior - seen @ cho_solve(self._factor, seen.T)
         return covariance
 
 

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 SPACING_MM = 3.25
 """Of the heights: half the usual pitch of targets; the prior lets the load change over 4.5 mm."""
 _SEEN_POINTS, _FLANK_POINTS = 8, 5
-"""Of Gauss's quadrature over the arc with targets, and over each flank.
+"""Of Gauss's quadrature over the compression's arc, and over each flank.
 
 Twice as many change compression and load by less than 1 %.
 """

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.load.load_fit import Posterior
+from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
 from grabberd.analysis.load.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_series import LoadSeries
@@ -25,8 +25,6 @@ UNSEEN = ("free", "mirrored")
 FASTEST_MM_PER_S = 300.0
 """Speed beyond which a wall is not in equilibrium. Its inertia is .15 kPa there, with 7 mm of milk behind it
 .6 kPa, and both grow with the square of the speed."""
-MISFIT_ALARM = 2.0
-"""Misfit above which points and wall contradict each other."""
 _EXACT = 1e-4
 """σ in kPa of a pressure difference that is given as exact."""
 _ARC_MM = 10.0

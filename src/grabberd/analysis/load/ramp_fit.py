@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from grabberd.analysis.load.empty_wall import EmptyWall, Settling
 from grabberd.analysis.load.sights import Sights
@@ -30,10 +31,10 @@ class Ramp(NamedTuple):
     """Data and prior of a fit: L states.
 
     Attributes:
-        wall: the empty wall; `sights`: of each state.
+        wall: the empty wall; `sights`: of each state, with the covariance of that state alone.
         mean: (3 + L,) the values before the ramp: the liner's own, and the pressure differences in kPa.
         covariance: (3 + L, 3 + L) of `mean`.
-        common_mm2: (M, M) covariance of what errs alike in all states: the open wall, and the model.
+        common_mm2: (3 T, 3 T) covariance of what errs alike in all states: the open wall, and the model.
     """
 
     wall: EmptyWall
@@ -46,10 +47,15 @@ class Ramp(NamedTuple):
         """The four values of one state."""
         return [*range(TUBE_VALUES), TUBE_VALUES + index]
 
+    def directions(self, index: int) -> sparse.csr_matrix:
+        """(M, 3 T) a state's sights as combinations of all targets' places."""
+        return self.sights[index].directions(len(self.common_mm2) // 3)
+
     def weight(self, index: int) -> Array:
         """(M, M) weight of a state's sights."""
-        weight: Array = np.asarray(np.linalg.inv(self.sights[index].covariance + self.common_mm2), np.float64)
-        return weight
+        directions = self.directions(index)
+        common = directions @ (directions @ self.common_mm2).T
+        return np.asarray(np.linalg.inv(self.sights[index].covariance + common), np.float64)
 
 
 class RampFit(NamedTuple):
@@ -112,7 +118,7 @@ def _covariance(ramp: Ramp, settlings: Sequence[Settling], weights: Sequence[Arr
     for index, (settling, weight) in enumerate(zip(settlings, weights, strict=True)):
         at = ramp.of_state(index)
         _, by_values = _seen(ramp.sights[index], settling)
-        share = by_values.T @ weight
+        share = by_values.T @ weight @ ramp.directions(index)
         total[at] += share
         alone[np.ix_(at, at)] += share @ ramp.common_mm2 @ share.T
     beyond = total @ ramp.common_mm2 @ total.T - alone
