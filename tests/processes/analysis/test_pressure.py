@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.walls import solved
+from grabberd.processes.analysis.tables import tables
 from processes.solved_milking import DIFFERENCES_KPA, LINER, LINER_KPA, analysed, material, whole
 
 CLOSING = (24.0, 24.3)
@@ -81,3 +82,8 @@ def test_the_mirror_image_of_the_seen_half_is_compared_with_a_free_one() -> None
         apart = mirrored.pressure.contact_kpa.value - one.pressure.contact_kpa.value
         assert np.allclose(mirrored.pressure.unseen_kpa, apart, atol=0.05)
         assert one.pressure.unseen_kpa is None
+    told = tables(found)["targets"].column("unseen_kpa")
+    known = np.isfinite(tables(found)["targets"].column("contact_kpa"))
+    assert np.array_equal(np.isfinite(told), known)
+    assert known.any()
+    assert np.isnan(tables(free)["targets"].column("unseen_kpa")).all()

@@ -83,6 +83,7 @@ _TARGET = (
     _measured(
         "above_atmosphere_kpa", "kPa", "the same above atmosphere, that is less the vacuum in the liner"
     ),
+    _number("unseen_kpa", "kPa", "contact_kpa less what it would be with a free hidden half, if mirrored"),
 )
 _PROFILE = (
     _number("x_mm", "mm", "height on the mounted tube: x in the object's frame; it stays with the material"),

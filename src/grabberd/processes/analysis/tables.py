@@ -195,8 +195,15 @@ def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
         "above_atmosphere_kpa": _stacked(
             [one and _usable(one, one.above_atmosphere_kpa) for one in maps], count
         )[0],
+        "unseen_kpa": _rows([_unseen_kpa(one, count) for one in maps]),
         "reason": np.array([reason for one in maps for reason in (one.reason if one else ("",) * count)]),
     }
+
+
+def _unseen_kpa(one: PressureMap | None, count: int) -> Array:
+    if one is None or one.unseen_kpa is None:
+        return np.full(count, np.nan)
+    return np.where(one.usable, one.unseen_kpa, np.nan)
 
 
 def _usable(one: PressureMap, pressure: Estimate) -> Estimate:
