@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from grabberd.analysis.wall.banded import PATCH, Banded, BandLayout
-from grabberd.analysis.wall.splines import SplineAxis, SplineGrid
+from grabberd.analysis.wall.splines import GAUSS_ALONG, GAUSS_ROUND, SplineAxis, SplineGrid
 
 GRID = SplineGrid(SplineAxis.over(0.0, 1.0, 2), SplineAxis.over(0.0, 1.0, 5))
-MEMBERS = GRID.basis(*GRID.quadrature()[:2]).members[::9]
+MEMBERS = GRID.basis(*GRID.quadrature()[:2]).members[:: GAUSS_ROUND * GAUSS_ALONG]
 VALUES = (MEMBERS[:, :, np.newaxis] * 4 + np.arange(4)).reshape(-1, PATCH)
 
 

@@ -77,16 +77,16 @@ def test_the_matrix_says_what_the_basis_says(derivative):
 
 @settings(max_examples=20, deadline=None)
 @given(
-    st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6),
+    st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4),
     st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6),
 )
-def test_quadrature_is_exact_to_degree_five_in_both_directions(around, along):
+def test_quadrature_is_exact_to_degree_three_round_and_five_along(around, along):
     one, other = Polynomial(around), Polynomial(along)
     exact = (one.integ()(3.0) - one.integ()(-3.0)) * (other.integ()(5.0) - other.integ()(0.0))
     assert WEIGHTS @ (one(S) * other(X)) == pytest.approx(exact, abs=1e-9)
 
 
-def test_the_nine_points_of_a_patch_stand_together():
-    patches = GRID.basis(S, X).members.reshape(4 * 3, 9, 16)
+def test_the_six_points_of_a_patch_stand_together():
+    patches = GRID.basis(S, X).members.reshape(4 * 3, 6, 16)
     assert np.all(patches == patches[:, :1])
     assert len(np.unique(patches[:, 0], axis=0)) == 12

@@ -2,7 +2,7 @@
 
 A linearised model holds for about a millimetre round its state: there it gives the load to a tenth of its σ
 in a hundredth of the time. A cycle passes through some dozen such states, again and again, so the capture's
-length hardly counts.
+length hardly counts. Loads are best sought in the order of the wall's departure, from state to state nearby.
 """
 
 import numpy as np
@@ -14,8 +14,8 @@ from grabberd.analysis.load.wall_model import State, WallModel
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
-_MOST = 24
-"""Linearised models kept: a cycle takes a dozen, of some 15 MB each."""
+_MOST = 8
+"""Linearised models kept, of some 15 MB each: enough for states in the order of the wall's departure."""
 
 
 class LoadSeries:

@@ -19,7 +19,14 @@ from grabberd.analysis.wall.banded import PATCH, Banded, BandLayout
 from grabberd.analysis.wall.cuts import Cuts
 from grabberd.analysis.wall.rubber import RubberWall
 from grabberd.analysis.wall.shell import UNKNOWNS, Geometry, Load, Shell
-from grabberd.analysis.wall.splines import DERIVATIVES, GAUSS_POINTS, Basis, SplineAxis, SplineGrid
+from grabberd.analysis.wall.splines import (
+    DERIVATIVES,
+    GAUSS_ALONG,
+    GAUSS_ROUND,
+    Basis,
+    SplineAxis,
+    SplineGrid,
+)
 
 Array = NDArray[np.float64]
 
@@ -29,7 +36,7 @@ ARCS, SLABS = 16, 26
 Twice as many arcs move contact pressures by less than .2 kPa; along the tube the rim of a teat asks for
 intervals shorter than the targets' pitch.
 """
-_POINTS = GAUSS_POINTS**2
+_POINTS = GAUSS_ROUND * GAUSS_ALONG
 _DERIVATIVES = len(DERIVATIVES)
 _MEMBERS = PATCH // UNKNOWNS
 

@@ -16,8 +16,11 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 DEGREE = 3
-GAUSS_POINTS = 3
-"""Per interval and direction: exact for products of two cubics' first derivatives, and of second ones."""
+GAUSS_ROUND, GAUSS_ALONG = 2, 3
+"""Per interval round the wall and along it, where the load changes within an interval at the teat's rim.
+
+With two points along the tube, the mean pressure of a closed wall errs by .3 kPa more.
+"""
 DERIVATIVES = ((0, 0), (1, 0), (0, 1), (2, 0), (0, 2), (1, 1))
 """Orders round and along, in the order in which `Basis` keeps them."""
 
@@ -50,9 +53,9 @@ class SplineAxis:
         positions: Array = shifted.mean(axis=0)
         return positions
 
-    def gauss(self) -> tuple[Array, Array]:
-        """(Q,) positions and weights of the quadrature."""
-        local, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    def gauss(self, points: int) -> tuple[Array, Array]:
+        """(Q,) positions and weights of the quadrature with that many points per interval."""
+        local, weights = np.polynomial.legendre.leggauss(points)
         breaks = np.unique(self.knots)
         half = np.diff(breaks)[:, np.newaxis] / 2
         middle = (breaks[:-1] + breaks[1:])[:, np.newaxis] / 2
@@ -130,11 +133,11 @@ class SplineGrid:
     def quadrature(self) -> tuple[Array, Array, Array]:
         """Points (N,) round and along, and their weights (N,) in mm².
 
-        A patch is an interval round times one along; the points of a patch, 3 × 3, stand together.
+        A patch is an interval round times one along; the points of a patch, 2 × 3, stand together.
         """
-        s, s_weights = self.around.gauss()
-        x, x_weights = self.along.gauss()
-        shape = (len(x) // GAUSS_POINTS, GAUSS_POINTS, len(s) // GAUSS_POINTS, GAUSS_POINTS)
+        s, s_weights = self.around.gauss(GAUSS_ROUND)
+        x, x_weights = self.along.gauss(GAUSS_ALONG)
+        shape = (len(x) // GAUSS_ALONG, GAUSS_ALONG, len(s) // GAUSS_ROUND, GAUSS_ROUND)
 
         def ordered(grid: Array) -> Array:
             return grid.reshape(shape).transpose(0, 2, 1, 3).ravel()
