@@ -146,7 +146,6 @@ class _Work:
         self._fields = tuple(captures[0])
         self._time_s = np.array([field.timed.time_s for field in captures[0]])
         self._problems = Problems([field.n for field in self._fields])
-        self._done = 0
 
     def whole(self) -> Analysis:
         """Run every step, each after those whose results it needs."""
@@ -170,14 +169,20 @@ class _Work:
         self._model = self._pressure(average) if vacuum and pulsating else None
         of_fields = vacuum.at(self._time_s) if vacuum else []
         of_phases = self._of_phases(vacuum, average, pulsation)
-        self._of = len(self._fields) + (len(average.points) if average else 0)
-        named = [f"field {field.n}" for field in self._fields]
-        speed = movements[0].speed_mm_per_s(self._time_s) if movements else np.zeros(len(self._fields))
-        fields = self._states(fields_points, named, question, smoothings, of_fields, speed)
-        named = [f"phase {phase:g}" for phase in average.phase] if average else []
         averaged = list(average.points) if average else []
-        speed = pulsation.speed_mm_per_s(average.phase) if pulsation and average else np.empty(0)
-        phases = self._states(averaged, named, question, smoothings, of_phases, speed)
+        names = [f"field {field.n}" for field in self._fields]
+        names += [f"phase {phase:g}" for phase in average.phase] if average else []
+        speeds = [
+            movements[0].speed_mm_per_s(self._time_s) if movements else np.zeros(len(self._fields)),
+            pulsation.speed_mm_per_s(average.phase) if pulsation and average else np.empty(0),
+        ]
+        # Phases pass through the same states of the wall as fields, so both are sought together.
+        series = WallSeries(question, smoothings, self._model, self._problems.note, self._progress)
+        vacuums = _each(of_fields, len(self._fields)) + _each(of_phases, len(averaged))
+        both = series.states([*fields_points, *averaged], names, vacuums, np.concatenate(speeds))
+        count = len(self._fields)
+        fields = [(k, state) for k, state in both if k < count]
+        phases = [(k - count, state) for k, state in both if k >= count]
         if not fields:
             raise AnalysisError(
                 f"none of {len(self._fields)} fields has a surface: {self._problems.most_frequent}",
@@ -278,23 +283,6 @@ class _Work:
         numbers = f"{self._fields[0].n} to {self._fields[-1].n}"
         raise InputError(f"the reference state {reference} has no points", f"choose one of fields {numbers}")
 
-    def _states(
-        self,
-        points: Sequence[Points],
-        names: Sequence[str],
-        question: Question,
-        smoothings: Smoothings | None,
-        vacuum: Sequence[ChamberVacuum],
-        speed_mm_per_s: Array,
-    ) -> list[tuple[int, WallState]]:
-        return WallSeries(question, smoothings, self._model, self._problems.note, self._count_state).states(
-            points, names, vacuum, speed_mm_per_s
-        )
-
-    def _count_state(self) -> None:
-        self._done += 1
-        self._progress(self._done, self._of)
-
     def _cycle(
         self,
         movements: list[Movement] | None,
@@ -319,6 +307,11 @@ class _Work:
         touch = self._problems.survived(lambda: first_touch([one for _, one in maps]))
         # `first_touch` counts among the fields that have a map; callers index into all analysed fields.
         return touch and touch._replace(field=maps[touch.field][0])
+
+
+def _each(vacuum: Sequence[ChamberVacuum], count: int) -> list[ChamberVacuum | None]:
+    """The vacuum at each of so many states, or None for each if it is not known."""
+    return list(vacuum) or [None] * count
 
 
 def _phase_times(average: PhaseAverage, pulsation: Pulsation) -> Array:

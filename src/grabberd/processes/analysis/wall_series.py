@@ -37,20 +37,20 @@ class WallSeries:
             which case each field chooses its own.
         pressure: Model of the pressure maps; None if one of its inputs is missing.
         note: Called with the name of every state and its problems, in order, after the last one.
-        done: Called after each state.
+        progress: Called with the number of finished states and the total.
     """
 
     question: Question
     smoothings: Smoothings | None
     pressure: PressureModel | None
     note: Note
-    done: Callable[[], None]
+    progress: Callable[[int, int], None]
 
     def states(
         self,
         points: Sequence[Points],
         names: Sequence[str],
-        vacuum: Sequence[ChamberVacuum],
+        vacuum: Sequence[ChamberVacuum | None],
         speed_mm_per_s: Array,
     ) -> list[tuple[int, WallState]]:
         """States of the points that determine a surface, with their indices in the series.
@@ -58,7 +58,7 @@ class WallSeries:
         Args:
             points: of F fields or phases.
             names: of each of them.
-            vacuum: at each of them; empty if unknown.
+            vacuum: at each of them; None where unknown.
             speed_mm_per_s: (F,) of the target that moves fastest.
         """
         found: dict[int, WallState] = {}
@@ -69,15 +69,15 @@ class WallSeries:
             fitted = [(k, self._surface(points[k], problems[k])) for k in some]
             made = {k: surface for k, surface in fitted if surface}
             maps = [
-                self._map(points[k], surface, vacuum[k], speed_mm_per_s[k], problems[k]) if vacuum else None
+                self._map(points[k], surface, vacuum[k], speed_mm_per_s[k], problems[k])
                 for k, surface in made.items()
             ]
             states = wall_states(list(made.values()), self.question, maps)
             found |= dict(zip(made, states, strict=True))
             for k, state in zip(made, states, strict=True):
                 problems[k] += state.problems
-            for _ in some:
-                self.done()
+            for done, _ in enumerate(some, start + 1):
+                self.progress(done, len(points))
         for name, of_state in zip(names, problems, strict=True):
             self.note(name, of_state)
         return sorted(found.items())
@@ -96,12 +96,12 @@ class WallSeries:
         self,
         points: Points,
         surface: Surface,
-        vacuum: ChamberVacuum,
+        vacuum: ChamberVacuum | None,
         speed_mm_per_s: float,
         problems: list[str],
     ) -> PressureMap | None:
         """Pressure of one field or phase; None, with a problem, if its wall has no equilibrium."""
-        if self.pressure is None:
+        if self.pressure is None or vacuum is None:
             return None
         try:
             within = surface.within(*self.question.places)
