@@ -74,3 +74,9 @@ def test_units_end_the_names(name):
     for column in TABLES[name].columns:
         if column.unit not in {"", "1"}:
             assert column.name.endswith(f"_{endings.get(column.unit, column.unit)}")
+
+
+def test_a_long_text_in_one_row_costs_the_others_nothing():
+    values = Column("reason", "", "U", "why").array(["", "a" * 1000] + [""] * 98)
+    assert values.nbytes <= 8 * 100
+    assert list(values[:2]) == ["", "a" * 1000]

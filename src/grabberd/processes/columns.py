@@ -49,11 +49,14 @@ class Column(NamedTuple):
         return (self._replace(measured=False), sigma)
 
     def array(self, values: Any) -> NDArray[Any]:
-        """(N,) values of this column's type.
+        """(N,) values of this column's type, text as objects.
 
-        Floats stay floats in a column of integers: NaN is the only way to leave a value unknown.
+        Floats stay floats in a column of integers: NaN is the only way to leave a value unknown. Numpy's own
+        text would take as much memory in every row as the longest one does.
         """
         given = np.atleast_1d(values).ravel()
+        if self.dtype == "U":
+            return given.astype(object, copy=False)
         return given if given.dtype.kind == "f" else given.astype(self.dtype, copy=False)
 
 
@@ -106,7 +109,7 @@ def make_table(name: str, spec: TableSpec, values: Mapping[str, Any]) -> Table:
 
 
 def _dtype(values: NDArray[Any]) -> str:
-    return "U" if values.dtype.kind == "U" else values.dtype.str[1:]
+    return "U" if values.dtype.kind == "O" else values.dtype.str[1:]
 
 
 def joined(columns: Sequence[Column], parts: Sequence[Rows]) -> Rows:
@@ -117,7 +120,7 @@ def joined(columns: Sequence[Column], parts: Sequence[Rows]) -> Rows:
 def json_values(values: NDArray[Any]) -> list[Any]:
     """A column's values for JSON: None for a float that is unknown."""
     if values.dtype.kind != "f":
-        return [*map(str, values)] if values.dtype.kind in "UO" else values.tolist()
+        return [*map(str, values)] if values.dtype.kind == "O" else values.tolist()
     shown = values.astype(object)
     shown[~np.isfinite(values)] = None
     return list(shown.tolist())

@@ -1,6 +1,7 @@
 """From a field's points to the pressure on the teat, by the wall's equilibrium."""
 
 from collections.abc import Sequence
+from sys import intern
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,8 +131,9 @@ class PressureModel:
             f"σ of {sigma:.2g} kPa exceeds the pressure sought ({wanted:.2g} kPa)"
             for sigma, wanted in zip(contact.sigma, least, strict=True)
         ]
-        reasons = np.select([~within, contact.sigma > least], [_FAR, np.array(vague)], "")
-        return tuple(map(str, reasons))
+        reasons = np.select([~within, contact.sigma > least], [_FAR, np.array(vague, object)], "")
+        # Few different ones for as many targets as a capture has: each is kept once.
+        return tuple(map(intern, reasons))
 
 
 def _mean(value: Array, covariance: Array, use: NDArray[np.bool_], reasons: Sequence[str]) -> Estimate:

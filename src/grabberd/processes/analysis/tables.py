@@ -196,7 +196,9 @@ def _targets(analysis: Analysis, series: _Series) -> dict[str, Any]:
             [one and _usable(one, one.above_atmosphere_kpa) for one in maps], count
         )[0],
         "unseen_kpa": _rows([_unseen_kpa(one, count) for one in maps]),
-        "reason": np.array([reason for one in maps for reason in (one.reason if one else ("",) * count)]),
+        "reason": np.array(
+            [reason for one in maps for reason in (one.reason if one else ("",) * count)], object
+        ),
     }
 
 

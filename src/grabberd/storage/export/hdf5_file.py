@@ -65,9 +65,9 @@ def _write_table(file: "h5py.File", table: Table) -> None:
     group = _group(file, table.name, table.meaning)
     for column in table.columns:
         values = table.column(column.name)
-        # h5py cannot store numpy's fixed-width text; variable-length strings are read by every HDF5 library.
+        # Variable-length strings are read by every HDF5 library.
         if column.dtype == "U":
-            dataset = group.create_dataset(column.name, data=values.astype(object), dtype=h5py.string_dtype())
+            dataset = group.create_dataset(column.name, data=values, dtype=h5py.string_dtype())
         else:
             dataset = group.create_dataset(column.name, data=values)
         dataset.attrs["unit"], dataset.attrs["meaning"] = column.unit, column.meaning
