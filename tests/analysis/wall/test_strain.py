@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from analysis.shapes import cylinder, moved, sheet, sphere, torus
 from grabberd.analysis.wall.forms import middle_forms
-from grabberd.analysis.wall.strain import outer_strain, strain
+from grabberd.analysis.wall.strain import outer_strain, principal_stretches, strain
 
 U, V = np.linspace(-30.0, 30.0, 7), np.linspace(-12.0, 12.0, 7)
 H = 1.25
@@ -69,3 +69,10 @@ def test_stretches_along_the_same_axes_compose(first, second, third, fourth):
     assert rest.stretch.values.prod(axis=1) * first * second == pytest.approx(
         whole.stretch.values.prod(axis=1)
     )
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_stretches_alone_are_those_of_the_whole_strain(seed):
+    now, then = np.random.default_rng(seed).normal(size=(2, 5, 2, 3))
+    assert principal_stretches(now, then) == pytest.approx(strain(now, then).stretch.values, rel=1e-6)

@@ -122,4 +122,5 @@ def _rule(borders_mm: tuple[float, ...]) -> tuple[Array, Array, Array]:
 
 
 def _part(joint: Joint, part: slice) -> Joint:
-    return Joint(joint.value[part], joint.covariance[part, part])
+    # Copied: a view would keep the covariance of both sums alive with every field's profile.
+    return Joint(joint.value[part], joint.covariance[part, part].copy())

@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.surface.jets import Jets
-from grabberd.analysis.wall.forms import Principal, inverse, outer_forms, symmetric_eigen
+from grabberd.analysis.wall.forms import (
+    Principal,
+    inverse,
+    mixed,
+    outer_forms,
+    principal_values,
+    symmetric_eigen,
+)
 
 Array = NDArray[np.float64]
 
@@ -45,6 +52,13 @@ def strain(tangents: Array, reference_tangents: Array) -> Strain:
     cosine, sine = np.cos(angle), np.sin(angle)
     axes = np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
     return Strain(lagrange, Principal(stretches, axes @ (basis @ tangents) / stretches[..., None]))
+
+
+def principal_stretches(tangents: Array, reference_tangents: Array) -> Array:
+    """(..., 2) principal stretches alone, the greater first: several times faster than `strain`."""
+    metric, before = (vectors @ np.swapaxes(vectors, -1, -2) for vectors in (tangents, reference_tangents))
+    stretches: Array = np.sqrt(principal_values(mixed(before, metric)))
+    return stretches
 
 
 def outer_strain(jets: Jets, reference_jets: Jets) -> Strain:

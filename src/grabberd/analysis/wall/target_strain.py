@@ -11,7 +11,7 @@ from grabberd.analysis.grid import Grid
 from grabberd.analysis.surface.jets import Jets
 from grabberd.analysis.surface.surface import Surface
 from grabberd.analysis.wall.forms import inverse, outer_forms
-from grabberd.analysis.wall.strain import Strain, strain
+from grabberd.analysis.wall.strain import Strain, principal_stretches, strain
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
@@ -129,7 +129,7 @@ def triangle_strain(grid: Grid, places: Places, reference: Places) -> TriangleSt
     present, before = places.xyz_mm[corners], reference.xyz_mm[corners]
 
     def values(now: Array, then: Array) -> Array:
-        stretches = strain(_sides(now), _sides(then)).stretch.values
+        stretches = principal_stretches(_sides(now), _sides(then))
         return np.concatenate([stretches, 1 / stretches.prod(axis=-1, keepdims=True)], axis=-1)
 
     own = _variance(lambda now: values(now, before), present, places.root_mm[corners])

@@ -6,9 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis import (
-    Estimate,
-)
+from grabberd.analysis import Estimate
 from grabberd.processes.analysis.analyse import Analysis
 
 Keys = Mapping[str, NDArray[Any]]
@@ -25,23 +23,21 @@ def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
         keys: (F,) key columns of the fields.
     """
     strains = {at: state.strains for at, state in enumerate(analysis.states) if state.strains}
-    triangles = {at: one.triangles for at, one in strains.items()}
-    edges = {at: one.edges for at, one in strains.items()}
     grid = analysis.grid
-    corners = grid.target[_joined([grid.triangles[one.triangle] for one in triangles.values()], (0, 3))]
-    ends = grid.target[_joined([one.edge for one in edges.values()], (0, 2))]
-    stretch = _estimate([one.stretch for one in triangles.values()], (0, 2))
-    along = _estimate([one.stretch for one in edges.values()], (0,))
+    corners = grid.target[_joined([grid.triangles[one.triangle] for one in strains.values()], (0, 3))]
+    ends = grid.target[_joined([one.edge for one in strains.values()], (0, 2))]
+    stretch = _estimate([one.triangle_stretch for one in strains.values()], (0, 2))
+    along = _estimate([one.edge_stretch for one in strains.values()], (0,))
     return {
         "triangles": {
-            **_keys(keys, {at: len(one.triangle) for at, one in triangles.items()}),
+            **_keys(keys, {at: len(one.triangle) for at, one in strains.items()}),
             **{f"target{k + 1}": corners[:, k] for k in range(3)},
             "stretch1": Estimate(stretch.value[:, 0], stretch.sigma[:, 0]),
             "stretch2": Estimate(stretch.value[:, 1], stretch.sigma[:, 1]),
             "face": _face(analysis, len(corners)),
         },
         "edges": {
-            **_keys(keys, {at: len(one.edge) for at, one in edges.items()}),
+            **_keys(keys, {at: len(one.edge) for at, one in strains.items()}),
             **{f"target{k + 1}": ends[:, k] for k in range(2)},
             "stretch": along,
             "face": _face(analysis, len(ends)),

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis import (
-    EdgeStrain,
+    Estimate,
     Places,
     Surface,
-    TriangleStrain,
     edge_strain,
     middle_places,
     nominal_middle_places,
@@ -24,10 +23,17 @@ Array = NDArray[np.float64]
 
 
 class TargetStrains(NamedTuple):
-    """Strains of triangles of neighbouring targets, and of the edges between two."""
+    """Stretches of triangles of neighbouring targets, and of the edges between two; no more is kept.
 
-    triangles: TriangleStrain
-    edges: EdgeStrain
+    Attributes:
+        triangle: (K,) indices of `Grid.triangles`; `triangle_stretch`: (K, 2) principal ones.
+        edge: (E, 2) indices of the targets; `edge_stretch`: (E,).
+    """
+
+    triangle: NDArray[np.intp]
+    triangle_stretch: Estimate
+    edge: NDArray[np.intp]
+    edge_stretch: Estimate
 
 
 def target_strains(surface: Surface, question: Question) -> TargetStrains | None:
@@ -37,9 +43,10 @@ def target_strains(surface: Surface, question: Question) -> TargetStrains | None
     grid, (depth_mm, reference) = question.grid, _reference(question)
     places = middle_places(grid, surface, depth_mm)
     try:
-        return TargetStrains(triangle_strain(grid, places, reference), edge_strain(grid, places, reference))
+        triangles, edges = triangle_strain(grid, places, reference), edge_strain(grid, places, reference)
     except AnalysisError:
         return None
+    return TargetStrains(triangles.triangle, triangles.stretch, edges.edge, edges.stretch)
 
 
 @lru_cache(maxsize=4)
