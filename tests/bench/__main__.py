@@ -20,6 +20,7 @@ from tests.bench import (
     location_bits,
     page,
     pressure_accuracy,
+    pressure_cost,
     pressure_robustness,
     reprocess,
     several,
@@ -62,6 +63,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "pressure": {
         "Contact pressure on solved walls, kPa: RMS / σ (χ²)": pressure_accuracy.table,
         "Contact pressure where something is off, kPa": pressure_robustness.table,
+        "What an analysis with the pressure costs": pressure_cost.table,
     },
     "reprocess": {"An archive measured again": reprocess.table},
     "walls": {"The simulated walls: buckling, touch, and the load on the teat": walls.table},
