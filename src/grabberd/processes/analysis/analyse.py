@@ -159,30 +159,19 @@ class _Work:
             else None
         )
         average = self._average(pulsation)
-        pulsating = not self._inputs.empty
-        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s) if homologous else None
-        if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
-            self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
+        vacuum = self._vacuum(pulsation) if homologous else None
         fields_points = [timed.points for timed in self._timed[0]]
         smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
         question = self._question(smoothings, average)
-        self._model = self._pressure(average) if vacuum and pulsating else None
+        model = self._pressure(average) if vacuum and not self._inputs.empty else None
         of_fields = vacuum.at(self._time_s) if vacuum else []
         of_phases = self._of_phases(vacuum, average, pulsation)
-        averaged = list(average.points) if average else []
-        names = [f"field {field.n}" for field in self._fields]
-        names += [f"phase {phase:g}" for phase in average.phase] if average else []
         speeds = [
             movements[0].speed_mm_per_s(self._time_s) if movements else np.zeros(len(self._fields)),
             pulsation.speed_mm_per_s(average.phase) if pulsation and average else np.empty(0),
         ]
-        # Phases pass through the same states of the wall as fields, so both are sought together.
-        series = WallSeries(question, smoothings, self._model, self._problems.note, self._progress)
-        vacuums = _each(of_fields, len(self._fields)) + _each(of_phases, len(averaged))
-        both = series.states([*fields_points, *averaged], names, vacuums, np.concatenate(speeds))
-        count = len(self._fields)
-        fields = [(k, state) for k, state in both if k < count]
-        phases = [(k - count, state) for k, state in both if k >= count]
+        series = WallSeries(question, smoothings, model, self._problems.note, self._progress)
+        fields, phases = self._states(series, average, [of_fields, of_phases], speeds)
         if not fields:
             raise AnalysisError(
                 f"none of {len(self._fields)} fields has a surface: {self._problems.most_frequent}",
@@ -207,6 +196,40 @@ class _Work:
             reference=question.reference,
             empty=self._empty(vacuum, fields_points),
         )
+
+    def _states(
+        self,
+        series: WallSeries,
+        average: PhaseAverage | None,
+        vacuums: Sequence[Sequence[ChamberVacuum]],
+        speeds_mm_per_s: Sequence[Array],
+    ) -> tuple[list[tuple[int, WallState]], list[tuple[int, WallState]]]:
+        """States of the fields and of the mean cycle, each with its index there.
+
+        Args:
+            series: recipe for the states.
+            average: the mean cycle.
+            vacuums: at each field and at each phase; empty if unknown.
+            speeds_mm_per_s: (F,) and (P,) of the target that moves fastest.
+        """
+        count, averaged = len(self._fields), list(average.points) if average else []
+        names = [f"field {field.n}" for field in self._fields]
+        names += [f"phase {phase:g}" for phase in average.phase] if average else []
+        # Phases pass through the same states of the wall as fields, so both are sought together.
+        found = series.states(
+            [*(timed.points for timed in self._timed[0]), *averaged],
+            names,
+            _each(vacuums[0], count) + _each(vacuums[1], len(averaged)),
+            np.concatenate(speeds_mm_per_s),
+        )
+        fields = [(k, state) for k, state in found if k < count]
+        return fields, [(k - count, state) for k, state in found if k >= count]
+
+    def _vacuum(self, pulsation: Pulsation | None) -> Vacuum | None:
+        vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s)
+        if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
+            self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
+        return vacuum
 
     def _empty(self, vacuum: Vacuum | None, points: Sequence[Points]) -> EmptyLiner | None:
         """Result of a ramp; None, with a problem, if there is none."""
