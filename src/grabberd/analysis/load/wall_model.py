@@ -58,7 +58,7 @@ class Linearised:
     by_parameters: Array
     settling: Array
     factors: Banded
-    forces: sparse.csr_matrix
+    forces: sparse.csc_matrix
 
     def unknowns(self, change: Array) -> Array:
         """(n,) movement of the wall's unknowns with a change of the parameters (P,)."""
@@ -204,14 +204,15 @@ class WallModel:
 
     def _forces(
         self, half: HalfTube, state: State, by_g: Array, residual: Array, tangent: Tangent
-    ) -> sparse.csr_matrix:
+    ) -> sparse.csc_matrix:
         """(n, P) derivative of the residual by the parameters."""
         contact = half.shell.contact_force(state.control) * by_g[:, np.newaxis, np.newaxis]
         work = np.stack([contact, *half.shell.traction_force(state.control)], axis=-1)
-        parts = [half.by_fields(work), sparse.csr_matrix(self._by_tube(state, residual))]
+        # By columns throughout: parts side by side are then joined without being sorted anew.
+        parts = [half.by_fields(work), sparse.csc_matrix(self._by_tube(state, residual))]
         if not self.mirrored:
-            parts += [sparse.csr_matrix(-tangent.by_held(half.cuts.moved)), half.cuts.forced]
-        forces: sparse.csr_matrix = sparse.hstack(parts, format="csr")
+            parts += [sparse.csc_matrix(-tangent.by_held(half.cuts.moved)), half.cuts.forced.tocsc()]
+        forces: sparse.csc_matrix = sparse.hstack(parts, format="csc")
         return forces
 
     def _by_tube(self, state: State, residual: Array) -> Array:

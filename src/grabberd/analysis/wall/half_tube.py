@@ -9,6 +9,7 @@ derivatives there, written as one matrix product over both.
 """
 
 import copy
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy import sparse
 
 from grabberd.analysis.wall.banded import PATCH, Banded, BandLayout
 from grabberd.analysis.wall.cuts import Cuts
+from grabberd.analysis.wall.field_layout import FieldLayout
 from grabberd.analysis.wall.rubber import RubberWall
 from grabberd.analysis.wall.shell import UNKNOWNS, Geometry, Load, Shell
 from grabberd.analysis.wall.splines import (
@@ -39,6 +41,8 @@ intervals shorter than the targets' pitch.
 _POINTS = GAUSS_ROUND * GAUSS_ALONG
 _DERIVATIVES = len(DERIVATIVES)
 _MEMBERS = PATCH // UNKNOWNS
+_AT_ONCE = 26
+"""Patches whose matrices are made at once; all of them at once take twice as long and 50 MB."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +148,7 @@ class HalfTube:
         self._members = self._basis.members[::_POINTS]
         unknowns = self.cuts.order[self._members].reshape(-1, PATCH)
         self._layout = BandLayout.of(unknowns, self.cuts.count)
+        self._field_layout = FieldLayout.of(self._members, self.cuts.order[self._members], self.grid.count)
         # (P, 16, points × derivatives)
         values = self._basis.values.reshape(_DERIVATIVES, -1, _POINTS, _MEMBERS).transpose(1, 3, 2, 0)
         self._values = np.ascontiguousarray(values).reshape(len(values), _MEMBERS, -1)
@@ -184,48 +189,39 @@ class HalfTube:
 
     def tangent(self, control: Array, load: Load) -> Tangent:
         """Derivative of resistance less load at a state."""
-        stiffness = self.shell.stiffness(control, load) * self._weights[:, np.newaxis, np.newaxis]
-        return Tangent(self._layout, self._patches(stiffness), self._members)
+        return Tangent(self._layout, self._patches(control, load), self._members)
 
-    def by_fields(self, work: Array) -> sparse.csr_matrix:
+    def by_fields(self, work: Array) -> sparse.csc_matrix:
         """Derivative of the residual by spline fields.
 
         Args:
             work: (N, 6, 4, M) of unit values of M fields at the points of quadrature, by the six derivatives.
 
         Returns:
-            (n, M K) sparse; the control values of each field together.
+            (n, M K); the control values of each field together.
         """
-        each = self._field_patches(work * self._weights[:, np.newaxis, np.newaxis, np.newaxis])
         fields = work.shape[-1]
-        rows = np.broadcast_to(self.cuts.order[self._members][..., np.newaxis, np.newaxis], each.shape)
-        number = self._members[:, np.newaxis] + self.grid.count * np.arange(fields)[:, np.newaxis]
-        columns = np.broadcast_to(number[:, np.newaxis, np.newaxis], each.shape)
-        free = rows >= 0
-        entries = (each[free], (rows[free], columns[free]))
-        return sparse.csr_matrix(entries, shape=(self.cuts.count, fields * self.grid.count))
+        each = np.empty((len(self._values), _MEMBERS, UNKNOWNS, fields, _MEMBERS))
+        for patches, points in self._portions():
+            weighted = work[points] * self._weights[points, np.newaxis, np.newaxis, np.newaxis]
+            each[patches] = _field_patches(self._values[patches], weighted)
+        sums = [self._field_layout.sums(each[:, :, :, field]) for field in range(fields)]
+        return self._field_layout.matrix(sums)
 
-    def _patches(self, stiffness: Array) -> Array:
-        """(P, 64, 64) matrices of the patches, of weighted stiffness (N, 24, 24) at the points."""
-        patches = len(self._values)
-        # Axes: patch, point, derivative e, unknown c, unknown d, derivative f. First the sum over f …
-        parts = stiffness.reshape(patches, _POINTS, _DERIVATIVES, UNKNOWNS, _DERIVATIVES, UNKNOWNS)
-        parts = parts.transpose(0, 1, 2, 3, 5, 4).reshape(patches, _POINTS, -1, _DERIVATIVES)
-        by_order = self._values.reshape(patches, _MEMBERS, _POINTS, _DERIVATIVES).transpose(0, 2, 3, 1)
-        half = np.matmul(parts, by_order).reshape(patches, _POINTS * _DERIVATIVES, -1)
-        # … then the one over points and e.
-        whole = np.matmul(self._values, half).reshape(patches, _MEMBERS, UNKNOWNS, UNKNOWNS, _MEMBERS)
-        matrices: Array = whole.transpose(0, 1, 2, 4, 3).reshape(patches, PATCH, PATCH)
+    def _patches(self, control: Array, load: Load) -> Array:
+        """(P, 64, 64) matrices of the patches' stiffness."""
+        stiffness = self.shell.stiffness(control, load)
+        matrices = np.empty((len(self._values), PATCH, PATCH))
+        for patches, points in self._portions():
+            weighted = stiffness[points] * self._weights[points, np.newaxis, np.newaxis]
+            matrices[patches] = _stiffness_patches(self._values[patches], weighted)
         return matrices
 
-    def _field_patches(self, work: Array) -> Array:
-        """(P, 16, 4, M, 16) patches of fields' weighted work (N, 6, 4, M): 16 moved by 16 control values."""
-        patches, fields = len(self._values), work.shape[-1]
-        field_values = self._basis.values[0].reshape(patches, _POINTS, 1, 1, 1, _MEMBERS)
-        parts = work.reshape(patches, _POINTS, _DERIVATIVES, UNKNOWNS, fields, 1) * field_values
-        sums = np.matmul(self._values, parts.reshape(patches, _POINTS * _DERIVATIVES, -1))
-        matrices: Array = sums.reshape(patches, _MEMBERS, UNKNOWNS, fields, _MEMBERS)
-        return matrices
+    def _portions(self) -> Iterator[tuple[slice, slice]]:
+        """Slices of the patches and of their points, few enough at a time for a processor's cache."""
+        for first in range(0, len(self._values), _AT_ONCE):
+            last = min(first + _AT_ONCE, len(self._values))
+            yield slice(first, last), slice(first * _POINTS, last * _POINTS)
 
     def _mounted(self, departure_mm: Array | None) -> Array:
         """(K, 4) control values of the mounted wall: the splines nearest to it."""
@@ -237,3 +233,38 @@ class HalfTube:
         dense = self._basis.matrices[0]
         control = sparse.linalg.splu((dense.T @ dense).tocsc()).solve(dense.T @ points)
         return np.column_stack([control, np.zeros(len(control))])
+
+
+def _stiffness_patches(values: Array, stiffness: Array) -> Array:
+    """(P, 64, 64) matrices of patches, from weighted stiffness (N, 24, 24) at their points.
+
+    Args:
+        values: (P, 16, points × derivatives) of the splines.
+        stiffness: by derivatives and unknowns.
+    """
+    patches = len(values)
+    # Axes: patch, point, derivative e, unknown c, unknown d, derivative f. First the sum over f …
+    parts = stiffness.reshape(patches, _POINTS, _DERIVATIVES, UNKNOWNS, _DERIVATIVES, UNKNOWNS)
+    parts = parts.transpose(0, 1, 2, 3, 5, 4).reshape(patches, _POINTS, -1, _DERIVATIVES)
+    by_order = values.reshape(patches, _MEMBERS, _POINTS, _DERIVATIVES).transpose(0, 2, 3, 1)
+    half = np.matmul(parts, by_order).reshape(patches, _POINTS * _DERIVATIVES, -1)
+    # … then the one over points and e.
+    whole = np.matmul(values, half).reshape(patches, _MEMBERS, UNKNOWNS, UNKNOWNS, _MEMBERS)
+    matrices: Array = whole.transpose(0, 1, 2, 4, 3).reshape(patches, PATCH, PATCH)
+    return matrices
+
+
+def _field_patches(values: Array, work: Array) -> Array:
+    """(P, 16, 4, M, 16) patches of fields' weighted work (N, 6, 4, M): 16 moved by 16 control values.
+
+    Args:
+        values: (P, 16, points × derivatives) of the splines.
+        work: by derivatives and unknowns, for each field.
+    """
+    patches, fields = len(values), work.shape[-1]
+    by_order = values.reshape(patches, _MEMBERS, _POINTS, _DERIVATIVES)
+    field_values = by_order[..., 0].transpose(0, 2, 1).reshape(patches, _POINTS, 1, 1, 1, _MEMBERS)
+    parts = work.reshape(patches, _POINTS, _DERIVATIVES, UNKNOWNS, fields, 1) * field_values
+    sums = np.matmul(values, parts.reshape(patches, _POINTS * _DERIVATIVES, -1))
+    matrices: Array = sums.reshape(patches, _MEMBERS, UNKNOWNS, fields, _MEMBERS)
+    return matrices
