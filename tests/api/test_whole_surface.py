@@ -1,7 +1,6 @@
 """Whatever is asked over HTTP is answered as described; the endless streams have tests of their own."""
 
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,6 @@ BEYOND_A_SCHEMA = (
 )
 """What they take depends on several keys together, or on the rig, which a JSON schema cannot say."""
 EXAMPLES = 5
-ENOUGH_S = 40.0
 
 
 @pytest.fixture
@@ -83,8 +81,6 @@ def test_every_operation_answers_as_it_is_described(daemon: tuple[str, str]) -> 
     schema = schemathesis.openapi.from_url(f"{url}/api/v1/openapi.json", headers=headers)
     operations = [result.ok() for result in schema.get_all_operations()]
     finite = [operation for operation in operations if operation.path not in ENDLESS]
-    begun_s = time.monotonic()
     found = {one.label: wrong for one in finite if (wrong := findings(one, headers)) is not None}
     assert len(finite) > 25
     assert not found, "\n\n".join(f"{label}\n{wrong}" for label, wrong in found.items())
-    assert time.monotonic() - begun_s < ENOUGH_S
