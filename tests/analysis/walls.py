@@ -26,7 +26,7 @@ class SolvedLiner:
         face_mm = self.design["radius_mm"] + self.design["wall_mm"] / 2
         self.x_mm = (np.arange(ROWS) - (ROWS - 1) / 2) * PITCH_MM
         theta = (np.arange(columns) - (columns - 1) / 2) * PITCH_MM / face_mm
-        self._theta, self._face_mm = theta, face_mm
+        self.theta, self._face_mm = theta, face_mm
         self._patch = Patch(self.states, self.x_mm, theta)
         row, column = (part.ravel() for part in np.meshgrid(range(ROWS), range(columns), indexing="ij"))
         angle = theta[column]
@@ -46,7 +46,7 @@ class SolvedLiner:
 
     def moved_mm(self, outer_kpa: float, along_mm: float, round_mm: float) -> np.ndarray:
         """(N, 3) targets, had they been glued farther along and round the liner."""
-        moved = Patch(self.states, self.x_mm + along_mm, self._theta + round_mm / self._face_mm)
+        moved = Patch(self.states, self.x_mm + along_mm, self.theta + round_mm / self._face_mm)
         return self._places_mm(moved, outer_kpa)
 
     def _places_mm(self, patch: Patch, outer_kpa: float) -> np.ndarray:

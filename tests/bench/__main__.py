@@ -18,6 +18,7 @@ from tests.bench import (
     live,
     location,
     location_bits,
+    middle_accuracy,
     page,
     pressure_accuracy,
     pressure_cost,
@@ -63,6 +64,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "pressure": {
         "Contact pressure on solved walls, kPa: RMS / σ (χ²)": pressure_accuracy.table,
         "Contact pressure where something is off, kPa": pressure_robustness.table,
+        "Curvature and strain of the middle surface on solved walls": middle_accuracy.table,
         "What an analysis with the pressure costs": pressure_cost.table,
     },
     "reprocess": {"An archive measured again": reprocess.table},

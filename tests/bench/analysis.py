@@ -14,13 +14,10 @@ from grabberd.analysis import (
     Surface,
     edge_strain,
     fit_surface,
-    middle_places,
-    nominal_middle_places,
     nominal_places,
     outer_places,
     wall_at,
 )
-from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.forms import middle_forms
 from grabberd.analysis.wall.strain import strain
 from grabberd.processes.analysis.smoothings import Smoothings
@@ -94,26 +91,15 @@ def _surfaces(made: Analysed, averaged: bool) -> list[Surface]:
 
 
 @cache
-def edges(made: Analysed, averaged: bool) -> dict[str, Compared]:
-    """Strain of the edges: outer face from the points, middle surface."""
-    grid, found = made.grid, made.analysis
-    depth = wall_at(found.inputs.zones, grid.u_mm).depth_mm
-    nominal = NominalShape.of(grid).jets(grid.u_mm, grid.v_mm)
-    outer, middle = nominal_places(grid), nominal_middle_places(grid, nominal, depth)
-    points, surfaces = _points(made, averaged), _surfaces(made, averaged)
-    both: dict[str, list[Compared]] = {"outer": [], "middle": []}
-    states = states_of(made, averaged)
-    for (_, moment), one, surface in zip(states, points, surfaces, strict=True):
-        true = made.targets_mm(moment), made.wall(moment).xyz_mm
-        open_mm = grid.nominal_mm, made.wall_open.xyz_mm
-        of_face = outer_places(grid, one), middle_places(grid, surface, depth)
-        for name, places, before, now, then in zip(
-            both, of_face, (outer, middle), true, open_mm, strict=True
-        ):
-            strain = edge_strain(grid, places, before)
-            stretch = _lengths(now, strain.edge) / _lengths(then, strain.edge)
-            both[name].append(Compared(strain.stretch.value - stretch, strain.stretch.sigma))
-    return {name: _joined(parts) for name, parts in both.items()}
+def edges(made: Analysed, averaged: bool) -> Compared:
+    """Strain of the edges between targets, on the outer face."""
+    grid, before = made.grid, nominal_places(made.grid)
+    parts = []
+    for (_, moment), points in zip(states_of(made, averaged), _points(made, averaged), strict=True):
+        strain = edge_strain(grid, outer_places(grid, points), before)
+        stretch = _lengths(made.targets_mm(moment), strain.edge) / _lengths(grid.nominal_mm, strain.edge)
+        parts.append(Compared(strain.stretch.value - stretch, strain.stretch.sigma))
+    return _joined(parts)
 
 
 def _lengths(places: Array, edge: NDArray[np.intp]) -> Array:
@@ -212,12 +198,12 @@ Made = list[tuple[str, Analysed]]
 
 def _strains(made: Made) -> str:
     """Strain of edges and of the middle surface at the targets."""
-    head = ["capture", "edges, outer face", "edges, middle surface", "along, inner", "round, inner"]
-    rows = [("to be, single fields", "jitter .35, none .15", "jitter .35, none .15", "", "")]
+    head = ["capture", "edges", "along, inner", "round, inner"]
+    rows = [("to be, single fields", "jitter .35, none .15", "", "")]
     for name, one in made:
         for averaged in (False, True):
             edge, place = edges(one, averaged), _split(one, averaged)["inner"]
-            values = (edge["outer"], edge["middle"], place["ε1"], place["ε2"])
+            values = (edge, place["ε1"], place["ε2"])
             rows.append((f"{name}{_of(averaged)}", *(value.text(2, 100) for value in values)))
     return _markdown("Strain in %.", head, rows)
 

@@ -5,6 +5,7 @@ import pytest
 
 from grabberd.analysis import ChamberVacuum
 
+from .middle_accuracy import case as middles
 from .pressure_accuracy import CYCLE, FIELD, PHASE, case
 from .pressure_case import Figures, Given, Judged, refused_text
 from .pressure_robustness import JUDGED, REFERENCES, SEEN, Aside, SolvedLiner, asides, maps
@@ -64,3 +65,12 @@ def test_every_row_names_points_that_can_be_made():
 def test_a_row_judges_its_places_in_every_state():
     found = maps(Aside("off", ("reference-round",), judged="glued"), Given(kpa=1.0), (12.0,))
     assert [len(one.error_kpa) for one in found] == [9, 9]
+
+
+def test_equilibrium_and_smooth_surface_are_compared_in_the_same_states():
+    found = middles("wide-round", {"closed": (30.0,)})
+    assert [(one.method, one.bits, one.refused) for one in found] == [
+        (method, bits, False) for bits in (8, 1) for method in ("equilibrium", "smooth")
+    ]
+    wall, smooth = (np.abs(one.error[~one.inner, 3]).mean() for one in found[:2])
+    assert wall < 0.2 * smooth

@@ -5,6 +5,7 @@ from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.collapse import Collapse, collapse
 from grabberd.analysis.load.empty_ramp import LinerValues, liner_values
 from grabberd.analysis.load.load_prior import Difference
+from grabberd.analysis.load.middle_surface import MiddleSurface
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.pressure_model import UNSEEN, PressureModel
 from grabberd.analysis.load.ramp_levels import RampLevel
@@ -40,8 +41,6 @@ from grabberd.analysis.wall.target_strain import (
     Places,
     TriangleStrain,
     edge_strain,
-    middle_places,
-    nominal_middle_places,
     nominal_places,
     outer_places,
     triangle_strain,
@@ -69,6 +68,7 @@ __all__ = [
     "LoggedVacuum",
     "Material",
     "Mesh",
+    "MiddleSurface",
     "Movement",
     "Offset",
     "PhaseAverage",
@@ -116,9 +116,7 @@ __all__ = [
     "lacking",
     "liner_values",
     "middle_forms",
-    "middle_places",
     "middles",
-    "nominal_middle_places",
     "nominal_places",
     "outer_forms",
     "outer_places",

@@ -7,7 +7,8 @@ OUTDATED_TITLE = "Wrong pressures"
 OUTDATED_PRESSURE = (
     "The pressures of this analysis are wrong: they were computed by differentiating the wall's shape, which "
     "errs by tens of kPa where the wall folds. Mean and greatest pressure and the first touch follow from "
-    "them. Everything else is computed as before.",
+    "them. Curvature, strain and tension of its closed wall err in the outermost columns that are seen, "
+    "strain by 15 %. Points, sections, areas and pulsation are right.",
     "Analyse the capture again, and give the ends between which the liner is held, material.first_end_mm and "
     "material.last_end_mm: grabberd analyse CAPTURE.grab --inputs INPUTS.yaml --out FOLDER, or “New "
     "analysis” on the page.",

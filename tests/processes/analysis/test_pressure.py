@@ -70,9 +70,18 @@ def test_without_one_of_its_inputs_there_is_no_pressure_and_it_is_said(inputs, l
 def test_a_field_in_which_the_wall_moves_too_fast_has_no_pressure_and_says_so() -> None:
     steady, snap = [24.0] * 5, [0.0] * 5
     found = analysed((*snap, *steady), reference={"field": 0})
-    has = [state.pressure is not None for state in found.states]
+    has = [bool(state.pressure.usable.any()) for state in found.states]
     assert has == [True] * 4 + [False] * 2 + [True] * 4
+    said = found.states[4].pressure.reason
+    assert set(said) == {"the wall moves at more than 300 mm/s: too fast for an equilibrium"}
+    assert found.states[4].pressure.profile is None
     assert "field 4, field 5: the wall moves at more than 300 mm/s" in " ".join(reasons(found))
+
+
+def test_the_shape_of_a_wall_that_moves_too_fast_is_still_the_wall_s() -> None:
+    found = analysed((*[0.0] * 5, *[24.0] * 5), reference={"field": 0})
+    assert {state.method for state in found.states} == {"equilibrium"}
+    assert all(np.isfinite(state.strain.value).all() for state in found.states)
 
 
 def test_the_mirror_image_of_the_seen_half_is_compared_with_a_free_one() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.testing import assert_allclose
 
-from grabberd.analysis import fit_surface, symmetry_plane
+from grabberd.analysis import fit_surface, outer_places, symmetry_plane
 from grabberd.processes.analysis.question import Question
 from grabberd.processes.analysis.smoothings import Smoothings
 from grabberd.processes.analysis.wall_state import wall_state, wall_states
@@ -91,8 +91,9 @@ def test_fields_looked_at_together_are_as_each_alone():
     fields = [field(n, time_s).timed.points for n, time_s in enumerate((0.2, 0.4, CLOSED_S))]
     smoothing = Smoothings.of(grid(), fields).for_points(fields[1])
     first, *surfaces = (fit_surface(grid(), points, smoothing) for points in fields)
-    question = Question(grid(), (-10.0, 10.0), plane, first, zones)
-    together = wall_states(surfaces, question, [None, None])
+    places = outer_places(grid(), fields[0])
+    question = Question(grid(), (-10.0, 10.0), plane, first, places, zones)
+    together = wall_states(fields[1:], surfaces, question, [None, None])
     for state, points in zip(together, fields[1:], strict=True):
         alone = wall_state(points, question, smoothing)
         for name in ("xyz_mm", "curvature_per_m", "strain", "tension_n_per_m"):

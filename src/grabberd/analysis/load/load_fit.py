@@ -8,6 +8,7 @@ likewise.
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,49 @@ MISFIT_ALARM = 2.0
 _HINT = "give the liner's own modulus, thickness, pretension and length, and its vacuum on the camera's clock"
 
 
+class _Parts(NamedTuple):
+    """A prior covariance, apart by what its size changes with: variance of g, that of the gauges, neither."""
+
+    load: Array
+    difference: Array
+    rest: Array
+
+    @classmethod
+    def of(cls, model: WallModel, rows: Array, spread: Array, diagonal: bool = False) -> "_Parts":
+        """The covariance of rows (Q, P) and `WallModel.spread` of others (P, M), or the diagonal alone."""
+        load, difference = model.of_load, model.of_difference
+        # Each by itself: a small part would be lost in rounding as the rest of a large one.
+        parts = (load, difference, slice(load.stop, difference.start), slice(difference.stop, None))
+
+        def product(part: slice) -> Array:
+            if diagonal:
+                return np.asarray(np.einsum("qp,pq->q", rows[:, part], spread[part]), np.float64)
+            return np.asarray(rows[:, part] @ spread[part], np.float64)
+
+        of_load, of_difference, *rest = (product(part) for part in parts)
+        return cls(of_load, of_difference, rest[0] + rest[1])
+
+    def sum(self, model: WallModel, difference: Difference) -> Array:
+        """The whole covariance under a pressure difference."""
+        factors = model.variances(difference)
+        load, gauge = (factors[part][0] for part in (model.of_load, model.of_difference))
+        whole: Array = load * self.load + gauge * self.difference + self.rest
+        return whole
+
+
+class Followers(NamedTuple):
+    """Q quantities of a linearised wall.
+
+    Attributes:
+        response: of that wall.
+        cross: (Q, 3 T) their prior covariance with the places; `variance`: (Q,) their own.
+    """
+
+    response: "Response"
+    cross: _Parts
+    variance: _Parts
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
     """A linearised wall, and how far the prior lets its targets move.
@@ -49,28 +93,27 @@ class Response:
     model: WallModel
     linear: Linearised
     spread: Array
-    _of_load: Array
-    _of_difference: Array
-    _of_rest: Array
+    _covariance: "_Parts"
 
     @classmethod
     def of(cls, model: WallModel, state: State) -> "Response":
         """The response about a state."""
         linear = model.linearised(state)
-        by_parameters = linear.by_parameters
-        spread = model.spread(by_parameters.T)
-        load, difference = model.of_load, model.of_difference
-        # Each by itself: a small part would be lost in rounding as the rest of a large one.
-        parts = (load, difference, slice(load.stop, difference.start), slice(difference.stop, None))
-        of_load, of_difference, *rest = (by_parameters[:, part] @ spread[part] for part in parts)
-        return cls(model, linear, spread, of_load, of_difference, rest[0] + rest[1])
+        spread = model.spread(linear.by_parameters.T)
+        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread))
 
     def covariance_mm2(self, difference: Difference) -> Array:
         """(3 T, 3 T) prior covariance of the places."""
-        factors = self.model.variances(difference)
-        load, gauge = (factors[part][0] for part in (self.model.of_load, self.model.of_difference))
-        covariance: Array = load * self._of_load + gauge * self._of_difference + self._of_rest
-        return covariance
+        return self._covariance.sum(self.model, difference)
+
+    def followers(self, by_parameters: Array) -> "Followers":
+        """Quantities (Q, P) that depend on the parameters as the places do."""
+        own = self.model.spread(by_parameters.T)
+        return Followers(
+            self,
+            _Parts.of(self.model, by_parameters, self.spread),
+            _Parts.of(self.model, by_parameters, own, diagonal=True),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -155,6 +198,17 @@ class Posterior:
         seen = (factors * self.response.spread[of_load]) @ self._directions.T
         whitened: Array = solve_triangular(factor, seen.T, lower=lower).T
         return whitened
+
+    def sigma(self, followers: Followers) -> Array:
+        """(Q,) σ of quantities of the wall that was linearised."""
+        seen = followers.cross.sum(self.model, self.difference) @ self._directions.T
+        factor, lower = self._factor
+        whitened = solve_triangular(factor, seen.T, lower=lower)
+        prior = followers.variance.sum(self.model, self.difference)
+        # Rounding must not leave what is very well known with no σ at all.
+        left = np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-9 * prior)
+        sigma: Array = np.sqrt(left)
+        return sigma
 
     def settled(self) -> Array:
         """(K, 4) control values of the most probable wall."""

@@ -19,11 +19,15 @@ _MOST = 6
 
 
 class LoadSeries:
-    """The loads of one wall."""
+    """The loads of one wall.
+
+    Attributes:
+        model: the wall's.
+    """
 
     def __init__(self, model: WallModel) -> None:
         """Begins without any state."""
-        self._model = model
+        self.model = model
         self._known: list[Response] = []
 
     def load(self, sights: Sights, difference: Difference) -> Posterior:
@@ -41,8 +45,8 @@ class LoadSeries:
             if longest_mm < REACH_MM:
                 return found
             share = min(1.0, REACH_MM / longest_mm)
-            start = self._model.moved(nearest.linear.state, share * unknowns, share * found.change)
-        found, _ = fit_load(self._model, sights, difference, start)
+            start = self.model.moved(nearest.linear.state, share * unknowns, share * found.change)
+        found, _ = fit_load(self.model, sights, difference, start)
         self._known = [*self._known[1 - _MOST :], found.response]
         return found
 

@@ -12,7 +12,6 @@ from grabberd.analysis.load.target_places import TargetPlaces, Targets
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.material import Material
-from grabberd.analysis.wall.shell import Load
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
@@ -148,11 +147,8 @@ def _slid_mm(half: HalfTube, targets: Targets) -> Array:
 
     A tapered tube with the same stretch all along is not: its wall slides by a few tenths of a millimetre.
     """
-    none = np.zeros(len(half.s_mm))
-    load = Load(0.0, none, np.stack([none, none]))
-    settling = half.tangent(half.mounted, load).factors.solve(half.residual(half.mounted, load))
     places = TargetPlaces(half, targets)
-    settled = places.places_mm(half, half.moved(half.mounted, settling))
+    settled = places.places_mm(half, half.at_rest())
     slid_mm: Array = (settled - places.places_mm(half, half.mounted))[:, 0]
     return slid_mm
 

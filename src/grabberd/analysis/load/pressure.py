@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.load.load_profile import LoadProfile
+from grabberd.analysis.load.middle_surface import MiddleSurface
 from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]
@@ -62,7 +63,8 @@ class PressureMap(NamedTuple):
         unseen_kpa: (N,) `contact_kpa` less what it would be if the unseen half were free; None where it is.
         supported: (N,) True for targets that are supported by data.
         reason: (N,) reason why a target has no pressure of its own; empty if it has one.
-        profile: the load over height, x in the object's frame; None if points and wall contradict each other.
+        profile: the load over height, x in the object's frame; None if there is no pressure.
+        middle: the wall's middle surface in this state; None if points and wall contradict each other.
     """
 
     contact_kpa: Estimate
@@ -73,6 +75,7 @@ class PressureMap(NamedTuple):
     supported: NDArray[np.bool_]
     reason: tuple[str, ...]
     profile: LoadProfile | None = None
+    middle: MiddleSurface | None = None
 
     @property
     def usable(self) -> NDArray[np.bool_]:

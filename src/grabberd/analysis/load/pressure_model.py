@@ -12,6 +12,7 @@ from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
 from grabberd.analysis.load.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_series import LoadSeries
+from grabberd.analysis.load.middle_surface import MiddleSurfaces
 from grabberd.analysis.load.mounting import Mounting
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.wall_model import WallModel
@@ -66,6 +67,7 @@ class PressureModel:
         self._mounting = Mounting.of(grid, material, reference)
         self._series = self._of(material, mirrored=unseen == "mirrored")
         self._compared = self._of(material, mirrored=False) if unseen == "mirrored" else None
+        self._middle = MiddleSurfaces(self._series.model, material)
         self._sections: Sections | None = None
 
     def _of(self, material: Material, mirrored: bool) -> LoadSeries:
@@ -88,13 +90,8 @@ class PressureModel:
             speed_mm_per_s: of the target that moves fastest.
 
         Raises:
-            AnalysisError: the wall has no equilibrium with these points, or moves too fast for one.
+            AnalysisError: the wall has no equilibrium with these points.
         """
-        if speed_mm_per_s > FASTEST_MM_PER_S:
-            raise AnalysisError(
-                f"the wall moves at more than {FASTEST_MM_PER_S:g} mm/s: too fast for an equilibrium",
-                "read the pressure of the closed or the open phase",
-            )
         difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
         sights = self._mounting.sights(points, self._grid)
         found = self._series.load(sights, difference)
@@ -106,13 +103,14 @@ class PressureModel:
         if self._compared:
             free = self._compared.load(sights, difference)
             unseen_kpa = value - free.contact_kpa(free.model.targets)[0]
-        reasons = self._reasons(contact, within, found)
-        mean, profile = _mean(value, covariance, within, reasons), self._profile(found)
-        return PressureMap(contact, mean, above, found.j, unseen_kpa, within, reasons, profile)
+        refusal = _refusal(found.j, speed_mm_per_s)
+        reasons = self._reasons(contact, within) if not refusal else (refusal,) * len(within)
+        mean, profile = _mean(value, covariance, within, reasons), None if refusal else self._profile(found)
+        # Inertia is a load like any other, so the shape of a fast wall is no worse for it.
+        middle = self._middle.of(found) if found.j <= MISFIT_ALARM else None
+        return PressureMap(contact, mean, above, found.j, unseen_kpa, within, reasons, profile, middle)
 
-    def _profile(self, found: Posterior) -> LoadProfile | None:
-        if found.j > MISFIT_ALARM:
-            return None
+    def _profile(self, found: Posterior) -> LoadProfile:
         if self._sections is None:
             targets = self._mounting.targets
             reach_mm = min(float(np.abs(targets.s_mm).max()), _ARC_MM)
@@ -121,11 +119,8 @@ class PressureModel:
         mounting, profile = self._mounting, self._sections.profile(found)
         return profile._replace(x_mm=mounting.origin_mm[0] + mounting.axes[0, 0] * profile.x_mm)
 
-    def _reasons(self, contact: Estimate, within: NDArray[np.bool_], found: Posterior) -> tuple[str, ...]:
+    def _reasons(self, contact: Estimate, within: NDArray[np.bool_]) -> tuple[str, ...]:
         """The first applicable reason why each target has no pressure; empty if it has one."""
-        if found.j > MISFIT_ALARM:
-            said = f"the wall in equilibrium contradicts the points (misfit {found.j:.1f}, usual .3 to 1.2)"
-            return (said,) * len(within)
         least = np.maximum(contact.value, self._sought_kpa)
         vague = [
             f"σ of {sigma:.2g} kPa exceeds the pressure sought ({wanted:.2g} kPa)"
@@ -134,6 +129,15 @@ class PressureModel:
         reasons = np.select([~within, contact.sigma > least], [_FAR, np.array(vague, object)], "")
         # Few different ones for as many targets as a capture has: each is kept once.
         return tuple(map(intern, reasons))
+
+
+def _refusal(misfit: float, speed_mm_per_s: float) -> str:
+    """The reason why a field has no pressure anywhere; empty if it may have one."""
+    if misfit > MISFIT_ALARM:
+        return f"the wall in equilibrium contradicts the points (misfit {misfit:.1f}, usual .3 to 1.2)"
+    if speed_mm_per_s > FASTEST_MM_PER_S:
+        return f"the wall moves at more than {FASTEST_MM_PER_S:g} mm/s: too fast for an equilibrium"
+    return ""
 
 
 def _mean(value: Array, covariance: Array, use: NDArray[np.bool_], reasons: Sequence[str]) -> Estimate:

@@ -48,14 +48,7 @@ class TargetPlaces:
     def by_control(self, half: HalfTube, control: Array) -> sparse.csr_matrix:
         """(3 T, 4 K) derivatives of the targets by the control values."""
         geometry, wall = Geometry.of(self.basis, control), half.wall(self.basis, half.tube)
-        by_values = _seen_by_values(geometry, wall, self._thickness_mm)
-        each = np.einsum("dni,nkdc->nkic", self.basis.values, by_values, optimize=True)
-        columns = self.basis.members[:, np.newaxis, :, np.newaxis] * 4 + np.arange(4)
-        count = 3 * len(self.basis.members)
-        starts = np.arange(count + 1) * 64
-        return sparse.csr_matrix(
-            (each.ravel(), np.broadcast_to(columns, each.shape).ravel(), starts), shape=(count, control.size)
-        )
+        return self.basis.by_control(_seen_by_values(geometry, wall, self._thickness_mm))
 
     def by_thickness(self, half: HalfTube, control: Array) -> Array:
         """(3 T,) derivatives by ln t alone, of a wall whose middle stays where it is."""

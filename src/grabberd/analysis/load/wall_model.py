@@ -192,15 +192,30 @@ class WallModel:
         forces = self._forces(half, state, by_g, residual, tangent)
         places = self._places.places_mm(half, state.control)
         by_control = self._places.by_control(half, state.control)
-        right = (half.cuts.free.T @ by_control.T).toarray(order="F")
-        adjoint = tangent.factors.solve(right, transposed=True)
-        by_parameters = np.ascontiguousarray((forces.T @ adjoint).T)
-        by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
-        if not self.mirrored:
-            by_parameters[:, self._moved] += (by_control @ half.cuts.moved).toarray()
-        settled = places + (adjoint.T @ residual).reshape(places.shape)
         factors = tangent.factors
-        return Linearised(state, settled, by_parameters, factors.solve(residual), factors, forces)
+        by_parameters = self._followed(factors, forces, by_control)
+        by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
+        settling = factors.solve(residual)
+        settled = places + (by_control @ (half.cuts.free @ settling)).reshape(places.shape)
+        return Linearised(state, settled, by_parameters, settling, factors, forces)
+
+    def followed(self, linear: Linearised, by_control: sparse.csr_matrix) -> Array:
+        """(Q, P) derivatives by the parameters of what follows the control values of a wall that settles.
+
+        Args:
+            linear: the wall.
+            by_control: (Q, 4 K) derivatives by its control values.
+        """
+        return self._followed(linear.factors, linear.forces, by_control)
+
+    def _followed(self, factors: Banded, forces: sparse.csc_matrix, by_control: sparse.csr_matrix) -> Array:
+        cuts = self.half.cuts
+        right = (cuts.free.T @ by_control.T).toarray(order="F")
+        # One adjoint solution for each row: far fewer than there are parameters.
+        followed = np.ascontiguousarray((forces.T @ factors.solve(right, transposed=True)).T)
+        if not self.mirrored:
+            followed[:, self._moved] += (by_control @ cuts.moved).toarray()
+        return followed
 
     def _forces(
         self, half: HalfTube, state: State, by_g: Array, residual: Array, tangent: Tangent

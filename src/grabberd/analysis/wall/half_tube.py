@@ -182,6 +182,16 @@ class HalfTube:
         moved: Array = control + (self.cuts.free @ unknowns).reshape(control.shape)
         return moved
 
+    def at_rest(self) -> Array:
+        """(K, 4) control values of the open wall in equilibrium without load.
+
+        It is near `mounted`: a tapered tube with the same stretch all along slides by tenths of a millimetre.
+        """
+        none = np.zeros(len(self.s_mm))
+        load = Load(0.0, none, np.stack([none, none]))
+        settling = self.tangent(self.mounted, load).factors.solve(self.residual(self.mounted, load))
+        return self.moved(self.mounted, settling)
+
     def residual(self, control: Array, load: Load) -> Array:
         """(n,) force out of balance on the unknowns: load less resistance, N."""
         force: Array = self.cuts.free.T @ self.shell.force(control, load).ravel()

@@ -94,6 +94,21 @@ class Basis:
         at: Array = self.matrices[derivative] @ control
         return at
 
+    def by_control(self, by_values: Array) -> sparse.csr_matrix:
+        """(N Q, 4 K) derivatives of Q quantities at each point by control values.
+
+        Args:
+            by_values: (N, Q, D, 4) derivatives by the last D of the six derivatives of x, y, z, s.
+        """
+        points, quantities, count = by_values.shape[:3]
+        each = np.einsum("dni,nqdc->nqic", self.values[-count:], by_values, optimize=True)
+        size = by_values.shape[-1]
+        columns = self.members[:, np.newaxis, :, np.newaxis] * size + np.arange(size)
+        starts = np.arange(points * quantities + 1) * self.members.shape[1] * size
+        shape = (points * quantities, self.count * size)
+        rows = np.broadcast_to(columns, each.shape).ravel()
+        return sparse.csr_matrix((each.ravel(), rows, starts), shape=shape)
+
     @cached_property
     def matrices(self) -> tuple[sparse.csr_matrix, ...]:
         """Six matrices (N, K): the derivatives by the control values."""

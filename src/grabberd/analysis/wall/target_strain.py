@@ -1,16 +1,17 @@
-"""Strain per triangle and per edge of the target grid, on the outer face or on the middle surface."""
+"""Strain of the triangles and edges between targets, on the outer face: of what is seen, without a model.
+
+The targets sit on the outer face, so bending counts: it stretches the face of a wall that is pressed flat by
+as much as 10 %.
+"""
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.surface.jets import Jets
-from grabberd.analysis.surface.surface import Surface
-from grabberd.analysis.wall.forms import inverse, outer_forms
 from grabberd.analysis.wall.strain import Strain, principal_stretches, strain
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
@@ -21,18 +22,16 @@ _STEP_MM = 1e-5
 
 
 class Places(NamedTuple):
-    """Positions of the N targets of a grid in one state, and the face they are on.
+    """Positions of the N targets of a grid in one state.
 
     Attributes:
         xyz_mm: (N, 3), NaN where a target was not measured.
         root_mm: (N, 3, K) square root of their joint covariance: cov[n, a, m, b] =
             Σ_k root[n, a, k] root[m, b, k]; K = 0 for given, not measured positions.
-        face: `outer`, where the targets sit, or `middle`, the membrane under them.
     """
 
     xyz_mm: Array
     root_mm: Array
-    face: Literal["outer", "middle"]
 
 
 class TriangleStrain(NamedTuple):
@@ -43,14 +42,12 @@ class TriangleStrain(NamedTuple):
         strain: E, principal stretches and directions.
         stretch: (K, 2) principal stretches with σ.
         thickness: (K,) 1 / (λ1 λ2) with σ.
-        face: face of the targets' positions.
     """
 
     triangle: NDArray[np.intp]
     strain: Strain
     stretch: Estimate
     thickness: Estimate
-    face: str
 
 
 class EdgeStrain(NamedTuple):
@@ -59,70 +56,31 @@ class EdgeStrain(NamedTuple):
     Attributes:
         edge: (K, 2) indices of the targets; those missing in either state are left out.
         stretch: (K,) length relative to that in the reference state, with σ.
-        face: face of the targets' positions.
     """
 
     edge: NDArray[np.intp]
     stretch: Estimate
-    face: str
 
 
 def outer_places(grid: Grid, points: Points) -> Places:
-    """The targets of a field as measured, on the outer face, with no surface between."""
+    """The targets of a field as measured."""
     where = grid.indices(points.target)
     xyz, root = np.full((len(grid), 3), np.nan), np.zeros((len(grid), 3, len(grid), 3))
     xyz[where] = points.xyz_mm
     root[where, :, where] = np.linalg.cholesky(points.covariance_mm2)
-    return Places(xyz, root.reshape(len(grid), 3, -1), "outer")
+    return Places(xyz, root.reshape(len(grid), 3, -1))
 
 
 def nominal_places(grid: Grid) -> Places:
-    """The targets of the object model, on the outer face."""
-    return Places(grid.nominal_mm, np.zeros((len(grid), 3, 0)), "outer")
-
-
-def middle_places(grid: Grid, surface: Surface, depth_mm: float | Array) -> Places:
-    """The middle surface under the targets, from the surface through them.
-
-    At the margin of the targets the normals contribute as much to σ as the positions do, and are correlated
-    with them: hence both come from the surface, with their joint covariance.
-
-    Args:
-        grid: target grid of the object model.
-        surface: surface of the outer face.
-        depth_mm: depth of the middle surface below the targets' face; one value, or one for each target.
-    """
-    depth = np.broadcast_to(np.asarray(depth_mm, np.float64), len(grid))
-    jets = surface.jets(grid.u_mm, grid.v_mm)
-    xyz, slopes = _lowered(jets, depth, surface.outward)
-    modes = surface.modes.jets(grid.u_mm, grid.v_mm)[:, :3]
-    gradient = np.einsum("npak,npr->nkar", slopes, modes, optimize=True)
-    root = gradient.reshape(len(grid) * 3, -1) @ surface.factor.reshape(-1, surface.factor.shape[2])
-    xyz[~surface.within(grid.u_mm, grid.v_mm)] = np.nan
-    return Places(xyz, root.reshape(len(grid), 3, -1), "middle")
-
-
-def nominal_middle_places(grid: Grid, nominal: Jets, depth_mm: float | Array) -> Places:
-    """The middle surface under the targets of the object model, from its jets (N, 15, 3) at the targets."""
-    depth = np.broadcast_to(np.asarray(depth_mm, np.float64), len(grid))
-    return Places(_lowered(nominal, depth, grid.outward)[0], np.zeros((len(grid), 3, 0)), "middle")
-
-
-def _lowered(jets: Jets, depth_mm: Array, outward: float) -> tuple[Array, Array]:
-    """X − h n, (N, 3), and its derivatives by X, X_u and X_v (N, 3, 3, 3): δn = −X^β (n · δX_β)."""
-    forms = outer_forms(jets, outward)
-    dual = inverse(forms.first) @ forms.tangents
-    slopes = np.empty((len(jets), 3, 3, 3))
-    slopes[:, 0] = np.eye(3)
-    slopes[:, 1:] = depth_mm[:, None, None, None] * forms.normal[:, None, :, None] * dual[:, :, None]
-    return jets[:, 0] - depth_mm[:, None] * forms.normal, slopes
+    """The targets of the object model."""
+    return Places(grid.nominal_mm, np.zeros((len(grid), 3, 0)))
 
 
 def triangle_strain(grid: Grid, places: Places, reference: Places) -> TriangleStrain:
     """The strain of the triangles: F = [s1 s2][d1 d2]⁻¹, E = (FᵀF − 1)/2.
 
     Raises:
-        AnalysisError: the two states are of different faces, or no triangle is whole in both.
+        AnalysisError: no triangle is whole in both.
     """
     chosen = _whole(grid.triangles, places, reference)
     corners = grid.triangles[chosen]
@@ -137,21 +95,21 @@ def triangle_strain(grid: Grid, places: Places, reference: Places) -> TriangleSt
     result = strain(_sides(present), _sides(before))
     sigma = np.broadcast_to(np.sqrt(own + other), (len(chosen), 3))
     stretch = Estimate(result.stretch.values, sigma[:, :2])
-    return TriangleStrain(chosen, result, stretch, Estimate(result.thickness, sigma[:, 2]), places.face)
+    return TriangleStrain(chosen, result, stretch, Estimate(result.thickness, sigma[:, 2]))
 
 
 def edge_strain(grid: Grid, places: Places, reference: Places) -> EdgeStrain:
     """The stretch of the edges.
 
     Raises:
-        AnalysisError: the two states are of different faces, or no edge is whole in both.
+        AnalysisError: no edge is whole in both.
     """
     pairs = grid.pairs()
     edges = pairs[_whole(pairs, places, reference)]
     lengths, variances = zip(*(_length(state, edges) for state in (places, reference)), strict=True)
     stretch = lengths[0] / lengths[1]
     sigma = stretch * np.sqrt(variances[0] / lengths[0] ** 2 + variances[1] / lengths[1] ** 2)
-    return EdgeStrain(edges, Estimate(stretch, sigma), places.face)
+    return EdgeStrain(edges, Estimate(stretch, sigma))
 
 
 def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
@@ -165,11 +123,6 @@ def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
 
 
 def _whole(parts: NDArray[np.intp], places: Places, reference: Places) -> NDArray[np.intp]:
-    if places.face != reference.face:
-        raise AnalysisError(
-            f"the places are of the {places.face} face, those of the reference of the {reference.face} one",
-            "bring both states to the same face with middle_places",
-        )
     there = np.isfinite(np.linalg.norm(places.xyz_mm + reference.xyz_mm, axis=1))
     whole = np.flatnonzero(there[parts].all(axis=1))
     if not len(whole):

@@ -14,6 +14,7 @@ from grabberd.analysis import (
     Movement,
     PhaseAverage,
     Phases,
+    Places,
     PressureModel,
     Pulsation,
     Surface,
@@ -25,6 +26,8 @@ from grabberd.analysis import (
     fit_pulsation,
     fit_surface,
     free_shape,
+    nominal_places,
+    outer_places,
     phase_average,
     variation,
     wall_phases,
@@ -269,8 +272,10 @@ class _Work:
         inputs, grid = self._inputs, self._grid
         if smoothings is None:
             return Question(grid, inputs.heights_mm, inputs.plane, over=free_shape(grid))
-        reference = self._reference(smoothings, average) if inputs.reference else None
-        return Question(grid, inputs.heights_mm, inputs.plane, reference, inputs.zones)
+        if inputs.reference is None:
+            return Question(grid, inputs.heights_mm, inputs.plane, zones=inputs.zones)
+        reference, places = self._reference(inputs.reference, smoothings, average)
+        return Question(grid, inputs.heights_mm, inputs.plane, reference, places, inputs.zones)
 
     def _pressure(self, average: PhaseAverage | None) -> PressureModel | None:
         """Model of the pressure maps; None if one of its inputs is missing."""
@@ -284,13 +289,16 @@ class _Work:
         sought_kpa, unseen = inputs.sought_kpa, inputs.unseen
         return self._problems.survived(lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen))
 
-    def _reference(self, smoothings: Smoothings, average: PhaseAverage | None) -> Surface | Jets:
-        reference = self._inputs.reference
-        assert reference is not None
+    def _reference(
+        self, reference: Reference, smoothings: Smoothings, average: PhaseAverage | None
+    ) -> tuple[Surface | Jets, Places]:
+        """Surface and targets of the reference state."""
         if reference.kind == "nominal":
-            return NominalShape.of(self._grid).jets(self._grid.u_mm, self._grid.v_mm)
+            nominal = NominalShape.of(self._grid).jets(self._grid.u_mm, self._grid.v_mm)
+            return nominal, nominal_places(self._grid)
         points = self._reference_points(reference, average)
-        return fit_surface(self._grid, points, smoothings.for_points(points))
+        surface = fit_surface(self._grid, points, smoothings.for_points(points))
+        return surface, outer_places(self._grid, points)
 
     def _reference_points(self, reference: Reference, average: PhaseAverage | None) -> Points:
         if reference.kind == "phase":

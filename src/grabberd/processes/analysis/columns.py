@@ -53,6 +53,11 @@ _WALL = (
     _id("greatest_contact_target", "id of the target where it is"),
     _count("determined", "at how many targets the pressure is determined"),
     _number("load_misfit", "1", "misfit of points and wall in equilibrium; .3 to 1.2 is usual, 2 refused"),
+    _text(
+        "method",
+        "where curvature, strain and tension of the targets are from: equilibrium, the wall's, or smooth, a "
+        "surface through the targets, which knows little of the outermost columns of a closed wall",
+    ),
     _number("misfit", "1", "weighted square of the points' departure from the surface by its expectation"),
 )
 _SECTION = (
@@ -94,8 +99,7 @@ _PROFILE = (
     _measured("gap_mm", "mm", "between the inner faces of opposite walls; takes the hidden half as mirrored"),
 )
 _REASON = _text("reason", "why there is no pressure there; empty where there is, or where none was asked for")
-_STRETCH = "present length by length in the reference state, on the face that `face` names"
-_FACE = _text("face", "outer: where the targets sit; middle: the wall's middle surface")
+_STRETCH = "present length by length in the reference state, on the outer face, where the targets sit"
 
 TABLES: Mapping[str, TableSpec] = {
     "summary": TableSpec(
@@ -203,7 +207,6 @@ TABLES: Mapping[str, TableSpec] = {
             *(_id(f"target{k}", f"id of its corner {k}") for k in (1, 2, 3)),
             _measured("stretch1", "1", f"greater principal stretch: {_STRETCH}"),
             _measured("stretch2", "1", "lesser principal stretch of the same"),
-            _FACE,
         ),
     ),
     "edges": TableSpec(
@@ -213,7 +216,6 @@ TABLES: Mapping[str, TableSpec] = {
             _id("target1", "id of its first target"),
             _id("target2", "id of its second target"),
             _measured("stretch", "1", _STRETCH),
-            _FACE,
         ),
     ),
 }

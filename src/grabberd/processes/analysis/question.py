@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis import Grid, Height, Jets, Plane, Surface, Tube, Zone
+from grabberd.analysis import Grid, Height, Jets, Places, Plane, Surface, Tube, Zone
 
 Array = NDArray[np.float64]
 
@@ -19,6 +19,7 @@ class Question:
         heights_mm: heights of the sections, x in the object's frame.
         plane: origin of widths if the targets do not go all the way round.
         reference: reference state of the strain: measured, or jets (N, 15, 3) taken as exact.
+        reference_places: targets in that state; None without one.
         zones: the wall's material; empty if unknown.
         over: base shape of surfaces whose targets differ from field to field; results are then evaluated at
             positions fixed in space, the nominal ones, without reference and zones.
@@ -28,6 +29,7 @@ class Question:
     heights_mm: tuple[float, ...] = ()
     plane: Plane | None = None
     reference: Surface | Jets | None = None
+    reference_places: Places | None = None
     zones: tuple[Zone, ...] = ()
     over: Tube | Height | None = None
 

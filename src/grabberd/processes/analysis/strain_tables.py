@@ -34,19 +34,13 @@ def strain_tables(analysis: Analysis, keys: Keys) -> dict[str, dict[str, Any]]:
             **{f"target{k + 1}": corners[:, k] for k in range(3)},
             "stretch1": Estimate(stretch.value[:, 0], stretch.sigma[:, 0]),
             "stretch2": Estimate(stretch.value[:, 1], stretch.sigma[:, 1]),
-            "face": _face(analysis, len(corners)),
         },
         "edges": {
             **_keys(keys, {at: len(one.edge) for at, one in strains.items()}),
             **{f"target{k + 1}": ends[:, k] for k in range(2)},
             "stretch": along,
-            "face": _face(analysis, len(ends)),
         },
     }
-
-
-def _face(analysis: Analysis, count: int) -> NDArray[np.object_]:
-    return np.full(count, "middle" if analysis.inputs.zones else "outer", object)
 
 
 def _keys(keys: Keys, counts: Mapping[int, int]) -> dict[str, NDArray[Any]]:

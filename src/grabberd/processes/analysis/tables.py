@@ -106,6 +106,7 @@ def _wall(analysis: Analysis, series: _Series) -> dict[str, Any]:
         ),
         "determined": np.array([int(one.usable.sum()) if one else 0 for one in maps], np.int64),
         "load_misfit": np.array([one.misfit if one else np.nan for one in maps]),
+        "method": np.array([state.method for state in states], object),
         "misfit": np.array([state.misfit for state in states]),
     }
 

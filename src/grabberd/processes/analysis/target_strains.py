@@ -1,6 +1,5 @@
 """Strain of the triangles and edges between targets at one field, since the reference state."""
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -8,18 +7,13 @@ from numpy.typing import NDArray
 
 from grabberd.analysis import (
     Estimate,
-    Places,
-    Surface,
     edge_strain,
-    middle_places,
-    nominal_middle_places,
+    outer_places,
     triangle_strain,
-    wall_at,
 )
 from grabberd.errors import AnalysisError
 from grabberd.processes.analysis.question import Question
-
-Array = NDArray[np.float64]
+from grabberd.reconstruction import Points
 
 
 class TargetStrains(NamedTuple):
@@ -36,26 +30,14 @@ class TargetStrains(NamedTuple):
     edge_stretch: Estimate
 
 
-def target_strains(surface: Surface, question: Question) -> TargetStrains | None:
+def target_strains(points: Points, question: Question) -> TargetStrains | None:
     """The strains; None without a reference state, or if no target is seen in both states."""
-    if question.reference is None:
+    if question.reference_places is None:
         return None
-    grid, (depth_mm, reference) = question.grid, _reference(question)
-    places = middle_places(grid, surface, depth_mm)
+    grid, reference = question.grid, question.reference_places
+    places = outer_places(grid, points)
     try:
         triangles, edges = triangle_strain(grid, places, reference), edge_strain(grid, places, reference)
     except AnalysisError:
         return None
     return TargetStrains(triangles.triangle, triangles.stretch, edges.edge, edges.stretch)
-
-
-@lru_cache(maxsize=4)
-def _reference(question: Question) -> tuple[Array, Places]:
-    """Depth (N,) below the targets' face at which strain is evaluated, and the reference state there."""
-    grid, zones, then = question.grid, question.zones, question.reference
-    # Half the wall if it is known, so that bending does not count as strain.
-    depth_mm = wall_at(zones, grid.u_mm).depth_mm if zones else np.zeros(len(grid))
-    if isinstance(then, Surface):
-        return depth_mm, middle_places(grid, then, depth_mm)
-    assert then is not None
-    return depth_mm, nominal_middle_places(grid, then, depth_mm)

@@ -72,7 +72,7 @@ class WallSeries:
                 self._map(points[k], surface, vacuum[k], speed_mm_per_s[k], problems[k])
                 for k, surface in made.items()
             ]
-            states = wall_states(list(made.values()), self.question, maps)
+            states = wall_states([points[k] for k in made], list(made.values()), self.question, maps)
             found |= dict(zip(made, states, strict=True))
             for k, state in zip(made, states, strict=True):
                 problems[k] += state.problems

@@ -12,6 +12,7 @@ from grabberd.analysis import (
     Estimate,
     Forms,
     Jets,
+    MiddleSurface,
     PressureMap,
     Section,
     Smoothing,
@@ -36,6 +37,7 @@ from grabberd.reconstruction import Points
 Array = NDArray[np.float64]
 OfJets = Callable[[Jets, Jets | None], Array]
 
+EQUILIBRIUM, SMOOTH = "equilibrium", "smooth"
 _BENT = 2
 """Highest derivative that curvature, strain of the middle surface and tension depend on."""
 
@@ -48,6 +50,8 @@ class WallState(NamedTuple):
     Attributes:
         within: (N,) True for targets that are supported by data.
         xyz_mm: (N, 3) points of the smooth face at the targets, object's frame.
+        method: where the next three are from: `EQUILIBRIUM`, the wall's, or `SMOOTH`, the surface through the
+            targets.
         curvature_per_m: (N, 2) κ1 ≥ κ2 of the middle surface if the wall's material is known, else of the
             outer face.
         strain: (N, 2) principal strains λ − 1 of the same surface, the greater first; None without reference.
@@ -64,6 +68,7 @@ class WallState(NamedTuple):
 
     within: NDArray[np.bool_]
     xyz_mm: Estimate
+    method: str
     curvature_per_m: Estimate
     strain: Estimate | None
     tension_n_per_m: Estimate | None
@@ -83,40 +88,51 @@ def wall_state(points: Points, question: Question, smoothing: Smoothing) -> Wall
         AnalysisError: the points do not determine a surface.
     """
     surface = fit_surface(question.grid, points, smoothing)
-    return wall_states([surface], question, [None])[0]
+    return wall_states([points], [surface], question, [None])[0]
 
 
 def wall_states(
-    surfaces: Sequence[Surface], question: Question, maps: Sequence[PressureMap | None]
+    points: Sequence[Points],
+    surfaces: Sequence[Surface],
+    question: Question,
+    maps: Sequence[PressureMap | None],
 ) -> list[WallState]:
     """The wall at several fields, evaluated together, which is faster than one by one.
 
     Args:
-        surfaces: surfaces of the fields.
+        points: points of the fields.
+        surfaces: surfaces through them.
         question: quantities to compute.
         maps: map of the pressure at each field; None where there is none.
     """
-    if not surfaces:
-        return []
-    walls = _of_the_wall(surfaces, question)
-    each = zip(surfaces, walls, maps, strict=True)
-    return [_state(surface, question, wall, pressure) for surface, wall, pressure in each]
+    middles = [one.middle if one else None for one in maps]
+    smooth = iter(_smooth([one for one, known in zip(surfaces, middles, strict=True) if not known], question))
+    walls = [middle or next(smooth) for middle in middles]
+    each = zip(points, surfaces, walls, maps, strict=True)
+    return [_state(*one, question) for one in each]
 
 
-class _OfTheWall(NamedTuple):
-    """Quantities of the wall at the targets of one field, two principal values each."""
+class _SmoothWall(NamedTuple):
+    """Quantities as in `MiddleSurface`, of a smooth surface; None for those that were not asked for."""
 
     curvature_per_m: Estimate
     strain: Estimate | None
     tension_n_per_m: Estimate | None
 
 
-def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: PressureMap | None) -> WallState:
+def _state(
+    points: Points,
+    surface: Surface,
+    wall: MiddleSurface | _SmoothWall,
+    pressure: PressureMap | None,
+    question: Question,
+) -> WallState:
     within = surface.within(*question.places)
     found, missed = sections(surface, question.heights_mm, question.plane)
     return WallState(
         within=within,
         xyz_mm=_masked(_xyz(surface, question), within),
+        method=EQUILIBRIUM if isinstance(wall, MiddleSurface) else SMOOTH,
         curvature_per_m=_masked(wall.curvature_per_m, within),
         strain=wall.strain and _masked(wall.strain, within),
         tension_n_per_m=wall.tension_n_per_m and _masked(wall.tension_n_per_m, within),
@@ -124,17 +140,20 @@ def _state(surface: Surface, question: Question, wall: _OfTheWall, pressure: Pre
         area=surface_area(surface),
         sections=found,
         volume_mm3=_volume(surface, question, found),
-        strains=target_strains(surface, question),
+        strains=target_strains(points, question),
         misfit=surface.misfit,
-        problems=(*surface.problems, *_vague(pressure), *missed),
+        problems=(*surface.problems, *_refused(pressure), *missed),
     )
 
 
-def _vague(pressure: PressureMap | None) -> tuple[str, ...]:
+def _refused(pressure: PressureMap | None) -> tuple[str, ...]:
     """The reason why a map has no pressure anywhere, if it has none."""
+    if pressure is None:
+        return ()
+    if len(set(pressure.reason)) == 1 and pressure.reason[0]:  # of the field, so the same for many of them
+        return pressure.reason[:1]
     try:
-        if pressure:
-            pressure.determined()
+        pressure.determined()
     except AnalysisError as error:
         return (error.message,)
     return ()
@@ -150,8 +169,10 @@ def _masked(estimate: Estimate, within: NDArray[np.bool_]) -> Estimate:
     return Estimate(*(np.where(within[:, np.newaxis], part, np.nan) for part in estimate))
 
 
-def _of_the_wall(surfaces: Sequence[Surface], question: Question) -> list[_OfTheWall]:
+def _smooth(surfaces: Sequence[Surface], question: Question) -> list[_SmoothWall]:
     """Curvature, strain and tension at once: they share the forms, which are most of the work."""
+    if not surfaces:
+        return []
     wall, others = _walls(question)
     stacked = _against(surfaces, question, lambda now, then: _values(question, wall, now, then))
     parts = [_parts(Estimate(*one)) for one in zip(*stacked, strict=True)]
@@ -166,13 +187,13 @@ def _of_the_wall(surfaces: Sequence[Surface], question: Question) -> list[_OfThe
     return [_with_material(part, more) for part, more in zip(parts, material, strict=True)]
 
 
-def _parts(stacked: Estimate) -> _OfTheWall:
+def _parts(stacked: Estimate) -> _SmoothWall:
     """Split (N, 2 to 6) into pairs; None for quantities that were not computed."""
     pairs = [Estimate(*(part[:, k : k + 2] for part in stacked)) for k in (0, 2, 4)]
-    return _OfTheWall(pairs[0], *(pair if pair.value.size else None for pair in pairs[1:]))
+    return _SmoothWall(pairs[0], *(pair if pair.value.size else None for pair in pairs[1:]))
 
 
-def _with_material(part: _OfTheWall, more: Array) -> _OfTheWall:
+def _with_material(part: _SmoothWall, more: Array) -> _SmoothWall:
     """Add the material's share (N, 2) to the tension's variance."""
     assert part.tension_n_per_m is not None
     value, sigma = part.tension_n_per_m
