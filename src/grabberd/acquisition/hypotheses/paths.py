@@ -1,0 +1,226 @@
+"""Hypotheses about the latest fields: how many nominal steps each is after the one before.
+
+A path is one way to number the pending fields. Its cost is minus the logarithm of its likelihood, in nats, up
+to a constant: the sum over its fields of what each has to explain away. Time is one-sided evidence: a stamp
+or an arrival may be late by any amount, and hardly early. So a path that claims too many losses is refuted by
+the next field that is on time.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+_JITTER = 0.25
+"""σ of a stamp in periods, where it is neither late nor wrong."""
+_EARLY_ARRIVAL = 0.6
+"""Periods by which a field may arrive sooner than the quickest one did."""
+_ARRIVAL = 0.5
+"""Weight of an arrival's lateness beside a stamp's."""
+_COMPARED = 0.1
+"""Lateness that changes by less than that, in periods, has not changed."""
+_LATE = 4.0
+"""Cost of a field that falls behind: somebody was busy."""
+_STILL_LATE, _LATE_AGAIN = 0.7, 3.0
+"""Cost of one that is still late: a queue drains; if nothing drains, the grid is more likely another one."""
+_LOSS = 3.5
+"""Cost of a loss; of one that the driver counts, `_COUNTED`."""
+_COUNTED = 1.0
+_MISCOUNT = 7.0
+"""Cost of a step that the driver's count contradicts."""
+_WRONG_PARITY, _TURN = 9.0, 11.0
+"""Cost of a field of the wrong parity; of a camera that goes on in the other phase."""
+_IN_A_BURST = 3.0
+"""Cost of a loss before a field that waited in a buffer with the one before it: buffers fill, then fields are
+lost."""
+_FAR = 40.0
+"""Highest cost of time: a path can be wrong, but never so that no evidence could save it."""
+_BEAM, _WIDTH = 12, 25.0
+"""Paths that are kept, and how much worse than the best."""
+_HARDLY_WORSE = 5.0
+"""A path that is worse by no more than that might have been the right one."""
+CERTAIN = 8.0
+"""A step is settled when every path without it is less likely by a factor of three thousand."""
+
+
+class Seen(NamedTuple):
+    """Evidence that a field brings, in periods after the field that was settled last.
+
+    Attributes:
+        stamp: by its timestamp; None if that is not believed.
+        arrival: by its arrival and the shortest way known; None if unknown.
+        counted: step by the driver's count; None if it cannot tell.
+        parity: of the field; None if all have the same.
+        burst: true if it arrived with the one before, and not a period after it.
+        joined: true if it came in one buffer with the one before: nothing is lost between them.
+        excused: true if losses before it are explained.
+    """
+
+    stamp: float | None
+    arrival: float | None
+    burst: bool
+    joined: bool
+    counted: int | None
+    parity: int | None
+    excused: bool
+
+
+class Step(NamedTuple):
+    """One field of a path.
+
+    Attributes:
+        fields: nominal steps from the field before.
+        late: periods after its time by its stamp, `arrived` by its arrival; None where unknown.
+        wrong_parity: true if the parity is another one than the path expects.
+        doubt: number of fields by which another path, hardly worse, differed there and agreed later.
+    """
+
+    fields: int
+    late: float | None
+    arrived: float | None
+    wrong_parity: bool
+    doubt: int = 0
+
+
+class Path(NamedTuple):
+    """A way to number the pending fields.
+
+    Attributes:
+        cost: of all of it.
+        steps: of the pending fields, the oldest first.
+        ahead: their sum.
+        parity: of the newest field as expected; None before the first.
+    """
+
+    cost: float
+    steps: tuple[Step, ...]
+    ahead: int
+    parity: int | None
+
+
+class Paths:
+    """The paths that are still possible; at first the one that has settled."""
+
+    def __init__(self, parity: int | None) -> None:
+        self._paths = [Path(0.0, (), 0, parity)]
+        self._last = Step(1, 0.0, 0.0, False)
+
+    @property
+    def best(self) -> Path:
+        """The most likely path."""
+        return self._paths[0]
+
+    @property
+    def spread(self) -> int:
+        """Number of fields by which the paths differ that were not given up."""
+        ahead = [path.ahead for path in self._paths]
+        return max(ahead) - min(ahead)
+
+    def see(self, seen: Seen) -> None:
+        """Continues every path by a field."""
+        found: dict[tuple[int, int | None], Path] = {}
+        for path in self._paths:
+            for longer in self._continued(path, seen):
+                key = longer.ahead, longer.parity
+                found[key] = _merged(found[key], longer) if key in found else longer
+        paths = sorted(found.values(), key=lambda path: path.cost)
+        self._paths = [path for path in paths[:_BEAM] if path.cost < paths[0].cost + _WIDTH]
+
+    def settled(self) -> bool:
+        """True if all paths that cannot be excluded begin with the same step."""
+        first = self.best.steps[0]
+        possible = (path for path in self._paths if path.cost < self.best.cost + CERTAIN)
+        return all(_same(path.steps[0], first) for path in possible)
+
+    def settle(self) -> Step:
+        """Takes the oldest step of the best path, and drops the paths without it."""
+        first = self.best.steps[0]
+        least = self.best.cost
+        self._last = first
+        self._paths = [
+            path._replace(
+                cost=path.cost - least, steps=path.steps[1:], ahead=path.ahead - path.steps[0].fields
+            )
+            for path in self._paths
+            if _same(path.steps[0], first)
+        ]
+        return first
+
+    def _continued(self, path: Path, seen: Seen) -> Iterator[Path]:
+        before = path.steps[-1] if path.steps else self._last
+        for fields in _steps(path, seen):
+            ahead = path.ahead + fields
+            step = Step(fields, _after(seen.stamp, ahead), _after(seen.arrival, ahead), False)
+            cost = path.cost + _cost_of_loss(fields, seen) + _cost_of_time(step, before)
+            expected = None if path.parity is None else (path.parity + fields) % 2
+            if seen.parity is None or expected in (None, seen.parity):
+                yield Path(cost, (*path.steps, step), ahead, seen.parity)
+                continue
+            wrong = step._replace(wrong_parity=True)
+            yield Path(cost + _WRONG_PARITY, (*path.steps, wrong), ahead, expected)
+            yield Path(cost + (0.0 if seen.excused else _TURN), (*path.steps, step), ahead, seen.parity)
+
+
+def _merged(one: Path, other: Path) -> Path:
+    """The better of two paths that lead to the same place, with what it differs by on the way."""
+    better, worse = (one, other) if one.cost <= other.cost else (other, one)
+    if worse.cost > better.cost + _HARDLY_WORSE:
+        return better
+    steps, apart = [], 0
+    for step, another in zip(better.steps, worse.steps, strict=True):
+        apart += step.fields - another.fields
+        steps.append(step._replace(doubt=max(step.doubt, another.doubt, abs(apart))))
+    return better._replace(steps=tuple(steps))
+
+
+def _same(one: Step, other: Step) -> bool:
+    return (one.fields, one.wrong_parity) == (other.fields, other.wrong_parity)
+
+
+def _after(periods: float | None, ahead: int) -> float | None:
+    return None if periods is None else periods - ahead
+
+
+def _steps(path: Path, seen: Seen) -> set[int]:
+    """The steps worth trying."""
+    if seen.joined:
+        return {1}
+    steps = {1, 2}
+    for periods in (seen.stamp, seen.arrival):
+        if periods is not None:
+            nearest = round(periods - path.ahead)
+            steps |= {nearest - 1, nearest, nearest + 1}
+    if seen.counted is not None:
+        steps.add(seen.counted)
+    return {step for step in steps if step > 0}
+
+
+def _cost_of_loss(fields: int, seen: Seen) -> float:
+    contradicted = seen.counted is not None and seen.counted != fields
+    if fields == 1 or seen.excused:
+        return _MISCOUNT if contradicted and not seen.excused else 0.0
+    if seen.counted == fields:
+        return _COUNTED
+    return _LOSS + (_MISCOUNT if contradicted else 0.0) + (_IN_A_BURST if seen.burst else 0.0)
+
+
+def _cost_of_time(step: Step, before: Step) -> float:
+    cost = 0.0
+    if step.late is not None:
+        cost += _cost_of_lateness(step.late, before.late or 0.0)
+    if step.arrived is not None:
+        lateness = _cost_of_lateness(step.arrived, before.arrived or 0.0)
+        if step.late is None or step.arrived < -_EARLY_ARRIVAL:
+            cost += lateness
+        elif abs(step.arrived - step.late) > _EARLY_ARRIVAL:  # else both are late for the same reason
+            cost += _ARRIVAL * lateness
+    return min(cost, _FAR)
+
+
+def _cost_of_lateness(late: float, before: float) -> float:
+    usual = 0.5 * (late / _JITTER) ** 2
+    if late <= 0:
+        return usual
+    if late > before + _COMPARED:
+        return min(usual, _LATE + 0.5 * float(np.log1p(late)))
+    return min(usual, _STILL_LATE if late < before - _COMPARED else _LATE_AGAIN)
