@@ -38,10 +38,46 @@ def grab(n, *, late_ns=0, time_ns=None, parity=None, sequence=None, damage=None)
     return GrabbedField(Field.intact(_LUMA, parity), time_ns, sequence, damage)
 
 
+class Numbering:
+    """Numbers a stream field by field, and keeps what has been settled."""
+
+    def __init__(self, stream=None):
+        self._numbering = FieldNumbering(stream or info())
+        self.found = []
+
+    def number(self, grabbed, *args, **more):
+        """The field itself, as later ones could still correct it."""
+        self.see(grabbed, *args, **more)
+        return self.settled()[-1]
+
+    def see(self, grabbed, *args, **more):
+        """Goes on to the next field, whose number may stay open."""
+        self.found += self._numbering.number(grabbed, *args, **more)
+
+    def interrupt(self, reason):
+        """Notes that the stream stopped."""
+        self.found += self._numbering.interrupt(reason)
+
+    def settled(self):
+        """All fields so far."""
+        self.found += self._numbering.settle()
+        return self.found
+
+
 def numbers(grabbed, stream=None):
     """The fields as a new numbering numbers them, without their arrivals."""
-    numbering = FieldNumbering(stream or info())
-    return [numbering.number(field) for field in grabbed]
+    numbering = Numbering(stream)
+    for field in grabbed:
+        numbering.see(field)
+    return numbering.settled()
+
+
+def numbers_in_time(kept, late_ns=None, stream=None):
+    """The camera's fields `kept` as a new numbering numbers them; each arrives in time, late stamps or not."""
+    numbering = Numbering(stream)
+    for n in kept:
+        numbering.see(grab(n, late_ns=(late_ns or {}).get(n, 0)), now_ns=grab(n).time_ns + 2 * PERIOD_NS)
+    return numbering.settled()
 
 
 def lost(entries):

@@ -3,12 +3,13 @@
 import logging
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
 from grabberd.acquisition.clock import UtcClock
 from grabberd.acquisition.device import Grabber, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL
+from grabberd.acquisition.ring import Slot
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import (
     Cause,
@@ -175,7 +176,11 @@ class CaptureThread(threading.Thread):
     def _interrupted(self, reason: str) -> None:
         """Keeps the first reason: what is found out later only follows from it."""
         if self._pipeline.interruption is None:
-            self._pipeline.interrupted(reason)
+            self._count(self._pipeline.interrupted(reason))
+
+    def _count(self, slots: Iterable[Slot]) -> None:
+        for slot in slots:
+            self._board.count(slot)
 
     def _close(self) -> None:
         self._grabber.close()
@@ -226,7 +231,7 @@ class CaptureThread(threading.Thread):
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
             now_ns = self._clock.now_ns()
             for grabbed in fields:
-                self._board.count(self._pipeline.take(grabbed, self._signal, now_ns))
+                self._count(self._pipeline.take(grabbed, self._signal, now_ns))
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
         if fields:
@@ -271,6 +276,7 @@ class CaptureThread(threading.Thread):
         return DeviceState.CAPTURING if self._captures.is_recording else DeviceState.READY
 
     def _ended(self, error: GrabberdError) -> None:
+        self._count(self._pipeline.settle())
         self._board.enter(DeviceState.ENDED, error.message, error.hint, cause_of(error))
         self._captures.source_ended(error)
         self._wait(math.inf)  # the thread lives on, since the heartbeat listens for it

@@ -1,6 +1,9 @@
 """Field pipeline: from a grabbed field to a slot of the ring, by number, lines, threshold and bits."""
 
 import threading
+from collections import deque
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,22 +14,33 @@ from grabberd.acquisition import (
     FieldNumbering,
     GrabbedField,
     Numbered,
-    Outcome,
     Ring,
     Signal,
     Slot,
     StreamInfo,
 )
 from grabberd.config import DeviceConfig
-from grabberd.field import NumberedField, double_lines, quantise
+from grabberd.field import Field, NumberedField, PackedField, double_lines, quantise
 from grabberd.service.device.threshold_keeper import NewestField, ThresholdKeeper
 
 ARRIVALS = 4096
 """Number of fields whose arrival is remembered: 82 s at 50 Hz."""
 
 
+class _Unnumbered(NamedTuple):
+    """A field that is packed for a ring, and waits for its number; `packed` is None without a picture."""
+
+    packed: PackedField | None
+    sequence: int | None
+    arrived_ns: int
+    ring: Ring
+
+
 class FieldPipeline:
     """Takes grabbed fields into the ring.
+
+    A field whose number is in doubt is kept back until later ones have settled it: its slot comes with
+    theirs.
 
     Used by the capture thread alone, except for `configure_ring` and the attributes.
 
@@ -51,6 +65,7 @@ class FieldPipeline:
         self.interruption: str | None = None
         self._granted: StreamInfo | None = None
         self._numbering: FieldNumbering | None = None
+        self._unnumbered: deque[_Unnumbered] = deque()
         self._content: ContentCheck | None = None
 
     def configure_ring(self, bits: int | None, lines: str | None) -> Ring:
@@ -87,26 +102,54 @@ class FieldPipeline:
         """The picture that the grabber generates in place of the camera's, or None."""
         return self._content.no_picture if self._content else None
 
-    def interrupted(self, reason: str) -> None:
-        """Notes the reason for which fields that do not come from now on are lost."""
-        self.interruption = reason
-        if self._numbering is not None:
-            self._numbering.interrupt(reason)
+    @property
+    def in_doubt(self) -> int:
+        """Number of fields that have come, and wait for their numbers."""
+        return len(self._unnumbered)
 
-    def take(self, grabbed: GrabbedField, signal: Signal, now_ns: int) -> Slot:
-        """Numbers, quantises and packs a field and puts it into the ring."""
+    def settle(self) -> list[Slot]:
+        """Numbers the fields that are in doubt by what is known now, since no more will come."""
+        return [] if self._numbering is None else self._release(self._numbering.settle())
+
+    def interrupted(self, reason: str) -> list[Slot]:
+        """Notes the reason for which fields that do not come from now on are lost.
+
+        Returns:
+            The slots of the fields that were still in doubt, which are in the ring now.
+        """
+        self.interruption = reason
+        return [] if self._numbering is None else self._release(self._numbering.interrupt(reason))
+
+    def take(self, grabbed: GrabbedField, signal: Signal, now_ns: int) -> list[Slot]:
+        """Numbers, quantises and packs a field and puts it into the ring as soon as its number is certain.
+
+        Returns:
+            The slots that are in the ring now: none while the field is in doubt, several after that.
+        """
         assert self._numbering is not None, "opened() comes first"
         self.interruption = None
         content = self._content.look(grabbed) if self._content else Content()
-        number = self._numbering.number(grabbed, signal, content.damage, now_ns, content.no_picture)
-        # Before the slot is in the ring: a worker may have published its points by the time `put` returns.
-        self.arrived_ns[number.n % ARRIVALS] = now_ns
         # Read once: a capture's start may exchange the ring while this field is packed for the old one.
         ring = self.ring
         self.newest.offer(grabbed.field, ring)
-        packed = self._packed(grabbed, number, ring)
-        slot = Slot(packed, number.n, number.outcome, number.reason, number.lost_before)
-        ring.put(slot)
+        has_picture = signal is not Signal.ABSENT and content.no_picture is None
+        packed = self._packed(grabbed.field, ring) if has_picture else None
+        self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
+        return self._release(
+            self._numbering.number(grabbed, signal, content.damage, now_ns, content.no_picture)
+        )
+
+    def _release(self, numbered: Iterable[Numbered]) -> list[Slot]:
+        return [self._put(self._unnumbered.popleft(), number) for number in numbered]
+
+    def _put(self, waited: _Unnumbered, number: Numbered) -> Slot:
+        # Before the slot is in the ring: a worker may have published its points by the time `put` returns.
+        self.arrived_ns[number.n % ARRIVALS] = waited.arrived_ns
+        field = None
+        if waited.packed is not None:
+            field = NumberedField(number.n, number.time_ns, waited.sequence, waited.packed)
+        slot = Slot(field, number.n, number.outcome, number.reason, number.lost_before)
+        waited.ring.put(slot)
         return slot
 
     def _exchange(self, bits: int, lines: str) -> None:
@@ -114,16 +157,12 @@ class FieldPipeline:
         old, self.ring = self.ring, Ring(self._slots, bits, lines)
         old.close()
 
-    def _packed(self, grabbed: GrabbedField, number: Numbered, ring: Ring) -> NumberedField | None:
-        if number.outcome is Outcome.NO_SIGNAL:
-            return None
-        self.thresholds.show(grabbed.field, ring)
-        field = grabbed.field
+    def _packed(self, field: Field, ring: Ring) -> PackedField:
+        self.thresholds.show(field, ring)
         # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
         if ring.lines == "doubled":
             field = double_lines(field, self._interpolation)
-        packed = quantise(field, ring.bits, self.thresholds.in_force.of(field, ring.bits))
-        return NumberedField(number.n, number.time_ns, grabbed.sequence, packed)
+        return quantise(field, ring.bits, self.thresholds.in_force.of(field, ring.bits))
 
 
 def _default_lines(bits: int) -> str:

@@ -13,6 +13,8 @@ import numpy as np
 
 _JITTER = 0.25
 """σ of a stamp in periods, where it is neither late nor wrong."""
+_EXACT_JITTER = 0.1
+"""The same, where the times were smoothed before they were recorded."""
 _EARLY_ARRIVAL = 0.6
 """Periods by which a field may arrive sooner than the quickest one did."""
 _ARRIVAL = 0.5
@@ -37,7 +39,7 @@ _FAR = 40.0
 """Highest cost of time: a path can be wrong, but never so that no evidence could save it."""
 _BEAM, _WIDTH = 12, 25.0
 """Paths that are kept, and how much worse than the best."""
-_HARDLY_WORSE = 5.0
+_HARDLY_WORSE = 4.5
 """A path that is worse by no more than that might have been the right one."""
 CERTAIN = 8.0
 """A step is settled when every path without it is less likely by a factor of three thousand."""
@@ -99,9 +101,15 @@ class Path(NamedTuple):
 
 
 class Paths:
-    """The paths that are still possible; at first the one that has settled."""
+    """The paths that are still possible; at first the one that has settled.
 
-    def __init__(self, parity: int | None) -> None:
+    Args:
+        parity: Of the first field; None if all have the same.
+        exact: True for the times of a recording, none of which is late.
+    """
+
+    def __init__(self, parity: int | None, *, exact: bool = False) -> None:
+        self._exact = exact
         self._paths = [Path(0.0, (), 0, parity)]
         self._last = Step(1, 0.0, 0.0, False)
 
@@ -112,8 +120,8 @@ class Paths:
 
     @property
     def spread(self) -> int:
-        """Number of fields by which the paths differ that were not given up."""
-        ahead = [path.ahead for path in self._paths]
+        """Number of fields by which the paths differ that cannot be excluded."""
+        ahead = [path.ahead for path in self._possible()]
         return max(ahead) - min(ahead)
 
     def see(self, seen: Seen) -> None:
@@ -129,8 +137,7 @@ class Paths:
     def settled(self) -> bool:
         """True if all paths that cannot be excluded begin with the same step."""
         first = self.best.steps[0]
-        possible = (path for path in self._paths if path.cost < self.best.cost + CERTAIN)
-        return all(_same(path.steps[0], first) for path in possible)
+        return all(_same(path.steps[0], first) for path in self._possible())
 
     def settle(self) -> Step:
         """Takes the oldest step of the best path, and drops the paths without it."""
@@ -146,12 +153,16 @@ class Paths:
         ]
         return first
 
+    def _possible(self) -> Iterator[Path]:
+        return (path for path in self._paths if path.cost < self.best.cost + CERTAIN)
+
     def _continued(self, path: Path, seen: Seen) -> Iterator[Path]:
         before = path.steps[-1] if path.steps else self._last
         for fields in _steps(path, seen):
             ahead = path.ahead + fields
             step = Step(fields, _after(seen.stamp, ahead), _after(seen.arrival, ahead), False)
-            cost = path.cost + _cost_of_loss(fields, seen) + _cost_of_time(step, before)
+            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before)
+            cost = path.cost + _cost_of_loss(fields, seen) + time
             expected = None if path.parity is None else (path.parity + fields) % 2
             if seen.parity is None or expected in (None, seen.parity):
                 yield Path(cost, (*path.steps, step), ahead, seen.parity)
@@ -202,6 +213,10 @@ def _cost_of_loss(fields: int, seen: Seen) -> float:
     if seen.counted == fields:
         return _COUNTED
     return _LOSS + (_MISCOUNT if contradicted else 0.0) + (_IN_A_BURST if seen.burst else 0.0)
+
+
+def _cost_of_exact_time(step: Step) -> float:
+    return 0.0 if step.late is None else min(0.5 * (step.late / _EXACT_JITTER) ** 2, _FAR)
 
 
 def _cost_of_time(step: Step, before: Step) -> float:

@@ -2,10 +2,9 @@
 
 import pytest
 
-from acquisition.streams import MS, PERIOD_NS, START_NS, grab, info, lost, numbers
+from acquisition.streams import MS, PERIOD_NS, START_NS, Numbering, grab, info, lost, numbers, numbers_in_time
 from grabberd.acquisition.device import FieldOrder
 from grabberd.acquisition.ledger import Outcome
-from grabberd.acquisition.numbering import FieldNumbering
 
 
 @pytest.mark.parametrize(
@@ -25,7 +24,7 @@ def test_a_bad_timestamp_is_replaced_by_the_predicted_time_and_named(time_ns, do
 
 
 def test_a_timestamp_out_of_the_future_is_not_believed_even_where_it_could_be_a_gap():
-    numbering = FieldNumbering(info())
+    numbering = Numbering(info())
     numbering.number(grab(0), now_ns=START_NS)
     found = numbering.number(grab(1, late_ns=1_000 * MS), now_ns=START_NS + PERIOD_NS)
     assert (found.n, found.time_ns) == (1, START_NS + PERIOD_NS)
@@ -36,32 +35,34 @@ def test_a_timestamp_out_of_the_future_is_not_believed_even_where_it_could_be_a_
     ("ahead_ms", "doubt"), [(100, None), (101, "far-off timestamp"), (299, "far-off timestamp")]
 )
 def test_a_stamp_may_be_a_tenth_of_a_second_ahead_of_its_arrival_and_no_more(ahead_ms, doubt):
-    numbering = FieldNumbering(info())
-    numbering.number(grab(0), now_ns=START_NS)
-    found = numbering.number(grab(20), now_ns=grab(20).time_ns - ahead_ms * MS)
-    assert found.reason == (doubt and f"time predicted ({doubt})")
-    assert found.n == (20 if doubt is None else 2)  # without its time, parity alone tells
+    numbering = Numbering(info())
+    for n in range(30):
+        numbering.see(grab(n, late_ns=ahead_ms * MS if n == 20 else 0), now_ns=grab(n).time_ns)
+    found = numbering.settled()[20]
+    assert found.reason == f"time predicted ({doubt or 'late timestamp'})"
+    assert found.n == 20
 
 
 @pytest.mark.parametrize(("seconds", "believed"), [(10.0, True), (10.04, False)])
-def test_a_live_stamp_after_more_than_ten_silent_seconds_is_not_believed(seconds, believed):
-    numbering = FieldNumbering(info())
-    numbering.number(grab(0))
-    found = numbering.number(grab(round(50 * seconds)))
-    assert (found.reason is None) is believed
-    assert found.n == (500 if believed else 2)
+def test_a_live_stamp_after_more_than_ten_silent_seconds_is_believed_if_the_arrival_confirms_it(
+    seconds, believed
+):
+    gap = round(50 * seconds)
+    kept = [0, 1, 2, *range(gap, gap + 20)]
+    assert [field.n for field in numbers_in_time(kept)] == kept
+    found = numbers(grab(n) for n in kept)[3]
+    assert (found.n, found.reason) == ((gap, None) if believed else (3, "time predicted (far-off timestamp)"))
 
 
-@pytest.mark.parametrize(("after_ms", "doubt"), [(6, None), (4, "backward timestamp")])
-def test_a_stamp_less_than_a_quarter_period_after_the_last_counts_as_backward(after_ms, doubt):
-    found = numbers([grab(0), grab(1), grab(2, time_ns=START_NS + PERIOD_NS + after_ms * MS)])[-1]
-    assert found.n == 2
-    assert found.reason == (doubt and f"time predicted ({doubt})")
+@pytest.mark.parametrize(("before_ms", "doubt"), [(29, None), (31, "backward timestamp")])
+def test_a_stamp_more_than_a_period_and_a_half_before_the_last_counts_as_backward(before_ms, doubt):
+    found = numbers([grab(0), grab(1), grab(2, time_ns=START_NS + PERIOD_NS - before_ms * MS)])[-1]
+    assert (found.reason == "time predicted (backward timestamp)") is (doubt is not None)
 
 
 def test_the_first_field_of_a_live_stream_needs_a_stamp_above_zero():
-    assert FieldNumbering(info()).number(grab(0, time_ns=1)).reason is None
-    assert FieldNumbering(info()).number(grab(0, time_ns=0)).reason == "time predicted (zero timestamp)"
+    assert Numbering(info()).number(grab(0, time_ns=1)).reason is None
+    assert Numbering(info()).number(grab(0, time_ns=0)).reason == "time predicted (zero timestamp)"
 
 
 def test_doubted_stamps_that_disagree_among_themselves_are_never_taken_for_another_clock():
@@ -78,27 +79,25 @@ def test_two_doubted_stamps_are_too_few_for_another_clock():
     assert [field.time_ns for field in found] == [START_NS + n * PERIOD_NS for n in range(10)]
 
 
-@pytest.mark.parametrize(("steps", "n"), [(500, 501), (501, 2), (1001, 2)])
-def test_a_counted_step_that_is_longer_than_any_believed_gap_is_ignored_without_a_stamp(steps, n):
-    stream = info(FieldOrder.TOP_FIRST, counts_losses=True)
-    last = grab(1 + steps, sequence=1 + steps, time_ns=0, parity=n % 2)
-    assert numbers([grab(0, sequence=0), grab(1, sequence=1), last], stream)[-1].n == n
-
-
 def test_an_interruption_longer_than_any_gap_is_measured_by_the_next_stamp():
-    numbering = FieldNumbering(info())
+    numbering = Numbering(info())
     numbering.number(grab(0))
     numbering.interrupt("unplugged")
-    found = numbering.number(grab(100_000))
+    for n in range(100_000, 100_010):
+        numbering.see(grab(n))
+    found = numbering.settled()[1]
     assert (found.n, found.reason) == (100_000, None)
     assert lost(found.lost_before) == [(1, 99_999, "unplugged")]
-    assert numbering.number(grab(100_003)).lost_before[0].reason == "time gap"
+    assert numbering.number(grab(100_013)).lost_before[0].reason == "time gap"
 
 
 def test_a_world_that_runs_ahead_of_our_clock_is_believed():
-    numbering = FieldNumbering(info(waits=True))
-    found = [numbering.number(grab(n), now_ns=START_NS) for n in (0, 1, 2, 50, 51)]
-    assert [field.n for field in found] == [0, 1, 2, 50, 51]
+    numbering = Numbering(info(waits=True))
+    kept = [0, 1, 2, *range(50, 60)]
+    for n in kept:
+        numbering.see(grab(n), now_ns=START_NS)
+    found = numbering.settled()
+    assert [field.n for field in found] == kept
     assert all(field.reason is None for field in found)
 
 
@@ -116,7 +115,7 @@ def test_without_time_and_count_a_repeated_parity_tells_of_a_loss():
 
 
 def test_a_device_that_never_tells_the_time_is_numbered_by_parity():
-    numbering = FieldNumbering(info())
+    numbering = Numbering(info())
     found = [numbering.number(grab(n, time_ns=0), now_ns=START_NS + n * PERIOD_NS) for n in range(20)]
     assert [field.n for field in found] == list(range(20))
     assert found[-1].time_ns == START_NS + 19 * PERIOD_NS

@@ -2,7 +2,7 @@
 
 import pytest
 
-from grabberd.acquisition.numbering import SequenceSteps
+from grabberd.acquisition.numbering.sequence_steps import SequenceSteps
 
 
 def steps(counts, alternate=True, parities=None):

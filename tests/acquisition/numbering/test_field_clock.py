@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from grabberd.acquisition.field_clock import FieldClock
+from grabberd.acquisition.numbering.field_clock import FieldClock
 
 PERIOD_NS = 20_000_000
 

@@ -6,7 +6,7 @@ import pytest
 
 from acquisition.grabbers import GrabberModel
 from grabberd.acquisition.device import FieldOrder
-from grabberd.acquisition.hypotheses.path_numbering import PathNumbering
+from grabberd.acquisition.numbering import FieldNumbering
 from grabberd.acquisition.ledger import Outcome
 
 ORDERS = (FieldOrder.ALTERNATE, FieldOrder.TOP_FIRST)
@@ -16,7 +16,7 @@ UNCERTAIN = "number uncertain by up to "
 
 def numbered(model):
     """What was dequeued, and what it was numbered as."""
-    taken, numbering = model.run(), PathNumbering(model.info)
+    taken, numbering = model.run(), FieldNumbering(model.info)
     found = [one for each in taken for one in numbering.number(each.grabbed, now_ns=each.now_ns)]
     return taken, found + numbering.settle()
 
@@ -63,7 +63,7 @@ def test_every_field_has_its_number_and_its_time(case, counts, order):
 
 
 def test_a_field_is_kept_back_only_while_it_is_in_doubt():
-    taken, numbering = GrabberModel(losses=((100, 2),)).run(), PathNumbering(GrabberModel().info)
+    taken, numbering = GrabberModel(losses=((100, 2),)).run(), FieldNumbering(GrabberModel().info)
     at_once = [len(numbering.number(each.grabbed, now_ns=each.now_ns)) for each in taken]
     assert at_once[:100] == [1] * 100
     assert at_once[100] == 0

@@ -1,5 +1,0 @@
-"""Number of a grabbed field among the camera's, by all evidence at once.
-
-The evidence is the driver's timestamp and count, the field's parity and its arrival. Each may be wrong, so
-several hypotheses are kept until one explains everything that has come (`paths`).
-"""
