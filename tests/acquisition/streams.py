@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grabberd.acquisition.device import FieldOrder, GrabbedField, StreamInfo
+from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.numbering import FieldNumbering
 from grabberd.field import Field
 
@@ -64,19 +64,22 @@ class Numbering:
         return self.found
 
 
-def numbers(grabbed, stream=None):
+def numbers(grabbed, stream=None, signal=Signal.UNKNOWN):
     """The fields as a new numbering numbers them, without their arrivals."""
     numbering = Numbering(stream)
     for field in grabbed:
-        numbering.see(field)
+        numbering.see(field, signal)
     return numbering.settled()
 
 
 def numbers_in_time(kept, late_ns=None, stream=None):
-    """The camera's fields `kept` as a new numbering numbers them; each arrives in time, late stamps or not."""
+    """The camera's fields `kept` as a new numbering numbers them; all arrive in time, late stamps or not."""
+    stream = stream or info()
+    waits_for_the_next = {FieldOrder.TOP_FIRST: 0, FieldOrder.BOTTOM_FIRST: 1}.get(stream.field_order)
     numbering = Numbering(stream)
     for n in kept:
-        numbering.see(grab(n, late_ns=(late_ns or {}).get(n, 0)), now_ns=grab(n).time_ns + 2 * PERIOD_NS)
+        arrived_ns = grab(n + (n % 2 == waits_for_the_next)).time_ns + 2 * PERIOD_NS
+        numbering.see(grab(n, late_ns=(late_ns or {}).get(n, 0)), now_ns=arrived_ns)
     return numbering.settled()
 
 

@@ -13,7 +13,7 @@ from grabberd.errors import RingOverrun
 
 def slot(n, lost=0):
     before = (LedgerEntry(n - lost, lost, Outcome.LOST, "time gap"),) if lost else ()
-    return Slot(None, n, Outcome.RECEIVED, None, before)
+    return Slot(None, n, Outcome.RECEIVED, None, before, n * 20_000_000)
 
 
 def fill(ring, *numbers):
@@ -150,12 +150,12 @@ def test_slots_before_the_trigger_belong_to_the_reader():
     assert [taken.n for taken in drain(reader)] == [7, 8, 9, 10]
 
 
-def test_fields_before_the_trigger_are_counted_with_those_that_were_lost_among_them():
+def test_the_oldest_slot_before_the_trigger_is_known_with_what_was_lost_before_it():
     ring = Ring(4)
-    assert ring.reader(back=3).back_fields == 0
+    assert ring.reader(back=3).oldest is None
     ring.put(slot(0))
     ring.put(slot(3, lost=2))
-    assert [ring.reader(back=back).back_fields for back in (0, 1, 2, 9)] == [0, 1, 4, 4]
+    assert [ring.reader(back=back).oldest for back in (0, 1, 9)] == [None, slot(3, lost=2), slot(0)]
 
 
 def test_slots_before_the_trigger_cannot_be_overrun():
@@ -170,15 +170,6 @@ def test_no_more_slots_than_there_are_come_from_before_the_trigger():
     ring = Ring(8)
     fill(ring, 0, 1)
     assert [taken.n for taken in drain(ring.reader(back=99))] == [0, 1]
-
-
-def test_what_was_lost_before_the_first_slot_was_lost_before_the_capture():
-    ring = Ring(8)
-    ring.put(slot(9, lost=5))
-    ring.put(slot(12, lost=2))
-    first, second = drain(ring.reader(back=2))
-    assert first.lost_before == ()
-    assert second.lost_before == slot(12, lost=2).lost_before
 
 
 def test_what_is_lost_right_after_the_trigger_belongs_to_the_capture():

@@ -154,6 +154,6 @@ def _archive(folder: Path, fields: list[Field], captures: int, length: int) -> N
         ledger = Ledger()
         for n in range(length):
             numbered = NumberedField(n, n * PERIOD_NS, n, packed[n % PERIOD])
-            writer.append([Slot(numbered, n, Outcome.RECEIVED, None, ())])
+            writer.append([Slot(numbered, n, Outcome.RECEIVED, None, (), numbered.time_ns)])
             ledger.enter(n, Outcome.RECEIVED, None, ())
         writer.seal(ledger, complete=True, ended_because="length reached")

@@ -6,8 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from acquisition.streams import numbers
 from contract.drivers import DRIVERS, FIELDS, copied
-from grabberd.acquisition import FieldNumbering, FieldOrder, Outcome, Signal, StreamInfo
+from grabberd.acquisition import FieldOrder, Outcome, Signal, StreamInfo
 from grabberd.errors import DeviceError, DeviceRefused, StreamEnded
 
 
@@ -78,8 +79,7 @@ def test_its_count_grows_by_one_a_field_or_a_frame(grabber, info):
 
 
 def test_its_fields_are_numbered_without_a_gap(grabber, info):
-    numbering = FieldNumbering(info)
-    found = [numbering.number(grabbed, grabber.signal()) for grabbed in take(grabber)]
+    found = numbers(take(grabber), info, grabber.signal())
     assert [field.n for field in found][:FIELDS] == list(range(FIELDS))
     assert {field.outcome for field in found} == {Outcome.RECEIVED}
     assert {field.reason for field in found} == {None}

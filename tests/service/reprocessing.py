@@ -35,7 +35,10 @@ def scene(fields: int = FIELDS) -> Scene:
 
 def add_capture(folder: Path, name: str, fields: int = FIELDS, **changes: Any) -> Path:
     """A sealed capture; changes are those of its meta data."""
-    slots = [Slot(one, one.n, Outcome.RECEIVED, None, ()) for one in scene(fields).packed(1, "doubled")]
+    slots = [
+        Slot(one, one.n, Outcome.RECEIVED, None, (), one.time_ns)
+        for one in scene(fields).packed(1, "doubled")
+    ]
     begun = {"id": name, "start_ns": slots[0].numbered.time_ns, "lines": "doubled"}  # type: ignore[union-attr]
     return Path(write(folder, slots, name=name, **{**begun, **changes}))
 

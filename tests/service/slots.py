@@ -35,15 +35,15 @@ def numbered(n: int, value: int = 200) -> NumberedField:
 
 def slot(n: int, lost_before: int = 0, reason: str = "time gap") -> Slot:
     lost = (LedgerEntry(n - lost_before, lost_before, Outcome.LOST, reason),) if lost_before else ()
-    return Slot(numbered(n), n, Outcome.RECEIVED, None, lost)
+    return Slot(numbered(n), n, Outcome.RECEIVED, None, lost, n * PERIOD_NS)
 
 
 def damaged(n: int, reason: str = "error flag") -> Slot:
-    return Slot(numbered(n), n, Outcome.DAMAGED, reason, ())
+    return Slot(numbered(n), n, Outcome.DAMAGED, reason, (), n * PERIOD_NS)
 
 
 def without_signal(n: int) -> Slot:
-    return Slot(None, n, Outcome.NO_SIGNAL, "no signal", ())
+    return Slot(None, n, Outcome.NO_SIGNAL, "no signal", (), n * PERIOD_NS)
 
 
 class Source:

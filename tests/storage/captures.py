@@ -55,7 +55,9 @@ def packed(n, bits=1, doubled=False):
 def slot(n, outcome=Outcome.RECEIVED, reason=None, lost=0, lost_reason="time gap", **how):
     before = (LedgerEntry(n - lost, lost, Outcome.LOST, lost_reason),) if lost else ()
     numbered = NumberedField(n, START_NS + n * PERIOD_NS + n % 7, 1000 + n, packed(n, **how))
-    return Slot(None if outcome is Outcome.NO_SIGNAL else numbered, n, outcome, reason, before)
+    return Slot(
+        None if outcome is Outcome.NO_SIGNAL else numbered, n, outcome, reason, before, numbered.time_ns
+    )
 
 
 def slots(count, **how):

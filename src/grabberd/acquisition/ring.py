@@ -22,6 +22,7 @@ class Slot(NamedTuple):
         outcome: Received, damaged or no_signal.
         reason: None for a received field, unless its time had to be predicted.
         lost_before: Fields missing between the previous field and this one.
+        time_ns: Middle of its exposure.
     """
 
     numbered: NumberedField | None
@@ -29,6 +30,7 @@ class Slot(NamedTuple):
     outcome: Outcome
     reason: str | None
     lost_before: tuple[LedgerEntry, ...]
+    time_ns: int
 
     @property
     def first_n(self) -> int:
@@ -118,18 +120,15 @@ class RingReader:
         policy: Reaction to being overtaken: `count` reports it in the next slot's `lost_before`, `stop`
             raises `RingOverrun`, at once and on every later call.
         deepest: Greatest number of the ring's slots that ever waited for this reader.
-        back_fields: Number of fields from its first slot to its creation, lost ones included.
+        oldest: The first pre-trigger slot, or None.
     """
 
     def __init__(self, ring: Ring, policy: Policy, before: list[Slot], head: int, next_n: int | None) -> None:
         self.policy = policy
         self.deepest = 0
         self._ring = ring
-        # What was lost before the first pre-trigger slot was lost before the capture.
-        self._before = deque(
-            slot._replace(lost_before=()) if i == 0 else slot for i, slot in enumerate(before)
-        )
-        self.back_fields = next_n - before[0].n if before and next_n is not None else 0
+        self.oldest = before[0] if before else None
+        self._before = deque(before)
         self._next = head
         self._next_n = next_n
         self._closed = False

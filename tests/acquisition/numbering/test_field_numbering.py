@@ -86,9 +86,9 @@ def test_either_numbering_of_alternating_fields_is_understood(sequence):
 def test_a_frame_may_be_late_by_a_whole_field_before_another_one_is_missed(order, late_ns):
     first = 0 if order is FieldOrder.TOP_FIRST else 1
     late = {6 + first: late_ns, 7 + first: late_ns}
-    kept = [n for n in range(first, 24 + first) if n - first not in (8, 9)]
+    kept = [n for n in range(first, 40 + first) if n - first not in (16, 17)]
     found = numbers_in_time(kept, late, info(order))
-    assert [field.n for field in found] == [*range(8), *range(10, 24)]
+    assert [field.n for field in found] == [*range(16), *range(18, 40)]
     assert all(field.outcome is Outcome.RECEIVED for field in found)
 
 
@@ -236,14 +236,13 @@ def test_a_single_field_of_the_wrong_parity_is_damaged_and_moves_nothing():
 
 
 def test_a_camera_that_comes_back_in_the_other_phase_is_followed():
-    turned = [grab(n, parity=1 - n % 2) for n in range(4, 10)]
+    turned = [grab(n, parity=1 - n % 2) for n in range(4, 30)]
     found = numbers([grab(n) for n in range(4)] + turned)
-    assert [field.n for field in found] == list(range(10))
+    assert [field.n for field in found] == list(range(30))
     assert {field.outcome for field in found} == {Outcome.RECEIVED}
 
 
 gaps = st.lists(st.integers(0, 6), min_size=1, max_size=120)
-orders = st.sampled_from([FieldOrder.ALTERNATE, FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST])
 
 
 def kept_fields(gaps_between):
@@ -255,13 +254,12 @@ def kept_fields(gaps_between):
 
 
 @settings(max_examples=200)
-@given(gaps, orders, st.integers(0, 14 * MS), st.floats(-200e-6, 200e-6), st.randoms(use_true_random=False))
-def test_random_losses_are_recovered_exactly_through_jitter_and_drift(
-    gaps_between, order, pp_ns, drift, random
-):
+@given(gaps, st.integers(0, 14 * MS), st.floats(-200e-6, 200e-6), st.randoms(use_true_random=False))
+def test_random_losses_are_recovered_exactly_through_jitter_and_drift(gaps_between, pp_ns, drift, random):
     kept = kept_fields(gaps_between)
-    fields = [grab(n, late_ns=random.randint(0, pp_ns) + round(n * PERIOD_NS * drift)) for n in kept]
-    found = numbers(fields, info(order))
+    kept += range(kept[-1] + 1, kept[-1] + 11)
+    late_ns = {n: random.randint(0, pp_ns) + round(n * PERIOD_NS * drift) for n in kept}
+    found = numbers_in_time(kept, late_ns)
     assert [field.n for field in found] == kept
     missing = [n for field in found for entry in field.lost_before for n in range(entry.first_n, entry.end_n)]
     assert missing == sorted(set(range(kept[-1])) - set(kept))

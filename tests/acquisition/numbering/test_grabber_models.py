@@ -6,8 +6,8 @@ import pytest
 
 from acquisition.grabbers import GrabberModel
 from grabberd.acquisition.device import FieldOrder
-from grabberd.acquisition.numbering import FieldNumbering
 from grabberd.acquisition.ledger import Outcome
+from grabberd.acquisition.numbering import FieldNumbering
 
 ORDERS = (FieldOrder.ALTERNATE, FieldOrder.TOP_FIRST)
 COUNTS = ("none", "fields")

@@ -19,8 +19,9 @@ def test_fields_of_woven_frames_are_counted_at_once():
     assert steps([4, 5, 8, 9], alternate=False) == [None, 1, 3, 1]
 
 
-def test_a_count_for_each_field_is_learnt_from_two_single_steps():
-    assert steps([10, 11, 12, 13, 15], parities=[0, 1, 0, 1, 1]) == [None, None, 1, 1, 2]
+def test_a_count_for_each_field_is_learnt_from_three_single_steps():
+    parities = [0, 1, 0, 1, 0, 0]
+    assert steps([10, 11, 12, 13, 14, 16], parities=parities) == [None, None, None, 1, 1, 2]
 
 
 def test_single_steps_that_a_loss_interrupts_teach_nothing():

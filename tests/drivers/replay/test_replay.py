@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from acquisition.streams import numbers
 from drivers.replay.pictures import frames, luma, manifest, png
 from drivers.replay.playing import PERIOD_NS, play, rows
-from grabberd.acquisition import FieldNumbering, FieldOrder, Outcome, Signal
+from grabberd.acquisition import FieldOrder, Outcome, Signal
 from grabberd.errors import DeviceAbsent, DeviceLost, DeviceRefused, PictureError, StreamEnded
 from grabberd.field import double_lines, quantise, unpack
 from grabberd.storage import export_png
@@ -177,9 +178,8 @@ def test_a_capture_played_again_packs_to_the_same_bits(tmp_path, bits, doubled):
     taken = slots(6, bits=bits, doubled=doubled)
     for path in (write(tmp_path, taken, bits=bits), exported(tmp_path)):
         _, played, _ = play(path)
-        numbering = FieldNumbering(ReplayGrabber(path).open())
-        for one, other in zip(taken, played, strict=True):
-            number = numbering.number(other)
+        found = numbers(played, ReplayGrabber(path).open())
+        for one, other, number in zip(taken, played, found, strict=True):
             again = quantise(double_lines(other.field) if doubled else other.field, bits, 128)
             threshold = one.numbered.packed.threshold
             packed = quantise(double_lines(other.field) if doubled else other.field, bits, threshold)
@@ -206,8 +206,7 @@ def test_the_exported_pictures_are_played_like_the_capture(tmp_path, capture, wo
 def test_gaps_of_a_recording_are_gaps_again(tmp_path, capture):
     for path in (capture, exported(tmp_path)):
         info, played, _ = play(path)
-        numbering = FieldNumbering(info)
-        found = [numbering.number(f) for f in played]
+        found = numbers(played, info)
         assert [f.n for f in found] == [0, 1, 2, 3, 4, 8, 9]
         assert found[5].lost_before[0].count == 3
 

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from acquisition.streams import numbers
 from drivers.replay.pictures import luma
 from drivers.replay.playing import PERIOD_NS, play, rows
 from drivers.replay.videos import avi, coded, packed, uncompressed, y4m
-from grabberd.acquisition import FieldNumbering, FieldOrder
+from grabberd.acquisition import FieldOrder
 from grabberd.errors import DeviceRefused, PictureError, StreamEnded
 from grabberd_replay import ReplayGrabber
 from grabberd_replay.decoder import LAYOUTS
@@ -102,8 +103,7 @@ def test_pictures_that_the_recorder_dropped_are_lost_fields(tmp_path):
     pictures[2] = b""
     path = uncompressed(tmp_path / "clip.avi", pictures, b"Y800", 48, 64)
     info, played, _ = play(path, pictures="frames")
-    numbering = FieldNumbering(info)
-    found = [numbering.number(f) for f in played]
+    found = numbers(played, info)
     assert [f.n for f in found] == [0, 1, 2, 3, 6, 7, 8, 9]
     assert found[4].lost_before[0].count == 2
     np.testing.assert_array_equal(played[4].field.luma, luma(3, 48, 64)[0::2])

@@ -2,8 +2,8 @@
 
 import pytest
 
+from acquisition.streams import numbers
 from drivers.v4l2.fake_kernel import number_in
-from grabberd.acquisition import FieldNumbering
 
 SECOND_NS = 1_000_000_000
 
@@ -22,8 +22,7 @@ def take(bench, count=40, timeout_s=0.25):
 
 
 def numbered(bench, fields):
-    numbering = FieldNumbering(bench.info)
-    return [numbering.number(field, bench.grabber.signal()) for field in fields]
+    return numbers(fields, bench.info, bench.grabber.signal())
 
 
 def first_picture(fields):

@@ -7,6 +7,7 @@ import pytest
 from slots import PERIOD_NS, STREAM, ManualClock, Source, damaged, slot, without_signal
 
 from grabberd.acquisition import LedgerEntry, Outcome, Ring, RingReader, Slot, StreamInfo
+from grabberd.service.capture.edges import Begin
 from grabberd.service.capture.recorder import GRACE_NS, Backlog, Recorder
 
 
@@ -18,10 +19,11 @@ def recorder(
     reader: RingReader | None = None,
     stream: StreamInfo = STREAM,
     interruption: Callable[[], str | None] = lambda: None,
+    begin: Begin | None = None,
 ) -> tuple[Recorder, Backlog[Slot]]:
     backlog: Backlog[Slot] = Backlog(capacity)
     clock, reader = clock or ManualClock(), reader or Ring().reader()
-    return Recorder(reader, backlog, clock, stream, Source(interruption), fields), backlog
+    return Recorder(reader, backlog, clock, stream, Source(interruption), fields, begin), backlog
 
 
 def recorded(backlog: Backlog[Slot]) -> list[int]:
@@ -51,6 +53,66 @@ def test_what_was_lost_before_the_first_field_is_not_the_captures() -> None:
     one, _ = recorder(1)
     one.take(slot(10, lost_before=5))
     assert one.ledger.complete
+
+
+def since(clock: ManualClock) -> Begin:
+    """The begin of a capture that is asked for now."""
+    return Begin(clock.ns, PERIOD_NS)
+
+
+def test_no_field_is_older_than_the_request() -> None:
+    clock = ManualClock(10 * PERIOD_NS)
+    one, backlog = recorder(3, begin=since(clock))
+    for n in range(7, 13):
+        one.take(slot(n))
+    assert (one.first_n, recorded(backlog)) == (10, [0, 1, 2])
+    assert one.ledger.complete
+
+
+def test_what_is_lost_between_the_request_and_the_first_field_is_the_captures() -> None:
+    clock = ManualClock(10 * PERIOD_NS)
+    one, backlog = recorder(50, begin=since(clock))
+    one.take(slot(40, lost_before=35, reason="no field for 0.8 s"))
+    assert one.ledger.entries == [LedgerEntry(0, 30, Outcome.LOST, "no field for 0.8 s")]
+    assert recorded(backlog) == [30]
+
+
+def test_a_stop_takes_what_was_exposed_before_it_and_nothing_later() -> None:
+    clock, ring = ManualClock(0), Ring()
+    reader = ring.reader()
+    one, backlog = recorder(clock=clock, reader=reader, begin=since(clock))
+    heard(clock, reader, {})
+    for n in range(5):
+        ring.put(slot(n))
+    clock.ns = 8 * PERIOD_NS - 1
+    for n in (5, 6, 7, 8, 9):
+        ring.put(slot(n))
+    one.stop("stopped by the operator")
+    one.run()
+    assert recorded(backlog) == list(range(8))
+    assert one.ledger.complete
+
+
+def test_what_is_lost_up_to_the_stop_is_the_captures_and_not_what_is_lost_after_it() -> None:
+    clock, ring = ManualClock(0), Ring()
+    reader = ring.reader()
+    one, _ = recorder(clock=clock, reader=reader, begin=since(clock))
+    heard(clock, reader, {})
+    one.take(slot(0))
+    clock.ns = 5 * PERIOD_NS
+    ring.put(slot(9, lost_before=8))
+    one.stop("stopped by the operator")
+    one.run()
+    assert one.ledger.entries == [LedgerEntry(1, 4, Outcome.LOST, "time gap")]
+
+
+def test_fields_that_a_slow_disk_refused_at_the_end_are_in_the_account() -> None:
+    one, _ = recorder(capacity=1)
+    one.take(slot(0))
+    one.take(slot(1))
+    one.stop("stopped by the operator")
+    one.run()
+    assert one.ledger.entries == [LedgerEntry(1, 1, Outcome.OVERRUN, "disk too slow")]
 
 
 def test_lost_fields_count_for_the_length() -> None:

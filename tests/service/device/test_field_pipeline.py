@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from grabberd.acquisition import FieldOrder, GrabbedField, Outcome, Signal, StreamInfo
+from grabberd.acquisition import FieldOrder, GrabbedField, Outcome, Signal, Slot, StreamInfo
 from grabberd.config import DeviceConfig, RingConfig, ThresholdConfig
 from grabberd.field import Field, double_lines
 from grabberd.service.device.field_pipeline import FieldPipeline
@@ -38,9 +38,14 @@ def now_ns(n: int) -> int:
     return 1_010_000_000 + n * 20_000_000
 
 
+def take(one: FieldPipeline, grabbed: GrabbedField, signal: Signal, now_ns: int) -> Slot:
+    """The field's slot, without waiting for later ones to settle its number."""
+    return [*one.take(grabbed, signal, now_ns), *one.settle()][-1]
+
+
 def test_one_bit_is_doubled_and_grey_is_left_intact() -> None:
-    assert pipeline().take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered.packed.y_step == 1  # type: ignore[union-attr]
-    grey = pipeline(bits=8).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    assert take(pipeline(), grabbed(0), Signal.PRESENT, now_ns(0)).numbered.packed.y_step == 1  # type: ignore[union-attr]
+    grey = take(pipeline(bits=8), grabbed(0), Signal.PRESENT, now_ns(0)).numbered
     assert grey
     assert grey.packed.y_step == 2
     assert np.array_equal(grey.packed.data[0], grabbed(0).field.luma)
@@ -71,7 +76,7 @@ def test_missing_lines_are_interpolated_as_configured() -> None:
     )
     one = FieldPipeline(config)
     one.opened(INFO)
-    numbered = one.take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    numbered = take(one, grabbed(0), Signal.PRESENT, now_ns(0)).numbered
     assert numbered
     wanted = double_lines(grabbed(0).field, "kernel3x3").luma
     assert np.array_equal(numbered.packed.data[0], wanted)
@@ -79,7 +84,7 @@ def test_missing_lines_are_interpolated_as_configured() -> None:
 
 
 def test_the_threshold_in_force_is_kept_with_every_field() -> None:
-    numbered = pipeline(threshold=77).take(grabbed(0), Signal.PRESENT, now_ns(0)).numbered
+    numbered = take(pipeline(threshold=77), grabbed(0), Signal.PRESENT, now_ns(0)).numbered
     assert numbered
     assert numbered.packed.threshold == 77
 
@@ -87,7 +92,7 @@ def test_the_threshold_in_force_is_kept_with_every_field() -> None:
 def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
     one = pipeline(threshold=None)
     one.opened(replace(INFO, live=False))
-    numbered = one.take(grabbed(0, bright=100), Signal.PRESENT, now_ns(0)).numbered
+    numbered = take(one, grabbed(0, bright=100), Signal.PRESENT, now_ns(0)).numbered
     assert numbered
     assert 20 < numbered.packed.threshold < 100
     assert numbered.packed.threshold == one.thresholds.in_force.level
@@ -96,33 +101,46 @@ def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
 def test_a_picture_without_signal_is_not_chosen_by() -> None:
     one = pipeline(threshold=None)
     one.opened(replace(INFO, live=False))
-    one.take(grabbed(0, bright=100), Signal.ABSENT, now_ns(0))
+    take(one, grabbed(0, bright=100), Signal.ABSENT, now_ns(0))
     assert one.thresholds.in_force.level == UNDECIDED_THRESHOLD
 
 
 def test_without_signal_nothing_is_kept() -> None:
-    slot = pipeline().take(grabbed(0), Signal.ABSENT, now_ns(0))
+    slot = take(pipeline(), grabbed(0), Signal.ABSENT, now_ns(0))
     assert slot.outcome is Outcome.NO_SIGNAL
     assert slot.numbered is None
 
 
 def test_an_old_picture_delivered_again_is_damaged() -> None:
     one = pipeline()
-    one.take(grabbed(0, seed=5), Signal.PRESENT, now_ns(0))
-    one.take(grabbed(1, seed=6), Signal.PRESENT, now_ns(1))
-    again = one.take(grabbed(2, seed=5), Signal.PRESENT, now_ns(2))
+    take(one, grabbed(0, seed=5), Signal.PRESENT, now_ns(0))
+    take(one, grabbed(1, seed=6), Signal.PRESENT, now_ns(1))
+    again = take(one, grabbed(2, seed=5), Signal.PRESENT, now_ns(2))
     assert (again.outcome, again.reason) == (Outcome.DAMAGED, "repeated")
     assert again.numbered is not None, "it is kept all the same"
 
 
 def test_an_interruptions_reason_is_that_of_the_fields_it_cost() -> None:
     one = pipeline()
-    one.take(grabbed(0), Signal.PRESENT, now_ns(0))
+    take(one, grabbed(0), Signal.PRESENT, now_ns(0))
     one.interrupted("unplugged")
     one.opened(INFO)
-    slot = one.take(grabbed(100), Signal.PRESENT, now_ns(100))
+    slot = take(one, grabbed(100), Signal.PRESENT, now_ns(100))
     assert slot.n == 100
     assert [(entry.count, entry.reason) for entry in slot.lost_before] == [(99, "unplugged")]
+
+
+def test_a_field_in_doubt_is_not_in_the_ring_before_its_number_is_settled() -> None:
+    one = pipeline()
+    uncounted = [grabbed(n)._replace(sequence=None) for n in range(20)]
+    for n in range(10):
+        assert len(one.take(uncounted[n], Signal.PRESENT, now_ns(n))) == 1
+    assert one.take(uncounted[13], Signal.PRESENT, now_ns(13)) == []
+    assert (one.in_doubt, one.ring.newest.n) == (1, 9)  # type: ignore[union-attr]
+    later = [slot for n in range(14, 20) for slot in one.take(uncounted[n], Signal.PRESENT, now_ns(n))]
+    assert [slot.n for slot in later] == list(range(13, 20))
+    assert [(entry.first_n, entry.count) for entry in later[0].lost_before] == [(10, 3)]
+    assert one.in_doubt == 0
 
 
 @pytest.mark.parametrize(("bits", "lines"), [(8, None), (1, "field")])
@@ -149,7 +167,7 @@ def liner(count: int, **spoiled: object) -> list[GrabbedField]:
 
 def test_what_the_picture_tells_of_damage_is_the_reason() -> None:
     one = pipeline()
-    slots = [one.take(field, Signal.UNKNOWN, field.time_ns) for field in liner(10, kind="shift")]
+    slots = [take(one, field, Signal.UNKNOWN, field.time_ns) for field in liner(10, kind="shift")]
     assert [slot.outcome for slot in slots] == [Outcome.RECEIVED] * 8 + [Outcome.DAMAGED, Outcome.RECEIVED]
     assert slots[8].reason
     assert slots[8].reason.startswith("shifted by 40 px from line 28")
@@ -167,18 +185,18 @@ def test_what_the_picture_tells_of_damage_is_the_reason() -> None:
 def test_no_signal_is_seen_in_the_picture_whatever_the_driver_says(picture: str, words: str) -> None:
     one = pipeline()
     fields = liner(20, kind="no_signal", picture=picture, duration_s=0.2)
-    slots = [one.take(field, Signal.PRESENT, field.time_ns) for field in fields[:18]]
+    slots = [take(one, field, Signal.PRESENT, field.time_ns) for field in fields[:18]]
     assert [slot.outcome for slot in slots[8:]] == [Outcome.NO_SIGNAL] * 10
     assert {slot.reason for slot in slots[8:]} == {f"no signal: {words}"}
     assert all(slot.numbered is None for slot in slots[8:])
     assert one.no_picture == f"no signal: {words}"
-    one.take(fields[18], Signal.PRESENT, fields[18].time_ns)
+    take(one, fields[18], Signal.PRESENT, fields[18].time_ns)
     assert one.no_picture is None
 
 
 def test_a_recording_is_not_looked_at() -> None:
     one = pipeline()
     one.opened(replace(INFO, live=False))
-    outcomes = [one.take(grabbed(n, seed=5), Signal.UNKNOWN, now_ns(n)).outcome for n in range(4)]
+    outcomes = [take(one, grabbed(n, seed=5), Signal.UNKNOWN, now_ns(n)).outcome for n in range(4)]
     assert outcomes == [Outcome.RECEIVED] * 4
     assert one.no_picture is None

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition import FieldNumbering, GrabbedField, Ledger, StreamInfo
+from grabberd.acquisition import FieldNumbering, Ledger, Numbered, StreamInfo
 from grabberd_v4l2 import V4l2Grabber
 from vm.guest import vivid
 
@@ -72,10 +72,11 @@ def _counted(grabber: V4l2Grabber, info: StreamInfo, seconds: float) -> dict[str
     while time.monotonic() < until:
         with grabber.dequeue(TIMEOUT_S) as fields:
             for grabbed in fields:
-                _enter(numbering, ledger, grabbed)
+                _enter(ledger, numbering.number(grabbed, now_ns=time.monotonic_ns()))
                 parities[grabbed.field.parity] += 1
                 times.append(grabbed.time_ns)
             seen_at.append(time.monotonic())
+    _enter(ledger, numbering.settle())
     period_ns = (times[-1] - times[0]) / (len(times) - 1)
     return {
         "seconds": seconds,
@@ -89,9 +90,9 @@ def _counted(grabber: V4l2Grabber, info: StreamInfo, seconds: float) -> dict[str
     }
 
 
-def _enter(numbering: FieldNumbering, ledger: Ledger, grabbed: GrabbedField) -> None:
-    number = numbering.number(grabbed, now_ns=time.monotonic_ns())
-    ledger.enter(number.n, number.outcome, number.reason, number.lost_before)
+def _enter(ledger: Ledger, numbered: list[Numbered]) -> None:
+    for one in numbered:
+        ledger.enter(one.n, one.outcome, one.reason, one.lost_before)
 
 
 def _granted(info: StreamInfo) -> dict[str, Any]:

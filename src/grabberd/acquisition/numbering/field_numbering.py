@@ -2,8 +2,10 @@
 it.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
@@ -20,8 +22,10 @@ _IN_TIME = 0.6
 """Periods after the shortest way, within which a field has arrived in time."""
 _EARLY = 3
 """Fields in a row that are early by a whole one, after which the clock is wrong and not they."""
-MOST_PENDING = 16
-"""Fields that wait for more evidence before the likeliest path is taken: half of the usual ring."""
+_MOST_PENDING = 16
+"""Fields that wait for more evidence before the likeliest path is taken, or as many as were in the driver's
+buffers, where that is more, and `_CONFIRMING` after them."""
+_CONFIRMING = 10
 
 TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
@@ -66,8 +70,8 @@ class _Pending:
 class FieldNumbering:
     """Numbers fields by all evidence at once: time, parity, the driver's count and the arrival.
 
-    A field whose number is in doubt is kept back until later ones have settled it, at most `MOST_PENDING` of
-    them. What cannot be settled is damaged, "number uncertain by up to N". The time of a field whose stamp is
+    A field whose number is in doubt is kept back until later ones have settled it, but not for
+    ever. What cannot be settled is damaged, "number uncertain by up to N". The time of a field whose stamp is
     not believed is predicted, and the reason says so.
 
     Args:
@@ -88,6 +92,8 @@ class FieldNumbering:
         self._pending: deque[_Pending] = deque()
         self._interruption: str | None = None
         self._early = self._too_many = 0
+        self._most_pending = max(_MOST_PENDING, _fields_in(info) + _CONFIRMING)
+        self._run = self._run_doubt = 0
 
     def interrupt(self, reason: str) -> list[Numbered]:
         """Note that the stream stopped: fields missing before the next one were lost for this reason.
@@ -130,14 +136,39 @@ class FieldNumbering:
             self._paths = Paths(pending.parity if self._has_parity else None, exact=not self._live)
             return [self._first(self._pending.popleft())]
         self._paths.see(self._seen(pending))
-        settled = []
-        while self._pending and (self._paths.settled() or len(self._pending) > MOST_PENDING):
+        settled: list[Numbered] = []
+        while self._pending and (self._certain(self._paths) or len(self._pending) > self._most_pending):
             settled.append(self._settle_oldest(self._paths))
         return settled
 
     def settle(self) -> list[Numbered]:
         """Number the fields that are in doubt by what is known now."""
         return [self._settle_oldest(self._paths) for _ in range(len(self._pending)) if self._paths]
+
+    def _certain(self, paths: Paths) -> bool:
+        """True if the oldest field's number will not change any more.
+
+        That of a late field may, until one that is in time shows whether any are missing.
+        """
+        if self._run:
+            return True
+        if not paths.settled():
+            return False
+        if self._pending[0].arrival.time_ns is None:
+            return True
+        steps = paths.best.steps
+        anchor = next((i for i, step in enumerate(steps) if self._in_time(step)), None)
+        if anchor is None or not paths.settled(anchor + 1):
+            return False
+        self._run = anchor + 1
+        together = zip(islice(self._pending, anchor + 1), steps, strict=False)
+        self._run_doubt = sum(_uncounted(pending, step) for pending, step in together) if anchor else 0
+        return True
+
+    def _in_time(self, step: Step) -> bool:
+        if step.arrived is not None and abs(step.arrived) < _IN_TIME:
+            return True
+        return step.late is not None and abs(step.late) <= (_LATE if self._has_parity else 0.5)
 
     def _look(
         self, grabbed: GrabbedField, now_ns: int | None, outcome: Outcome, reason: str | None
@@ -182,7 +213,7 @@ class FieldNumbering:
 
     def _settle_oldest(self, paths: Paths) -> Numbered:
         pending = self._pending.popleft()
-        uncertain_by = 0 if paths.settled() else paths.spread
+        uncertain_by = 0 if self._run else self._range(paths)
         step = paths.settle()
         first_lost = self._n + 1
         self._n += step.fields
@@ -191,11 +222,25 @@ class FieldNumbering:
         lost = self._lost(first_lost, pending, step)
         if step.wrong_parity:
             pending = _damaged(pending, "parity contradicts time")
-        uncertain_by = max(uncertain_by, step.doubt, self._too_many)
+        uncertain_by = max(uncertain_by, step.doubt, self._too_many, self._doubt_of_run(pending, step))
         self._too_many = 0
         if uncertain_by:
             pending = _damaged(pending, f"number uncertain by up to {uncertain_by}")
         return self._numbered(pending, time_ns, lost, doubt)
+
+    def _doubt_of_run(self, pending: _Pending, step: Step) -> int:
+        """Number of fields by which one may be off that is late, and settled with those after it."""
+        if not self._run:
+            return 0
+        self._run -= 1
+        return self._run_doubt if self._run else 0
+
+    def _range(self, paths: Paths) -> int:
+        """Number of fields by which one may be off whose number is settled before it is certain."""
+        step = paths.best.steps[0]
+        if step.arrived is None or self._in_time(step):
+            return 0 if paths.settled() else paths.spread
+        return max(paths.spread, math.ceil(step.arrived))
 
     def _numbered(
         self, pending: _Pending, time_ns: int, lost: tuple[LedgerEntry, ...], doubt: str | None
@@ -209,7 +254,7 @@ class FieldNumbering:
         """Advance the clock to a field; its time, and why that is predicted."""
         if pending.time_ns is None:
             predicted_ns = self._predicted_ns(pending, step)
-            self._stamps.doubted(self._n, pending.stamp_ns, predicted_ns)
+            self._stamps.doubted(pending.stamp_ns, predicted_ns)
             return predicted_ns, pending.doubt
         if pending.interruption or not self._clock.locked:
             self._stamps.fits()
@@ -222,7 +267,7 @@ class FieldNumbering:
             return self._clock.advance(step.fields, pending.time_ns), None
         if self._arrived_in_time(pending, step):
             predicted_ns = self._clock.advance(step.fields)
-            self._stamps.off(self._n, pending.stamp_ns, predicted_ns)
+            self._stamps.off(pending.stamp_ns, predicted_ns)
             return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
         self._stamps.fits()
         if late > 0:
@@ -258,12 +303,25 @@ class FieldNumbering:
         return (never_came(first_n, count, reason),)
 
 
+def _uncounted(pending: _Pending, step: Step) -> int:
+    """Number of fields that were lost before one without the driver's notice."""
+    if pending.interruption:
+        return 0
+    return abs(step.fields - (1 if pending.count is None else pending.count))
+
+
 def _gap(pending: _Pending, step: Step) -> str:
     if pending.time_ns is not None and step.late is not None and abs(step.late) <= 0.5:
         return TIME_GAP
     if pending.count == step.fields:
         return SEQUENCE_GAP
     return REPEATED_PARITY if pending.time_ns is None else TIME_GAP
+
+
+def _fields_in(info: StreamInfo) -> int:
+    """Number of fields that the driver's buffers hold."""
+    woven = info.field_order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
+    return info.buffers * (2 if woven else 1)
 
 
 def _damaged(pending: _Pending, reason: str) -> _Pending:

@@ -25,6 +25,9 @@ _LATE = 4.0
 """Cost of a field that falls behind: somebody was busy."""
 _STILL_LATE, _LATE_AGAIN = 0.7, 3.0
 """Cost of one that is still late: a queue drains; if nothing drains, the grid is more likely another one."""
+_NOT_DRAINED = 4.0
+"""Cost of one that has been waited for, and yet arrives as late as the one before: nothing can have waited in
+a buffer."""
 _LOSS = 3.5
 """Cost of a loss; of one that the driver counts, `_COUNTED`."""
 _COUNTED = 1.0
@@ -35,11 +38,15 @@ _WRONG_PARITY, _TURN = 9.0, 11.0
 _IN_A_BURST = 3.0
 """Cost of a loss before a field that waited in a buffer with the one before it: buffers fill, then fields are
 lost."""
+_OTHER_CLOCK, _STILL_OTHER = 10.0, 1.0
+"""Cost of a stamp that is early by any amount: the clock was set back; of the next that is as early."""
+_SAME_CLOCK = 0.5
+"""Cost of a stamp that goes on to be as far off as one was that arrived in time."""
 _FAR = 40.0
 """Highest cost of time: a path can be wrong, but never so that no evidence could save it."""
 _BEAM, _WIDTH = 12, 25.0
 """Paths that are kept, and how much worse than the best."""
-_HARDLY_WORSE = 4.5
+_HARDLY_WORSE = 3.0
 """A path that is worse by no more than that might have been the right one."""
 CERTAIN = 8.0
 """A step is settled when every path without it is less likely by a factor of three thousand."""
@@ -74,13 +81,15 @@ class Step(NamedTuple):
         fields: nominal steps from the field before.
         late: periods after its time by its stamp, `arrived` by its arrival; None where unknown.
         wrong_parity: true if the parity is another one than the path expects.
+        other_clock: true if its stamp was as far off as the one before, which arrived in time.
         doubt: number of fields by which another path, hardly worse, differed there and agreed later.
     """
 
     fields: int
     late: float | None
     arrived: float | None
-    wrong_parity: bool
+    wrong_parity: bool = False
+    other_clock: bool = False
     doubt: int = 0
 
 
@@ -111,7 +120,7 @@ class Paths:
     def __init__(self, parity: int | None, *, exact: bool = False) -> None:
         self._exact = exact
         self._paths = [Path(0.0, (), 0, parity)]
-        self._last = Step(1, 0.0, 0.0, False)
+        self._last = Step(1, 0.0, 0.0)
 
     @property
     def best(self) -> Path:
@@ -134,10 +143,10 @@ class Paths:
         paths = sorted(found.values(), key=lambda path: path.cost)
         self._paths = [path for path in paths[:_BEAM] if path.cost < paths[0].cost + _WIDTH]
 
-    def settled(self) -> bool:
-        """True if all paths that cannot be excluded begin with the same step."""
-        first = self.best.steps[0]
-        return all(_same(path.steps[0], first) for path in self._possible())
+    def settled(self, fields: int = 1) -> bool:
+        """True if all paths that cannot be excluded begin with the same steps of so many fields."""
+        best = self.best.steps
+        return all(_same(path.steps[i], best[i]) for path in self._possible() for i in range(fields))
 
     def settle(self) -> Step:
         """Takes the oldest step of the best path, and drops the paths without it."""
@@ -160,8 +169,9 @@ class Paths:
         before = path.steps[-1] if path.steps else self._last
         for fields in _steps(path, seen):
             ahead = path.ahead + fields
-            step = Step(fields, _after(seen.stamp, ahead), _after(seen.arrival, ahead), False)
-            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before)
+            late, arrived = _after(seen.stamp, ahead), _after(seen.arrival, ahead)
+            step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
+            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen)
             cost = path.cost + _cost_of_loss(fields, seen) + time
             expected = None if path.parity is None else (path.parity + fields) % 2
             if seen.parity is None or expected in (None, seen.parity):
@@ -186,6 +196,13 @@ def _merged(one: Path, other: Path) -> Path:
 
 def _same(one: Step, other: Step) -> bool:
     return (one.fields, one.wrong_parity) == (other.fields, other.wrong_parity)
+
+
+def _by_another_clock(late: float | None, before: Step) -> bool:
+    if late is None or before.late is None or abs(late) <= _EARLY_ARRIVAL:
+        return False
+    in_time = before.arrived is not None and abs(before.arrived) <= _EARLY_ARRIVAL
+    return (in_time or before.other_clock) and abs(late - before.late) <= _JITTER
 
 
 def _after(periods: float | None, ahead: int) -> float | None:
@@ -219,17 +236,27 @@ def _cost_of_exact_time(step: Step) -> float:
     return 0.0 if step.late is None else min(0.5 * (step.late / _EXACT_JITTER) ** 2, _FAR)
 
 
-def _cost_of_time(step: Step, before: Step) -> float:
+def _cost_of_time(step: Step, before: Step, seen: Seen) -> float:
     cost = 0.0
     if step.late is not None:
-        cost += _cost_of_lateness(step.late, before.late or 0.0)
+        cost += _SAME_CLOCK if step.other_clock else _cost_of_stamp(step.late, before.late or 0.0)
     if step.arrived is not None:
         lateness = _cost_of_lateness(step.arrived, before.arrived or 0.0)
         if step.late is None or step.arrived < -_EARLY_ARRIVAL:
             cost += lateness
         elif abs(step.arrived - step.late) > _EARLY_ARRIVAL:  # else both are late for the same reason
             cost += _ARRIVAL * lateness
+        waited_for = not (seen.burst or seen.joined)
+        if waited_for and _EARLY_ARRIVAL < (before.arrived or 0.0) < step.arrived + _COMPARED:
+            cost += _NOT_DRAINED
     return min(cost, _FAR)
+
+
+def _cost_of_stamp(late: float, before: float) -> float:
+    cost = _cost_of_lateness(late, before)
+    if late > 0:
+        return cost
+    return min(cost, _STILL_OTHER if abs(late - before) < _COMPARED else _OTHER_CLOCK)
 
 
 def _cost_of_lateness(late: float, before: float) -> float:

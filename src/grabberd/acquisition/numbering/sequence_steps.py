@@ -1,5 +1,8 @@
 """Steps of fields by a driver's own count."""
 
+_SURE = 3
+"""Fields of the other parity, each counted one further, after which a driver counts fields. Where both fields
+of a frame share a number, every second difference is 0, unless fields are lost."""
 _WRAP = 2**32  # V4L2 counts in 32 bits
 
 
@@ -30,24 +33,24 @@ class SequenceSteps:
         last, self._last = self._last, None if sequence is None else (sequence, parity)
         if sequence is None or last is None:
             return None
-        self._learn(sequence - last[0], parity)
+        self._learn(sequence - last[0], parity, turned=parity != last[1])
         step = (self._index(sequence, parity) - self._index(*last)) % self._modulus
         # Half a wrap ahead or more means that the counter ran backward: it was restarted.
         return step if self._known and 0 < step < self._modulus // 2 else None
 
     @property
     def _known(self) -> bool:
-        return not self._alternate or self._newer is not None or self._single_steps >= 2
+        return not self._alternate or self._newer is not None or self._single_steps >= _SURE
 
     @property
     def _modulus(self) -> int:
         return _WRAP if self._newer is None else 2 * _WRAP
 
-    def _learn(self, difference: int, parity: int) -> None:
+    def _learn(self, difference: int, parity: int, *, turned: bool) -> None:
         if self._alternate and difference == 0:
             self._newer = parity
-        # Where a frame's fields share a number, every second difference is 0: two of 1 in a row exclude that.
-        self._single_steps = self._single_steps + 1 if difference == 1 else 0 if self._single_steps < 2 else 2
+        if self._single_steps < _SURE:
+            self._single_steps = self._single_steps + 1 if difference == 1 and turned else 0
 
     def _index(self, sequence: int, parity: int) -> int:
         return sequence if self._newer is None else 2 * sequence + (parity == self._newer)

@@ -1,27 +1,22 @@
 """Timestamps of a stream: which are not believed, and how many periods late each is."""
 
-from typing import NamedTuple
-
 from grabberd.acquisition.device import StreamInfo
 
 _BACKWARD = 1.5
 """Periods by which a stamp may lie before the last one: one of them was late."""
 _FUTURE_NS = 100_000_000
 """Grace time: how far a stamp may be ahead of the arrival of its field before it is doubted."""
+_OLDEST_NS = 10_000_000_000
+"""Age of a stream's first stamp, beyond which it is of another clock."""
 _LONGEST_GAP_S = 10.0
 """Longest gap that a stamp is believed where no arrival confirms it."""
 
 
-class _Agreement(NamedTuple):
-    """Stamps in a row that must agree among themselves, and how well, before another clock is accepted."""
-
-    sightings: int
-    periods: float
-
-
-# Half a period: closer to the steps counted than to any other number of them. Stamps that are merely late are
-# as late as the one before by chance.
-_OF_DOUBTED, _OF_GOOD_STAMPS = _Agreement(3, 0.5), _Agreement(5, 0.1)
+_AGREE = 0.5
+"""Periods within which stamps that are off must be off alike before another clock is accepted: closer to the
+steps counted than to any other number of them."""
+_OF_DOUBTED, _OF_GOOD = 3, 8
+"""Number of such stamps in a row. Good ones need more: what is merely late may be so alike by chance."""
 
 
 class Stamps:
@@ -42,7 +37,7 @@ class Stamps:
         self._backward = _BACKWARD if info.live else 0.0
         self._offset_ns = 0
         self._last_ns: int | None = None
-        self._off: list[tuple[int, int]] = []
+        self._off_ns: list[int] = []
 
     def look(self, stamp_ns: int, now_ns: int | None, *, interrupted: bool) -> tuple[int, str | None]:
         """Time that a stamp means, and the reason not to believe it or None."""
@@ -58,7 +53,8 @@ class Stamps:
         if self._keeps_pace and now_ns is not None and time_ns > now_ns + _FUTURE_NS:
             return "far-off timestamp"
         if self._last_ns is None:
-            return None
+            too_old = self._keeps_pace and now_ns is not None and time_ns < now_ns - _OLDEST_NS
+            return "far-off timestamp" if too_old else None
         steps = (time_ns - self._last_ns) / self._period_ns
         if steps < -self._backward:
             return "backward timestamp"
@@ -67,23 +63,21 @@ class Stamps:
 
     def fits(self) -> None:
         """Note that a field's stamp was on time."""
-        self._off.clear()
+        self._off_ns.clear()
 
-    def doubted(self, n: int, stamp_ns: int, predicted_ns: int) -> None:
+    def doubted(self, stamp_ns: int, predicted_ns: int) -> None:
         """Note a stamp that is not believed; some that agree are those of another clock."""
-        self._watch(n, stamp_ns, predicted_ns, _OF_DOUBTED)
+        self._watch(stamp_ns, predicted_ns, _OF_DOUBTED)
 
-    def off(self, n: int, stamp_ns: int, predicted_ns: int) -> None:
+    def off(self, stamp_ns: int, predicted_ns: int) -> None:
         """Note a stamp that is off although its field arrived in time; more of them are needed."""
-        self._watch(n, stamp_ns, predicted_ns, _OF_GOOD_STAMPS)
+        self._watch(stamp_ns, predicted_ns, _OF_GOOD)
 
-    def _watch(self, n: int, stamp_ns: int, predicted_ns: int, agreement: _Agreement) -> None:
-        if self._off:
-            before_n, before_ns = self._off[-1]
-            if abs((stamp_ns - before_ns) / self._period_ns - (n - before_n)) > agreement.periods:
-                self._off.clear()
-        self._off.append((n, stamp_ns))
-        if len(self._off) >= agreement.sightings:
-            self._offset_ns = stamp_ns - predicted_ns
+    def _watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> None:
+        off_ns = stamp_ns - predicted_ns
+        self._off_ns = [one for one in self._off_ns if abs(off_ns - one) <= _AGREE * self._period_ns]
+        self._off_ns.append(off_ns)
+        if len(self._off_ns) >= sightings:
+            self._offset_ns = sum(self._off_ns) // len(self._off_ns)
             self._last_ns = predicted_ns
-            self._off.clear()
+            self._off_ns.clear()

@@ -14,6 +14,7 @@ from grabberd.acquisition.clock import Moment, iso_utc
 from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
 from grabberd.service.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCaptures
+from grabberd.service.capture.edges import Begin, fields_before
 from grabberd.service.capture.recorder import Backlog, Recorder
 from grabberd.service.capture.recording import LIVE_RUN, Recording
 from grabberd.storage import CaptureMeta, CaptureWriter
@@ -33,6 +34,7 @@ class CaptureStart:
         self.device = device
         self.new = new
         self._recorder: Recorder | None = None
+        self._back_fields = 0
         self._recording: Recording | None = None
 
     @property
@@ -97,18 +99,23 @@ class CaptureStart:
         )
         return armed
 
-    def record(self) -> None:
-        """Starts to take fields, from this moment on or with the pre-trigger's fields from the ring.
+    def record(self, start: Moment) -> None:
+        """Starts to take fields, from a moment on or with the pre-trigger's fields from the ring.
 
         There is no file yet. However long that takes to be made, no field is missed meanwhile.
         """
         pipeline, request, stream = self.device.pipeline, self.new.request, self.device.stream
         reader = pipeline.ring.reader(request.overrun, back=request.pre_trigger_fields)
+        period_ns = round(1e9 / stream.rate_hz)
+        keeps_pace = stream.live and not stream.waits_for_reader
+        begin_ns = start.ns - request.pre_trigger_fields * period_ns if keeps_pace else None
+        begin = Begin(begin_ns, period_ns)
+        self._back_fields = fields_before(reader, pipeline.ring.newest, begin, start.ns)
         backlog: Backlog[Slot] = Backlog(capacity=round(self.device.queue_s * stream.rate_hz))
         fields = request.fields
         if fields is not None and self.new.armed_utc is not None:
-            fields += reader.back_fields  # the length of an armed capture counts from its trigger
-        self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, fields)
+            fields += self._back_fields  # the length of an armed capture counts from its trigger
+        self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, fields, begin)
         self._recorder.start(self.new.id)
 
     def make_file(self, start: Moment) -> None:
@@ -122,7 +129,7 @@ class CaptureStart:
         """
         assert self._recorder is not None, "record() comes first"
         setup = self.device.setup
-        meta = self._meta(start, self._recorder.reader.back_fields)
+        meta = self._meta(start)
         writer = CaptureWriter.create(self.new.part, meta)
         if setup.measuring is not None:
             made_utc = iso_utc(self.device.clock.utc_now())
@@ -150,8 +157,7 @@ class CaptureStart:
         self.device.recording, self.device.armed = self.recording, None
         self.recording.start()
 
-    def _meta(self, start: Moment, trigger_n: int) -> CaptureMeta:
-        """Metadata of the capture; `trigger_n` is the number of the first field after the trigger."""
+    def _meta(self, start: Moment) -> CaptureMeta:
         device, request, group = self.device, self.new.request, self.new.group
         config, stream, ring = device.setup.config, device.stream, device.pipeline.ring
         return CaptureMeta(
@@ -174,7 +180,7 @@ class CaptureStart:
             version=__version__,
             extra={
                 "on_interruption": request.on_interruption or config.capture.on_interruption,
-                "trigger": {"utc": start.utc, "n": trigger_n, "armed_utc": self.new.armed_utc},
+                "trigger": {"utc": start.utc, "n": self._back_fields, "armed_utc": self.new.armed_utc},
                 "group": None if group is None else group.document(start).model_dump(),
             },
         )
@@ -248,7 +254,7 @@ def _begin(starts: Sequence[CaptureStart], current: CurrentCaptures) -> None:
     moment = Moment.now(starts[0].device.clock)
     # All record before the first file is made: making one may take longer than the ring lasts (0.64 s).
     for one in starts:
-        one.record()
+        one.record(moment)
     try:
         _each(starts, lambda one: one.make_file(moment))
     except GrabberdError:

@@ -8,6 +8,7 @@ from typing import Generic, Protocol, TypeVar
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot, StreamInfo
 from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import RingOverrun
+from grabberd.service.capture.edges import Begin, cut, number_at
 
 T = TypeVar("T")
 GRACE_NS = 1_000_000_000
@@ -132,9 +133,10 @@ class FieldSource(Protocol):
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
 
-    A capture of given length ends on time, whatever comes: a device that does not come back makes it
-    incomplete, not endless. A source that waits for its reader has no pace of its own, so its captures have
-    no due end unless it is interrupted.
+    Its account begins at the instant asked for and ends at that of the stop: a field that was exposed before
+    is not in it, and one that was lost after it is. A capture of given length ends on time, whatever comes:
+    a device that does not come back makes it incomplete, not endless. A source that waits for its reader has
+    no pace of its own, so its captures have no due end unless it is interrupted.
 
     Args:
         reader: Place in the ring; closed at the end.
@@ -143,6 +145,7 @@ class Recorder:
         stream: The stream as the driver granted it.
         source: Explains why no fields come.
         fields: Length of the capture, or None.
+        begin: Instant that the capture begins at; None: with whatever field comes first.
 
     Attributes:
         reader: See above.
@@ -160,6 +163,7 @@ class Recorder:
         stream: StreamInfo,
         source: FieldSource,
         fields: int | None = None,
+        begin: Begin | None = None,
     ) -> None:
         self.reader = reader
         self.backlog = backlog
@@ -172,7 +176,11 @@ class Recorder:
         self._period_ns = round(1e9 / stream.rate_hz)
         self._lossless = stream.waits_for_reader
         self._keeps_pace = stream.live and not stream.waits_for_reader
+        self._begin = begin or Begin(None, self._period_ns)
         self._start_ns = self._newest_ns = clock.now_ns()
+        self._newest: Slot | None = None
+        self._end_ns: int | None = None
+        self._at_end = False
         self._refused: tuple[LedgerEntry, ...] = ()
         self._started = False
 
@@ -201,14 +209,10 @@ class Recorder:
         try:
             while self.recording:
                 self._take_one()
-            ended_ns = (
-                self._clock.now_ns()
-            )  # absence counts until the stop, not until the silence is explained
-            self._wait_out_silence()
-            # A stop comes at any time: what the capture thread has put into the ring by then was recorded.
-            while self._wants_more and (slot := self.reader.take(0)) is not None:
-                self.take(slot)
-            self._account_for_absence(ended_ns)
+            # The account goes up to the stop, however long the silence takes to be explained.
+            self._end_ns = self._clock.now_ns()
+            self._take_until_end()
+            self._account_for_absence(self._end_ns)
         except RingOverrun as error:
             self._overrun(error)
         finally:
@@ -217,18 +221,38 @@ class Recorder:
             self.backlog.close()
 
     def take(self, slot: Slot) -> None:
-        """Enters one slot of the ring; a slot beyond the capture's length ends it."""
-        self._newest_ns = self._clock.now_ns()
+        """Enters one slot of the ring; a slot beyond the capture's end ends it."""
+        self._newest_ns, self._newest = self._clock.now_ns(), slot
         if self.first_n is None:
-            self.first_n = slot.n
-            slot = slot._replace(lost_before=())  # lost before the capture began
+            first_n = self._begin.first_n(slot)
+            if slot.n < first_n:
+                return  # older than asked for
+            self.first_n = first_n
+        end_n = self._end_n(slot, self.first_n)
         slot = rebased(slot, self.first_n)
-        if self._fields is not None and slot.n >= self._fields:
-            self._close_at_length(slot)
+        if end_n is not None and slot.n >= end_n:
+            self._close_at(end_n, slot)
             return
         self._enter(slot._replace(lost_before=(*self._refused, *slot.lost_before)))
         if slot.n + 1 == self._fields:
             self.stop("length reached")
+
+    def _end_n(self, slot: Slot, first_n: int) -> int | None:
+        """Number after the last field of the capture; None while that is unknown."""
+        if self._end_ns is None or not self._keeps_pace or self._begin.time_ns is None:
+            return self._fields
+        stopped_n = max(number_at(slot, self._end_ns, self._period_ns) - first_n, 0)
+        return stopped_n if self._fields is None else min(stopped_n, self._fields)
+
+    def _close_at(self, end_n: int, slot: Slot) -> None:
+        """Enters what was lost before the end, and ends the capture there."""
+        self._at_end = True
+        for entry in (*self._refused, *cut(slot.lost_before, 0, end_n)):
+            self.ledger.add(entry)
+        self._refused = ()
+        reason = slot.lost_before[-1].reason if slot.lost_before else "time gap"
+        self.ledger.close(end_n, reason)
+        self.stop("length reached")
 
     @property
     def _wants_more(self) -> bool:
@@ -258,13 +282,21 @@ class Recorder:
             begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
         return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
 
-    def _wait_out_silence(self) -> None:
-        """Waits until a silence at the end is over or explained: a stall may not have been noticed yet."""
-        for _ in range(HEARINGS):
-            if not (self._wants_more and self._is_silent) or self._source.interruption is not None:
-                return
-            if (slot := self.reader.take(HEARING_S)) is not None:
+    def _take_until_end(self) -> None:
+        """Takes what was exposed before the stop: the last fields are on their way, or in doubt.
+
+        If none come, it waits for an explanation: a stall may not have been noticed yet.
+        """
+        hearings = HEARINGS if self._keeps_pace else 0
+        while self._wants_more and not self._at_end:
+            heard_out = hearings == 0 or self._source.interruption is not None
+            slot = self.reader.take(0 if heard_out else HEARING_S)
+            if slot is not None:
                 self.take(slot)
+            elif heard_out or self.reader.ended:
+                return
+            else:
+                hearings -= 1
 
     @property
     def _is_silent(self) -> bool:
@@ -273,15 +305,17 @@ class Recorder:
 
     def _account_for_absence(self, ended_ns: int) -> None:
         """Enters the fields that a device which is away or stalled at the end has failed to deliver."""
+        for entry in self._refused:
+            self.ledger.add(entry)
+        self._refused = ()
         reason = self._source.interruption or ("nothing came" if self._is_silent else None)
-        if reason is not None and not self._lossless:
-            missing = (ended_ns - self._newest_ns) // self._period_ns
-            end_n = (self.ledger.end_n or 0) + missing
-            self.ledger.close(end_n if self._fields is None else min(end_n, self._fields), reason)
-
-    def _close_at_length(self, slot: Slot) -> None:
-        reason = slot.lost_before[-1].reason if slot.lost_before else "time gap"
-        self._end_short(reason)
+        if reason is None or self._lossless or self._at_end:
+            return
+        if self._newest is None or self.first_n is None or self._begin.time_ns is None:
+            end_n = (self.ledger.end_n or 0) + (ended_ns - self._newest_ns) // self._period_ns
+        else:
+            end_n = number_at(self._newest, ended_ns, self._period_ns) - self.first_n
+        self.ledger.close(end_n if self._fields is None else min(end_n, self._fields), reason)
 
     def _end_short(self, reason: str) -> None:
         assert self._fields is not None
@@ -301,7 +335,7 @@ class Recorder:
 
 
 def rebased(slot: Slot, first_n: int) -> Slot:
-    """The slot with its numbers counted from the capture's first field."""
+    """The slot with its numbers counted from the capture's first field, and nothing before that."""
     numbered = slot.numbered and slot.numbered._replace(n=slot.numbered.n - first_n)
-    lost = tuple(entry._replace(first_n=entry.first_n - first_n) for entry in slot.lost_before)
+    lost = tuple(entry._replace(first_n=entry.first_n - first_n) for entry in cut(slot.lost_before, first_n))
     return slot._replace(numbered=numbered, n=slot.n - first_n, lost_before=lost)

@@ -148,7 +148,7 @@ class FieldPipeline:
         field = None
         if waited.packed is not None:
             field = NumberedField(number.n, number.time_ns, waited.sequence, waited.packed)
-        slot = Slot(field, number.n, number.outcome, number.reason, number.lost_before)
+        slot = Slot(field, number.n, number.outcome, number.reason, number.lost_before, number.time_ns)
         waited.ring.put(slot)
         return slot
 

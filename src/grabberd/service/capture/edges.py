@@ -1,0 +1,56 @@
+"""Edges of a capture: from which field on, and up to which, its account goes."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from grabberd.acquisition import LedgerEntry, RingReader, Slot
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """Begin of a capture, which its first field is not older than.
+
+    Attributes:
+        time_ns: The instant of the request or trigger, less the pre-trigger; None for a source whose times
+            are not those of the clock: its captures begin with the first field that comes.
+        period_ns: Nominal time from field to field.
+    """
+
+    time_ns: int | None
+    period_ns: int
+
+    def first_n(self, slot: Slot) -> int:
+        """Number of the first field that belongs to the capture, as told by a field near it.
+
+        That may be a later one than `slot`, which is then too old, or one that was lost before it.
+        """
+        if self.time_ns is None:
+            return slot.n
+        # What was before the oldest slot of the ring is not missing: the ring has never had it, or no longer.
+        return max(number_at(slot, self.time_ns, self.period_ns), slot.first_n)
+
+
+def number_at(slot: Slot, time_ns: int, period_ns: int) -> int:
+    """Number of the first field that is not exposed before a given time."""
+    return slot.n - (slot.time_ns - time_ns) // period_ns
+
+
+def fields_before(reader: RingReader, newest: Slot | None, begin: Begin, trigger_ns: int) -> int:
+    """Number of fields from the begin of a capture to its trigger, as far as the ring has them."""
+    if reader.oldest is None or newest is None:
+        return 0
+    first_n = begin.first_n(reader.oldest)
+    if begin.time_ns is None:
+        return newest.n + 1 - first_n
+    return max(number_at(newest, trigger_ns, begin.period_ns) - first_n, 0)
+
+
+def cut(entries: Iterable[LedgerEntry], first_n: int, end_n: float = math.inf) -> tuple[LedgerEntry, ...]:
+    """The part of the entries with first_n ≤ n < end_n."""
+    parts = []
+    for entry in entries:
+        first, end = max(entry.first_n, first_n), min(entry.end_n, end_n)
+        if first < end:
+            parts.append(entry._replace(first_n=first, count=int(end) - first))
+    return tuple(parts)

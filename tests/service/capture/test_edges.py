@@ -1,0 +1,53 @@
+"""Where a capture's account begins and ends."""
+
+from slots import PERIOD_NS, slot
+
+from grabberd.acquisition import LedgerEntry, Outcome, Ring
+from grabberd.service.capture.edges import Begin, cut, fields_before, number_at
+
+
+def begin_at(fields: float) -> Begin:
+    return Begin(round(fields * PERIOD_NS), PERIOD_NS)
+
+
+def test_a_capture_begins_with_the_first_field_that_is_not_older_than_asked_for() -> None:
+    assert [begin_at(10.0).first_n(slot(n)) for n in (8, 9, 10)] == [10, 10, 10]
+    assert begin_at(9.01).first_n(slot(10)) == 10
+    assert begin_at(10.01).first_n(slot(10)) == 11
+
+
+def test_what_was_lost_between_the_begin_and_the_first_field_belongs_to_it() -> None:
+    assert begin_at(10.0).first_n(slot(40, lost_before=35)) == 10
+    assert begin_at(2.0).first_n(slot(40, lost_before=35)) == 5
+
+
+def test_what_the_ring_has_never_had_is_not_missing() -> None:
+    assert begin_at(10.0).first_n(slot(40)) == 40
+
+
+def test_where_times_are_not_those_of_the_clock_it_begins_with_what_comes() -> None:
+    assert Begin(None, PERIOD_NS).first_n(slot(40, lost_before=35)) == 40
+
+
+def test_the_number_at_a_time_is_that_of_the_first_field_that_is_not_before_it() -> None:
+    found = [number_at(slot(10), round(at * PERIOD_NS), PERIOD_NS) for at in (8.0, 8.01, 10.0, 12.0, 12.01)]
+    assert found == [8, 9, 10, 12, 13]
+
+
+def test_the_fields_before_a_trigger_are_counted_up_to_its_instant() -> None:
+    ring = Ring(8)
+    for n in range(10):
+        ring.put(slot(n))
+    trigger_ns = 12 * PERIOD_NS  # two fields are still on their way
+    reader = ring.reader(back=5)
+    assert fields_before(reader, ring.newest, begin_at(12 - 5), trigger_ns) == 5
+    assert fields_before(ring.reader(back=8), ring.newest, begin_at(12 - 20), trigger_ns) == 10
+    assert fields_before(ring.reader(), ring.newest, begin_at(12), trigger_ns) == 0
+    assert fields_before(reader, ring.newest, Begin(None, PERIOD_NS), 0) == 5
+
+
+def test_entries_are_cut_at_both_edges() -> None:
+    lost = LedgerEntry(10, 10, Outcome.LOST, "time gap")
+    assert cut([lost], 15) == (lost._replace(first_n=15, count=5),)
+    assert cut([lost], 0, 12) == (lost._replace(count=2),)
+    assert cut([lost], 20) == cut([lost], 0, 10) == ()
