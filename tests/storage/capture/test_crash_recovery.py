@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+from datetime import datetime, timedelta
 
 import pytest
 
@@ -39,16 +40,46 @@ def test_an_unfinished_commit_is_rolled_back(part):
         assert [field.numbered.n for field in reader.fields()] == [*range(30), 33]
 
 
-def test_it_is_sealed_as_incomplete_with_the_reason(part):
-    path = recover(part)
+def test_it_is_sealed_as_incomplete_with_the_reason_and_what_bounds_the_rest(part):
+    path = recover(part, datetime.fromisoformat(META.created_utc) + timedelta(seconds=2))
     assert path.name == "liner.grab"
     with CaptureReader(path) as reader:
         assert (reader.meta.state, reader.meta.complete) == ("sealed", False)
         assert reader.meta.ended_because == CUT
         assert reader.ledger.entries == [
             LedgerEntry(30, 3, Outcome.LOST, "time gap"),
-            LedgerEntry(34, 1, Outcome.LOST, CUT),
+            LedgerEntry(34, 1, Outcome.LOST, f"{CUT}; unknown, at most 66"),
         ]
+
+
+@pytest.mark.parametrize(("ordered", "missing"), [(40, 8), (33, 1)])
+def test_what_was_ordered_tells_what_is_missing_at_its_end(tmp_path, ordered, missing):
+    path = cut_after(tmp_path, slots(32), ordered)
+    with CaptureReader(path) as reader:
+        assert reader.ledger.entries == [LedgerEntry(32, missing, Outcome.LOST, CUT)]
+        assert (reader.meta.complete, reader.meta.ended_because) == (False, CUT)
+
+
+def test_a_capture_that_had_its_length_is_complete_although_it_was_not_sealed(tmp_path):
+    with CaptureReader(cut_after(tmp_path, slots(32), 32)) as reader:
+        assert reader.ledger.entries == []
+        assert reader.meta.complete
+        assert reader.meta.ended_because == "the program ended before it was sealed"
+
+
+def test_a_capture_that_was_cut_before_its_first_field_lacks_all_that_was_ordered(tmp_path):
+    with CaptureReader(cut_after(tmp_path, [], 32)) as reader:
+        assert reader.ledger.entries == [LedgerEntry(0, 32, Outcome.LOST, CUT)]
+        assert not reader.meta.complete
+
+
+def cut_after(tmp_path, committed, ordered):
+    """A capture of given length, recovered after a crash."""
+    writer = CaptureWriter.create(tmp_path / "c.grab.part", meta(extra={"order": {"fields": ordered}}))
+    writer.append(committed)
+    writer.commit()
+    writer.close()
+    return recover(tmp_path / "c.grab.part")
 
 
 def test_its_points_are_kept_and_the_run_is_marked(part):
@@ -72,8 +103,9 @@ def test_a_capture_whose_name_alone_was_missing_stays_complete(tmp_path):
 
 def test_a_capture_without_a_field_is_sealed_too(tmp_path):
     CaptureWriter.create(tmp_path / "x.grab.part", meta()).close()
-    with CaptureReader(recover(tmp_path / "x.grab.part")) as reader:
-        assert reader.ledger.entries == [LedgerEntry(0, 1, Outcome.LOST, CUT)]
+    a_second_later = datetime.fromisoformat(META.created_utc) + timedelta(seconds=1)
+    with CaptureReader(recover(tmp_path / "x.grab.part", a_second_later)) as reader:
+        assert reader.ledger.entries == [LedgerEntry(0, 1, Outcome.LOST, f"{CUT}; unknown, at most 50")]
 
 
 @pytest.mark.parametrize("content", [b"", b"garbage " * 500])

@@ -35,6 +35,7 @@ class CaptureStart:
         self.new = new
         self._recorder: Recorder | None = None
         self._back_fields = 0
+        self._fields: int | None = None
         self._recording: Recording | None = None
 
     @property
@@ -112,10 +113,10 @@ class CaptureStart:
         begin = Begin(begin_ns, period_ns)
         self._back_fields = fields_before(reader, pipeline.ring.newest, begin, start.ns)
         backlog: Backlog[Slot] = Backlog(capacity=round(self.device.queue_s * stream.rate_hz))
-        fields = request.fields
-        if fields is not None and self.new.armed_utc is not None:
-            fields += self._back_fields  # the length of an armed capture counts from its trigger
-        self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, fields, begin)
+        self._fields = request.fields
+        if self._fields is not None and self.new.armed_utc is not None:
+            self._fields += self._back_fields  # the length of an armed capture counts from its trigger
+        self._recorder = Recorder(reader, backlog, self.device.clock, stream, pipeline, self._fields, begin)
         self._recorder.start(self.new.id)
 
     def make_file(self, start: Moment) -> None:
@@ -179,6 +180,12 @@ class CaptureStart:
             rate_hz=stream.rate_hz,
             version=__version__,
             extra={
+                # From the first commit on: what a crash cuts off is told by what was ordered.
+                "order": {
+                    "fields": self._fields,
+                    "pre_trigger_fields": request.pre_trigger_fields,
+                    "overrun": request.overrun,
+                },
                 "on_interruption": request.on_interruption or config.capture.on_interruption,
                 "trigger": {"utc": start.utc, "n": self._back_fields, "armed_utc": self.new.armed_utc},
                 "group": None if group is None else group.document(start).model_dump(),

@@ -1,34 +1,49 @@
 """Sealing what a crash left, or setting it aside with a reason; nothing is ever deleted."""
 
 import itertools
+import math
 import os
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
 from grabberd.errors import CaptureFileError, LaterVersion
 from grabberd.storage.capture.reader import CaptureReader
-from grabberd.storage.capture.schema import DAMAGED, JOURNAL, SEALED, connect, reading_errors, write_meta
+from grabberd.storage.capture.schema import (
+    DAMAGED,
+    JOURNAL,
+    SEALED,
+    CaptureMeta,
+    connect,
+    reading_errors,
+    write_meta,
+)
 from grabberd.storage.capture.writer import FAILED, RUNNING, publish, write_ledger
 from grabberd.storage.disk import storage_errors
 
 REASON = ".txt"
 INTERRUPTED = "the program ended while it was recording"
+UNSEALED = "the program ended before it was sealed"
 
 
-def recover(part: Path) -> Path:
+def recover(part: Path, now_utc: datetime | None = None) -> Path:
     """Seals a `.grab.part` file that nobody writes any more; returns its final path.
 
-    SQLite rolls an unfinished commit back when the file is opened. The capture is marked incomplete: nobody
-    can know how much is missing at its end, which is at most the last second. A file that cannot be read is
-    set aside.
+    SQLite rolls an unfinished commit back when the file is opened. What is missing at the end of a capture of
+    given length is known. Of one without, no more can be missing than would have come until now. A file that
+    cannot be read is set aside.
+
+    Args:
+        part: The file.
+        now_utc: Present time; None: by the system's clock.
 
     Raises:
         LaterVersion: A later version has to seal it.
         StorageError: It cannot be written.
     """
     try:
-        _seal_if_need_be(part)
+        _seal_if_need_be(part, now_utc or datetime.now(UTC))
     except LaterVersion:
         raise
     except CaptureFileError as error:
@@ -39,32 +54,45 @@ def recover(part: Path) -> Path:
         return publish(part)
 
 
-def _seal_if_need_be(part: Path) -> None:
+def _seal_if_need_be(part: Path, now_utc: datetime) -> None:
     with CaptureReader(part) as reader:
-        ledger, sealed = reader.ledger, reader.meta.state == SEALED
-    if not sealed:  # a crash between sealing and renaming leaves only the name to be done
+        ledger, meta = reader.ledger, reader.meta
+    if meta.state != SEALED:  # a crash between sealing and renaming leaves only the name to be done
         with reading_errors(part):
-            _seal(part, ledger)
+            _seal(part, *_cut_off(ledger, meta, now_utc))
 
 
-def _seal(part: Path, ledger: Ledger) -> None:
+def _seal(part: Path, ledger: Ledger, because: str) -> None:
     connection = connect(part, writable=True)
     try:
         with storage_errors(part), connection:
             connection.execute("BEGIN IMMEDIATE")
             connection.execute("DELETE FROM reserve")
-            write_ledger(connection, _with_cut(ledger))
+            write_ledger(connection, ledger)
             change = "UPDATE runs SET state = ?, reason = ? WHERE state = ?"
             connection.execute(change, (FAILED, INTERRUPTED, RUNNING))
-            write_meta(connection, {"state": SEALED, "complete": False, "ended_because": INTERRUPTED})
+            verdict = {"state": SEALED, "complete": ledger.complete, "ended_because": because}
+            write_meta(connection, verdict)
     finally:
         connection.close()
 
 
-def _with_cut(ledger: Ledger) -> Ledger:
-    """Adds the field after the last: at least that one is missing, so the ledger is not complete."""
-    ledger.add(LedgerEntry(ledger.end_n or 0, 1, Outcome.LOST, INTERRUPTED))
-    return ledger
+def _cut_off(ledger: Ledger, meta: CaptureMeta, now_utc: datetime) -> tuple[Ledger, str]:
+    """The ledger up to the end that was ordered, and why the capture ended."""
+    end_n, ordered = ledger.end_n or 0, meta.extra.get("order", {}).get("fields")
+    if ordered is None:
+        reason = f"{INTERRUPTED}; unknown, at most {_missing_at_most(end_n, meta, now_utc)}"
+        ledger.add(LedgerEntry(end_n, 1, Outcome.LOST, reason))
+        return ledger, INTERRUPTED
+    ledger.close(ordered, INTERRUPTED)
+    return ledger, INTERRUPTED if end_n < ordered else UNSEALED
+
+
+def _missing_at_most(end_n: int, meta: CaptureMeta, now_utc: datetime) -> int:
+    """Number of fields that could have come after the last one in the file, until now."""
+    since_start_s = (now_utc - datetime.fromisoformat(meta.created_utc)).total_seconds()
+    before_start: int = meta.extra.get("trigger", {}).get("n", 0)
+    return max(1, math.ceil(since_start_s * meta.rate_hz) + before_start - end_n)
 
 
 def set_aside(path: Path, reason: str) -> Path:
