@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd_fake.optics import COLUMNS
-from grabberd_fake.options import FakeOptions
+from grabberd_fake.options import DriverOptions, FakeOptions
 from grabberd_fake.render import ROWS
 from grabberd_fake.stamp import Stamp, write_stamp
 from grabberd_fake.world import World
@@ -53,9 +53,11 @@ class RecordedWorld:
     """Stands in for the simulated grabber's world."""
 
     def __init__(self, options: FakeOptions) -> None:
-        self._stamp = options.picture.stamp
+        self._stamp, self._seed = options.picture.stamp, options.seed
         # Whatever changes no picture is left out, so that devices share a film whatever befalls them.
-        self._film = _film(replace(options, pace="real", buffers=2, faults=(), cue=None))
+        self._film = _film(
+            replace(options, pace="real", buffers=2, driver=DriverOptions(), faults=(), cue=None, seed=0)
+        )
 
     def picture(self, field: int, out: NDArray[np.uint8]) -> None:
         """Writes the luma of the camera's field into `out` (288, 720)."""
@@ -66,7 +68,7 @@ class RecordedWorld:
 
     def random(self, field: int) -> np.random.Generator:
         """The random numbers of a field."""
-        return self._film.world.random(field)
+        return np.random.Generator(np.random.SFC64([self._seed, field]))
 
 
 def world_of(options: FakeOptions) -> World | RecordedWorld:

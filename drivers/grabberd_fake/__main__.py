@@ -1,4 +1,4 @@
-"""Prints calibration, object models and truth of the simulated grabber."""
+"""Prints calibration, object models and truth of the simulated grabber, and audits its captures."""
 
 import argparse
 import json
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from grabberd.errors import GrabberdError
+from grabberd_fake.audit import audit
 from grabberd_fake.documents import calibration_document, object_document
 from grabberd_fake.options import SCENES, FakeOptions
 from grabberd_fake.truth import capture_load_truth, capture_truth, capture_vacuum_log, capture_wall_truth
@@ -20,6 +21,7 @@ _EXAMPLES = """examples:
   python -m grabberd_fake truth liner.grab > truth.csv
   python -m grabberd_fake truth liner.grab --of wall > wall.csv
   python -m grabberd_fake truth liner.grab --of load > load.csv
+  python -m grabberd_fake audit liner.grab
   python -m grabberd_fake truth liner.grab --of vacuum --offset-s 0.37 --noise-kpa 0.1 > vacuum.csv"""
 
 
@@ -28,6 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(arguments)
     try:
+        if given.command == "audit":
+            return _audit(given.capture)
         for line in _lines(given):
             print(line)
     except (ValueError, GrabberdError) as error:
@@ -43,6 +47,16 @@ def _lines(given: argparse.Namespace) -> Iterable[str]:
     if given.command == "calibration":
         return [json.dumps(calibration_document(FakeOptions.read(given.options)), indent=2)]
     return [object_document(FakeOptions.read({**given.options, "scene": given.scene})).rstrip("\n")]
+
+
+def _audit(path: Path) -> int:
+    """Prints what an audit found; 1 if anything is wrong."""
+    found = audit(path)
+    for lie in found.lies:
+        print(lie)
+    uncertain = f", {found.uncertain} said to be uncertain" if found.uncertain else ""
+    print(f"{found.fields} fields, {found.judged} with a number{uncertain}: {len(found.lies)} lies")
+    return 1 if found.lies else 0
 
 
 def _truth_lines(given: argparse.Namespace) -> Iterable[str]:
@@ -70,6 +84,10 @@ def _parser() -> argparse.ArgumentParser:
     scene.add_argument("scene", choices=SCENES)
     for command in (calibration, scene):
         command.add_argument("--options", type=_options, default={}, help="the driver's options, JSON")
+    checked = commands.add_parser(
+        "audit", help="compare a capture's account with the numbers in its pictures"
+    )
+    checked.add_argument("capture", type=Path, help="a .grab file that the simulated grabber made")
     _add_truth(commands.add_parser("truth", help="the truth at every field of a capture, CSV"))
     return parser
 

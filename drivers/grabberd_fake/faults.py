@@ -157,6 +157,57 @@ class Timestamp(Lasting):
 
 
 @dataclass(frozen=True)
+class ClockStep(Fault):
+    """The clock of the driver's timestamps is set by `by_s`, for good."""
+
+    by_s: float = number(-3600.0, -FOREVER_S, FOREVER_S)
+
+    @property
+    def fields(self) -> int:
+        """Practically endless."""
+        return math.ceil(FOREVER_S * 50)
+
+
+@dataclass(frozen=True)
+class Turn(Fault):
+    """The camera goes on in the other phase: the parity of every later field is the other one."""
+
+    @property
+    def fields(self) -> int:
+        """Practically endless."""
+        return math.ceil(FOREVER_S * 50)
+
+
+@dataclass(frozen=True)
+class Recount(Fault):
+    """The driver's sequence goes on from `count`: it restarts or skips."""
+
+    count: int = integer(0, 0, 2**32 - 1)
+
+    @property
+    def fields(self) -> int:
+        """Practically endless."""
+        return math.ceil(FOREVER_S * 50)
+
+
+@dataclass(frozen=True)
+class Bunch(Lasting):
+    """Fields reach the driver's buffers at the end of the fault, all at once: the bus stood still."""
+
+
+@dataclass(frozen=True)
+class Freeze(Lasting):
+    """Requests for a field return only when the fault is over: the program did not run."""
+
+
+@dataclass(frozen=True)
+class Busy(Lasting):
+    """Requests for a field are late by `mean_ms` on average, exponentially: the program seldom runs."""
+
+    mean_ms: float = number(20.0, 1, 1000)
+
+
+@dataclass(frozen=True)
 class Wrap(Counted):
     """The driver's sequence wraps at 2³², that many fields after each `open` or `restart`."""
 
@@ -239,6 +290,12 @@ KINDS: dict[str, type[Fault]] = {
     "short": Short,
     "shift": Shift,
     "timestamp": Timestamp,
+    "clock_step": ClockStep,
+    "turn": Turn,
+    "recount": Recount,
+    "bunch": Bunch,
+    "freeze": Freeze,
+    "busy": Busy,
     "wrap": Wrap,
     "storm": Storm,
     "dead_input": DeadInput,

@@ -20,6 +20,10 @@ class Script:
         found = (fault for fault in self._faults if isinstance(fault, kind) and self._holds(fault, number))
         return next(found, None)
 
+    def before(self, number: int, kind: type[F]) -> list[F]:
+        """The faults of this kind that have begun by a field."""
+        return [fault for fault in self._faults if isinstance(fault, kind) and fault.first <= number]
+
     def delivers(self, number: int) -> bool:
         """True if the field reaches the driver's buffers."""
         return all(fault.delivers or not self._holds(fault, number) for fault in self._faults)

@@ -6,13 +6,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.errors import Cause, DeviceAbsent, DeviceLost, DeviceRefused, StreamFailed
 from grabberd_fake.faults import (
     PERIOD_NS,
+    Busy,
     DeadInput,
     Fail,
     Fault,
+    Freeze,
     NoSignal,
     Refuse,
     Standard,
@@ -33,6 +37,11 @@ _REFUSALS = {
     "busy": ("another program has it", "end that program", Cause.DEVICE_BUSY),
     "rights": ("it may not be opened", "add the user to the group that owns it", Cause.NO_RIGHTS),
     "bandwidth": ("the bus has no room for its stream", "plug it into a bus of its own", Cause.NO_BANDWIDTH),
+}
+_ORDERS = {
+    "alternate": FieldOrder.ALTERNATE,
+    "top_first": FieldOrder.TOP_FIRST,
+    "bottom_first": FieldOrder.BOTTOM_FIRST,
 }
 _REPLUG = "plug the grabber in again; grabberd retries automatically"
 
@@ -77,7 +86,7 @@ class JumpingClock:
 
 
 class FakeGrabber:
-    """A camera before a simulated scene, ALTERNATE, 50 fields a second; `FakeOptions` lists its options.
+    """A camera before a simulated scene, 50 fields a second; `FakeOptions` lists its options.
 
     Without options it is the reference rig before the pulsating liner, at real pace. `NOT_SIMULATED` lists
     what it leaves out.
@@ -102,6 +111,7 @@ class FakeGrabber:
         self._world: World | None = None
         self._stream: Stream | None = None
         self._origin: int | None = None
+        self._chance = np.random.default_rng(self.options.seed)
 
     def open(self) -> StreamInfo:
         """Starts streaming with the next top field.
@@ -118,14 +128,15 @@ class FakeGrabber:
 
     @contextmanager
     def dequeue(self, timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
-        """The next field; empty if none arrives in time.
+        """The next field, or those of the next frame; empty if none arrives in time.
 
         Raises:
             DeviceLost: the script unplugs it, or it is not open.
             StreamFailed: the script makes the stream fail.
         """
+        self._stand_still()
         stream = self._wait(timeout_s)
-        fields = [] if stream is None else [stream.take()]
+        fields = [] if stream is None else stream.take(self._clock.now_ns())
         try:
             yield fields
         finally:
@@ -185,8 +196,9 @@ class FakeGrabber:
         if self._origin is None and self.options.cue is None:
             self._origin = first
         check()
-        rows, buffers = self._rows_now(), self.options.buffers
-        self._stream = Stream(self._world, self._script, self._begins_with(), first, buffers, rows)
+        self._stream = Stream(
+            self._world, self._script, self.options, self._begins_with(), first, self._rows_now()
+        )
 
     def _begins_with(self) -> int:
         """Camera field with which the script begins; `_NEVER` before its cue."""
@@ -259,6 +271,15 @@ class FakeGrabber:
             self._let_pass(storm)
         return storm is not None
 
+    def _stand_still(self) -> None:
+        """Lets the time pass for which the script does not let the program run."""
+        number = self._number_now()
+        if (freeze := self._script.at(number, Freeze)) is not None:
+            self._clock.sleep_until_ns(self._arrival_ns(freeze.first + freeze.fields))
+        if (busy := self._script.at(number, Busy)) is not None:
+            late_ns = self._chance.exponential(busy.mean_ms) * 1e6
+            self._clock.sleep_until_ns(self._clock.now_ns() + round(late_ns))
+
     def _check_plug(self) -> None:
         if self._script.at(self._number_now(), Unplug) is not None:
             raise DeviceLost("the simulated grabber is gone: the script has unplugged it", _REPLUG)
@@ -283,13 +304,13 @@ class FakeGrabber:
             columns=COLUMNS,
             field_rows=rows,
             rate_hz=1e9 / PERIOD_NS,
-            field_order=FieldOrder.ALTERNATE,
+            field_order=_ORDERS[self.options.driver.order],
             pixel_format="GREY",
             buffers=self.options.buffers,
             live=self.options.pace == "real",
             waits_for_reader=self.options.pace == "free",
-            counts_losses=self._script.counts_losses(),
+            counts_losses=self.options.driver.counts != "nothing" and self._script.counts_losses(),
             tells_signal=True,
-            time_sigma_ns=1_000,
+            time_sigma_ns=max(1_000, round(self.options.driver.jitter_ms * 1e6)),
             details={"scene": self.options.scene, "pace": self.options.pace, "node": self._node()},
         )

@@ -122,6 +122,31 @@ class PictureOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class DriverOptions:
+    """How the driver hands fields over.
+
+    Attributes:
+        order: `alternate`, a field a buffer; or frames of two, `top_first` or `bottom_first`.
+        stamps: time of the `exposure`, or of the `arrival` with the reader.
+        counts: what the sequence counts: `fields`, `frames`, whose fields share a number, or `nothing`.
+        jitter_ms: timestamps are late by up to so much.
+        late: share of timestamps that are late by `late_ms` more on average, exponentially.
+    """
+
+    order: str = choice("alternate", "top_first", "bottom_first")
+    stamps: str = choice("exposure", "arrival")
+    counts: str = choice("fields", "frames", "nothing")
+    jitter_ms: float = number(0.0, 0, 20)
+    late: float = number(0.0, 0, 1)
+    late_ms: float = number(25.0, 1, 1000)
+
+    def check(self) -> Iterator[str]:
+        """Problems that involve several keys."""
+        if self.order != "alternate" and self.counts == "frames":
+            yield "counts: the fields of a frame come together; count 'fields' or 'nothing'"
+
+
+@dataclass(frozen=True, slots=True)
 class PointOption:
     """One target of the scene `points`; its disc faces along (nx, ny, nz), toward the cameras by default."""
 
@@ -154,8 +179,9 @@ class FakeOptions:
         target_diameter_mm: diameter of the discs.
         grazing_limit_deg: greatest angle between a visible target's normal and the line of sight.
         rig: see `RigOptions`; `camera`: `CameraOptions`; `picture`: `PictureOptions`.
+        driver: see `DriverOptions`.
         pace: `real`: fields arrive at 50 Hz of the clock; `free`: as fast as they are read, 20 ms apart.
-        buffers: number of fields that can wait for a reader; once all are full, new fields are lost.
+        buffers: number of fields or frames that can wait for a reader; once all are full, new ones are lost.
         seed: seed of noise and jitter.
         faults: fault script; each entry has a `kind` and `at_s` or `at_field`, see `faults`.
         cue: path of a file whose appearance starts the script; null: it starts with the first field.
@@ -170,6 +196,7 @@ class FakeOptions:
     rig: RigOptions = field(default_factory=RigOptions, metadata=by(Group(RigOptions)))
     camera: CameraOptions = field(default_factory=CameraOptions, metadata=by(Group(CameraOptions)))
     picture: PictureOptions = field(default_factory=PictureOptions, metadata=by(Group(PictureOptions)))
+    driver: DriverOptions = field(default_factory=DriverOptions, metadata=by(Group(DriverOptions)))
     pace: str = choice("real", "free")
     buffers: int = integer(16, 2, 32)
     seed: int = integer(0, 0, 2**32 - 1)

@@ -7,9 +7,22 @@ from numpy.typing import NDArray
 
 from grabberd.acquisition.device import GrabbedField
 from grabberd.field import Field
-from grabberd_fake.faults import PERIOD_NS, Damage, NoSignal, Repeat, Shift, Short, Timestamp
+from grabberd_fake.faults import (
+    PERIOD_NS,
+    Bunch,
+    ClockStep,
+    Damage,
+    NoSignal,
+    Recount,
+    Repeat,
+    Shift,
+    Short,
+    Timestamp,
+    Turn,
+)
 from grabberd_fake.faults_script import Script
 from grabberd_fake.optics import COLUMNS
+from grabberd_fake.options import FakeOptions
 from grabberd_fake.render import ROWS
 from grabberd_fake.world import World
 
@@ -30,62 +43,103 @@ class Stream:
     """
 
     def __init__(
-        self, world: World, script: Script, origin: int, first: int, buffers: int, rows: int
+        self, world: World, script: Script, options: FakeOptions, origin: int, first: int, rows: int
     ) -> None:
         self.rows = rows
         self.origin = origin
-        self._world, self._script = world, script
-        self._first = self._next = first
+        self._world, self._script, self._driver = world, script, options.driver
+        self._each = 1 if options.driver.order == "alternate" else 2
+        self._first = self._next = first - (options.driver.order == "bottom_first")
         self._waiting: deque[int] = deque()
-        self._free = buffers
-        self._lumas = deque(np.empty((ROWS, COLUMNS), np.uint8) for _ in range(buffers))
+        self._free = options.buffers
+        self._newest_stamp_ns = -1
+        lumas = options.buffers * self._each
+        self._lumas = deque(np.empty((ROWS, COLUMNS), np.uint8) for _ in range(lumas))
 
     def catch_up(self, now_ns: int) -> None:
-        """Fills free buffers with the fields that have arrived; without a free buffer a field is lost."""
-        newest = (now_ns - ARRIVAL_NS) // PERIOD_NS
-        while self._next <= newest and self._free:
-            if self._script.delivers(self._next - self.origin):
+        """Fills free buffers with what has arrived; without a free buffer a field or frame is lost."""
+        newest = self._newest_arrived(now_ns)
+        while self._next + self._each - 1 <= newest and self._free:
+            if self._delivers(self._next):
                 self._waiting.append(self._next)
                 self._free -= 1
-            self._next += 1
-        self._next = max(self._next, newest + 1)
+            self._next += self._each
+        behind = newest + 1 - self._next
+        self._next += max(behind // self._each * self._each, 0)
+
+    def _newest_arrived(self, now_ns: int) -> int:
+        newest = (now_ns - ARRIVAL_NS) // PERIOD_NS
+        bunch = self._script.at(newest - self.origin, Bunch)
+        return newest if bunch is None else self.origin + bunch.first - 1
+
+    def _delivers(self, first: int) -> bool:
+        members = range(first, first + self._each)
+        return all(self._script.delivers(field - self.origin) for field in members)
 
     def has_field(self) -> bool:
         """True if a field is waiting."""
         return bool(self._waiting)
 
     def next_arrival_ns(self) -> int:
-        """Time at which the next field is due."""
-        return self._next * PERIOD_NS + ARRIVAL_NS
+        """Time at which the next field or frame is due."""
+        field = self._next + self._each - 1
+        bunch = self._script.at(field - self.origin, Bunch)
+        if bunch is not None:
+            field = self.origin + bunch.first + bunch.fields
+        return field * PERIOD_NS + ARRIVAL_NS
 
-    def take(self) -> GrabbedField:
-        """The oldest waiting field; its buffer stays taken until `give_back`.
+    def take(self, now_ns: int) -> list[GrabbedField]:
+        """The oldest waiting field or the fields of a frame; their buffer stays taken until `give_back`.
 
         The picture is drawn only now: one that is lost or skipped costs nothing.
         """
-        field = self._waiting.popleft()
-        number = field - self.origin
-        luma = self._lumas[0]
-        self._lumas.rotate(-1)
-        self._draw(field, number, luma)
-        damage = "the driver flags an error" if self._script.at(number, Damage) else None
-        picture = Field.intact(luma[: self.rows], field % 2)
-        return GrabbedField(picture, self._time_ns(field), self._sequence(field), damage)
+        first = self._waiting.popleft()
+        members = range(first, first + self._each)
+        stamp_ns = self._stamp_ns(members[-1], now_ns)
+        return [self._grabbed(field, stamp_ns - (members[-1] - field) * PERIOD_NS) for field in members]
 
     def give_back(self) -> None:
         """Marks a buffer as free again."""
         self._free += 1
 
-    def _sequence(self, field: int) -> int:
-        passed = self._script.uncounted(field - self.origin) - self._script.uncounted(
-            self._first - self.origin
-        )
-        return (field - self._first - passed - self._script.wraps_after()) % 2**32
+    def _grabbed(self, field: int, stamp_ns: int) -> GrabbedField:
+        number = field - self.origin
+        luma = self._lumas[0]
+        self._lumas.rotate(-1)
+        self._draw(field, number, luma)
+        damage = "the driver flags an error" if self._script.at(number, Damage) else None
+        parity = (field + len(self._script.before(number, Turn))) % 2
+        picture = Field.intact(luma[: self.rows], parity)
+        return GrabbedField(picture, self._time_ns(number, stamp_ns), self._sequence(field), damage)
 
-    def _time_ns(self, field: int) -> int:
-        number, true_ns = field - self.origin, field * PERIOD_NS
+    def _sequence(self, field: int) -> int | None:
+        if self._driver.counts == "nothing":
+            return None
+        recounts = self._script.before(field - self.origin, Recount)
+        if recounts:
+            first, count = self.origin + recounts[-1].first, recounts[-1].count
+        else:
+            first, count = self._first, -self._script.wraps_after()
+        passed = self._script.uncounted(field - self.origin) - self._script.uncounted(first - self.origin)
+        counted = field - first - passed
+        return (count + (counted // 2 if self._driver.counts == "frames" else counted)) % 2**32
+
+    def _stamp_ns(self, field: int, now_ns: int) -> int:
+        """Timestamp of a buffer whose last field this is: never earlier than that of the one before."""
+        if self._driver.stamps == "arrival":
+            return now_ns - ARRIVAL_NS
+        chance = self._world.random(field)
+        late_ns = chance.uniform(0.0, self._driver.jitter_ms) * 1e6
+        if chance.random() < self._driver.late:
+            late_ns += chance.exponential(self._driver.late_ms) * 1e6
+        self._newest_stamp_ns = max(field * PERIOD_NS + round(late_ns), self._newest_stamp_ns + 1)
+        return self._newest_stamp_ns
+
+    def _time_ns(self, number: int, stamp_ns: int) -> int:
+        steps = self._script.before(number, ClockStep)
+        stamp_ns += sum(round(step.by_s * 1e9) for step in steps)
         wrong = self._script.at(number, Timestamp)
-        return true_ns if wrong is None else wrong.time_ns(number, true_ns)
+        return stamp_ns if wrong is None else wrong.time_ns(number, stamp_ns)
 
     def _draw(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:
         no_signal = self._script.at(number, NoSignal)

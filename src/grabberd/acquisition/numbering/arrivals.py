@@ -6,6 +6,8 @@ from grabberd.acquisition.device import FieldOrder, StreamInfo
 
 _BURST = 0.3
 """Periods between arrivals, below which fields have waited in the driver's buffers."""
+_VARIATIONS = 4
+"""Changes of the time from stamp to arrival, after which it is no constant: a clock that is set makes one."""
 _WAY_GROWS_NS = 20_000
 """Growth of the shortest way from field to field, so that it follows a computer that becomes slower."""
 
@@ -39,6 +41,25 @@ class Arrivals:
         self._before_ns: int | None = None
         self._dequeued_ns: int | None = None
         self.way_ns: int | None = None
+        self._stamped: tuple[int, int] | None = None
+        self._variations = 0
+
+    @property
+    def tells_of_stamps(self) -> bool:
+        """True once stamps are known to come from somewhere else than the arrival: they vary against it."""
+        return self._variations >= _VARIATIONS
+
+    def compare(self, arrival: Arrival, stamp_ns: int) -> None:
+        """Compare an arrival with its field's stamp, if that is believed."""
+        if arrival.time_ns is None:
+            return
+        if self._stamped is not None:
+            before_ns, way_ns = self._stamped
+            # Stamps that stand still or run backward vary as well, and tell nothing.
+            runs_on = stamp_ns - before_ns > _BURST * self._period_ns
+            varied = abs(arrival.time_ns - stamp_ns - way_ns) > _BURST * self._period_ns
+            self._variations += runs_on and varied
+        self._stamped = stamp_ns, arrival.time_ns - stamp_ns
 
     def look(self, parity: int, now_ns: int | None) -> Arrival:
         """Take in the next field's arrival."""
@@ -58,6 +79,10 @@ class Arrivals:
         if arrival.time_ns is None or self.way_ns is None:
             return None
         return arrival.time_ns - self.way_ns
+
+    def forget(self) -> None:
+        """Learn the way anew: the times were wrong that it was learned from."""
+        self.way_ns = None
 
     def learn(self, arrival: Arrival, time_ns: int) -> None:
         """Learn the way from a field whose time is known."""

@@ -11,6 +11,7 @@ from typing import NamedTuple
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome, never_came
 from grabberd.acquisition.numbering.arrivals import Arrival, Arrivals
+from grabberd.acquisition.numbering.doubts import Doubts
 from grabberd.acquisition.numbering.field_clock import FieldClock
 from grabberd.acquisition.numbering.paths import Paths, Seen, Step
 from grabberd.acquisition.numbering.sequence_steps import SequenceSteps
@@ -22,10 +23,15 @@ _IN_TIME = 0.6
 """Periods after the shortest way, within which a field has arrived in time."""
 _EARLY = 3
 """Fields in a row that are early by a whole one, after which the clock is wrong and not they."""
+_BEGINNING = 100
+"""Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
+those of another clock."""
 _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as were in the driver's
 buffers, where that is more, and `_CONFIRMING` after them."""
 _CONFIRMING = 10
+_TELLING = 6
+"""Fields that have to arrive in time after a loss that nobody counts: else the program may have been late."""
 
 TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
@@ -92,8 +98,9 @@ class FieldNumbering:
         self._pending: deque[_Pending] = deque()
         self._interruption: str | None = None
         self._early = self._too_many = 0
+        self._doubts = Doubts(self._arrivals, 1e9 / info.rate_hz)
         self._most_pending = max(_MOST_PENDING, _fields_in(info) + _CONFIRMING)
-        self._run = self._run_doubt = 0
+        self._run = self._run_doubt = self._anchor_doubt = 0
 
     def interrupt(self, reason: str) -> list[Numbered]:
         """Note that the stream stopped: fields missing before the next one were lost for this reason.
@@ -160,13 +167,18 @@ class FieldNumbering:
         anchor = next((i for i, step in enumerate(steps) if self._in_time(step)), None)
         if anchor is None or not paths.settled(anchor + 1):
             return False
-        self._run = anchor + 1
         together = zip(islice(self._pending, anchor + 1), steps, strict=False)
-        self._run_doubt = sum(_uncounted(pending, step) for pending, step in together) if anchor else 0
+        lost = sum(_uncounted(pending, step) for pending, step in together)
+        after = steps[anchor + 1 : anchor + 1 + _TELLING]
+        if lost and not self._arrivals.tells_of_stamps:
+            if len(after) < _TELLING:
+                return False
+            self._anchor_doubt = 0 if all(one.arrived_in_time for one in after) else lost
+        self._run, self._run_doubt = anchor + 1, max(lost if anchor else 0, self._anchor_doubt)
         return True
 
     def _in_time(self, step: Step) -> bool:
-        if step.arrived is not None and abs(step.arrived) < _IN_TIME:
+        if step.arrived_in_time:
             return True
         return step.late is not None and abs(step.late) <= (_LATE if self._has_parity else 0.5)
 
@@ -175,12 +187,15 @@ class FieldNumbering:
     ) -> _Pending:
         parity = grabbed.field.parity
         time_ns, doubt = self._stamps.look(grabbed.time_ns, now_ns, interrupted=bool(self._interruption))
+        arrival = self._arrivals.look(parity, now_ns)
+        if doubt is None:
+            self._arrivals.compare(arrival, grabbed.time_ns)
         return _Pending(
             parity,
             grabbed.time_ns,
             None if doubt else time_ns,
             doubt,
-            self._arrivals.look(parity, now_ns),
+            arrival,
             # Of every field, also where time decides: it learns from each, and remembers the last count.
             self._sequence.step(grabbed.sequence, parity) if self._sequence else None,
             outcome,
@@ -218,22 +233,28 @@ class FieldNumbering:
         first_lost = self._n + 1
         self._n += step.fields
         time_ns, doubt = self._come_to(pending, step)
-        self._arrivals.learn(pending.arrival, time_ns)
         lost = self._lost(first_lost, pending, step)
         if step.wrong_parity:
             pending = _damaged(pending, "parity contradicts time")
-        uncertain_by = max(uncertain_by, step.doubt, self._too_many, self._doubt_of_run(pending, step))
+        contradiction = _contradiction(pending, step)
+        uncertain_by = max(uncertain_by, step.doubt, self._too_many, self._doubt_of_run(), contradiction)
         self._too_many = 0
+        uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, uncertain_by)
         if uncertain_by:
             pending = _damaged(pending, f"number uncertain by up to {uncertain_by}")
+        else:
+            self._arrivals.learn(pending.arrival, time_ns)
         return self._numbered(pending, time_ns, lost, doubt)
 
-    def _doubt_of_run(self, pending: _Pending, step: Step) -> int:
+    def _doubt_of_run(self) -> int:
         """Number of fields by which one may be off that is late, and settled with those after it."""
         if not self._run:
             return 0
         self._run -= 1
-        return self._run_doubt if self._run else 0
+        if self._run:
+            return self._run_doubt
+        doubt, self._anchor_doubt = self._anchor_doubt, 0
+        return doubt
 
     def _range(self, paths: Paths) -> int:
         """Number of fields by which one may be off whose number is settled before it is certain."""
@@ -256,23 +277,38 @@ class FieldNumbering:
             predicted_ns = self._predicted_ns(pending, step)
             self._stamps.doubted(pending.stamp_ns, predicted_ns)
             return predicted_ns, pending.doubt
-        if pending.interruption or not self._clock.locked:
+        late = self._clock.steps_to(pending.time_ns) - step.fields if self._clock.locked else 0.0
+        if not self._clock.locked or (pending.interruption and abs(late) <= _LATE):
             self._stamps.fits()
             self._clock.lock(pending.time_ns)
             return pending.time_ns, None
-        late = self._clock.steps_to(pending.time_ns) - step.fields
         if not self._live or abs(late) <= _LATE:
             self._stamps.fits()
             self._early = 0
             return self._clock.advance(step.fields, pending.time_ns), None
         if self._arrived_in_time(pending, step):
-            predicted_ns = self._clock.advance(step.fields)
-            self._stamps.off(pending.stamp_ns, predicted_ns)
-            return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
+            return self._come_in_time(pending, step, late)
         self._stamps.fits()
         if late > 0:
             return self._clock.advance(step.fields), "late timestamp"
         return self._come_early(pending.time_ns, step, late), None
+
+    def _come_in_time(self, pending: _Pending, step: Step, late: float) -> tuple[int, str | None]:
+        """Advance to a field that arrived in time, although its stamp is off."""
+        if late < 0 and self._n < _BEGINNING:
+            return self._begin_again(pending.time_ns or 0, step)
+        predicted_ns = self._clock.advance(step.fields)
+        self._stamps.off(pending.stamp_ns, predicted_ns)
+        return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
+
+    def _begin_again(self, time_ns: int, step: Step) -> tuple[int, str | None]:
+        """Advance to a field of a new stream that is early; after some of them the first stamps were late."""
+        self._early += 1
+        if self._early < _EARLY:
+            return self._clock.advance(step.fields), "early timestamp"
+        self._clock.lock(time_ns)
+        self._arrivals.forget()
+        return time_ns, None
 
     def _come_early(self, time_ns: int, step: Step, late: float) -> int:
         """Advance to a field that is early; after some of them the numbers have run ahead of the camera."""
@@ -301,6 +337,13 @@ class FieldNumbering:
             return ()
         reason = pending.interruption or (NO_SIGNAL if pending.no_signal else _gap(pending, step))
         return (never_came(first_n, count, reason),)
+
+
+def _contradiction(pending: _Pending, step: Step) -> int:
+    """Number of fields by which stamp and count differ, where no arrival tells which of them is wrong."""
+    if pending.count is None or pending.interruption or step.arrived_in_time:
+        return 0
+    return abs(pending.count - step.fields)
 
 
 def _uncounted(pending: _Pending, step: Step) -> int:

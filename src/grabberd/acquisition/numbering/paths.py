@@ -25,9 +25,6 @@ _LATE = 4.0
 """Cost of a field that falls behind: somebody was busy."""
 _STILL_LATE, _LATE_AGAIN = 0.7, 3.0
 """Cost of one that is still late: a queue drains; if nothing drains, the grid is more likely another one."""
-_NOT_DRAINED = 4.0
-"""Cost of one that has been waited for, and yet arrives as late as the one before: nothing can have waited in
-a buffer."""
 _LOSS = 3.5
 """Cost of a loss; of one that the driver counts, `_COUNTED`."""
 _COUNTED = 1.0
@@ -91,6 +88,11 @@ class Step(NamedTuple):
     wrong_parity: bool = False
     other_clock: bool = False
     doubt: int = 0
+
+    @property
+    def arrived_in_time(self) -> bool:
+        """True if the field came by the shortest way."""
+        return self.arrived is not None and abs(self.arrived) < _EARLY_ARRIVAL
 
 
 class Path(NamedTuple):
@@ -171,7 +173,7 @@ class Paths:
             ahead = path.ahead + fields
             late, arrived = _after(seen.stamp, ahead), _after(seen.arrival, ahead)
             step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
-            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen)
+            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before)
             cost = path.cost + _cost_of_loss(fields, seen) + time
             expected = None if path.parity is None else (path.parity + fields) % 2
             if seen.parity is None or expected in (None, seen.parity):
@@ -236,7 +238,7 @@ def _cost_of_exact_time(step: Step) -> float:
     return 0.0 if step.late is None else min(0.5 * (step.late / _EXACT_JITTER) ** 2, _FAR)
 
 
-def _cost_of_time(step: Step, before: Step, seen: Seen) -> float:
+def _cost_of_time(step: Step, before: Step) -> float:
     cost = 0.0
     if step.late is not None:
         cost += _SAME_CLOCK if step.other_clock else _cost_of_stamp(step.late, before.late or 0.0)
@@ -246,9 +248,6 @@ def _cost_of_time(step: Step, before: Step, seen: Seen) -> float:
             cost += lateness
         elif abs(step.arrived - step.late) > _EARLY_ARRIVAL:  # else both are late for the same reason
             cost += _ARRIVAL * lateness
-        waited_for = not (seen.burst or seen.joined)
-        if waited_for and _EARLY_ARRIVAL < (before.arrived or 0.0) < step.arrived + _COMPARED:
-            cost += _NOT_DRAINED
     return min(cost, _FAR)
 
 

@@ -44,7 +44,8 @@ class Stamps:
         time_ns = stamp_ns - self._offset_ns
         doubt = self._doubt(stamp_ns, time_ns, now_ns, interrupted)
         if doubt is None:
-            self._last_ns = time_ns
+            # The newest, not the last: stamps that run backward by a little each would all be believed.
+            self._last_ns = time_ns if self._last_ns is None else max(time_ns, self._last_ns)
         return time_ns, doubt
 
     def _doubt(self, stamp_ns: int, time_ns: int, now_ns: int | None, interrupted: bool) -> str | None:

@@ -197,7 +197,9 @@ class Recorder:
 
     def stop(self, because: str) -> None:
         """Ends the recording; the first reason given stays."""
-        self.ended_because = self.ended_because or because
+        if self.ended_because is None:
+            # The account goes up to this instant, however long the recorder takes to notice.
+            self._end_ns, self.ended_because = self._clock.now_ns(), because
 
     def abandon(self) -> None:
         """Ends the recording of a capture that could not be started."""
@@ -209,10 +211,8 @@ class Recorder:
         try:
             while self.recording:
                 self._take_one()
-            # The account goes up to the stop, however long the silence takes to be explained.
-            self._end_ns = self._clock.now_ns()
             self._take_until_end()
-            self._account_for_absence(self._end_ns)
+            self._account_for_absence()
         except RingOverrun as error:
             self._overrun(error)
         finally:
@@ -303,7 +303,7 @@ class Recorder:
         silent_ns = self._clock.now_ns() - self._newest_ns
         return self._keeps_pace and silent_ns > SILENT_FIELDS * self._period_ns
 
-    def _account_for_absence(self, ended_ns: int) -> None:
+    def _account_for_absence(self) -> None:
         """Enters the fields that a device which is away or stalled at the end has failed to deliver."""
         for entry in self._refused:
             self.ledger.add(entry)
@@ -311,10 +311,11 @@ class Recorder:
         reason = self._source.interruption or ("nothing came" if self._is_silent else None)
         if reason is None or self._lossless or self._at_end:
             return
+        assert self._end_ns is not None, "stop() comes first"
         if self._newest is None or self.first_n is None or self._begin.time_ns is None:
-            end_n = (self.ledger.end_n or 0) + (ended_ns - self._newest_ns) // self._period_ns
+            end_n = (self.ledger.end_n or 0) + (self._end_ns - self._newest_ns) // self._period_ns
         else:
-            end_n = number_at(self._newest, ended_ns, self._period_ns) - self.first_n
+            end_n = number_at(self._newest, self._end_ns, self._period_ns) - self.first_n
         self.ledger.close(end_n if self._fields is None else min(end_n, self._fields), reason)
 
     def _end_short(self, reason: str) -> None:

@@ -1,0 +1,65 @@
+"""Doubts about numbers, from a field whose number is uncertain until one whose number is certain again."""
+
+from grabberd.acquisition.numbering.arrivals import Arrival, Arrivals
+from grabberd.acquisition.numbering.paths import Step
+
+_REGULAR = 12
+"""Fields in a row without a loss that arrive in time, after which their numbers are certain: fields that were
+late come in a burst, or ever earlier."""
+
+
+class Doubts:
+    """Range of the numbers that are possible, while one is in doubt.
+
+    Every field is at least one further than the one before, and none has been exposed later than its arrival
+    by the shortest way allows. So between the last certain number and the next one, the true number of each
+    field lies between two bounds.
+
+    Args:
+        arrivals: Those of the stream.
+        period_ns: Nominal time from field to field.
+    """
+
+    def __init__(self, arrivals: Arrivals, period_ns: float) -> None:
+        self._arrivals = arrivals
+        self._period_ns = period_ns
+        self._certain: tuple[int, int] | None = None
+        self._open = False
+        self._fields = self._in_a_row = 0
+
+    def of(self, n: int, time_ns: int, step: Step, arrival: Arrival, uncertain_by: int) -> int:
+        """Number of fields by which a field's number may be off.
+
+        Args:
+            n: Its number.
+            time_ns: Its time.
+            step: How it was numbered.
+            arrival: Its arrival.
+            uncertain_by: Doubt about this field alone.
+        """
+        self._fields += 1
+        regular = step.arrived_in_time and step.fields == 1
+        self._in_a_row = self._in_a_row + 1 if regular else 0
+        self._open = uncertain_by > 0 or (self._open and not self._ends(step))
+        if self._open:
+            return max(uncertain_by, self._range(n, arrival), 1)
+        self._certain, self._fields = (n, time_ns), 0
+        return 0
+
+    def _ends(self, step: Step) -> bool:
+        told = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
+        return told or self._in_a_row >= _REGULAR or step.arrived is None
+
+    def _latest(self, arrival: Arrival) -> float | None:
+        """Greatest number that an arrival allows, by the last certain field."""
+        exposed_ns = self._arrivals.exposed_ns(arrival)
+        if exposed_ns is None or self._certain is None:
+            return None
+        certain_n, certain_ns = self._certain
+        return certain_n + (exposed_ns - certain_ns) / self._period_ns
+
+    def _range(self, n: int, arrival: Arrival) -> int:
+        latest = self._latest(arrival)
+        if latest is None or self._certain is None:
+            return 0
+        return max(n - (self._certain[0] + self._fields), round(latest) - n)

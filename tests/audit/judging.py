@@ -1,0 +1,57 @@
+"""Whether the account of a run is true."""
+
+import math
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from grabberd_fake.audit import Audit, audit
+from grabberd_fake.faults import PERIOD_NS
+
+from .cases import Case, drawn
+from .simulation import Simulation
+
+_AT_AN_EDGE = 1
+"""Fields by which begin and end may be off together with their jitter."""
+
+
+class Verdict(NamedTuple):
+    """A run and what came of its audit.
+
+    Attributes:
+        case: What went wrong.
+        found: The audit of its file.
+        complete: True if the account says that nothing is missing.
+        lies: All that is not as it says.
+    """
+
+    case: Case
+    found: Audit
+    complete: bool
+    lies: tuple[str, ...]
+
+
+def judged(seed: int) -> Verdict:
+    """Runs the case of a seed, and audits its file."""
+    case = drawn(seed)
+    simulation = Simulation(case)
+    simulation.run()
+    assert simulation.recorder is not None
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.grab"
+        simulation.write(path)
+        found = audit(path)
+    ledger = simulation.recorder.ledger
+    return Verdict(case, found, ledger.complete, (*found.lies, *_of_the_end(simulation, found)))
+
+
+def _of_the_end(simulation: Simulation, found: Audit) -> tuple[str, ...]:
+    """The account goes on to the end that was asked for."""
+    assert simulation.recorder is not None
+    begin_n = math.ceil((simulation.start_ns - simulation.before * PERIOD_NS) / PERIOD_NS)
+    end_n = simulation.recorder.ledger.end_n or 0
+    stopped = math.ceil(simulation.stop_ns / PERIOD_NS) - begin_n if simulation.stop_ns else math.inf
+    wanted = min(simulation.case.fields or math.inf, stopped)
+    if found.uncertain or abs(end_n - wanted) <= _AT_AN_EDGE:
+        return ()
+    return (f"its account ends after {end_n} fields, {wanted} were asked for",)
