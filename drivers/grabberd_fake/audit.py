@@ -39,7 +39,7 @@ class Judged(NamedTuple):
 
 
 class Audit(NamedTuple):
-    """What came of an audit.
+    """Result of an audit.
 
     Attributes:
         fields: Number of fields in the account.

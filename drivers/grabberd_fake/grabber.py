@@ -134,7 +134,7 @@ class FakeGrabber:
             DeviceLost: the script unplugs it, or it is not open.
             StreamFailed: the script makes the stream fail.
         """
-        self._stand_still()
+        self._pause_program()
         stream = self._wait(timeout_s)
         fields = [] if stream is None else stream.take(self._clock.now_ns())
         try:
@@ -271,7 +271,7 @@ class FakeGrabber:
             self._let_pass(storm)
         return storm is not None
 
-    def _stand_still(self) -> None:
+    def _pause_program(self) -> None:
         """Lets the time pass for which the script does not let the program run."""
         number = self._number_now()
         if (freeze := self._script.at(number, Freeze)) is not None:

@@ -123,7 +123,7 @@ class PictureOptions:
 
 @dataclass(frozen=True, slots=True)
 class DriverOptions:
-    """How the driver hands fields over.
+    """Way in which the driver hands fields over.
 
     Attributes:
         order: `alternate`, a field a buffer; or frames of two, `top_first` or `bottom_first`.

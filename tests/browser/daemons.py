@@ -78,11 +78,19 @@ class Daemon:
             return json.loads(answer.read() or b"null")
 
     def capture(self, fields: int = 50, **order: Any) -> str:
-        """Takes a capture, as soon as the device streams, and returns its id once it is sealed."""
+        """Takes a capture, as soon as no other runs, and returns its id once it is sealed."""
         self.wait_until_it_streams()
+        self.wait_until_none_runs()
         capture_id: str = self.ask("/captures", body={"fields": fields, **order})["id"]
         self.wait_until_sealed(capture_id)
         return capture_id
+
+    def wait_until_none_runs(self) -> None:
+        """Until the last capture of every device is sealed: a page may have started some of them."""
+        until_s = time.monotonic() + PATIENCE_S
+        while any(one["verdict"] is None for one in self.ask("/captures?limit=4")["captures"]):
+            assert time.monotonic() < until_s, "a capture does not end"
+            time.sleep(LOOK_EVERY_S)
 
     def wait_until_sealed(self, capture_id: str) -> Any:
         """Waits for the end of a capture and returns its document."""

@@ -103,7 +103,8 @@ def _until_it_holds_no_more(daemon: Daemon, capture_id: str) -> int:
 
 def capture_file_full(machine: Machine) -> Finding:
     """The disk has no page left for a capture that runs."""
-    with machine.told(max_pages={".grab.part": 150}):
+    # More than a recorder that has waited for a busy computer commits at once: its queue, 7 pages a field.
+    with machine.told(max_pages={".grab.part": round(QUEUE_S * 50 * 7 * 1.5)}):
         begin_s = time.monotonic()
         told = machine.daemon.sealed(machine.daemon.start_capture())
         noticed_s = time.monotonic() - begin_s

@@ -23,7 +23,7 @@ _IN_TIME = 0.6
 """Periods after the shortest way, within which a field has arrived in time."""
 _EARLY = 3
 """Fields in a row that are early by a whole one, after which the clock is wrong and not they."""
-_BEGINNING = 100
+_NEW_FOR = 100
 """Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
 those of another clock."""
 _MOST_PENDING = 16
@@ -167,8 +167,8 @@ class FieldNumbering:
         anchor = next((i for i, step in enumerate(steps) if self._in_time(step)), None)
         if anchor is None or not paths.settled(anchor + 1):
             return False
-        together = zip(islice(self._pending, anchor + 1), steps, strict=False)
-        lost = sum(_uncounted(pending, step) for pending, step in together)
+        in_turn = zip(islice(self._pending, anchor + 1), steps, strict=False)
+        lost = sum(_uncounted(pending, step) for pending, step in in_turn)
         after = steps[anchor + 1 : anchor + 1 + _TELLING]
         if lost and not self._arrivals.tells_of_stamps:
             if len(after) < _TELLING:
@@ -295,7 +295,7 @@ class FieldNumbering:
 
     def _come_in_time(self, pending: _Pending, step: Step, late: float) -> tuple[int, str | None]:
         """Advance to a field that arrived in time, although its stamp is off."""
-        if late < 0 and self._n < _BEGINNING:
+        if late < 0 and self._n < _NEW_FOR:
             return self._begin_again(pending.time_ns or 0, step)
         predicted_ns = self._clock.advance(step.fields)
         self._stamps.off(pending.stamp_ns, predicted_ns)
