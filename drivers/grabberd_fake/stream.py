@@ -49,7 +49,7 @@ class Stream:
         self.origin = origin
         self._world, self._script, self._driver = world, script, options.driver
         self._each = 1 if options.driver.order == "alternate" else 2
-        self._first = self._next = first - (options.driver.order == "bottom_first")
+        self._first = self._next = first + (options.driver.order == "bottom_first")
         self._waiting: deque[int] = deque()
         self._free = options.buffers
         self._newest_stamp_ns = -1
