@@ -153,9 +153,7 @@ class Stream:
     def _spoil(self, field: int, number: int, luma: NDArray[np.uint8]) -> None:
         stale = self._script.at(number, Short) or self._script.at(number, Damage)
         if stale is not None:
-            before = np.empty_like(luma)
-            self._world.picture(field - 1, before)
-            luma[stale.row :] = before[stale.row :]
+            luma[stale.row :] = self._lumas[-2][stale.row :]  # as the buffer before was handed over
         shift = self._script.at(number, Shift)
         if shift is not None:
             luma[shift.row :] = np.roll(luma[shift.row :], shift.shift_px)

@@ -94,6 +94,7 @@ class Run:
         self.seen: list[Seen] = []
         self.ended: list[GrabberdError] = []
         self.lost: list[LedgerEntry] = []
+        self.taken: list[Slot] = []
         self.beats_s: list[float] = []
         self._enter, self._count = self.board.enter, self.board.count
         self.board.beat = lambda: self.beats_s.append(clock.passed_s)  # type: ignore[method-assign]
@@ -112,6 +113,7 @@ class Run:
     def _counted(self, slot: Slot) -> None:
         self._count(slot)
         self.lost += slot.lost_before
+        self.taken.append(slot)
 
     @property
     def states(self) -> list[DeviceState]:

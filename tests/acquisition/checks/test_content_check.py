@@ -50,11 +50,18 @@ def test_a_damaged_field_is_no_measure_for_the_next(liner):
     assert [damage is not None for damage in damages(replaced(liner, 20, damaged))].count(True) == 1
 
 
-def test_a_shift_that_stays_is_the_picture_after_some_fields(liner):
-    shifted = [without_a_packet(luma, 150, 40) for luma in liner[20:]]
-    found = [damage is not None for damage in damages([*liner[:20], *shifted])]
-    assert found[:20] == [False] * 20
-    assert 1 <= sum(found[20:]) <= 4
+@pytest.mark.parametrize("count", [1, 2, 4, 7, 12])
+def test_shifted_fields_in_a_row_accuse_none_of_their_neighbours(liner, count):
+    shifted = [without_a_packet(luma, 150, 40) for luma in liner[20 : 20 + count]]
+    found = [damage is not None for damage in damages([*liner[:20], *shifted, *liner[20 + count :]])]
+    assert found == [False] * 20 + [True] * count + [False] * (20 - count)
+
+
+def test_a_shift_that_stays_is_the_picture_after_half_a_second():
+    moving = list(camera(60))
+    shifted = [without_a_packet(luma, 150, 40) for luma in moving[20:]]
+    found = [damage is not None for damage in damages([*moving[:20], *shifted])]
+    assert found == [False] * 20 + [True] * 25 + [False] * 15
 
 
 def test_without_a_picture_nothing_is_said_to_be_repeated():

@@ -130,3 +130,11 @@ def test_the_first_reason_is_what_the_fields_are_lost_for() -> None:
     (gap,) = one.lost
     assert gap.reason == "no field for 0.8 s"
     assert gap.count == pytest.approx(3 * 50, abs=60)
+
+
+def test_the_first_field_after_a_signal_that_was_away_is_received() -> None:
+    faults = [{"kind": "no_signal", "at_field": 60, "duration_s": 0.7}]
+    clock = SimulatedClock()
+    one = Run(FakeGrabber(clock=clock, scene="blank", faults=faults), clock, 4.0)
+    absent = [slot.n for slot in one.taken if slot.outcome is Outcome.NO_SIGNAL]
+    assert absent == list(range(60, 95))

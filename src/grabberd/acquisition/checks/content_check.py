@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.acquisition.checks.shifted_rows import Profiles, find_shift, profiles
+from grabberd.acquisition.checks.shifted_rows import Profiles, Shift, find_shift, profiles
 from grabberd.acquisition.device import GrabbedField
 from grabberd.field import Field
 
@@ -43,9 +43,10 @@ _SNOW_EVERY_ROW = _FEW = 16
 _WORD = 8
 _REFERENCE_NS = 70_000_000
 """Greatest age of the field that rows are compared with: after three field periods the scene has moved on."""
-_REFERENCE_USES = 4
-"""Comparisons per reference: if it contradicts several fields in a row, the scene has changed, not the
-rows."""
+_STAYS = 25
+"""Fields in a row with the same shift, half a second, after which the scene has changed, not the rows."""
+_BACK_COLUMNS, _BACK_ROWS = 2, 12
+"""Columns and rows by which a shift back may differ from the shift that it ends."""
 _FOR_A_WHILE = 5
 """Fields without a picture (a tenth of a second) before the stream counts as having no signal."""
 
@@ -192,14 +193,12 @@ class ContentCheck:
         field = grabbed.field
         if field.luma.shape != self._shape:
             self._start((field.rows, field.columns))
-        buffer = self._spare.pop()
-        copy = self._copied(grabbed, buffer)
+        copy = self._copied(grabbed)
         hashes = self._stale.hashes(copy.words)
         made_up = no_picture(copy.rows, hashes)
         self._count(made_up)
         content = Content(made_up) if made_up else Content(damage=self._damage(copy, hashes, field))
-        good = content == Content()
-        self._spare.append(self._keep(copy, field.parity) if good else buffer)
+        self._remember(copy, field.parity, content)
         return content
 
     def _count(self, made_up: str | None) -> None:
@@ -209,13 +208,17 @@ class ContentCheck:
     def _start(self, shape: tuple[int, int]) -> None:
         self._shape = shape
         words = -(-shape[1] // _WORD)
-        self._spare = [np.zeros((shape[0], words), np.uint64)]
+        self._spare: list[Words] = []
         self._stale = StaleRows(shape[0], words)
         self._good: dict[int, _Copy] = {}
-        self._reference: _Copy | None = None
-        self._uses = 0
+        self._before: _Copy | None = None
+        self._newest_good: _Copy | None = None
+        self._shift: Shift | None = None
+        self._shifted = 0
 
-    def _copied(self, grabbed: GrabbedField, words: Words) -> _Copy:
+    def _copied(self, grabbed: GrabbedField) -> _Copy:
+        size = self._shape[0], -(-self._shape[1] // _WORD)
+        words = self._spare.pop() if self._spare else np.zeros(size, np.uint64)
         rows = words.view(np.uint8)[:, : self._shape[1]]
         rows[:] = grabbed.field.luma
         return _Copy(words, rows, profiles(rows), grabbed.time_ns)
@@ -224,10 +227,7 @@ class ContentCheck:
         stale = self._stale.find(copy.words, hashes)
         if stale == (0, field.rows - 1):
             return REPEATED
-        reference = self._reference_for(copy)
-        shift = (
-            find_shift(copy.rows, reference.rows, copy.profiles, reference.profiles) if reference else None
-        )
+        shift = self._shift_of(copy)
         found = []
         if shift:
             found.append(f"shifted by {shift.columns} px from line {_line(field, shift.row)}")
@@ -236,23 +236,53 @@ class ContentCheck:
             found.append(f"stale from line {_line(field, stale[0])}{end}")
         return ", ".join(found) or None
 
-    def _reference_for(self, copy: _Copy) -> _Copy | None:
-        """The last good field, unless it is too old or has contradicted several fields in a row."""
-        self._uses += 1
-        reference = self._reference
-        if reference is None or self._uses > _REFERENCE_USES:
-            return None
-        return reference if 0 <= copy.time_ns - reference.time_ns <= _REFERENCE_NS else None
+    def _shift_of(self, copy: _Copy) -> Shift | None:
+        """Shift of a field's rows.
 
-    def _keep(self, copy: _Copy, parity: int) -> Words:
-        """Keep a good field; return the buffer of the one it replaces."""
+        A field is compared with the one before, whatever was wrong with that: one that is like a shifted
+        field is shifted, and one that is shifted back is good again. So no field is ever taken for the
+        measure of its neighbours that is shifted itself.
+        """
+        held, self._shift = self._shift, None
+        relative = self._shift_to(self._before, copy)
+        shift = relative
+        if held is not None and self._is_recent(self._before, copy):
+            like_a_good_one = self._is_recent(self._newest_good, copy)
+            same = self._shift_to(self._newest_good, copy) if like_a_good_one else held
+            shift = same if relative is None else None if _ends(relative, held) else relative
+        self._shifted = self._shifted + 1 if shift else 0
+        self._shift = None if self._shifted > _STAYS else shift
+        return self._shift
+
+    def _is_recent(self, reference: _Copy | None, copy: _Copy) -> bool:
+        return reference is not None and 0 <= copy.time_ns - reference.time_ns <= _REFERENCE_NS
+
+    def _shift_to(self, reference: _Copy | None, copy: _Copy) -> Shift | None:
+        if reference is None or not self._is_recent(reference, copy):
+            return None
+        return find_shift(copy.rows, reference.rows, copy.profiles, reference.profiles)
+
+    def _remember(self, copy: _Copy, parity: int, content: Content) -> None:
+        """Keep the last field, and the last good one of each parity; buffers of others are used again."""
+        if content.no_picture or content.damage == REPEATED:
+            self._spare.append(copy.words)
+            return
+        before, self._before = self._before, copy
+        if before is not None and all(before is not good for good in self._good.values()):
+            self._spare.append(before.words)
+        if content.damage:
+            return
         replaced = self._good.get(parity)
-        self._good[parity] = self._reference = copy
-        self._uses = 0
-        if replaced is None:
-            return np.zeros_like(copy.words)
-        self._stale.learn(copy.words, replaced.words)
-        return replaced.words
+        self._good[parity] = self._newest_good = copy
+        if replaced is not None:
+            self._stale.learn(copy.words, replaced.words)
+            self._spare.append(replaced.words)
+
+
+def _ends(back: Shift, shift: Shift) -> bool:
+    """True if a shift is the other one undone."""
+    columns, rows = abs(back.columns + shift.columns), abs(back.row - shift.row)
+    return columns <= _BACK_COLUMNS and rows <= _BACK_ROWS
 
 
 def _line(field: Field, row: int) -> int:

@@ -230,6 +230,8 @@ class CaptureThread(threading.Thread):
             return
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
             now_ns = self._clock.now_ns()
+            if fields and self._signal is Signal.ABSENT:
+                self._ask_signal()  # what came back may be half a second older than the next question
             for grabbed in fields:
                 self._count(self._pipeline.take(grabbed, self._signal, now_ns))
         if now_ns >= self._signal_due_ns:
