@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from .evidence import Evidence
-from .judging import OF_THE_MACHINE
+from .judging import of_the_machine
 
 
 class Finding(NamedTuple):
@@ -27,5 +27,9 @@ def unless(*facts: tuple[bool, str]) -> tuple[str, ...]:
 
 def nothing_lost(evidence: Evidence, *allowed: str) -> tuple[str, ...]:
     """What does not add up, or is missing for a reason that is neither allowed nor the machine's own."""
-    entries = [entry for entry in evidence.ledger.entries if entry.reason not in (*OF_THE_MACHINE, *allowed)]
+    entries = [
+        entry
+        for entry in evidence.ledger.entries
+        if not of_the_machine(entry) and entry.reason not in allowed
+    ]
     return (*evidence.problems, *(f"missing: {entry}" for entry in entries))

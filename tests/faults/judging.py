@@ -13,6 +13,8 @@ BUSY_S = 3.0
 """A machine that does much else may take so much longer; the table says how long it took."""
 OF_THE_MACHINE = ("time gap", "sequence gap")
 """Why fields are lost where the whole computer stood still for longer than a driver's buffers bridge."""
+UNCERTAIN = "number uncertain"
+"""Reason of fields that are damaged because such a computer left too little to tell their number by."""
 CAUSES = ("cause", "last_failure")
 """What is over within the fifth of a second between two events is shown as the last failure."""
 BESIDE = 10
@@ -69,7 +71,7 @@ def _of_account(scenario: Scenario, suffered: Suffered) -> Iterator[str]:
     if not suffered.alone:
         return
     beside = [entry for entry in suffered.evidence.ledger.entries if entry not in entries]
-    yield from (f"beside the fault: {entry}" for entry in beside if entry.reason not in OF_THE_MACHINE)
+    yield from (f"beside the fault: {entry}" for entry in beside if not of_the_machine(entry))
     verdict = "complete" if suffered.evidence.ledger.complete else "incomplete"
     said, because = suffered.capture["verdict"], suffered.capture["ended_because"] or ""
     if said != verdict and not (verdict == "complete" and scenario.ledger.ended_because):
@@ -78,6 +80,11 @@ def _of_account(scenario: Scenario, suffered: Suffered) -> Iterator[str]:
         scenario.ledger.ended_because or "stopped by the operator"
     ) not in because and not scenario.from_start:
         yield f"it ended because: {because}"
+
+
+def of_the_machine(entry: LedgerEntry) -> bool:
+    """True if a busy computer may cost such fields, whatever else happens."""
+    return entry.reason in OF_THE_MACHINE or entry.reason.startswith(UNCERTAIN)
 
 
 def of_the_fault(suffered: Suffered) -> list[LedgerEntry]:
@@ -93,7 +100,7 @@ def of_the_fault(suffered: Suffered) -> list[LedgerEntry]:
 def _of_entries(account: Account, entries: list[LedgerEntry]) -> Iterator[str]:
     counts: Counter[Outcome] = Counter()
     for entry in entries:
-        counts[entry.outcome] += entry.count
+        counts[entry.outcome] += 0 if entry.reason.startswith(UNCERTAIN) else entry.count
     for outcome in sorted(counts.keys() | account.fields.keys()):
         least, most = account.fields.get(outcome, (0, 0))
         if not least <= counts[outcome] <= most:
