@@ -58,6 +58,10 @@ class Numbering:
         """Notes that the stream stopped."""
         self.found += self._numbering.interrupt(reason)
 
+    def stood_still(self, time_ns):
+        """Notes that nobody asked for fields."""
+        self._numbering.stood_still(time_ns)
+
     def settled(self):
         """All fields so far."""
         self.found += self._numbering.settle()

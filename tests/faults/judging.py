@@ -11,7 +11,7 @@ from .suffering import PERIOD_S, Suffered
 
 BUSY_S = 3.0
 """A machine that does much else may take so much longer; the table says how long it took."""
-OF_THE_MACHINE = ("time gap", "sequence gap")
+OF_THE_MACHINE = ("time gap", "sequence gap", "computer busy")
 """Why fields are lost where the whole computer stood still for longer than a driver's buffers bridge."""
 UNCERTAIN = "number uncertain"
 """Reason of fields that are damaged because such a computer left too little to tell their number by."""

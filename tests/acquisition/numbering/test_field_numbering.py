@@ -282,3 +282,25 @@ def test_an_hour_of_jittered_fields_ends_at_the_right_time():
         found = numbering.number(grab(n, late_ns=(n * 7919) % 8 * MS))
     assert found.n == 179_999
     assert abs(found.time_ns - START_NS - 179_999 * PERIOD_NS - 3.5 * MS) < MS
+
+
+def test_what_the_buffers_could_not_hold_while_nobody_asked_is_lost_to_a_busy_computer():
+    numbering = Numbering(info())
+    for n in [*range(20), *range(30, 34)]:
+        numbering.see(grab(n), now_ns=grab(n).time_ns + 2 * PERIOD_NS)
+    numbering.stood_still(8 * PERIOD_NS)
+    for n in [*range(34, 42), *range(45, 60)]:
+        numbering.see(grab(n), now_ns=max(grab(n).time_ns, grab(45).time_ns) + 2 * PERIOD_NS)
+    for n in range(61, 80):
+        numbering.see(grab(n), now_ns=grab(n).time_ns + 2 * PERIOD_NS)
+    losses = [entry for field in numbering.settled() for entry in lost(field.lost_before)]
+    assert losses == [(20, 10, "time gap"), (42, 3, "computer busy"), (60, 1, "time gap")]
+
+
+def test_a_short_standstill_fills_no_buffers():
+    numbering = Numbering(info())
+    numbering.see(grab(0))
+    numbering.stood_still(5 * PERIOD_NS)
+    for n in range(2, 20):
+        numbering.see(grab(n))
+    assert lost(numbering.settled()[1].lost_before) == [(1, 1, "time gap")]

@@ -34,6 +34,7 @@ _TELLING = 6
 """Fields that have to arrive in time after a loss that nobody counts: else the program may have been late."""
 
 TIME_GAP = "time gap"
+COMPUTER_BUSY = "computer busy"
 SEQUENCE_GAP = "sequence gap"
 REPEATED_PARITY = "repeated parity"
 
@@ -71,6 +72,7 @@ class _Pending:
     reason: str | None
     no_signal: bool
     interruption: str | None
+    after_standstill: bool
 
 
 class FieldNumbering:
@@ -99,7 +101,10 @@ class FieldNumbering:
         self._interruption: str | None = None
         self._early = self._too_many = 0
         self._doubts = Doubts(self._arrivals, 1e9 / info.rate_hz)
-        self._most_pending = max(_MOST_PENDING, _fields_in(info) + _CONFIRMING)
+        self._period_ns = 1e9 / info.rate_hz
+        self._buffered = _fields_in(info)
+        self._waited = 0
+        self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
         self._run = self._run_doubt = self._anchor_doubt = 0
 
     def interrupt(self, reason: str) -> list[Numbered]:
@@ -113,6 +118,12 @@ class FieldNumbering:
         if self._sequence is not None:
             self._sequence.forget()
         return settled
+
+    def stood_still(self, time_ns: int) -> None:
+        """Note that nobody asked for fields for some time, which fills the driver's buffers."""
+        if time_ns > (self._buffered - 1) * self._period_ns:
+            # The fields that are lost come after those that were in the buffers.
+            self._waited = self._buffered + 1
 
     def number(
         self,
@@ -138,6 +149,7 @@ class FieldNumbering:
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         pending = self._look(grabbed, now_ns, *_outcome(absent, grabbed.damage or damage))
         self._pending.append(replace(pending, no_signal=signal is Signal.ABSENT))
+        self._waited = max(self._waited - 1, 0)
         self._interruption = None
         if self._paths is None:
             self._paths = Paths(pending.parity if self._has_parity else None, exact=not self._live)
@@ -202,6 +214,7 @@ class FieldNumbering:
             reason,
             no_signal=False,
             interruption=self._interruption,
+            after_standstill=self._waited > 0,
         )
 
     def _seen(self, pending: _Pending) -> Seen:
@@ -335,7 +348,8 @@ class FieldNumbering:
         count = self._n - first_n
         if not count:
             return ()
-        reason = pending.interruption or (NO_SIGNAL if pending.no_signal else _gap(pending, step))
+        gap = COMPUTER_BUSY if pending.after_standstill else _gap(pending, step)
+        reason = pending.interruption or (NO_SIGNAL if pending.no_signal else gap)
         return (never_came(first_n, count, reason),)
 
 

@@ -114,7 +114,7 @@ class CaptureThread(threading.Thread):
         self._stopping = stopping or threading.Event()
         self._open = False
         self._flow = FieldFlow(clock.now_ns())
-        self._signal_due_ns = 0
+        self._signal_due_ns = self._returned_ns = 0
         self._signal = Signal.UNKNOWN
         self._last_fault: str | None = None
         self._take_step: dict[Rung, Callable[[], StreamInfo]] = {
@@ -215,7 +215,8 @@ class CaptureThread(threading.Thread):
             log.warning("device %s: %s", self.name, change)
             self._captures.source_ended(DeviceRefused(change, "begin a new capture"))
         # Opening takes its time, which is no silence of the stream.
-        self._flow = FieldFlow(self._clock.now_ns())
+        self._returned_ns = self._clock.now_ns()
+        self._flow = FieldFlow(self._returned_ns)
         self._ask_signal()
         if info.waits_for_reader:
             self._show_state()  # it delivers nothing before a capture runs, and a capture needs it ready
@@ -225,6 +226,7 @@ class CaptureThread(threading.Thread):
         asked_ns = self._clock.now_ns()
         if info.waits_for_reader and not self._captures.has_room:
             self._flow.excuse(asked_ns)
+            self._returned_ns = asked_ns
             self._show_state()
             self._stopping.wait(ROOM_POLL_S)
             return
@@ -232,8 +234,10 @@ class CaptureThread(threading.Thread):
             now_ns = self._clock.now_ns()
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question
+            stood_still_ns, self._returned_ns = self._stood_still_ns(now_ns), now_ns
             for grabbed in fields:
-                self._count(self._pipeline.take(grabbed, self._signal, now_ns))
+                self._count(self._pipeline.take(grabbed, self._signal, now_ns, stood_still_ns))
+                stood_still_ns = 0
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
         if fields:
@@ -241,6 +245,10 @@ class CaptureThread(threading.Thread):
             self._show_state()
         elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
             self._nothing_came(asked_ns, now_ns)
+
+    def _stood_still_ns(self, now_ns: int) -> int:
+        """Time for which this thread did not run: the last request ended longer ago than one can take."""
+        return max(0, now_ns - self._returned_ns - round(DEQUEUE_TIMEOUT_S * 1e9))
 
     def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
         """Handles an empty dequeue.

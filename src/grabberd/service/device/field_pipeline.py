@@ -120,8 +120,14 @@ class FieldPipeline:
         self.interruption = reason
         return [] if self._numbering is None else self._release(self._numbering.interrupt(reason))
 
-    def take(self, grabbed: GrabbedField, signal: Signal, now_ns: int) -> list[Slot]:
+    def take(self, grabbed: GrabbedField, signal: Signal, now_ns: int, stood_still_ns: int = 0) -> list[Slot]:
         """Numbers, quantises and packs a field and puts it into the ring as soon as its number is certain.
+
+        Args:
+            grabbed: The field.
+            signal: The driver's last report.
+            now_ns: Arrival.
+            stood_still_ns: Time before that for which nobody asked for fields.
 
         Returns:
             The slots that are in the ring now: none while the field is in doubt, several after that.
@@ -135,6 +141,8 @@ class FieldPipeline:
         has_picture = signal is not Signal.ABSENT and content.no_picture is None
         packed = self._packed(grabbed.field, ring) if has_picture else None
         self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
+        if stood_still_ns:
+            self._numbering.stood_still(stood_still_ns)
         return self._release(
             self._numbering.number(grabbed, signal, content.damage, now_ns, content.no_picture)
         )
