@@ -7,6 +7,7 @@ import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
 
 import pytest
@@ -292,3 +293,27 @@ def test_importing_the_server_stays_light() -> None:
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("words", [["--help"], ["plan", "--help"], ["export", "--help"]])
+def test_output_that_finds_no_room_is_a_line_and_no_traceback(words: list[str]) -> None:
+    command = [sys.executable, "-c", "from grabberd.cli import main; main()", *words]
+    with open("/dev/full", "w") as full:
+        ended = subprocess.run(command, check=False, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert ended.returncode == 74
+    assert ended.stderr.splitlines()[0] == "grabberd: the output cannot be written: No space left on device"
+    assert len(ended.stderr.splitlines()) == 2
+
+
+def test_a_command_that_is_interrupted_before_it_has_begun_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Importing(ModuleType):
+        def __getattr__(self, name: str) -> object:
+            raise KeyboardInterrupt
+
+    monkeypatch.setitem(sys.modules, "grabberd.cli.app", Importing("grabberd.cli.app"))
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "grabberd: interrupted\n"

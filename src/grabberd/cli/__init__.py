@@ -1,30 +1,47 @@
 """The command line: one file per command; the work is done in the rooms below.
 
 Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command line; 74 the daemon cannot
-write to its disk; 78 invalid configuration.
+write to its disk, or a command its output; 78 invalid configuration.
 """
 
+import errno
 import os
 import sys
 
-from grabberd.errors import ConfigError, GrabberdError
+from grabberd.errors import ConfigError, GrabberdError, StorageError
 
 # From sysexits.h. The systemd unit does not restart on 78: restarting cannot fix a bad configuration.
 EX_IOERR = 74
 EX_CONFIG = 78
+EX_INTERRUPTED = 130
+"""128 + SIGINT, as shells report a command ended by Ctrl-C."""
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EIO)
 
 
 def main() -> None:
     """Entry point of the command `grabberd`."""
     # OpenBLAS threads cost more than they gain on matrices this small, and disturb the capture thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from grabberd.cli.app import app  # noqa: PLC0415 - `import grabberd.cli` stays cheap
-
     try:
-        app()
+        from grabberd.cli.app import app  # noqa: PLC0415 - `import grabberd.cli` stays cheap
+
+        try:
+            app()
+        finally:
+            sys.stdout.flush()  # here, where it can be explained, and not when the interpreter ends
     except GrabberdError as error:
         complain(error)
         sys.exit(EX_CONFIG if isinstance(error, ConfigError) else 1)
+    except KeyboardInterrupt:  # before the command has begun: importing takes a second
+        print("grabberd: interrupted", file=sys.stderr)
+        sys.exit(EX_INTERRUPTED)
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        # What is left in the buffer goes nowhere: the interpreter would complain again at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
+        sys.exit(EX_IOERR)
 
 
 def complain(error: GrabberdError) -> None:

@@ -60,28 +60,28 @@ def analyse(
     """
     from grabberd.service.jobs.analysis import analyse_file  # noqa: PLC0415
     from grabberd.service.setup import read_yaml  # noqa: PLC0415
-    from grabberd.storage.disk import new_folder  # noqa: PLC0415
+    from grabberd.storage.disk import results_folder  # noqa: PLC0415
     from grabberd.storage.export.analysis_export import check_formats, write_analysis  # noqa: PLC0415
 
     wanted = [name.strip() for name in formats.split(",") if name.strip()]
     check_formats(wanted)
     given = read_yaml(inputs) if inputs else {}
     log = _text(vacuum_log) if vacuum_log else None
-    new_folder(out)
     sources = {**dict.fromkeys(given, str(inputs)), **({"vacuum.log": str(vacuum_log)} if vacuum_log else {})}
-    with progress_bar("analysing") as progress:
-        made = analyse_file(
-            progress,
-            path=capture,
-            inputs=given,
-            bursts=bursts or [],
-            run=run,
-            vacuum_log=log,
-            sources=sources,
-        )
-    with progress_bar("writing"):
-        written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted)
-        written += _report(out, made)
+    with results_folder(out):
+        with progress_bar("analysing") as progress:
+            made = analyse_file(
+                progress,
+                path=capture,
+                inputs=given,
+                bursts=bursts or [],
+                run=run,
+                vacuum_log=log,
+                sources=sources,
+            )
+        with progress_bar("writing"):
+            written = write_analysis(out, made.tables, made.analysis.grid, made.about, wanted)
+            written += _report(out, made)
     if json:
         print_json(_document(made, written))
     else:

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
+from grabberd.cli import EX_INTERRUPTED
 from grabberd.cli.options import JsonOption, end_as_ctrl_c_does, given, print_json, progress_console, warn
 
 if TYPE_CHECKING:
     from grabberd.service.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
 
-INTERRUPTED = 130
-"""128 + SIGINT, as shells report a command ended by Ctrl-C."""
 RATE_OVER_S = 600
 """Seconds over which the rate, and so the remaining time, is estimated."""
 
@@ -73,7 +72,7 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
         summary = reprocess_archive(request, make, lambda progress: _show(bar, task, progress))
     _report(summary, out, json)
     if summary.interrupted:
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(EX_INTERRUPTED)
     if summary.refused:
         raise typer.Exit(1)
 

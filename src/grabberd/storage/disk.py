@@ -43,6 +43,22 @@ def new_folder(directory: Path) -> None:
 
 
 @contextmanager
+def results_folder(directory: Path) -> Iterator[None]:
+    """A folder for results as `new_folder` makes it, which is gone again if none are written.
+
+    Raises:
+        StorageError: See `new_folder`.
+    """
+    there_before = directory.exists()
+    new_folder(directory)
+    try:
+        yield
+    finally:
+        if not there_before and not any(directory.iterdir()):
+            directory.rmdir()
+
+
+@contextmanager
 def scratch_folder(directory: Path, prefix: str = SCRATCH) -> Iterator[Path]:
     """A hidden folder in an existing one, which is removed afterwards unless it was renamed.
 

@@ -20,6 +20,7 @@ from cli.analyse.analysing import (
 )
 from grabberd.errors import (
     ExtraMissing,
+    GrabberdError,
     InputError,
     NotFound,
     StorageError,
@@ -151,3 +152,13 @@ def test_a_folder_with_something_in_it_is_left_as_it_is(resting: Path, tmp_path:
     (tmp_path / "mine.txt").write_text("mine")
     assert "not empty" in refusal(StorageError, resting, "--out", tmp_path).message
     assert written(tmp_path) == {"mine.txt"}
+
+
+def test_an_analysis_that_fails_leaves_no_folder_and_takes_none_away(resting: Path, tmp_path: Path) -> None:
+    inputs = inputs_file(tmp_path, {"reference": {"field": 999_999}})
+    out, empty = tmp_path / "out", tmp_path / "empty"
+    empty.mkdir()
+    for folder in (out, empty):
+        refusal(GrabberdError, resting, "--inputs", inputs, "--out", folder)
+    assert not out.exists()
+    assert empty.is_dir()
