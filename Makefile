@@ -114,8 +114,8 @@ soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients comin
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
 
-audit: $(READY)  ## the account of fields in a thousand (or SEEDS=…) runs in which everything goes wrong, into docs/reference/audit.md
-	$(ONE_THREAD) PYTHONPATH=tests:tests/service $(BIN)/python -m tests.audit --seeds $(or $(SEEDS),1000) --write docs/reference/audit.md
+audit: $(READY)  ## the account of fields in a thousand (or SEEDS=…) runs and a daemon, both with everything going wrong, into docs/reference/audit.md
+	$(ONE_THREAD) PYTHONPATH=tests:tests/service $(BIN)/python -m tests.audit --seeds $(or $(SEEDS),1000) --real-time --write docs/reference/audit.md
 
 walls: $(READY)  ## the simulated liner's walls, solved anew (about an hour on two processors; NAMES='thin-round …')
 	$(ONE_THREAD) nice $(BIN)/python -m tools.liner_wall drivers/grabberd_fake/walls $(NAMES)

@@ -3,12 +3,14 @@
 import argparse
 import logging
 import sys
+import tempfile
 from collections.abc import Sequence
 from multiprocessing import Pool
 from pathlib import Path
 
 from .cases import KINDS
 from .judging import Verdict, judged
+from .real_time import Row, all_rows, table
 
 HEAD = """# Audit of the account of fields
 
@@ -28,16 +30,30 @@ therefore damaged. One capture, also of a daemon: `python -m grabberd_fake audit
 """
 
 
+REAL_TIME = """
+## In real time
+
+A daemon with one device at 50 Hz that is measured, a process of its own. Frozen: SIGSTOP, then SIGCONT. What
+a killed one leaves is found by the next one in the same folder.
+
+"""
+
+
 def main() -> int:
     """Audits as many seeds as asked for; the table goes to the terminal, or into a file."""
     parser = argparse.ArgumentParser(description="The account of fields, while everything goes wrong.")
     parser.add_argument("--seeds", type=int, default=1000, help="how many runs")
+    parser.add_argument("--real-time", action="store_true", help="the daemon as well: five minutes more")
     parser.add_argument("--write", type=Path, help="the page of the documentation")
     given = parser.parse_args()
     logging.disable()  # every fault is logged as it should be, thousands of times
     with Pool() as pool:
         verdicts = list(pool.imap(judged, range(given.seeds)))
-    page = document(verdicts)
+    page, rows = document(verdicts), list[Row]()
+    if given.real_time:
+        with tempfile.TemporaryDirectory() as folder:
+            rows = list(all_rows(Path(folder)))
+        page += REAL_TIME + table(rows)
     if given.write is None:
         print(page)
     else:
@@ -45,6 +61,7 @@ def main() -> int:
     lies = [
         f"seed {one.case.seed} ({', '.join(one.case.kinds)}): {lie}" for one in verdicts for lie in one.lies
     ]
+    lies += [f"{row.fault}: {lie}" for row in rows for lie in row.lies]
     print("\n".join(lies), file=sys.stderr)
     return bool(lies)
 
