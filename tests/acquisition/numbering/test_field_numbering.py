@@ -304,3 +304,14 @@ def test_a_short_standstill_fills_no_buffers():
     for n in range(2, 20):
         numbering.see(grab(n))
     assert lost(numbering.settled()[1].lost_before) == [(1, 1, "time gap")]
+
+
+def test_a_single_field_between_two_interruptions_has_its_number():
+    numbering = Numbering(info())
+    for kept in (range(40), [48], range(57, 80)):
+        for n in kept:
+            numbering.see(grab(n), now_ns=grab(n).time_ns + 2 * PERIOD_NS)
+        numbering.interrupt("another standard")
+    found = numbering.settled()
+    assert [field.n for field in found] == [*range(40), 48, *range(57, 80)]
+    assert {field.outcome for field in found} == {Outcome.RECEIVED}

@@ -173,7 +173,7 @@ class Paths:
             ahead = path.ahead + fields
             late, arrived = _after(seen.stamp, ahead), _after(seen.arrival, ahead)
             step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
-            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before)
+            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen.excused)
             cost = path.cost + _cost_of_loss(fields, seen) + time
             expected = None if path.parity is None else (path.parity + fields) % 2
             if seen.parity is None or expected in (None, seen.parity):
@@ -238,13 +238,14 @@ def _cost_of_exact_time(step: Step) -> float:
     return 0.0 if step.late is None else min(0.5 * (step.late / _EXACT_JITTER) ** 2, _FAR)
 
 
-def _cost_of_time(step: Step, before: Step) -> float:
+def _cost_of_time(step: Step, before: Step, excused: bool) -> float:
     cost = 0.0
     if step.late is not None:
         cost += _SAME_CLOCK if step.other_clock else _cost_of_stamp(step.late, before.late or 0.0)
     if step.arrived is not None:
         lateness = _cost_of_lateness(step.arrived, before.arrived or 0.0)
-        if step.late is None or step.arrived < -_EARLY_ARRIVAL:
+        # A stream that has just begun again has no queue in which its first field could have become late.
+        if excused or step.late is None or step.arrived < -_EARLY_ARRIVAL:
             cost += lateness
         elif abs(step.arrived - step.late) > _EARLY_ARRIVAL:  # else both are late for the same reason
             cost += _ARRIVAL * lateness
