@@ -54,7 +54,7 @@ def results_folder(directory: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        if not there_before and not any(directory.iterdir()):
+        if not there_before and directory.is_dir() and not any(directory.iterdir()):
             directory.rmdir()
 
 

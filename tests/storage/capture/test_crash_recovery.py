@@ -60,6 +60,20 @@ def test_what_was_ordered_tells_what_is_missing_at_its_end(tmp_path, ordered, mi
         assert (reader.meta.complete, reader.meta.ended_because) == (False, CUT)
 
 
+def test_where_the_clock_was_set_back_nothing_bounds_what_is_missing(part):
+    with CaptureReader(recover(part, datetime.fromisoformat(META.created_utc))) as reader:
+        assert reader.ledger.entries[-1] == LedgerEntry(34, 1, Outcome.LOST, f"{CUT}; unknown")
+
+
+@pytest.mark.parametrize("order", ["200", {"fields": "200"}, [1], {"length": 3}])
+def test_an_order_that_makes_no_sense_sets_the_file_aside(tmp_path, order):
+    writer = CaptureWriter.create(tmp_path / "c.grab.part", meta(extra={"order": order}))
+    writer.append(slots(3))
+    writer.commit()
+    writer.close()
+    assert recover(tmp_path / "c.grab.part").parent.name == "damaged"
+
+
 def test_a_capture_that_had_its_length_is_complete_although_it_was_not_sealed(tmp_path):
     with CaptureReader(cut_after(tmp_path, slots(32), 32)) as reader:
         assert reader.ledger.entries == []

@@ -102,11 +102,6 @@ class FieldPipeline:
         """The picture that the grabber generates in place of the camera's, or None."""
         return self._content.no_picture if self._content else None
 
-    @property
-    def in_doubt(self) -> int:
-        """Number of fields that have come, and wait for their numbers."""
-        return len(self._unnumbered)
-
     def settle(self) -> list[Slot]:
         """Numbers the fields that are in doubt by what is known now, since no more will come."""
         return [] if self._numbering is None else self._release(self._numbering.settle())

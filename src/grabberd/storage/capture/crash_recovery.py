@@ -79,9 +79,14 @@ def _seal(part: Path, ledger: Ledger, because: str) -> None:
 
 def _cut_off(ledger: Ledger, meta: CaptureMeta, now_utc: datetime) -> tuple[Ledger, str]:
     """The ledger up to the end that was ordered, and why the capture ended."""
-    end_n, ordered = ledger.end_n or 0, meta.extra.get("order", {}).get("fields")
+    end_n, order = ledger.end_n or 0, meta.extra.get("order", {})
+    ordered = order["fields"] if order else None
+    if ordered is not None and not isinstance(ordered, int):
+        raise ValueError(f"order is {order!r}")
     if ordered is None:
-        reason = f"{INTERRUPTED}; unknown, at most {_missing_at_most(end_n, meta, now_utc)}"
+        most = _missing_at_most(end_n, meta, now_utc)
+        # Below 1 the clock was set back meanwhile: then it bounds nothing.
+        reason = f"{INTERRUPTED}; unknown" + (f", at most {most}" if most > 0 else "")
         ledger.add(LedgerEntry(end_n, 1, Outcome.LOST, reason))
         return ledger, INTERRUPTED
     ledger.close(ordered, INTERRUPTED)
@@ -92,7 +97,7 @@ def _missing_at_most(end_n: int, meta: CaptureMeta, now_utc: datetime) -> int:
     """Number of fields that could have come after the last one in the file, until now."""
     since_start_s = (now_utc - datetime.fromisoformat(meta.created_utc)).total_seconds()
     before_start: int = meta.extra.get("trigger", {}).get("n", 0)
-    return max(1, math.ceil(since_start_s * meta.rate_hz) + before_start - end_n)
+    return math.ceil(since_start_s * meta.rate_hz) + before_start - end_n
 
 
 def set_aside(path: Path, reason: str) -> Path:
