@@ -305,6 +305,15 @@ def test_output_that_finds_no_room_is_a_line_and_no_traceback(words: list[str]) 
     assert len(ended.stderr.splitlines()) == 2
 
 
+def test_output_that_nobody_reads_ends_without_a_word() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-c", "from grabberd.cli import main; main()", "--help"]
+    ended = subprocess.run(command, check=False, stdout=write, stderr=subprocess.PIPE, text=True)
+    os.close(write)
+    assert (ended.returncode, ended.stderr) == (1, "")
+
+
 def test_a_command_that_is_interrupted_before_it_has_begun_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

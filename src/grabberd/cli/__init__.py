@@ -35,13 +35,20 @@ def main() -> None:
     except KeyboardInterrupt:  # before the command has begun: importing takes a second
         print("grabberd: interrupted", file=sys.stderr)
         sys.exit(EX_INTERRUPTED)
+    except BrokenPipeError:  # `| head` has seen enough
+        _drop_output()
+        sys.exit(1)
     except OSError as error:
         if error.errno not in _NO_ROOM:
             raise
-        # What is left in the buffer goes nowhere: the interpreter would complain again at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
         sys.exit(EX_IOERR)
+
+
+def _drop_output() -> None:
+    """Send what is left in the buffer nowhere: the interpreter would complain again at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def complain(error: GrabberdError) -> None:

@@ -133,10 +133,10 @@ class FieldSource(Protocol):
 class Recorder:
     """Takes fields until the capture has its length or is stopped; numbers them from the capture's first.
 
-    Its account begins at the instant asked for and ends at that of the stop: a field that was exposed before
-    is not in it, and one that was lost after it is. A capture of given length ends on time, whatever comes:
-    a device that does not come back makes it incomplete, not endless. A source that waits for its reader has
-    no pace of its own, so its captures have no due end unless it is interrupted.
+    Its account begins at the instant asked for and ends at that of the stop: no field exposed before or after
+    is in it, and every one between is, lost ones included. A capture of given length ends on time, whatever
+    comes: a device that does not come back makes it incomplete, not endless. A source that waits for its
+    reader has no pace of its own, so its captures have no due end unless it is interrupted.
 
     Args:
         reader: Place in the ring; closed at the end.
