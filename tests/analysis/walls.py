@@ -1,18 +1,31 @@
 """Fields of a liner whose wall was solved as a solid, by a program that shares nothing with the analysis."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
+from geometry.rigs import calibration
 from grabberd.analysis import Grid
 from grabberd.analysis.wall.material import Material, Zone
-from grabberd.reconstruction import ObjectModel, Points
+from grabberd.geometry import Rig, project_all
+from grabberd.reconstruction import ObjectModel, Points, SingleViewImages
 from grabberd_fake.wall_states import Patch, wall_states
 
 PITCH_MM, ROWS, COLUMNS = 6.5, 18, 4
 EIGHT_BITS_MM = np.array([0.010, 0.010, 0.026])
 """σ of a target's place in one field."""
 ONE_BIT_MM = np.array([0.021, 0.021, 0.055])
+PX_PER_MM = 3.8
+"""Scale of the pictures."""
+_IN_FRONT_MM = 9.0
+"""Of the liner's axis: where the rig looks at."""
+
+
+def rig() -> Rig:
+    """The rig that sees the liner, in the liner's frame."""
+    views = [replace(view, Z0_mm=view.Z0_mm + _IN_FRONT_MM) for view in calibration().views]
+    return Rig.of_views(views)
 
 
 class SolvedLiner:
@@ -102,3 +115,17 @@ def as_points(places_mm: np.ndarray, sigma_mm: np.ndarray) -> Points:
         np.zeros((count, 2, 2)),
         np.zeros(count),
     )
+
+
+def outermost_alone(
+    liner: SolvedLiner, places_mm: np.ndarray, sigma_mm: np.ndarray, random: np.random.Generator
+) -> Points:
+    """A field with noise in which one view alone sees the first column, and the other view the last one."""
+    noisy = as_points(places_mm + random.normal(size=places_mm.shape) * sigma_mm, sigma_mm)
+    alone = np.flatnonzero(~liner.inner)
+    view = (liner.grid.column[alone] > 0).astype(np.intp)
+    image_px = project_all(rig(), places_mm[alone])[:, view, np.arange(len(alone))].T
+    sigma_px = np.full((len(alone), 2), PX_PER_MM * np.sqrt(2.0) * sigma_mm[1])
+    image_px = image_px + random.normal(size=image_px.shape) * sigma_px
+    single = SingleViewImages(liner.grid.target[alone], view, image_px, sigma_px)
+    return replace(noisy.select(liner.inner), single=single)

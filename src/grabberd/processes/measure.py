@@ -110,7 +110,7 @@ def _fitting(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[N
         yield numbered
 
 
-class _Locating:
+class Locating:
     """Location of each field's blobs; line jitter, a property of the equipment, is seldom re-estimated."""
 
     def __init__(self, settings: LocationSettings) -> None:
@@ -118,7 +118,13 @@ class _Locating:
         self._fields = 0
         self._jitters_px: deque[float] = deque(maxlen=JITTERS)
 
+    @classmethod
+    def of(cls, setup: MeasureSetup) -> "Locating":
+        """Location before the first field."""
+        return cls(replace(setup.location, line_jitter_px=setup.line_jitter_px))
+
     def blobs(self, packed: PackedField) -> Blobs:
+        """Blobs of the next field."""
         due = len(self._jitters_px) < JITTERS or self._fields % JITTER_EVERY == 0
         blobs = measure(packed, None, self._estimating if due else self._settled)
         self._fields += 1
@@ -136,7 +142,7 @@ class _Step:
         self.y_step = y_step
         self._setup = setup
         rig = Rig.of(setup.calibration)
-        self._locating = _Locating(replace(setup.location, line_jitter_px=setup.line_jitter_px))
+        self._locating = Locating.of(setup)
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
         self._tracker = Tracker(rig, setup.object_model, noise, setup.tracking)
         # From the object model alone, never from an earlier track: points are a function of the fields given.

@@ -8,9 +8,10 @@ from field to field (`tracking`); `intersection` computes where the rays of both
 from grabberd.reconstruction.correspondence.agreement import CorrespondenceSettings
 from grabberd.reconstruction.correspondence.correspondence import Correspondence
 from grabberd.reconstruction.correspondence.displacement_field import Smoothness
+from grabberd.reconstruction.correspondence.single_view_search import SingleViewSearch
 from grabberd.reconstruction.intersection import intersect
 from grabberd.reconstruction.object_model import ObjectModel
-from grabberd.reconstruction.points import Points
+from grabberd.reconstruction.points import Points, SingleViewImages
 from grabberd.reconstruction.tracking.tracker import Track, Tracker, TrackingSettings
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
@@ -20,6 +21,8 @@ __all__ = [
     "ImageNoise",
     "ObjectModel",
     "Points",
+    "SingleViewImages",
+    "SingleViewSearch",
     "Smoothness",
     "Track",
     "Tracker",

@@ -7,6 +7,26 @@ from numpy.typing import NDArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SingleViewImages:
+    """Images of N targets that one view alone sees in a field, sorted by target.
+
+    Attributes:
+        target: (N,) int32, target ids, each at most once.
+        view: (N,) the view that sees each, 0 left, 1 right.
+        image_px: (N, 2) float64, frame pixels x and y, corrected by the view's local field if it has one.
+        sigma_px: (N, 2) float64, their standard deviation, line jitter included.
+    """
+
+    target: NDArray[np.int32]
+    view: NDArray[np.intp]
+    image_px: NDArray[np.float64]
+    sigma_px: NDArray[np.float64]
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Points:
     """N points of one field, in the object's frame, sorted by target.
 
@@ -19,6 +39,7 @@ class Points:
         image_px: (N, 2, 2) float64, frame pixels of the blobs it was intersected from: [point, view, (x, y)],
             view 0 left, 1 right; corrected by the views' local fields if the calibration has them.
         residual_px: (N,) float64, root mean square of the four image residuals after intersection.
+        single: images of further targets, which one view alone sees; None if they have not been sought.
     """
 
     target: NDArray[np.int32]
@@ -27,6 +48,7 @@ class Points:
     calibration_covariance_mm2: NDArray[np.float64]
     image_px: NDArray[np.float64]
     residual_px: NDArray[np.float64]
+    single: SingleViewImages | None = None
 
     def __len__(self) -> int:
         return len(self.target)
@@ -40,6 +62,7 @@ class Points:
             self.calibration_covariance_mm2[chosen],
             self.image_px[chosen],
             self.residual_px[chosen],
+            self.single,
         )
 
     @classmethod

@@ -1,26 +1,57 @@
 """The mounted liner in its own frame, from the object model, the material and the reference state."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.open_wall import OpenWall
+from grabberd.analysis.load.sight_lines import SightLines
 from grabberd.analysis.load.sights import Sights
 from grabberd.analysis.load.target_places import TargetPlaces, Targets
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.material import Material
 from grabberd.errors import AnalysisError
+from grabberd.geometry import Rig
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
 
-_DEPARTURE_MM, _SMOOTH_MM = 0.2, 15.0
-"""Departure of a mounted wall from a cone, and the length over which it changes."""
-_UNSEEN_MM = 0.3
-"""σ of a target's place in the face if the reference state does not show it: of glueing by hand."""
+
+class Frame(NamedTuple):
+    """The liner's frame.
+
+    Attributes:
+        origin_mm: (3,) middle of the tube in the object's frame.
+        axes: (3, 3) rows: along the tube, across, and outward through the middle of the targets.
+    """
+
+    origin_mm: Array
+    axes: Array
+
+    @classmethod
+    def of(cls, grid: Grid, shape: NominalShape, middle_mm: float) -> "Frame":
+        """The frame of a cylinder whose middle is at an x of the object's frame."""
+        along = shape.along / np.linalg.norm(shape.along)
+        along = along if along[0] >= 0 else -along
+        origin = shape.origin_mm + (middle_mm - shape.origin_mm[0]) / along[0] * along
+        outward = (grid.nominal_mm - origin).mean(axis=0)
+        outward = outward - (outward @ along) * along
+        outward = outward / np.linalg.norm(outward)
+        return cls(origin, np.stack([along, np.cross(outward, along), outward]))
+
+    def places(self, xyz_mm: Array) -> Array:
+        """(N, 3) places of points (N, 3) of the object's frame."""
+        places: Array = (xyz_mm - self.origin_mm) @ self.axes.T
+        return places
+
+    def covariances(self, covariance_mm2: Array) -> Array:
+        """(N, 3, 3) covariances of these, from those in the object's frame."""
+        covariances: Array = self.axes @ covariance_mm2 @ self.axes.T
+        return covariances
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,25 +61,28 @@ class Mounting:
     Attributes:
         half: the half of it that faces the cameras.
         targets: where the targets of the grid are glued.
-        origin_mm: (3,) middle of the tube in the object's frame.
-        axes: (3, 3) rows: along the tube, across, and outward through the middle of the targets.
+        frame: of the liner, in the object's.
         shared_mm2: (3 N, 3 N) covariance of the targets' places in every state, from that of the reference's.
+        rig: whose views saw the points; None if targets that one view alone sees are of no use.
     """
 
     half: HalfTube
     targets: Targets
-    origin_mm: Array
-    axes: Array
+    frame: Frame
     shared_mm2: Array
+    rig: Rig | None
 
     @classmethod
-    def of(cls, grid: Grid, material: Material, reference: Points | None) -> "Mounting":
+    def of(
+        cls, grid: Grid, material: Material, reference: Points | None, rig: Rig | None = None
+    ) -> "Mounting":
         """The liner.
 
         Args:
             grid: targets of the object model; they have to be on a cylinder.
             material: of the whole wall, with the ends that hold it.
             reference: targets of the open liner; None takes the object model's as exact.
+            rig: whose views saw the points, for the rays of targets that one view alone sees.
 
         Raises:
             AnalysisError: the object is no cylinder, or the material has no ends.
@@ -61,55 +95,31 @@ class Mounting:
                 f"the wall's equilibrium needs {lacks}",
                 "give first_end_mm and last_end_mm of the material: where along x the liner is held",
             )
-        along = shape.along / np.linalg.norm(shape.along)
-        along = along if along[0] >= 0 else -along
-        origin = shape.origin_mm + (sum(ends) / 2 - shape.origin_mm[0]) / along[0] * along
-        outward = (grid.nominal_mm - origin).mean(axis=0)
-        outward = outward - (outward @ along) * along
-        outward = outward / np.linalg.norm(outward)
-        axes = np.stack([along, np.cross(outward, along), outward])
-        frame = (origin, axes)
-        nominal = (grid.nominal_mm - origin) @ axes.T
         _check_ends(ends, grid.nominal_mm[:, 0])
+        frame = Frame.of(grid, shape, sum(ends) / 2)
+        nominal = frame.places(grid.nominal_mm)
+        middle_mm = shape.radius_mm - material.depth_mm
+        tube = MountedTube(
+            middle_mm, 0.0, ends[1] - ends[0], material.wall_mm, material.E_mpa, material.F0_n
+        )
         if reference is None:
-            return cls._mounted(nominal, None, material, shape.radius_mm, frame)
-        # A target that the reference state does not show keeps its place in the object model.
+            targets = _targets(nominal, middle_mm, material)
+            return cls(HalfTube(tube), targets, frame, np.zeros((nominal.size,) * 2), rig)
         seen = grid.indices(reference.target)
-        places = nominal.copy()
-        places[seen] = (reference.xyz_mm - origin) @ axes.T
-        covariance = np.tile(np.diag([_UNSEEN_MM**2, _UNSEEN_MM**2, np.inf]), (len(grid), 1, 1))
-        covariance[seen] = axes @ reference.covariance_mm2 @ axes.T
-        return cls._mounted(places, covariance, material, shape.radius_mm, frame)
-
-    @classmethod
-    def _mounted(
-        cls,
-        places_mm: Array,
-        covariance_mm2: Array | None,
-        material: Material,
-        radius_mm: float,
-        frame: tuple[Array, Array],
-    ) -> "Mounting":
-        """A mounting with targets at places (N, 3) in its own frame, their covariance (N, 3, 3) or None."""
-        assert material.ends_mm is not None
-        middle_mm = radius_mm - material.depth_mm
-        theta = np.arctan2(places_mm[:, 1], places_mm[:, 2])
-        targets = Targets(middle_mm * theta, places_mm[:, 0], material.target_mm)
-        first, last = material.ends_mm
-        tube = MountedTube(middle_mm, 0.0, last - first, material.wall_mm, material.E_mpa, material.F0_n)
-        if covariance_mm2 is None:
-            return cls(HalfTube(tube), targets, *frame, np.zeros((3 * len(theta),) * 2))
-        radial = np.stack([np.zeros_like(theta), np.sin(theta), np.cos(theta)], axis=1)
-        sigma = np.sqrt(np.einsum("ni,nij,nj->n", radial, covariance_mm2, radial))
-        away = np.hypot(places_mm[:, 1], places_mm[:, 2]) - radius_mm
-        weight = sigma**-2
-        taper = -float((weight * targets.x_mm * away).sum() / (weight * targets.x_mm**2).sum())
-        tube = replace(tube, taper=taper)
-        found = _departure(HalfTube(tube), targets, away + taper * targets.x_mm, sigma)
-        half = HalfTube(tube, found.control)
+        open_wall = OpenWall.of(
+            nominal,
+            seen,
+            frame.places(reference.xyz_mm),
+            frame.covariances(reference.covariance_mm2),
+            shape.radius_mm,
+            tube,
+        )
+        glued = open_wall.glued(nominal, _sight_lines(reference, grid, frame, rig))
+        targets = _targets(glued.places_mm, middle_mm, material)
+        half = open_wall.half
         # What was seen is the wall in equilibrium, not the one that it settles from.
         targets = targets._replace(x_mm=targets.x_mm - _slid_mm(half, targets))
-        return cls(half, targets, *frame, _shared(covariance_mm2, radial, found.covariance_mm2))
+        return cls(half, targets, frame, glued.covariance_mm2, rig)
 
     @property
     def face_mm(self) -> float:
@@ -120,16 +130,39 @@ class Mounting:
         """Sights of a field's targets, in the liner's frame.
 
         Args:
-            points: of the field.
+            points: of the field, with the images of targets that one view alone sees.
             grid: targets of the object model.
             shared: true if their covariance includes `shared_mm2`.
         """
         places = np.full((len(grid), 3), np.nan)
         covariance = np.zeros((len(grid), 3, 3))
         index = grid.indices(points.target)
-        places[index] = (points.xyz_mm - self.origin_mm) @ self.axes.T
-        covariance[index] = self.axes @ points.covariance_mm2 @ self.axes.T
-        return Sights.of_points(places, covariance, self.shared_mm2 if shared else None)
+        places[index] = self.frame.places(points.xyz_mm)
+        covariance[index] = self.frame.covariances(points.covariance_mm2)
+        sights = Sights.of_points(places, covariance)
+        if lines := _sight_lines(points, grid, self.frame, self.rig):
+            sights = sights.joined(lines.sights())
+        return sights.shared(self.shared_mm2) if shared else sights
+
+    def seen_alone(self, points: Points, grid: Grid) -> NDArray[np.bool_]:
+        """(N,) True for targets that one view alone sees, if its rays can be used."""
+        lines = _sight_lines(points, grid, self.frame, self.rig)
+        return np.isin(np.arange(len(grid)), lines.target if lines else [])
+
+
+def _sight_lines(points: Points, grid: Grid, frame: Frame, rig: Rig | None) -> SightLines | None:
+    """Rays of the targets that one view alone sees; None without any."""
+    images = points.single
+    if rig is None or images is None or not len(images):
+        return None
+    index = grid.indices(images.target)
+    return SightLines.of(rig, images, index, grid.nominal_mm[index], *frame)
+
+
+def _targets(places_mm: Array, middle_mm: float, material: Material) -> Targets:
+    """Where targets at places (N, 3) of the open liner are glued; `middle_mm` is its middle's radius."""
+    theta = np.arctan2(places_mm[:, 1], places_mm[:, 2])
+    return Targets(middle_mm * theta, places_mm[:, 0], material.target_mm)
 
 
 def _check_ends(ends_mm: tuple[float, float], x_mm: Array) -> None:
@@ -151,41 +184,3 @@ def _slid_mm(half: HalfTube, targets: Targets) -> Array:
     settled = places.places_mm(half, half.at_rest())
     slid_mm: Array = (settled - places.places_mm(half, half.mounted))[:, 0]
     return slid_mm
-
-
-class Departure(NamedTuple):
-    """Smooth radial departure of a mounted wall from a cone.
-
-    Attributes:
-        control: (K,) control values; `covariance_mm2`: (N, N) at the targets.
-    """
-
-    control: Array
-    covariance_mm2: Array
-
-
-def _departure(half: HalfTube, targets: Targets, away_mm: Array, sigma_mm: Array) -> Departure:
-    """The departure that the reference state's targets show."""
-    grid = half.grid
-    at = grid.basis(targets.s_mm, targets.x_mm).matrices[0]
-    around, along = (
-        np.exp(-0.5 * ((axis[:, np.newaxis] - axis) / _SMOOTH_MM) ** 2)
-        for axis in (grid.around.greville, grid.along.greville)
-    )
-    spread = _DEPARTURE_MM**2 * np.kron(along, around) @ at.T
-    seen = np.isfinite(sigma_mm)
-    prior = at @ spread
-    seen_covariance = prior[np.ix_(seen, seen)] + np.diag(sigma_mm[seen] ** 2)
-    gain = np.linalg.solve(seen_covariance, np.column_stack([away_mm[seen], prior[seen]]))
-    return Departure(spread[:, seen] @ gain[:, 0], prior - prior[:, seen] @ gain[:, 1:])
-
-
-def _shared(covariance_mm2: Array, radial: Array, departure_mm2: Array) -> Array:
-    """(3 N, 3 N) covariance of places: of each target within the face, and of the smooth wall across it."""
-    within = np.eye(3) - radial[:, :, np.newaxis] * radial[:, np.newaxis]
-    finite = np.where(np.isfinite(covariance_mm2), covariance_mm2, 0.0)
-    shared = np.einsum("ni,nm,mj->nimj", radial, departure_mm2, radial)
-    each = np.arange(len(radial))
-    shared[each, :, each] += within @ finite @ within
-    covariance: Array = shared.reshape(3 * len(radial), -1)
-    return covariance

@@ -18,6 +18,7 @@ from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.wall_model import WallModel
 from grabberd.analysis.wall.material import Material, Zone
 from grabberd.errors import AnalysisError
+from grabberd.geometry import Rig
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
@@ -47,6 +48,7 @@ class PressureModel:
         reference: Points | None,
         sought_kpa: float,
         unseen: str = "free",
+        rig: Rig | None = None,
     ) -> None:
         """Mounts the liner.
 
@@ -58,13 +60,14 @@ class PressureModel:
                 pressure, the target has no pressure.
             unseen: one of `UNSEEN`. A mirror image has a smaller σ, which is too small where the teat stands
                 off the middle; so every map is then compared with that of a free half.
+            rig: whose views saw the points; None if targets that one view alone sees are of no use.
 
         Raises:
             AnalysisError: the inputs make no wall whose equilibrium can be computed.
         """
         material = _material(zones)
         self._grid, self._sought_kpa = grid, sought_kpa
-        self._mounting = Mounting.of(grid, material, reference)
+        self._mounting = Mounting.of(grid, material, reference, rig)
         self._series = self._of(material, mirrored=unseen == "mirrored")
         self._compared = self._of(material, mirrored=False) if unseen == "mirrored" else None
         self._middle = MiddleSurfaces(self._series.model, material)
@@ -85,7 +88,8 @@ class PressureModel:
 
         Args:
             points: of the field.
-            within: (N,) True for targets that are supported by data.
+            within: (N,) True for targets that are supported by points; those that one view alone sees are,
+                too, if there is a rig.
             vacuum: at the field.
             speed_mm_per_s: of the target that moves fastest.
 
@@ -94,6 +98,7 @@ class PressureModel:
         """
         difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
         sights = self._mounting.sights(points, self._grid)
+        within = within | self._mounting.seen_alone(points, self._grid)
         found = self._series.load(sights, difference)
         value, covariance = found.contact_kpa(found.model.targets)
         contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
@@ -116,8 +121,8 @@ class PressureModel:
             reach_mm = min(float(np.abs(targets.s_mm).max()), _ARC_MM)
             heights = profile_heights(targets.x_mm)
             self._sections = Sections(found.model, heights, (-reach_mm, reach_mm))
-        mounting, profile = self._mounting, self._sections.profile(found)
-        return profile._replace(x_mm=mounting.origin_mm[0] + mounting.axes[0, 0] * profile.x_mm)
+        frame, profile = self._mounting.frame, self._sections.profile(found)
+        return profile._replace(x_mm=frame.origin_mm[0] + frame.axes[0, 0] * profile.x_mm)
 
     def _reasons(self, contact: Estimate, within: NDArray[np.bool_]) -> tuple[str, ...]:
         """The first applicable reason why each target has no pressure; empty if it has one."""

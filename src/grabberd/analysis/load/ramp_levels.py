@@ -39,8 +39,8 @@ def row_heights(mounting: Mounting, grid: Grid, levels: Sequence[RampLevel]) -> 
 
 def _of_level(mounting: Mounting, grid: Grid, points: Points, rows: int) -> tuple[Array, Array]:
     value, sigma = np.full(rows, np.nan), np.full(rows, np.nan)
-    places = (points.xyz_mm - mounting.origin_mm) @ mounting.axes.T
-    variance = np.einsum("i,nij,j->n", mounting.axes[2], points.covariance_mm2, mounting.axes[2])
+    places = mounting.frame.places(points.xyz_mm)
+    variance = mounting.frame.covariances(points.covariance_mm2)[:, 2, 2]
     row = grid.row[grid.indices(points.target)]
     for index in range(rows):
         of_row = row == index

@@ -1,10 +1,11 @@
 """Sights of the targets: their places along given directions, with covariance."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.linalg import block_diag
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,7 @@ class Sights:
         target: (M,) which target each is of.
         direction: (M, 3) gradient of the component by the target's place.
         value: (M,) measured component: direction · place.
-        covariance: (M, M) of the values, locked parts included.
+        covariance: (M, M) of the values.
     """
 
     target: NDArray[np.intp]
@@ -29,23 +30,33 @@ class Sights:
     covariance: Array
 
     @classmethod
-    def of_points(cls, points_mm: Array, covariances_mm2: Array, locked_mm2: Array | None = None) -> "Sights":
+    def of_points(cls, points_mm: Array, covariances_mm2: Array) -> "Sights":
         """Sights of targets as triangulated.
 
         Args:
             points_mm: (T, 3) places; a row that is not finite was not seen.
             covariances_mm2: (T, 3, 3) of each place by itself.
-            locked_mm2: (3 T, 3 T) covariance that all places share: the calibration's.
         """
         seen = np.flatnonzero(np.isfinite(points_mm).all(axis=1))
         total = np.zeros((len(seen), 3, len(seen), 3))
         total[np.arange(len(seen)), :, np.arange(len(seen))] = covariances_mm2[seen]
-        covariance = total.reshape(3 * len(seen), -1)
-        if locked_mm2 is not None:
-            rows = (3 * seen[:, np.newaxis] + np.arange(3)).ravel()
-            covariance = covariance + locked_mm2[np.ix_(rows, rows)]
         directions = np.tile(np.eye(3), (len(seen), 1))
+        covariance = total.reshape(3 * len(seen), -1)
         return cls(np.repeat(seen, 3), directions, points_mm[seen].ravel(), covariance)
+
+    def joined(self, other: "Sights") -> "Sights":
+        """These sights and others that are independent of them."""
+        return Sights(
+            np.concatenate([self.target, other.target]),
+            np.concatenate([self.direction, other.direction]),
+            np.concatenate([self.value, other.value]),
+            block_diag(self.covariance, other.covariance),
+        )
+
+    def shared(self, places_mm2: Array) -> "Sights":
+        """The sights with a covariance (3 T, 3 T) of the places that all of a capture's share added."""
+        directions = self.directions(len(places_mm2) // 3)
+        return replace(self, covariance=self.covariance + directions @ (directions @ places_mm2).T)
 
     def __len__(self) -> int:
         return len(self.target)

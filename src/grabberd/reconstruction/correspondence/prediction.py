@@ -56,7 +56,7 @@ class Prediction:
             xy_px: (N, 2) blobs of that view.
         """
         image, reach = self.image_px[:, view], self.reach_px[:, view]
-        if not len(xy_px):
+        if not (len(xy_px) and image.shape[1]):
             return np.full(image.shape[1], -1)
         return (_of_all if image.shape[1] * len(xy_px) <= FEW_PAIRS else _of_those_beside)(
             image, reach, xy_px.T
