@@ -20,6 +20,7 @@ from grabberd.analysis.load.ramp_fit import TUBE_VALUES, Ramp, fit_ramp
 from grabberd.analysis.load.ramp_levels import RampLevel, row_heights
 from grabberd.analysis.wall.material import Material
 from grabberd.errors import AnalysisError
+from grabberd.geometry import Rig
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
@@ -105,6 +106,7 @@ def liner_values(
     reference: Points | None,
     levels: Sequence[RampLevel],
     common_sigma_kpa: float,
+    rig: Rig | None = None,
 ) -> LinerValues:
     """The liner's own values.
 
@@ -114,6 +116,7 @@ def liner_values(
         reference: targets of the open liner; None for the object model's.
         levels: of the ramp, in any order.
         common_sigma_kpa: σ of the pressure difference that all levels share, the gauge's.
+        rig: whose views saw the points; None if targets that one view alone sees are of no use.
 
     Raises:
         AnalysisError: the inputs make no wall, the ramp does not buckle it, too few levels can be used, or
@@ -123,7 +126,7 @@ def liner_values(
         raise AnalysisError("the pretension of the liner is given as 0", "give F0_n, with its σ")
     if not levels:
         raise AnalysisError("the ramp has no levels", "measure its fields, and give both vacuums")
-    mounting = Mounting.of(grid, material, reference)
+    mounting = Mounting.of(grid, material, reference, rig)
     unused, fallen_mm = _unused(mounting, grid, levels)
     used = sorted(
         (index for index, reason in enumerate(unused) if not reason),

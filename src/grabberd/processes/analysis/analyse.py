@@ -34,6 +34,7 @@ from grabberd.analysis import (
 )
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.errors import AnalysisError, InputError
+from grabberd.geometry import Rig
 from grabberd.processes.analysis.empty_liner import EmptyLiner, empty_liner
 from grabberd.processes.analysis.inputs import AnalysisInputs, Reference
 from grabberd.processes.analysis.problems import Problems
@@ -113,6 +114,7 @@ def analyse(
     grid: Grid,
     inputs: AnalysisInputs,
     progress: Progress | None = None,
+    rig: Rig | None = None,
 ) -> Analysis:
     """Analyses a capture.
 
@@ -121,6 +123,7 @@ def analyse(
         grid: target grid of the object model.
         inputs: inputs besides the points.
         progress: called with the number of finished states and the total.
+        rig: whose views saw the points; None if targets that one view alone sees are of no use.
 
     Raises:
         AnalysisError: no field determines a surface, or the reference state does not.
@@ -130,7 +133,7 @@ def analyse(
         raise AnalysisError(
             "the capture has no points", "measure it first; its fields have to show the object"
         )
-    work = _Work(captures, grid, inputs, progress or (lambda done, of: None))
+    work = _Work(captures, grid, inputs, progress or (lambda done, of: None), rig)
     return work.whole()
 
 
@@ -143,8 +146,9 @@ class _Work:
         grid: Grid,
         inputs: AnalysisInputs,
         progress: Progress,
+        rig: Rig | None,
     ) -> None:
-        self._grid, self._inputs, self._progress = grid, inputs, progress
+        self._grid, self._inputs, self._progress, self._rig = grid, inputs, progress, rig
         self._timed = [[field.timed for field in capture] for capture in captures]
         self._fields = tuple(captures[0])
         self._time_s = np.array([field.timed.time_s for field in captures[0]])
@@ -243,7 +247,9 @@ class _Work:
             None if inputs.reference.kind == "nominal" else self._reference_points(inputs.reference, None)
         )
         of_fields = vacuum.at(self._time_s)
-        return empty_liner(self._grid, inputs, reference, points, of_fields, self._problems.survived)
+        return empty_liner(
+            self._grid, inputs, reference, points, of_fields, self._rig, self._problems.survived
+        )
 
     def _of_phases(
         self, vacuum: Vacuum | None, average: PhaseAverage | None, pulsation: Pulsation | None
@@ -287,7 +293,9 @@ class _Work:
         nominal = inputs.reference.kind == "nominal"
         points = None if nominal else self._reference_points(inputs.reference, average)
         sought_kpa, unseen = inputs.sought_kpa, inputs.unseen
-        return self._problems.survived(lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen))
+        return self._problems.survived(
+            lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen, self._rig)
+        )
 
     def _reference(
         self, reference: Reference, smoothings: Smoothings, average: PhaseAverage | None

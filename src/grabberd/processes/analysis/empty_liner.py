@@ -20,6 +20,7 @@ from grabberd.analysis import (
     liner_values,
 )
 from grabberd.errors import AnalysisError
+from grabberd.geometry import Rig
 from grabberd.processes.analysis.inputs import AnalysisInputs, missing
 from grabberd.reconstruction import Points
 
@@ -50,6 +51,7 @@ def empty_liner(
     reference: Points | None,
     points: Sequence[Points],
     vacuum: Sequence[ChamberVacuum],
+    rig: Rig | None,
     survived: Survived,
 ) -> EmptyLiner:
     """Evaluates a ramp.
@@ -60,6 +62,7 @@ def empty_liner(
         reference: targets of the open liner; None for the object model's.
         points: of the fields.
         vacuum: at each of the fields.
+        rig: whose views saw the points; None if targets that one view alone sees are of no use.
         survived: calls a function, and returns None, with a problem noted, if the data do not determine
             its result.
 
@@ -74,7 +77,7 @@ def empty_liner(
         if len(one)
     ]
     arguments = (grid, material, reference, levels, common_kpa)
-    values: LinerValues | None = survived(lambda: liner_values(*arguments))
+    values: LinerValues | None = survived(lambda: liner_values(*arguments, rig))
     found = values.material(material) if values else None
     if found is not None:
         arguments = (grid, found, reference, levels, common_kpa)

@@ -4,7 +4,7 @@ What computes and draws is imported where it is used: the daemon declares the jo
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,9 +16,11 @@ from grabberd.documents.named_types import JsonObject
 from grabberd.documents.pressure_method import PRESSURE_METHOD
 from grabberd.documents.results import AnalysisResult
 from grabberd.errors import ExtraMissing, InputError, NotReady
+from grabberd.geometry import Calibration, Rig
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.jobs.progress import Progress, portion
 from grabberd.service.jobs.runner import JobSpec
+from grabberd.service.setup import measure_setup
 from grabberd.storage import CaptureReader
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import DOCUMENT, PAGE, RECORD, AnalysisStore
@@ -44,10 +46,11 @@ class AnalysisOutput:
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """Points, object model and origin of one capture."""
+    """Points, object model, calibration and origin of one capture."""
 
     fields: "list[FieldPoints]"
     model: ObjectModel
+    calibration: JsonObject | None
     about: JsonObject
 
 
@@ -121,13 +124,15 @@ def analyse_file(
     from grabberd.processes.analysis.inputs import read_inputs
     from grabberd.processes.analysis.tables import tables
 
-    captures = [_read(path, run), *(_read(burst, None) for burst in bursts)]
+    # Only the wall's equilibrium can use the rays of a single view.
+    single = "material" in inputs and "vacuum" in inputs
+    captures = [_read(path, run, single), *(_read(burst, None, single) for burst in bursts)]
     _check_same_model(captures)
     grid = Grid.of(captures[0].model)
     read = read_inputs(_with_log(inputs, vacuum_log), grid)
     progress(0.0)
     fields = [capture.fields for capture in captures]
-    analysis = analyse(fields, grid, read, lambda done, of: progress(done / max(of, 1)))
+    analysis = analyse(fields, grid, read, lambda done, of: progress(done / max(of, 1)), _rig(captures))
     about = {
         **captures[0].about,
         "created_utc": iso_utc(SystemClock().utc_now()),
@@ -171,9 +176,11 @@ def _write(path: Path, text: str) -> Path:
     return path
 
 
-def _read(path: Path, run: int | None) -> _Source:
+def _read(path: Path, run: int | None, single: bool) -> _Source:
+    """Reads a capture; if `single`, with the images of targets that one view alone sees."""
     from grabberd.analysis import TimedPoints
     from grabberd.processes.analysis.analyse import FieldPoints
+    from grabberd.processes.single_views import single_view_images
 
     with CaptureReader(path) as reader:
         info = reader.run(run)
@@ -183,11 +190,26 @@ def _read(path: Path, run: int | None) -> _Source:
                 f"re-measure it with one: grabberd measure {path} --calibration … --object …",
             )
         first_ns = reader.first_time_ns or 0
+        timed = {n: (time_ns, points) for n, time_ns, points in reader.timed_points(info.run)}
+        if single and info.made_with.get("calibration"):
+            setup = measure_setup(info.made_with, info.made_with.get("settings") or {})
+            points_of = {n: points for n, (_, points) in timed.items()}
+            for n, images in single_view_images(reader.received(), points_of, setup):
+                timed[n] = timed[n][0], replace(points_of[n], single=images)
         fields = [
             FieldPoints(n, TimedPoints((time_ns - first_ns) / 1e9, points))
-            for n, time_ns, points in reader.timed_points(info.run)
+            for n, (time_ns, points) in timed.items()
         ]
-        return _Source(fields, ObjectModel.from_document(info.made_with["object"]), _origin(reader, info.run))
+        model = ObjectModel.from_document(info.made_with["object"])
+        return _Source(fields, model, info.made_with.get("calibration"), _origin(reader, info.run))
+
+
+def _rig(captures: Sequence[_Source]) -> Rig | None:
+    """The rig that saw all captures; None if they were measured with several calibrations, or without."""
+    documents = [capture.calibration for capture in captures]
+    if not documents[0] or any(other != documents[0] for other in documents[1:]):
+        return None
+    return Rig.of(Calibration.from_document(documents[0]))
 
 
 def _origin(reader: CaptureReader, run: int) -> JsonObject:
