@@ -104,6 +104,12 @@ def solved(name: str) -> SolvedLiner:
     return SolvedLiner(name)
 
 
+@cache
+def solved_six(name: str) -> SolvedLiner:
+    """A liner with six columns of targets, read once."""
+    return SolvedLiner(name, 6)
+
+
 def as_points(places_mm: np.ndarray, sigma_mm: np.ndarray) -> Points:
     """Points of all targets."""
     count = len(places_mm)
@@ -117,11 +123,18 @@ def as_points(places_mm: np.ndarray, sigma_mm: np.ndarray) -> Points:
     )
 
 
+def with_noise(
+    liner: SolvedLiner, places_mm: np.ndarray, sigma_mm: np.ndarray, random: np.random.Generator
+) -> Points:
+    """A field with noise in which both views see all targets."""
+    return as_points(places_mm + random.normal(size=places_mm.shape) * sigma_mm, sigma_mm)
+
+
 def outermost_alone(
     liner: SolvedLiner, places_mm: np.ndarray, sigma_mm: np.ndarray, random: np.random.Generator
 ) -> Points:
     """A field with noise in which one view alone sees the first column, and the other view the last one."""
-    noisy = as_points(places_mm + random.normal(size=places_mm.shape) * sigma_mm, sigma_mm)
+    noisy = with_noise(liner, places_mm, sigma_mm, random)
     alone = np.flatnonzero(~liner.inner)
     view = (liner.grid.column[alone] > 0).astype(np.intp)
     image_px = project_all(rig(), places_mm[alone])[:, view, np.arange(len(alone))].T

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.analysis.walls import EIGHT_BITS_MM, ONE_BIT_MM, SolvedLiner, as_points
+from tests.analysis.walls import EIGHT_BITS_MM, ONE_BIT_MM, SolvedLiner, outermost_alone, rig, with_noise
 from tests.bench.pressure_case import (
+    REFERENCE_MM,
     Estimator,
     Figures,
     Given,
     Judged,
     paragraph,
-    reference_points,
     refused_text,
 )
 
@@ -21,9 +21,9 @@ DESIGNS = ("stiffening", "wide", "rubbing", "tapered")
 """Set aside: the prior was made with other liners."""
 EMPTY = "empty"
 TEATS = ("round", "blunt", "pointed", EMPTY)
-SIX_COLUMNS = ("tapered",)
-"""Liners that are judged with six columns as well, on all teats."""
-COLUMNS = (4, 6)
+FOUR, FOUR_AND_TWO, SIX = "4", "4 + 2", "6"
+COLUMNS = {FOUR: DESIGNS, FOUR_AND_TWO: ("tapered", "rubbing"), SIX: ("tapered", "rubbing")}
+"""Columns that both views see, and those beside them that one view alone sees; liners judged with them."""
 NOISE_MM = {8: EIGHT_BITS_MM, 1: ONE_BIT_MM}
 PHASES = {"closing": (16.0,), "closed": (30.0, 40.0)}
 """Pressure differences, kPa, of the states that are judged."""
@@ -44,7 +44,7 @@ class Found(NamedTuple):
 
     design: str
     teat: str
-    columns: int
+    columns: str
     bits: int
     averaged: str
     phase: str
@@ -59,44 +59,50 @@ def table() -> str:
     return "\n".join([_introduction(), "", *_pooled(found), "", *_by_teat(found), "", *_by_state(found)])
 
 
-def _cases() -> Iterator[tuple[str, int]]:
-    for columns, designs in zip(COLUMNS, (DESIGNS, SIX_COLUMNS), strict=True):
+def _cases() -> Iterator[tuple[str, str]]:
+    for columns, designs in COLUMNS.items():
         for design in designs:
             for teat in TEATS:
-                if columns == COLUMNS[0] or teat != EMPTY:
+                if columns == FOUR or teat != EMPTY:
                     yield f"{design}-{teat}", columns
 
 
-def case(name: str, columns: int, phases: dict[str, tuple[float, ...]] = PHASES) -> list[Found]:
+def case(name: str, columns: str, phases: dict[str, tuple[float, ...]] = PHASES) -> list[Found]:
     """All maps of one wall, by an estimator that is told its values with one draw of their errors."""
-    liner = SolvedLiner(name, columns)
-    random = np.random.default_rng([columns, *name.encode()])
+    liner = SolvedLiner(name, 4 if columns == FOUR else 6)
+    random = np.random.default_rng([len(columns), *name.encode()])
     given = Given.drawn(random)
-    estimator = Estimator(liner, given, reference_points(liner, random))
+    shown = outermost_alone if columns == FOUR_AND_TWO else with_noise
+    reference = shown(liner, liner.places_mm(0.0), REFERENCE_MM, random)
+    estimator = Estimator(liner, given, reference, rig=rig())
     found = []
     for phase, states in phases.items():
         for outer_kpa in states:
             for bits, sigma_mm in NOISE_MM.items():
                 for averaged, fields in FIELDS.items():
-                    make = partial(_found, liner, bits, averaged, phase, outer_kpa)
+                    make = partial(_found, liner, columns, bits, averaged, phase, outer_kpa)
                     for _ in range(DRAWS):
                         deviation = sigma_mm / np.sqrt(fields)
-                        noise = random.normal(size=(len(liner.grid), 3)) * deviation
-                        points = as_points(liner.places_mm(outer_kpa) + noise, deviation)
+                        points = shown(liner, liner.places_mm(outer_kpa), deviation, random)
                         judged = estimator.judged(points, outer_kpa, given.vacuum(outer_kpa))
                         found.append(make(judged))
     return found + [
-        _found(liner, bits, CYCLE, "all", np.nan, judged)
+        _found(liner, columns, bits, CYCLE, "all", np.nan, judged)
         for bits in NOISE_MM
         for judged in _cycles(found, bits)
     ]
 
 
 def _found(
-    liner: SolvedLiner, bits: int, averaged: str, phase: str, outer_kpa: float, judged: Judged
+    liner: SolvedLiner,
+    columns: str,
+    bits: int,
+    averaged: str,
+    phase: str,
+    outer_kpa: float,
+    judged: Judged,
 ) -> Found:
     design, teat = liner.name.split("-")
-    columns = int(liner.grid.column.max()) + 1
     return Found(design, teat, columns, bits, averaged, phase, outer_kpa, judged, liner.inner)
 
 
@@ -123,7 +129,8 @@ def _introduction() -> str:
         "Walls solved as solids, by equations that the estimator does not share; the targets' places in them",
         "with the noise of 8 and of 1 bit added (no pictures are rendered). The liners are",
         f"{', '.join(DESIGNS)}: the prior of the load was made with others. Four columns",
-        f"of 18 targets, 6.5 mm apart; six on {' and '.join(SIX_COLUMNS)}. Modulus, thickness, pretension",
+        f"of 18 targets, 6.5 mm apart; six on {' and '.join(COLUMNS[SIX])}, and there also four with two",
+        "more (4 + 2), of which one view sees the first alone, and the other the last. Modulus, thickness, pretension",
         "and pressure difference err by one draw for each wall from the σ that the estimator is told:",
         "3.5 %, 2 %, 10 % and .5 kPa, as after a ramp with the empty liner.",
         f"Closing: {closing} kPa over the wall, closed: {closed} kPa.",
@@ -144,7 +151,7 @@ def _pooled(found: Sequence[Found]) -> Iterator[str]:
         for bits in NOISE_MM:
             for averaged, phases in _ways():
                 for phase in phases:
-                    labels = (str(columns), str(bits), averaged, phase)
+                    labels = (columns, str(bits), averaged, phase)
                     wanted = (columns, bits, averaged, phase)
                     yield _row(labels, [one for one in found if _key(one) == wanted and one.teat != EMPTY])
 
@@ -156,8 +163,8 @@ def _by_teat(found: Sequence[Found]) -> Iterator[str]:
     for columns in COLUMNS:
         for bits in NOISE_MM:
             for teat in TEATS:
-                for phase in PHASES if columns == COLUMNS[0] or teat != EMPTY else ():
-                    labels = (str(columns), str(bits), "none" if teat == EMPTY else teat, phase)
+                for phase in PHASES if columns == FOUR or teat != EMPTY else ():
+                    labels = (columns, str(bits), "none" if teat == EMPTY else teat, phase)
                     wanted = (columns, bits, FIELD, phase)
                     yield _row(labels, [one for one in found if _key(one) == wanted and one.teat == teat])
 
@@ -166,7 +173,7 @@ def _by_state(found: Sequence[Found]) -> Iterator[str]:
     yield "Single fields of 8 bit with four columns, all teats, by the pressure difference and by the liner."
     yield ""
     yield from _head("kPa or liner")
-    single = [one for one in found if (one.columns, one.bits, one.averaged) == (4, 8, FIELD)]
+    single = [one for one in found if (one.columns, one.bits, one.averaged) == (FOUR, 8, FIELD)]
     pressed = [one for one in single if one.teat != EMPTY]
     for kpa in (kpa for states in PHASES.values() for kpa in states):
         yield _row((f"{kpa:g}",), [one for one in pressed if one.outer_kpa == kpa])
@@ -180,7 +187,7 @@ def _ways() -> Iterator[tuple[str, tuple[str, ...]]]:
     yield CYCLE, ("all",)
 
 
-def _key(one: Found) -> tuple[int, int, str, str]:
+def _key(one: Found) -> tuple[str, int, str, str]:
     return one.columns, one.bits, one.averaged, one.phase
 
 

@@ -6,11 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.analysis.walls import SolvedLiner, as_points
+from tests.analysis.walls import SolvedLiner, with_noise
 
 from grabberd.analysis import ChamberVacuum, PressureMap, PressureModel
 from grabberd.analysis.load.load_fit import MISFIT_ALARM
 from grabberd.errors import AnalysisError
+from grabberd.geometry import Rig
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
@@ -112,7 +113,12 @@ class Estimator:
     """The product's pressure model of one wall, as one `Given` tells it."""
 
     def __init__(
-        self, liner: SolvedLiner, given: Given, reference: Points | None, unseen: str = "free"
+        self,
+        liner: SolvedLiner,
+        given: Given,
+        reference: Points | None,
+        unseen: str = "free",
+        rig: Rig | None = None,
     ) -> None:
         """Mounts the liner.
 
@@ -121,10 +127,11 @@ class Estimator:
             given: what is told of it.
             reference: targets of the open liner; None for the object model's.
             unseen: what is taken for the hidden half, `free` or `mirrored`.
+            rig: whose views saw the points.
         """
         self._liner = liner
         zones = liner.zones(**given.material(liner))
-        self._model = PressureModel(liner.grid, zones, reference, SOUGHT_KPA, unseen)
+        self._model = PressureModel(liner.grid, zones, reference, SOUGHT_KPA, unseen, rig)
 
     def judged(self, points: Points, outer_kpa: float, vacuum: ChamberVacuum) -> Judged:
         """One map beside the truth at a pressure difference, with the vacuum as it is told."""
@@ -139,8 +146,7 @@ class Estimator:
 
 def reference_points(liner: SolvedLiner, random: np.random.Generator) -> Points:
     """The open liner as many fields show it."""
-    places_mm = liner.places_mm(0.0)
-    return as_points(places_mm + random.normal(size=places_mm.shape) * REFERENCE_MM, REFERENCE_MM)
+    return with_noise(liner, liner.places_mm(0.0), REFERENCE_MM, random)
 
 
 class Figures(NamedTuple):

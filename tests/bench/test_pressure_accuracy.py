@@ -6,21 +6,21 @@ import pytest
 from grabberd.analysis import ChamberVacuum
 
 from .middle_accuracy import case as middles
-from .pressure_accuracy import CYCLE, FIELD, PHASE, case
+from .pressure_accuracy import CYCLE, FIELD, FOUR, PHASE, case
 from .pressure_case import Figures, Given, Judged, refused_text
 from .pressure_robustness import JUDGED, REFERENCES, SEEN, Aside, SolvedLiner, asides, maps
 
 
 @pytest.fixture(scope="module")
 def found():
-    return case("wide-round", 4, {"closing": (12.0,)})
+    return case("wide-round", FOUR, {"closing": (12.0,)})
 
 
 def test_a_wall_is_judged_by_bits_and_by_the_fields_averaged(found):
     assert {(one.bits, one.averaged) for one in found} == {
         (b, a) for b in (8, 1) for a in (FIELD, PHASE, CYCLE)
     }
-    assert {(one.design, one.teat, one.columns) for one in found} == {("wide", "round", 4)}
+    assert {(one.design, one.teat, one.columns) for one in found} == {("wide", "round", FOUR)}
     assert Figures.of_places(one.judged for one in found).rms < 5.0
 
 

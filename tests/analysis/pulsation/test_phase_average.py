@@ -1,5 +1,7 @@
 """The mean cycle of every target."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -7,6 +9,7 @@ from numpy.testing import assert_allclose
 from analysis.pulsating import burst_times, capture, times
 from grabberd.analysis import first_movement, fit_pulsation, phase_average
 from grabberd.errors import AnalysisError
+from grabberd.reconstruction import SingleViewImages
 from grabberd_fake.ellipse_liner import EllipseLiner
 from grabberd_fake.ellipse_options import EllipseOptions
 
@@ -97,3 +100,64 @@ def test_where_no_target_is_seen_all_round_nothing_is_made_up() -> None:
     half = [f for f in fields if f.time_s % 1 < 0.5]
     with pytest.raises(AnalysisError, match="no target is seen in the whole cycle"):
         phase_average([half], pulsation, PHASE)
+
+
+def in_one_view(fields, target, sigma_px, seed=0):
+    """The fields, had the right view alone seen a target whose image moves as its place does."""
+    random, scene = np.random.default_rng(seed), EllipseLiner(EllipseOptions())
+    changed = []
+    for field in fields:
+        image_px = image_of(scene, field.time_s, target) + random.normal(size=(1, 2)) * sigma_px
+        single = SingleViewImages(
+            np.array([target], np.int32), np.array([1]), image_px, np.full((1, 2), sigma_px)
+        )
+        rest = field.points.select(field.points.target != target)
+        changed.append(field._replace(points=replace(rest, single=single)))
+    return changed
+
+
+def image_of(scene, time_s, target):
+    """(1, 2) image in px of a camera far above."""
+    place = scene.targets(round(time_s * 1e9)).xyz_mm[target - 1]
+    return np.array([[540 + 4 * place[0], 280 + 4 * place[1] + 1.0 * place[2]]])
+
+
+def test_a_target_that_one_view_alone_sees_has_a_mean_image_within_its_sigma() -> None:
+    found, pulsation = average(in_one_view(capture(times(250), 0.03), 50, 0.1))
+    scene, start_s = EllipseLiner(EllipseOptions()), pulsation.runs[0].start_s + 10
+    ratio = []
+    for phase, points in zip(found.phase, found.points, strict=True):
+        assert points.single is not None
+        assert points.single.target.tolist() == [50]
+        assert points.single.view.tolist() == [1]
+        true = image_of(scene, start_s + phase * pulsation.period_s, 50)
+        ratio.append((points.single.image_px - true) / points.single.sigma_px)
+        assert (points.single.sigma_px < 0.05).all()
+    assert np.mean(np.square(ratio)) == pytest.approx(1.0, abs=0.6)
+
+
+def test_images_count_also_where_the_target_has_a_point() -> None:
+    fields = capture(times(250), 0.03)
+    one_view = in_one_view(fields, 50, 0.1)
+    scene = EllipseLiner(EllipseOptions())
+    mixed = []
+    for whole, alone in zip(fields, one_view, strict=True):
+        of = whole.points.target == 50
+        image_px = np.full((len(of), 2, 2), np.nan)
+        image_px[of, 1] = image_of(scene, whole.time_s, 50)
+        both = whole._replace(points=replace(whole.points, image_px=image_px))
+        mixed.append(both if 0.3 < whole.time_s % 1 < 0.7 else alone)
+    found, _ = average(mixed)
+    assert all(50 in points.single.target for points in found.points if points.single)
+    assert found.points[0].single is not None
+    assert found.left_out == (50,)
+
+
+def test_a_target_that_either_view_sees_throughout_without_a_point_is_left_out() -> None:
+    fields = in_one_view(capture(times(250), 0.03), 50, 0.1)
+    turned = [
+        one._replace(points=replace(one.points, single=replace(one.points.single, view=np.array([k % 2]))))
+        for k, one in enumerate(fields)
+    ]
+    found, _ = average(turned)
+    assert all(points.single is None for points in found.points)

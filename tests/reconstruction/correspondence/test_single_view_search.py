@@ -23,7 +23,7 @@ def searched(seen):
 def alone(seen):
     """Targets with a blob in one view only, with that view."""
     left, right = set(seen.left_is.tolist()) - {-1}, set(seen.right_is.tolist()) - {-1}
-    return {target: 0 for target in left - right} | {target: 1 for target in right - left}
+    return dict.fromkeys(left - right, 0) | dict.fromkeys(right - left, 1)
 
 
 def identity(seen, found):
@@ -70,11 +70,15 @@ def test_a_target_with_a_blob_in_both_views_but_no_point_is_left_out():
 
 def test_images_carry_the_sigma_of_their_lines():
     places, _ = wall(0.0)
-    blobs = [ViewBlobs(project(view, places), np.full((108, 2), 0.1), np.full(108, 0.07), 3.0) for view in RIG.views]
+    blobs = [
+        ViewBlobs(project(view, places), np.full((108, 2), 0.1), np.full(108, 0.07), 3.0)
+        for view in RIG.views
+    ]
     left = blobs[0].select(np.arange(108) != 40)
     points = CORRESPONDENCE.identify(left, blobs[1]).points
     found = SEARCH.images(points, left, blobs[1])
-    assert found.target.tolist() == [41] and found.view.tolist() == [1]
+    assert found.target.tolist() == [41]
+    assert found.view.tolist() == [1]
     assert found.sigma_px == pytest.approx(np.array([[np.hypot(0.1, 0.07), 0.1]]))
 
 

@@ -49,7 +49,7 @@ class LoadPrior:
             direction, over the square of the pressure difference: what splines and rubber do not follow.
     """
 
-    softness_kpa: float = 4.0
+    softness_kpa: float = 2.5
     mean: float = -1.0
     falloff: float = 8.0
     amplitude: float = 1.4

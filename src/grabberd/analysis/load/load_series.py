@@ -7,10 +7,10 @@ length hardly counts. Loads are best sought in the order of the wall's departure
 
 import numpy as np
 
-from grabberd.analysis.load.load_fit import Posterior, Response, fit_load, posterior
+from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior, Response, fit_load, posterior
 from grabberd.analysis.load.load_prior import Difference
 from grabberd.analysis.load.sights import Sights
-from grabberd.analysis.load.wall_model import State, WallModel
+from grabberd.analysis.load.wall_model import WallModel
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
@@ -36,19 +36,38 @@ class LoadSeries:
         Raises:
             AnalysisError: the wall does not settle.
         """
-        start: State | None = None
-        if self._known:
-            nearest = self._nearest(sights)
-            found = posterior(nearest, sights, difference)
-            unknowns = nearest.linear.unknowns(found.change)
-            longest_mm = float(np.abs(unknowns).max())
-            if longest_mm < REACH_MM:
-                return found
-            share = min(1.0, REACH_MM / longest_mm)
-            start = self.model.moved(nearest.linear.state, share * unknowns, share * found.change)
-        found, _ = fit_load(self.model, sights, difference, start)
-        self._known = [*self._known[1 - _MOST :], found.response]
+        found = self._near_known(sights, difference) if self._known else None
+        if found is None or found.j > MISFIT_ALARM:
+            begun = self._begun(sights, difference)
+            if found is None or begun.j < found.j:
+                found = begun
+        if not any(found.response is known for known in self._known):
+            self._known = [*self._known[1 - _MOST :], found.response]
         return found
+
+    def _near_known(self, sights: Sights, difference: Difference) -> Posterior:
+        """The load, sought from the nearest state that is known."""
+        nearest = self._nearest(sights)
+        found = posterior(nearest, sights, difference)
+        unknowns = nearest.linear.unknowns(found.change)
+        longest_mm = float(np.abs(unknowns).max())
+        if longest_mm < REACH_MM:
+            return found
+        share = min(1.0, REACH_MM / longest_mm)
+        start = self.model.moved(nearest.linear.state, share * unknowns, share * found.change)
+        return fit_load(self.model, sights, difference, start)[0]
+
+    def _begun(self, sights: Sights, difference: Difference) -> Posterior:
+        """The load, sought from the open wall; first by the targets that both views see.
+
+        From afar, a ray that a target may slide along leads into a wrong fold.
+        """
+        of_points = sights.of_both_views()
+        found, _ = fit_load(self.model, of_points, difference)
+        if len(of_points) == len(sights):
+            return found
+        start = self.model.moved(found.linear.state, found.linear.unknowns(found.change), found.change)
+        return fit_load(self.model, sights, difference, start)[0]
 
     def _nearest(self, sights: Sights) -> Response:
         directions = sights.directions(len(self._known[0].linear.places_mm))

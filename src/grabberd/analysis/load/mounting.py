@@ -99,9 +99,7 @@ class Mounting:
         frame = Frame.of(grid, shape, sum(ends) / 2)
         nominal = frame.places(grid.nominal_mm)
         middle_mm = shape.radius_mm - material.depth_mm
-        tube = MountedTube(
-            middle_mm, 0.0, ends[1] - ends[0], material.wall_mm, material.E_mpa, material.F0_n
-        )
+        tube = MountedTube(middle_mm, 0.0, ends[1] - ends[0], material.wall_mm, material.E_mpa, material.F0_n)
         if reference is None:
             targets = _targets(nominal, middle_mm, material)
             return cls(HalfTube(tube), targets, frame, np.zeros((nominal.size,) * 2), rig)

@@ -9,6 +9,8 @@ from scipy.linalg import block_diag
 
 Array = NDArray[np.float64]
 
+_OF_A_POINT = 3
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sights:
@@ -57,6 +59,16 @@ class Sights:
         """The sights with a covariance (3 T, 3 T) of the places that all of a capture's share added."""
         directions = self.directions(len(places_mm2) // 3)
         return replace(self, covariance=self.covariance + directions @ (directions @ places_mm2).T)
+
+    def of_both_views(self) -> "Sights":
+        """The sights of targets that were triangulated."""
+        chosen = np.flatnonzero(np.bincount(self.target)[self.target] == _OF_A_POINT)
+        return Sights(
+            self.target[chosen],
+            self.direction[chosen],
+            self.value[chosen],
+            self.covariance[np.ix_(chosen, chosen)],
+        )
 
     def __len__(self) -> int:
         return len(self.target)

@@ -40,9 +40,7 @@ class SingleViewSearch:
             out: had they been of one target, it would have a point.
         """
         lacking, places_mm, sigma_mm = self._lacking(points)
-        free = [
-            view.select(_unused(view, points.image_px[:, k])) for k, view in enumerate((left, right))
-        ]
+        free = [view.select(_unused(view, points.image_px[:, k])) for k, view in enumerate((left, right))]
         predicted = self._correspondence.predict(places_mm, sigma_mm, self._typical_px(free))
         blob = np.stack([predicted.nearest(k, view.xy_px) for k, view in enumerate(free)])
         alone = np.flatnonzero((blob >= 0).sum(axis=0) == 1)
@@ -51,7 +49,9 @@ class SingleViewSearch:
         for k, view in enumerate(free):
             own = view.select(blob[k, alone[of_view == k]])
             image_px[of_view == k], sigma_px[of_view == k] = own.xy_px, self._sigma_px(own)
-        return SingleViewImages(self._correspondence.model.target[lacking[alone]], of_view, image_px, sigma_px)
+        return SingleViewImages(
+            self._correspondence.model.target[lacking[alone]], of_view, image_px, sigma_px
+        )
 
     def _lacking(self, points: Points) -> tuple[Indices, Array, Array]:
         """Indices (L,) of targets without a point, their predicted places (L, 3), and σ of these (L,).
