@@ -158,7 +158,7 @@ def _sight_lines(points: Points, grid: Grid, frame: Frame, rig: Rig | None) -> S
 
 
 def _targets(places_mm: Array, middle_mm: float, material: Material) -> Targets:
-    """Where targets at places (N, 3) of the open liner are glued; `middle_mm` is its middle's radius."""
+    """Targets glued at places (N, 3) of the open liner; `middle_mm` is the radius of its wall's middle."""
     theta = np.arctan2(places_mm[:, 1], places_mm[:, 2])
     return Targets(middle_mm * theta, places_mm[:, 0], material.target_mm)
 

@@ -62,7 +62,8 @@ class OpenWall(NamedTuple):
         Args:
             nominal_mm: (N, 3) nominal places of all targets in the liner's frame.
             seen: (S,) indices of those that were triangulated.
-            places_mm: (S, 3) where they are; `covariance_mm2`: (S, 3, 3) of each.
+            places_mm: (S, 3) where they are.
+            covariance_mm2: (S, 3, 3) of each.
             face_mm: distance of the targets' faces from the axis.
             tube: the ideal tube.
         """

@@ -53,7 +53,8 @@ class SightLines(NamedTuple):
             images: of N targets in one field.
             target: (N,) indices of these into the grid.
             nominal_mm: (N, 3) their nominal places in the object's frame.
-            origin_mm: (3,) origin of the liner's frame; `axes`: (3, 3) its axes as rows.
+            origin_mm: (3,) origin of the liner's frame.
+            axes: (3, 3) its axes as rows.
         """
         near, direction = np.empty((2, len(images), 3))
         slopes = np.empty((len(images), 2, 3))

@@ -150,12 +150,13 @@ def _single(
     phase: Array,
     harmonics: int,
 ) -> Sequence[SingleViewImages | None]:
-    """Images at each phase of targets that one view sees throughout the cycle, and are not averaged as points.
+    """Images at each phase of targets without a mean point that one view sees throughout the cycle.
 
     Args:
         fields: points of F fields.
         averaged: ids of targets with a mean point.
-        at: (F,) phases of the fields; `phase`: (P,) requested ones.
+        at: (F,) phases of the fields.
+        phase: (P,) requested phases.
         harmonics: most that the averages may have.
     """
     sought = [field.single.target for field in fields if field.single is not None]
