@@ -40,7 +40,7 @@ def radius(places_mm):
 
 def test_a_target_is_where_its_sights_say_whatever_its_nominal_place():
     places = on_cone()
-    sights = lines(places, nominal_mm=[*places, 2.0, -3.0, 4.0]).sights()
+    sights = lines(places, nominal_mm=places + np.array([2.0, -3.0, 4.0])).sights()
     seen = (sights.direction * places[sights.target]).sum(axis=1)
     assert seen == pytest.approx(sights.value, abs=1e-9)
 
