@@ -1,5 +1,6 @@
 """Capture files with the points of the simulated milking, so that none has to be measured."""
 
+from geometry.rigs import calibration
 from grabberd.acquisition import Outcome
 from grabberd.storage import CaptureWriter
 from processes.milking import model
@@ -24,7 +25,8 @@ def object_document(of=None, **changes):
 def milking(directory, fields, name="milking", made_with=None, **changes):
     """A sealed capture file with these fields' points; numbers between them that lack are lost."""
     writer = CaptureWriter.create(directory / f"{name}.grab.part", meta(id=name, **changes))
-    made_with = {**MADE_WITH, "object": object_document(), **(made_with or {})}
+    known = {**calibration().to_document(), "id": MADE_WITH["calibration"]["id"]}
+    made_with = {**MADE_WITH, "calibration": known, "object": object_document(), **(made_with or {})}
     writer.begin_run(1, "live", changes.get("created_utc", "2026-03-01T09:30:00.000Z"), "0.1.0", made_with)
     numbers = [one.n for one in fields]
     before = [-1, *numbers[:-1]]

@@ -160,9 +160,9 @@ def _single(
         harmonics: most that the averages may have.
     """
     sought = [field.single.target for field in fields if field.single is not None]
-    if not sought:
+    target = np.setdiff1d(np.concatenate(sought or [averaged]), averaged).astype(np.int32)
+    if not len(target):
         return [None] * len(phase)
-    target = np.setdiff1d(np.concatenate(sought), averaged).astype(np.int32)
     images, variance = _images(fields, target)
     covariance = variance[..., np.newaxis] * np.eye(2)
     found = [average for average in _averages(images, covariance, at, phase, harmonics) if len(average.place)]
