@@ -113,6 +113,16 @@ def test_a_covariance_that_is_none_is_refused():
             Calibration.from_document(document() | {"covariance": matrix.tolist()})
 
 
+def test_a_covariance_that_rounding_made_lopsided_is_read_as_symmetric():
+    """Of parameters that are hardly told apart: inverting their normal equations costs many digits."""
+    rounded = covariance()
+    sigma = np.sqrt(np.diag(rounded))
+    rounded[0, 1] += 5e-9 * sigma[0] * sigma[1]
+    read = Calibration.from_document(document() | {"covariance": rounded.tolist()})
+    assert np.array_equal(read.covariance, read.covariance.T)
+    assert np.allclose(read.covariance, rounded, rtol=0, atol=1e-8 * sigma.max() ** 2)
+
+
 @pytest.mark.parametrize(
     ("path", "value", "said"),
     [

@@ -30,6 +30,9 @@ _KEYS = (
 _EXTENT = ("first_column", "end_column", "pixel_x_mm", "pixel_y_mm", "handedness")
 _GLASS = ("thickness_mm", "refractive_index")
 _SIZE = 2 * len(PARAMETERS)
+_ROUNDING = 1e-6
+"""Of correlations: by how much rounding may make a covariance of hardly separable parameters lopsided, or
+negative, without harm to any σ."""
 _HINT = "fix the file, or calibrate again"
 
 
@@ -200,11 +203,11 @@ def _covariance(reading: Reading, value: object) -> NDArray[np.float64]:
     sigma = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     scale = np.where(sigma > 0, sigma, 1.0)
     correlation = covariance / np.outer(scale, scale)
-    if np.abs(correlation - correlation.T).max() > 1e-9:
+    if np.abs(correlation - correlation.T).max() > _ROUNDING:
         reading.problems.append("covariance: is not symmetric")
-    elif np.linalg.eigvalsh(correlation)[0] < -1e-6:
+    elif np.linalg.eigvalsh(correlation)[0] < -_ROUNDING:
         reading.problems.append("covariance: has a negative eigenvalue, so it is not a covariance")
-    return covariance
+    return (covariance + covariance.T) / 2
 
 
 def _glass(reading: Reading, document: Mapping[str, Any]) -> dict[str, float] | None:

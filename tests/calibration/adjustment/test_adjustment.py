@@ -277,3 +277,11 @@ def test_unknowns_that_nothing_tells_apart_are_named():
     with pytest.raises(RankDeficient, match=r"do not determine .*left\.f_mm") as refused:
         adjust(network(views, plane, seed=None), Unknowns.of(views, free))
     assert set(refused.value.parameters) <= set(free)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_covariance_is_symmetric_to_the_last_digit_however_hard_parameters_are_told_apart(seed):
+    flat = SMALL * [1.0, 1.0, 0.4]
+    adjusted = adjust(network(places=flat, seed=seed, start=TRUE), tied())
+    assert np.array_equal(adjusted.covariance, adjusted.covariance.T)
+    assert np.array_equal(adjusted.parameter_covariance, adjusted.parameter_covariance.T)

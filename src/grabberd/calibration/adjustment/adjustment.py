@@ -134,11 +134,14 @@ def _cofactor(problem: Problem, minimum: Minimum, without: Reduced) -> Array:
         inverse = np.asarray(np.linalg.inv(without.matrix * scale * scale[:, np.newaxis]), np.float64)
     except np.linalg.LinAlgError:
         raise _singular(problem.unknowns.names) from None
+    # Where parameters are hardly told apart, rounding makes the two halves differ by much more than itself.
+    inverse = (inverse + inverse.T) / 2
     inflation = np.diag(inverse)
     loose = ~((inflation > 0) & (inflation < _MOST_INFLATION))
     if loose.any():
         raise _singular([problem.unknowns.names[index] for index in np.flatnonzero(loose)])
-    return inverse * scale * scale[:, np.newaxis]
+    cofactor: Array = inverse * np.outer(scale, scale)
+    return cofactor
 
 
 def _singular(names: tuple[str, ...] | list[str]) -> RankDeficient:

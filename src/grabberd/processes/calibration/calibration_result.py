@@ -1,8 +1,12 @@
 """Settings of a calibration, and its result with all intermediate results."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from grabberd.calibration import (
     Adjustment,
@@ -16,9 +20,17 @@ from grabberd.calibration import (
     Validation,
     VolumeSigma,
 )
-from grabberd.geometry import PARAMETERS, Calibration, NominalRig, View
+from grabberd.errors import InputError, MeasurementError
+from grabberd.geometry import PARAMETERS, Calibration, NominalRig, Rig, View, project_all
 from grabberd.measurement import LocationSettings
-from grabberd.reconstruction import ObjectModel
+from grabberd.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
+
+Array = NDArray[np.float64]
+
+_PROBE_PX = 0.1
+"""σ of the images with which a new calibration is tried."""
+_PROBE_MM = 1e-3
+"""Distance within which an image leads back to its place: far more than rounding, far less than σ."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,10 +120,14 @@ class CalibrateResult:
         glass: Mapping[str, float] | None,
         details: Mapping[str, Any],
     ) -> Calibration:
-        """The calibration itself, under a name."""
+        """The calibration itself, under a name.
+
+        Raises:
+            MeasurementError: it cannot be read back from its document, or not be used.
+        """
         trial = self.local
         left, right = self.views
-        return Calibration(
+        calibration = Calibration(
             id=name,
             created_utc=created_utc,
             source=source,
@@ -125,3 +141,34 @@ class CalibrateResult:
             local_fields=(trial.fields[0], trial.fields[1]) if trial else (None, None),
             details=details,
         )
+        return read_back(calibration, self.frame.xyz_mm)
+
+
+def read_back(calibration: Calibration, places_mm: Array) -> Calibration:
+    """A calibration read from its own document, as every later reader gets it, and used once.
+
+    Args:
+        calibration: the calibration.
+        places_mm: (N, 3) targets of the calibration frame, whose images must lead back to them.
+
+    Raises:
+        MeasurementError: it cannot be read, or does not lead back.
+    """
+    hint = "this is a bug of the adjustment: report it, with the capture of the calibration frame"
+    try:
+        read = Calibration.from_document(json.loads(json.dumps(calibration.to_document())))
+    except InputError as error:
+        raise MeasurementError(f"the calibration cannot be read back: {error.message}", hint) from error
+    rig = Rig.of(read)
+    left, right = (
+        ViewBlobs(image.T, np.full((len(places_mm), 2), _PROBE_PX))
+        for image in project_all(rig, places_mm).swapaxes(0, 1)
+    )
+    noise = ImageNoise(_PROBE_PX, 1, 1.0)
+    found = intersect(rig, np.arange(len(places_mm), dtype=np.int32), left, right, noise)
+    off_mm = np.abs(found.xyz_mm - places_mm)
+    if not (off_mm < _PROBE_MM).all() or not np.isfinite(found.calibration_covariance_mm2).all():
+        raise MeasurementError(
+            f"images of the calibration frame lead {np.nanmax(off_mm):.2g} mm past its targets", hint
+        )
+    return read
