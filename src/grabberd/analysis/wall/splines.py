@@ -94,6 +94,15 @@ class Basis:
         at: Array = self.matrices[derivative] @ control
         return at
 
+    def derivatives(self, control: Array) -> Array:
+        """(5, N, M) the derivatives of fields with control values (K, M)."""
+        values: Array = (self._derivatives @ control).reshape(len(DERIVATIVES) - 1, len(self.members), -1)
+        return values
+
+    @cached_property
+    def _derivatives(self) -> sparse.csr_matrix:
+        return sparse.vstack(self.matrices[1:], format="csr")
+
     def by_control(self, by_values: Array) -> sparse.csr_matrix:
         """(N Q, 4 K) derivatives of Q quantities at each point by control values.
 
