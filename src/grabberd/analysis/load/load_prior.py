@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.wall.cuts import cut_points
 from grabberd.analysis.wall.material import Material
-from grabberd.analysis.wall.splines import Basis, SplineGrid
+from grabberd.analysis.wall.splines import SplineGrid
 
 Array = NDArray[np.float64]
 
@@ -110,19 +110,6 @@ class LoadPrior:
     @property
     def _traction_mpa2(self) -> float:
         return (self.traction_kpa * MPA_PER_KPA) ** 2
-
-    def variance_shares(self, grid: SplineGrid, basis: Basis) -> Array:
-        """(N,) prior variance of g at points of the wall, by that of its control values."""
-        row, column = np.divmod(basis.members, grid.around.count)
-        around = _correlation(grid.around.greville, self.round_mm)
-        along = _correlation(grid.along.greville, self.along_mm)
-        pairs = (
-            along[row[:, :, np.newaxis], row[:, np.newaxis]]
-            * around[column[:, :, np.newaxis], column[:, np.newaxis]]
-        )
-        weights = basis.values[0]
-        shares = np.einsum("ni,nij,nj->n", weights, pairs, weights, optimize=True)
-        return np.asarray(shares + _NUGGET * (weights**2).sum(axis=1), np.float64)
 
     def cut_covariances(self, grid: SplineGrid) -> list[Array]:
         """(A, A) covariances of both cuts' shift (mm²), turn (rad²) and force (N²/mm²)."""

@@ -40,12 +40,9 @@ class LoadSeries:
         if self._known:
             nearest = self._nearest(sights)
             found = posterior(nearest, sights, difference)
-            unknowns = nearest.linear.unknowns(found.change)
-            longest_mm = float(np.abs(unknowns).max())
-            if longest_mm < REACH_MM:
+            if found.longest_mm < REACH_MM:
                 return found
-            share = min(1.0, REACH_MM / longest_mm)
-            start = self.model.moved(nearest.linear.state, share * unknowns, share * found.change)
+            start = found.moved(REACH_MM / found.longest_mm)
         found, _ = fit_load(self.model, sights, difference, start)
         self._known = [*self._known[1 - _MOST :], found.response]
         return found

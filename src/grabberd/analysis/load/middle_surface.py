@@ -66,7 +66,7 @@ class MiddleSurfaces:
 
     def of(self, found: Posterior) -> MiddleSurface:
         """The middle surface of a wall that was fitted to its targets."""
-        control = found.settled()
+        control = found.control
         values = self._of_forms(_forms(Geometry.of(self._model.targets, control)), found.parameters)
         sigma = found.sigma(self._followers(found.response)).reshape(values.shape)
         change = (values - self._open).reshape(len(values), -1, 2)

@@ -143,6 +143,18 @@ class WallModel:
         return slice(0, self.half.grid.count)
 
     @property
+    def of_tube(self) -> slice:
+        """The liner's own values and the pressure difference."""
+        return self._tube
+
+    def tube_covariance(self, difference: Difference) -> Array:
+        """(4, 4) prior covariance of the liner's own values and of the pressure difference."""
+        covariance = np.zeros((TUBE_VALUES, TUBE_VALUES))
+        covariance[:-1, :-1] = self.tube_prior.covariance
+        covariance[-1, -1] = (difference.sigma_kpa * MPA_PER_KPA) ** 2
+        return covariance
+
+    @property
     def of_difference(self) -> slice:
         """The parameter that is the pressure difference."""
         return slice(self._tube.stop - 1, self._tube.stop)

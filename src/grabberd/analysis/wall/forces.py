@@ -16,7 +16,7 @@ class Forces:
 
     Attributes:
         rows: blocks of the unknowns.
-        fields: (R, 7 B, F, C) by the control values in each row of them, of the blocks from three before it on.
+        fields: (R, 7 B, F, C) by the control values of each row, in the blocks from three before it on.
         others: (n, Q).
     """
 

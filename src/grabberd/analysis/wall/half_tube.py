@@ -109,7 +109,7 @@ class Tangent:
         self._edges, self._members, self._order = edges, members, order
 
     def by_held(self, columns: sparse.csr_matrix) -> Array:
-        """(n, M) derivative by parameters that move control values on the cuts, `columns` (4 K, M) of them."""
+        """(n, M) derivative by parameters that move values on the cuts, `columns` (4 K, M) of them."""
         values = self._members[:, :, np.newaxis] * UNKNOWNS + np.arange(UNKNOWNS)
         product = self._edges @ columns.toarray()[values.reshape(-1, _PATCH)]
         unknowns = self._order[self._members].ravel()
@@ -240,7 +240,7 @@ class HalfTube:
         """
         fields, columns = work.shape[-1], self.grid.around.count
         bands = np.zeros((fields, self.rows.count, NEAR * self.rows.size, columns))
-        for slab, (patches, points) in enumerate(self._slabs()):
+        for slab, (_, points) in enumerate(self._slabs()):
             weighted = work[points] * self._weights[points, np.newaxis, np.newaxis, np.newaxis]
             each = _field_patches(self._by_point[points], weighted)
             for field, band in enumerate(bands):

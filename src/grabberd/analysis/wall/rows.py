@@ -66,7 +66,7 @@ class Rows:
         )
 
     def band(self) -> Array:
-        """(R, B, 7 B) matrix that holds what is held: each block beside those from three rows before it on."""
+        """(R, B, 7 B) matrix of what is held: by blocks, beside those from three rows before them on."""
         band = np.zeros((self.count, self.size, NEAR * self.size))
         row, place = self.held.nonzero()
         band[row, place, DEGREE * self.size + place] = 1.0
@@ -86,7 +86,7 @@ class Rows:
         rows += np.bincount(self._fields, weighted.ravel(), rows.size).reshape(rows.shape)
 
     def padded(self, right: Array) -> Array:
-        """((R + 6) B, M) what belongs to the unknowns (n, M), in blocks, with three of zeros before and after."""
+        """((R + 6) B, M) what belongs to the unknowns (n, M), in blocks; three of zeros before and after."""
         padded = np.zeros(((self.count + 2 * DEGREE) * self.size, right.shape[1]))
         padded[self.unknowns + DEGREE * self.size] = right
         return padded

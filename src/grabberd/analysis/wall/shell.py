@@ -125,7 +125,7 @@ class Work(NamedTuple):
 
     Attributes:
         resistance: (N, 6, 4) of the wall's stress.
-        units: (N, 6, 4, 4) of a pressure difference, a contact pressure and tractions round and along of 1 MPa.
+        units: (N, 6, 4, 4) of a pressure difference, a contact pressure and both tractions of 1 MPa.
     """
 
     resistance: Array

@@ -5,7 +5,8 @@ continuously differentiable, with one control point per interval and no rotation
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,10 +70,31 @@ class SplineAxis:
     def local(self, at: Array) -> Array:
         """(3, N, 4) values, first and second derivatives of the four splines at each position."""
         first = self.first(at)
-        members = first[:, np.newaxis] + np.arange(DEGREE + 1)
-        spline = BSpline(self.knots, np.eye(self.count), DEGREE)
-        dense = [spline(at), spline.derivative(1)(at), spline.derivative(2)(at)]
-        return np.stack([np.take_along_axis(one, members, axis=1) for one in dense])
+        pieces = _pieces(self.knots.tobytes())[first]
+        offset = at - self.knots[first + DEGREE]
+        powers = offset[:, np.newaxis] ** np.arange(DEGREE + 1)
+        found = []
+        for _ in range(3):
+            found.append(np.einsum("np,nps->ns", powers[:, : pieces.shape[1]], pieces))
+            pieces = pieces[:, 1:] * np.arange(1, pieces.shape[1])[:, np.newaxis]
+        return np.stack(found)
+
+
+@lru_cache(maxsize=16)
+def _pieces(knots: bytes) -> Array:
+    """(intervals, 4, 4) coefficients [interval, power, spline] of the four splines that live on each."""
+    at = np.frombuffer(knots)
+    count = len(at) - DEGREE - 1
+    starts = at[DEGREE:count]
+    spline, members = BSpline(at, np.eye(count), DEGREE), np.arange(DEGREE + 1)
+    powers = [
+        spline(starts, power)[
+            np.arange(len(starts))[:, np.newaxis], np.arange(len(starts))[:, np.newaxis] + members
+        ]
+        / factorial(power)
+        for power in range(DEGREE + 1)
+    ]
+    return np.stack(powers, axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +123,8 @@ class Basis:
 
     @cached_property
     def _derivatives(self) -> sparse.csr_matrix:
-        return sparse.vstack(self.matrices[1:], format="csr")
+        stacked: sparse.csr_matrix = sparse.vstack(self.matrices[1:], format="csr")
+        return stacked
 
     def by_control(self, by_values: Array) -> sparse.csr_matrix:
         """(N Q, 4 K) derivatives of Q quantities at each point by control values.
@@ -147,12 +170,15 @@ class SplineGrid:
     def basis(self, s_mm: Array, x_mm: Array) -> Basis:
         """Splines at points (N,) round and along."""
         around, along = self.around.local(s_mm), self.along.local(x_mm)
+        values = np.stack([np.einsum("ni,nj->nij", along[b], around[a]) for a, b in DERIVATIVES])
+        return Basis(self.members(s_mm, x_mm), values.reshape(*values.shape[:2], -1), self.count)
+
+    def members(self, s_mm: Array, x_mm: Array) -> Indices:
+        """(N, 16) numbers of the control points that matter at each point, along × round."""
         columns = self.around.first(s_mm)[:, np.newaxis] + np.arange(DEGREE + 1)
         rows = self.along.first(x_mm)[:, np.newaxis] + np.arange(DEGREE + 1)
         members = rows[:, :, np.newaxis] * self.around.count + columns[:, np.newaxis]
-        values = np.stack([np.einsum("ni,nj->nij", along[b], around[a]) for a, b in DERIVATIVES])
-        shape = (len(DERIVATIVES), len(s_mm), -1)
-        return Basis(members.reshape(shape[1:]), values.reshape(shape), self.count)
+        return members.reshape(len(members), -1)
 
     def quadrature(self) -> tuple[Array, Array, Array]:
         """Points (N,) round and along, and their weights (N,) in mm².
