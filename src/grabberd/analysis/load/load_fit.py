@@ -235,7 +235,7 @@ class Posterior:
         """
         model, groups = self.model, len(weights)
         g = basis.matrices[0] @ model.field(self.parameters, 0)
-        unit, variance = _unit_covariances(model, basis)[0], float(model.variances(self.difference)[0])
+        unit, variance = _unit_covariance(model, basis, 0), float(model.variances(self.difference)[0])
         prior = variance * np.diagonal(unit)
         whitened = self._whitened(variance * (self.response.at_points(basis, 0) @ self._directions.T))
         # Rounding must not leave a place that is very well known with no σ at all.
@@ -275,7 +275,7 @@ class Posterior:
     def _field_covariance(self, basis: Basis, index: int) -> Array:
         variance = self.model.variances(self.difference)[index * self.model.half.grid.count]
         seen = variance * (self.response.at_points(basis, index) @ self._directions.T)
-        return self._left(variance * _unit_covariances(self.model, basis)[index], seen)
+        return self._left(variance * _unit_covariance(self.model, basis, index), seen)
 
     def _left(self, prior: Array, seen: Array) -> Array:
         """(N, N) posterior covariance, from the prior one and that with the sights (N, M)."""
@@ -291,14 +291,12 @@ class Posterior:
 
 
 @lru_cache(maxsize=4)
-def _unit_covariances(model: WallModel, basis: Basis) -> list[Array]:
-    """(N, N) prior covariances of g and of both tractions at points of the wall, by `WallModel.spread`."""
-    at, count = basis.matrices[0], model.half.grid.count
-    columns = np.zeros((model.count, 3, at.shape[0]))
-    for index in range(3):
-        columns[index * count : (index + 1) * count, index] = at.T.toarray()
-    spread = model.spread(columns.reshape(model.count, -1)).reshape(columns.shape)
-    return [at @ spread[index * count : (index + 1) * count, index] for index in range(3)]
+def _unit_covariance(model: WallModel, basis: Basis, index: int) -> Array:
+    """(N, N) prior covariance of g (0) or a traction (1, 2) at points of the wall, by `WallModel.spread`."""
+    at = basis.matrices[0]
+    columns = np.zeros((3, *at.shape[::-1]))
+    columns[index] = at.T.toarray()
+    return np.asarray(at @ model.prior.spread(model.half.grid, columns)[index], np.float64)
 
 
 def posterior(response: Response, sights: Sights, difference: Difference) -> Posterior:

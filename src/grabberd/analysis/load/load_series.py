@@ -14,8 +14,8 @@ from grabberd.analysis.load.wall_model import State, WallModel
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
-_MOST = 6
-"""Linearised models kept, of some 15 MB each: enough for states in the order of the wall's departure."""
+_MOST = 2
+"""Linearised models kept, of 24 MB each: enough for states in the order of the wall's departure."""
 
 
 class LoadSeries:

@@ -1,14 +1,14 @@
 """The outer face of the wall in equilibrium, between its targets.
 
-It is sampled at a lattice over the targets' material coordinates and made a spline there. Its errors are those
-of the targets' places, and between them those of a smooth field that has these.
+It is sampled at a lattice over the targets' material coordinates and made a spline there. Its errors are
+those of the targets' places, and between them those of a smooth field that has these.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
@@ -18,9 +18,10 @@ from grabberd.analysis.load.target_places import TargetPlaces, Targets
 from grabberd.analysis.surface.face import is_within
 from grabberd.analysis.surface.modes import Domain, modes
 from grabberd.analysis.surface.smoothing import ROUND
-from grabberd.analysis.wall.splines import DEGREE, SplineAxis, SplineGrid
+from grabberd.analysis.wall.splines import SplineAxis, SplineGrid
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 _PER_PITCH = 2, 3
 """Intervals of the lattice to a pitch of targets, along and round."""
@@ -37,7 +38,7 @@ class OuterFace:
     Attributes:
         lattice: of the wall's model.
         control_mm: (K, 3) control values over the lattice.
-        target_covariance_mm2: (3 T, 3 T) of the targets' places, object's frame.
+        target_covariance_mm2: (3 T, 3 T) of the targets' places, in the liner's frame.
         supported: as in `Surface`; `misfit`; `problems`.
     """
 
@@ -59,24 +60,33 @@ class OuterFace:
 
     def places_mm(self, u_mm: Array, v_mm: Array) -> Estimate:
         """(N, 3) points X, each with σ."""
-        rows = self.lattice.derivatives(u_mm, v_mm, 1)
-        by_targets, covariance = rows @ self.lattice.by_targets, self.target_covariance_mm2
-        own = (covariance[axis::3, axis::3] for axis in range(3))
-        variance = np.stack([((by_targets @ one) * by_targets).sum(axis=1) for one in own], axis=1)
-        return Estimate(rows @ self.control_mm, np.sqrt(np.maximum(variance, 0.0)))
+        values, members = self.lattice.splines(u_mm, v_mm, 1)
+        by_targets = (values @ self.lattice.by_targets[members])[:, 0]
+        blocks = self.target_covariance_mm2.reshape(-1, 3, len(self.target_covariance_mm2) // 3, 3)
+        of_axes = np.einsum("nt,atbu->abnu", by_targets, blocks.transpose(1, 0, 3, 2), optimize=True)
+        covariance = np.einsum("abnu,nu->nab", of_axes, by_targets)
+        axes = self.lattice.axes
+        variance = np.einsum("ac,nab,bc->nc", axes, covariance, axes, optimize=True)
+        places = (values @ self.control_mm[members])[:, 0]
+        return Estimate(places, np.sqrt(np.maximum(variance, 0.0)))
 
     def tangents(self, u_mm: Array, v_mm: Array) -> Array:
         """(N, 3, 3) X, X_u, X_v."""
-        tangents: Array = self.lattice.derivatives(u_mm, v_mm) @ self.control_mm
-        return tangents.reshape(-1, 3, 3)
+        values, members = self.lattice.splines(u_mm, v_mm, 3)
+        tangents: Array = values @ self.control_mm[members]
+        return tangents
 
     def covariance(self, weights: Array, u_mm: Array, v_mm: Array) -> Array:
         """(k, k) covariance of sums over positions of X, X_u, X_v with weights (k, N, at most 3, 3)."""
         count, places, derivatives, _ = weights.shape
-        rows = self.lattice.derivatives(u_mm, v_mm, derivatives)
-        flat = weights.transpose(1, 2, 0, 3).reshape(places * derivatives, -1)
-        by_targets = self.lattice.by_targets.T @ (rows.T @ flat)
-        gradient = by_targets.reshape(-1, count, 3).transpose(1, 0, 2).reshape(count, -1)
+        values, members = self.lattice.splines(u_mm, v_mm, derivatives)
+        each = values.transpose(0, 2, 1) @ weights.transpose(1, 2, 0, 3).reshape(places, derivatives, -1)
+        flat, size = members.ravel(), len(self.control_mm)
+        columns = each.reshape(-1, 3 * count).T
+        by_lattice = np.stack([np.bincount(flat, column, size) for column in columns], axis=1)
+        by_targets = self.lattice.by_targets.T @ by_lattice
+        gradient = by_targets.reshape(-1, count, 3).transpose(1, 0, 2) @ self.lattice.axes.T
+        gradient = gradient.reshape(count, -1)
         covariance: Array = gradient @ self.target_covariance_mm2 @ gradient.T
         return covariance
 
@@ -87,6 +97,7 @@ class FaceLattice:
     Attributes:
         domain: the grid of targets.
         by_targets: (K, T) control values over the lattice of a smooth field by its values at the targets.
+        axes: (3, 3) rows: the liner's axes in the object's frame.
     """
 
     def __init__(self, grid: Grid, mounting: Mounting) -> None:
@@ -103,7 +114,7 @@ class FaceLattice:
         self._spline = np.linalg.inv(self._grid.basis(nodes[1], nodes[0]).matrices[0].toarray())
         smooth = _smooth(self.domain, (grid.u_mm, grid.v_mm), nodes)
         self.by_targets = self._spline @ smooth
-        self._mounting = mounting
+        self._mounting, self.axes = mounting, mounting.axes
         tube, targets = mounting.half.tube, mounting.targets
         # A lattice that reaches beyond the ends or the cuts ends there.
         end_s_mm, end_x_mm = np.pi / 2 * tube.radius_mm - _SMALL, tube.length_mm / 2 - _SMALL
@@ -119,23 +130,26 @@ class FaceLattice:
         half = model.half.of(model.tube(found.parameters))
         places_mm = mounting.origin_mm + self._places.places_mm(half, found.control) @ mounting.axes
         covariance = found.places_covariance(mounting.shared_mm2)
-        size = len(covariance)
-        turned = (covariance.reshape(-1, 3) @ mounting.axes).reshape(size, size).T
-        turned = (turned.reshape(-1, 3) @ mounting.axes).reshape(size, size)
         misfit = float(found.outlying.sum()) / len(found.sights)
-        return OuterFace(self, self._spline @ places_mm, turned, supported, misfit, problems)
+        return OuterFace(self, self._spline @ places_mm, covariance, supported, misfit, problems)
 
-    def derivatives(self, u_mm: Array, v_mm: Array, count: int = 3) -> sparse.csr_matrix:
-        """(N count, K) values, derivatives by u and by v, as many as are wanted, by the control values."""
-        along, around = self._grid.along.local(u_mm), self._grid.around.local(v_mm)
-        parts = ((0, 0), (1, 0), (0, 1))[:count]
-        values = np.stack([np.einsum("ni,nj->nij", along[a], around[b]) for a, b in parts], axis=1)
-        members = self._grid.members(v_mm, u_mm)
-        size = (DEGREE + 1) ** 2
-        columns = np.broadcast_to(members[:, np.newaxis], (len(members), count, size))
-        starts = np.arange(len(members) * count + 1) * size
-        shape = (len(members) * count, self._grid.count)
-        return sparse.csr_matrix((values.ravel(), columns.ravel(), starts), shape=shape)
+    def splines(self, u_mm: Array, v_mm: Array, count: int) -> tuple[Array, Indices]:
+        """Values, derivatives by u and by v, as many as are wanted, of the splines that matter.
+
+        Returns:
+            (N, count, 16), and (N, 16) numbers of their control points.
+        """
+        return _splines(self._grid, u_mm.tobytes(), v_mm.tobytes(), count)
+
+
+@lru_cache(maxsize=32)
+def _splines(grid: SplineGrid, u_mm: bytes, v_mm: bytes, count: int) -> tuple[Array, Indices]:
+    """As in `FaceLattice`; kept, because areas and targets ask for the same places at every field."""
+    u, v = np.frombuffer(u_mm), np.frombuffer(v_mm)
+    along, around = grid.along.local(u), grid.around.local(v)
+    parts = ((0, 0), (1, 0), (0, 1))[:count]
+    values = [along[a][:, :, np.newaxis] * around[b][:, np.newaxis] for a, b in parts]
+    return np.stack(values, axis=1).reshape(len(u), count, -1), grid.members(v, u)
 
 
 def _smooth(domain: Domain, targets: tuple[Array, Array], nodes: tuple[Array, Array]) -> Array:

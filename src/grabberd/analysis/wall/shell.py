@@ -63,11 +63,11 @@ class Geometry:
     def at(cls, values: Array) -> "Geometry":
         """Geometry of the five derivatives (5, N, 4) of x, y, z, s."""
         tangents, second = values[:2, :, :3], values[2:, :, :3]
-        across = np.cross(tangents[1], tangents[0])
+        across = _cross(tangents[1], tangents[0])
         area = np.sqrt(_dot(across, across))
         normal = across / area[:, np.newaxis]
         # a¹ = n × a₂ / area and a² = a₁ × n / area, because a₂ × a₁ = area · n.
-        dual = np.stack([np.cross(normal, tangents[1]), np.cross(tangents[0], normal)])
+        dual = np.stack([_cross(normal, tangents[1]), _cross(tangents[0], normal)])
         dual /= area[:, np.newaxis]
         return cls(tangents, second, dual, normal, area, values[:2, :, 3], values[2:, :, 3])
 
@@ -264,7 +264,7 @@ def inner_area(forms: Forms, depth_mm: Array) -> Array:
 def _directions(geometry: Geometry) -> Array:
     """(2, N, 3) unit vectors in the surface, round the wall and across that."""
     first = geometry.tangents[0] / np.linalg.norm(geometry.tangents[0], axis=1, keepdims=True)
-    return np.stack([first, np.cross(first, geometry.normal)])
+    return np.stack([first, _cross(first, geometry.normal)])
 
 
 def _sandwiched(by_values: Array, material: Array) -> Array:
@@ -307,6 +307,12 @@ def _crossing(vectors: Array) -> Array:
     zero = np.zeros_like(x)
     rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def _cross(one: Array, other: Array) -> Array:
+    """(N, 3) products: several times faster than numpy's, which takes any shape."""
+    (a, b, c), (d, e, f) = one.T, other.T
+    return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
 
 
 def _dot(one: Array, other: Array) -> Array:

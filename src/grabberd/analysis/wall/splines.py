@@ -64,37 +64,33 @@ class SplineAxis:
 
     def first(self, at: Array) -> Indices:
         """(N,) index of the first of the four control points that matter at each position."""
-        interval = np.searchsorted(self.knots, at, side="right") - 1
-        return np.clip(interval, DEGREE, self.count - 1) - DEGREE
+        step = self.knots[DEGREE + 1] - self.knots[DEGREE]
+        interval = np.floor((at - self.knots[0]) / step)
+        first: Indices = np.clip(interval, 0, self.count - DEGREE - 1).astype(np.intp)
+        return first
 
     def local(self, at: Array) -> Array:
         """(3, N, 4) values, first and second derivatives of the four splines at each position."""
         first = self.first(at)
-        pieces = _pieces(self.knots.tobytes())[first]
         offset = at - self.knots[first + DEGREE]
-        powers = offset[:, np.newaxis] ** np.arange(DEGREE + 1)
-        found = []
-        for _ in range(3):
-            found.append(np.einsum("np,nps->ns", powers[:, : pieces.shape[1]], pieces))
-            pieces = pieces[:, 1:] * np.arange(1, pieces.shape[1])[:, np.newaxis]
-        return np.stack(found)
+        powers = np.stack([np.ones_like(offset), offset, offset**2, offset**3])
+        local: Array = np.einsum("pn,npds->dns", powers, _pieces(self.knots.tobytes())[first])
+        return local
 
 
 @lru_cache(maxsize=16)
 def _pieces(knots: bytes) -> Array:
-    """(intervals, 4, 4) coefficients [interval, power, spline] of the four splines that live on each."""
+    """(intervals, 4, 3, 4) coefficients [interval, power, derivative, spline] of the splines there."""
     at = np.frombuffer(knots)
     count = len(at) - DEGREE - 1
-    starts = at[DEGREE:count]
-    spline, members = BSpline(at, np.eye(count), DEGREE), np.arange(DEGREE + 1)
-    powers = [
-        spline(starts, power)[
-            np.arange(len(starts))[:, np.newaxis], np.arange(len(starts))[:, np.newaxis] + members
-        ]
-        / factorial(power)
-        for power in range(DEGREE + 1)
-    ]
-    return np.stack(powers, axis=1)
+    interval = np.arange(count - DEGREE)[:, np.newaxis]
+    spline, members = BSpline(at, np.eye(count), DEGREE), interval + np.arange(DEGREE + 1)
+    pieces = np.zeros((len(interval), DEGREE + 1, 3, DEGREE + 1))
+    for order in range(DEGREE + 1):
+        slopes = spline(at[DEGREE:count], order)[interval, members]
+        for derivative in range(min(order + 1, 3)):
+            pieces[:, order - derivative, derivative] = slopes / factorial(order - derivative)
+    return pieces
 
 
 @dataclass(frozen=True, eq=False)
