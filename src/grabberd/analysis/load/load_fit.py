@@ -169,7 +169,7 @@ class Posterior:
 
     @property
     def longest_mm(self) -> float:
-        """Of that movement."""
+        """Longest part of that movement."""
         return float(np.abs(self.unknowns).max())
 
     def moved(self, share: float = 1.0) -> State:

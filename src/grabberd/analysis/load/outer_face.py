@@ -144,7 +144,7 @@ class FaceLattice:
 
 @lru_cache(maxsize=32)
 def _splines(grid: SplineGrid, u_mm: bytes, v_mm: bytes, count: int) -> tuple[Array, Indices]:
-    """As in `FaceLattice`; kept, because areas and targets ask for the same places at every field."""
+    """Splines as in `FaceLattice`; kept, because areas and targets ask for the same places at every field."""
     u, v = np.frombuffer(u_mm), np.frombuffer(v_mm)
     along, around = grid.along.local(u), grid.around.local(v)
     parts = ((0, 0), (1, 0), (0, 1))[:count]

@@ -1,4 +1,4 @@
-"""What areas, sections and volumes need of the wall's outer face, and where data support it."""
+"""Outer face of the wall as areas, sections and volumes need it, and where data support it."""
 
 from typing import Protocol
 

@@ -179,7 +179,7 @@ def _without_outliers(grid: Grid, field: _Field, smoothing: Smoothing) -> tuple[
 
 
 def left_out_problems(grid: Grid, left_out: Sequence[int]) -> tuple[str, ...]:
-    """What is said of targets (indices in the grid) that the others contradict; nothing without any."""
+    """Sentence about targets (indices in the grid) that the others contradict; none without any."""
     if not left_out:
         return ()
     names = ", ".join(str(grid.target[index]) for index in sorted(left_out))

@@ -1,4 +1,4 @@
-"""What parameters of the wall, above all the fields of its load, do to its unknowns."""
+"""Forces on the wall's unknowns by its parameters, above all by the fields of its load."""
 
 from dataclasses import dataclass
 
