@@ -62,11 +62,9 @@ class OuterFace:
         """(N, 3) points X, each with σ."""
         values, members = self.lattice.splines(u_mm, v_mm, 1)
         by_targets = (values @ self.lattice.by_targets[members])[:, 0]
-        blocks = self.target_covariance_mm2.reshape(-1, 3, len(self.target_covariance_mm2) // 3, 3)
-        of_axes = np.einsum("nt,atbu->abnu", by_targets, blocks.transpose(1, 0, 3, 2), optimize=True)
-        covariance = np.einsum("abnu,nu->nab", of_axes, by_targets)
-        axes = self.lattice.axes
-        variance = np.einsum("ac,nab,bc->nc", axes, covariance, axes, optimize=True)
+        by_axes = [np.kron(by_targets, axis) for axis in self.lattice.axes.T]
+        variances = [((one @ self.target_covariance_mm2) * one).sum(axis=1) for one in by_axes]
+        variance = np.stack(variances, axis=1)
         places = (values @ self.control_mm[members])[:, 0]
         return Estimate(places, np.sqrt(np.maximum(variance, 0.0)))
 

@@ -133,8 +133,9 @@ class Work(NamedTuple):
 
     def unbalanced(self, load: Load) -> Array:
         """(N, 6, 4) work of a load less that of the stress."""
-        loaded: Array = (self.units @ load.by_units()[:, np.newaxis, :, np.newaxis])[..., 0]
-        return loaded - self.resistance
+        loaded = self.units.reshape(-1, _SIZE, UNIT_LOADS) @ load.by_units()[..., np.newaxis]
+        unbalanced: Array = loaded.reshape(self.resistance.shape) - self.resistance
+        return unbalanced
 
 
 class Shell:

@@ -112,7 +112,8 @@ def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
     side = places.xyz_mm[edges[:, 1]] - places.xyz_mm[edges[:, 0]]
     length = np.linalg.norm(side, axis=1)
     unit = side / length[:, None]
-    return length, np.einsum("ki,keij,kj->k", unit, places.covariance_mm2[edges], unit, optimize=True)
+    ends = places.covariance_mm2[edges].sum(axis=1)
+    return length, ((ends @ unit[..., np.newaxis])[..., 0] * unit).sum(axis=1)
 
 
 def _whole(parts: NDArray[np.intp], places: Places, reference: Places) -> NDArray[np.intp]:
@@ -141,5 +142,6 @@ def _variance(by_sides: Array, stretches: Array, covariance_mm2: Array) -> Array
     thinned = -(by_sides / stretches[..., np.newaxis, np.newaxis]).sum(axis=1, keepdims=True)
     slopes = np.concatenate([by_sides, thinned / stretches.prod(axis=1)[:, None, None, None]], axis=1)
     by_corners = np.concatenate([-slopes.sum(axis=2, keepdims=True), slopes], axis=2)
-    variance: Array = np.einsum("kqci,kcij,kqcj->kq", by_corners, covariance_mm2, by_corners, optimize=True)
+    apart = by_corners.transpose(0, 2, 1, 3)  # [triangle, corner, quantity, axis]
+    variance: Array = ((apart @ covariance_mm2) * apart).sum(axis=(1, 3))
     return variance

@@ -55,8 +55,8 @@ _WALL = (
     _number("load_misfit", "1", "misfit of points and wall in equilibrium; .3 to 1.2 is usual, 2 refused"),
     _text(
         "method",
-        "where shape, strain and tension are from: equilibrium, the wall that explains the targets, or smooth, "
-        "a surface through them, which knows little of a closed wall between and beside its columns",
+        "where shape, strain and tension are from: equilibrium, the wall that explains the targets, or "
+        "smooth, a surface through them, which knows little of a closed wall between and beside its columns",
     ),
     _number("misfit", "1", "weighted square of the points' departure from the outer face by its expectation"),
 )
