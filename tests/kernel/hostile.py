@@ -82,7 +82,18 @@ def main():
                 measure_grey(KERNEL, packed, wanted)
     for one in (model(), grid(520)):
         look_for(rng, one)
+    for count in (0, 1, 7):
+        bend(rng, count)
     print("no harm")
+
+
+def bend(rng, count):
+    """Walls that may be anything, in buffers with no room to spare."""
+    for scale in (1e-300, 1.0, 1e300, np.nan):
+        values, rest = scale * rng.normal(size=(5, count, 4)), rng.normal(size=(7, count))
+        contact, stiffness = rng.normal(size=count), np.empty((count, 24, 24))
+        KERNEL.wall_forces(values, rest, 1.0, np.empty((count, 6, 4)), np.empty((count, 6, 4, 4)))
+        KERNEL.wall_stiffness(values, rest, 1.0, 0.03, contact, stiffness)
 
 
 def look_for(rng, liner):

@@ -93,6 +93,11 @@ def test_arrays_that_are_too_short_are_refused():
         KERNEL.whole(some, some, some, some, np.zeros(9, np.bool_), 0, 9, np.zeros(45))
     with pytest.raises(ValueError, match="do not belong together"):
         KERNEL.agree(world, *[some] * 7, some)
+    values, rest = np.zeros((5, 2, 4)), np.zeros((7, 2))
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.wall_forces(values[:, :1].copy(), rest, 1.0, np.zeros((2, 6, 4)), np.zeros((2, 6, 4, 4)))
+    with pytest.raises(ValueError, match="do not belong together"):
+        KERNEL.wall_stiffness(values, rest, 1.0, 0.0, np.zeros(1), np.zeros((2, 24, 24)))
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from grabberd.analysis.load.empty_ramp import LinerValues, liner_values
 from grabberd.analysis.load.load_prior import Difference
 from grabberd.analysis.load.middle_surface import MiddleSurface
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
-from grabberd.analysis.load.pressure_model import UNSEEN, PressureModel
+from grabberd.analysis.load.pressure_model import UNSEEN, PressureModel, SettledWall
 from grabberd.analysis.load.ramp_levels import RampLevel
 from grabberd.analysis.load.touch import Touch, first_touch
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
@@ -17,7 +17,8 @@ from grabberd.analysis.pulsation.pulsation import Pulsation, fit_pulsation
 from grabberd.analysis.pulsation.variation import Variation, variation
 from grabberd.analysis.pulsation.waveform import Waveform
 from grabberd.analysis.surface.area import Area, surface_area
-from grabberd.analysis.surface.fitting import choose_smoothing, fit_surface
+from grabberd.analysis.surface.face import Face, supported_places
+from grabberd.analysis.surface.fitting import choose_smoothing, fit_surface, left_out_problems, possible
 from grabberd.analysis.surface.free_surface import Height, Tube, fit_free_surface, free_shape
 from grabberd.analysis.surface.jets import ORDERS, Jets, index
 from grabberd.analysis.surface.mesh import PER_PITCH, Mesh, middles
@@ -59,6 +60,7 @@ __all__ = [
     "Difference",
     "EdgeStrain",
     "Estimate",
+    "Face",
     "Forms",
     "Grid",
     "Height",
@@ -83,6 +85,7 @@ __all__ = [
     "RampLevel",
     "Raster",
     "Section",
+    "SettledWall",
     "Smoothing",
     "Strain",
     "Surface",
@@ -114,6 +117,7 @@ __all__ = [
     "index",
     "iso_phases",
     "lacking",
+    "left_out_problems",
     "liner_values",
     "middle_forms",
     "middles",
@@ -122,11 +126,13 @@ __all__ = [
     "outer_places",
     "outer_strain",
     "phase_average",
+    "possible",
     "propagate",
     "read_vacuum_log",
     "read_zones",
     "section",
     "sections",
+    "supported_places",
     "surface_area",
     "symmetry_plane",
     "synthetic_view",

@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """Anything with contiguous memory: an array, a ctypes structure, bytes."""
-LAYOUT = 2
+LAYOUT = 3
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS = range(6)
@@ -42,6 +42,23 @@ class Kernel(Protocol):
 
     def agree(self, world: Buffer, /, *arguments: Buffer) -> int:
         """Check that targets agree with one another, and compute the positions of all."""
+
+    def wall_forces(
+        self, values: Buffer, rest: Buffer, shear_mpa: float, resistance: Buffer, units: Buffer, /
+    ) -> None:
+        """Compute the resistance of a thick wall at points, and the work of unit loads."""
+
+    def wall_stiffness(
+        self,
+        values: Buffer,
+        rest: Buffer,
+        shear_mpa: float,
+        difference_mpa: float,
+        contact_mpa: Buffer,
+        stiffness: Buffer,
+        /,
+    ) -> None:
+        """Compute the stiffness of a loaded thick wall at points."""
 
 
 def load(name: str = "grabberd.kernel._kernel") -> Kernel | None:

@@ -108,7 +108,7 @@ def test_sums_over_points_have_the_covariance_of_the_points():
     found = posterior(response, sights, Difference(5.0, 0.5))
     basis = wall.half.grid.basis(np.linspace(-15.0, 15.0, 40), np.linspace(-60.0, 60.0, 40))
     weights = np.random.default_rng(0).normal(size=(3, 40))
-    sums = found.contact_sums(basis, wall.prior.variance_shares(wall.half.grid, basis), weights)
+    sums = found.contact_sums(basis, weights[np.newaxis])
     value, covariance = found.contact_kpa(basis)
     assert np.allclose(sums.value, weights @ value)
     assert np.allclose(sums.covariance, weights @ covariance @ weights.T)

@@ -84,8 +84,10 @@ def test_a_field_s_values_do_not_depend_on_the_fields_that_came_before(case):
         assert np.array_equal(one.sigma, other.sigma)
 
 
-def test_they_follow_each_parameter_as_the_settled_wall_does(case):
+def test_they_follow_each_parameter_as_the_settled_wall_does():
     """σ rests on these derivatives: here against walls that were settled anew under a changed parameter."""
+    # By itself: a state that other tests have linearised may be too far from equilibrium for whole steps.
+    case = Case("reference-round")
     state = settled(case.model, case.fitted(14.0).linear.state)
     response = Response.of(case.model, state)
     by = case.middles._by_parameters(response)

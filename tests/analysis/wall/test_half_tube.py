@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.wall.half_tubes import SolvedWall, load, outer_face, settled
+from grabberd.analysis.wall.forces import Forces
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.shell import Load
 from grabberd_fake.wall_states import wall_states
@@ -109,8 +110,8 @@ def test_a_long_thin_tube_buckles_at_3d_over_r_cubed(thickness_mm):
     tube = MountedTube(12.5, 0.0, 2000.0, thickness_mm, 3.0, 0.0)
     half = HalfTube(tube, arcs=12, slabs=20)
     critical_mpa = 3 * (SHEAR * thickness_mm**3 / 3) / 12.5**3
-    oval = half.shell.contact_force(half.mounted) * np.cos(2 * half.s_mm / 12.5)[:, np.newaxis, np.newaxis]
-    push = half.cuts.free.T @ half.shell.gathered(oval[..., np.newaxis]).ravel()
+    units = half.shell.work(half.mounted).units[..., 1:2]
+    push = half.gathered(units * np.cos(2 * half.s_mm / 12.5)[:, np.newaxis, np.newaxis, np.newaxis])[:, 0]
 
     def stiffness(share: float) -> float:
         under = load(half, share * critical_mpa)
@@ -176,11 +177,13 @@ def test_cuts_that_move_load_the_wall_by_the_tangent_of_what_is_held(coarse, ben
 def test_fields_of_load_act_as_their_values_do(coarse, bent):
     fields = 0.01 * np.random.default_rng(5).normal(size=(3, coarse.grid.count))
     shell = coarse.shell
-    work = np.stack([shell.contact_force(bent), *shell.traction_force(bent)], axis=-1)
+    forces = Forces(
+        coarse.rows, coarse.by_fields(shell.work(bent).units[..., 1:]), np.zeros((coarse.cuts.count, 0))
+    )
     contact, around, along = (shell.basis.of(field) for field in fields)
     loaded = coarse.residual(bent, Load(0.0, contact, np.stack([around, along])))
     expected = loaded - coarse.residual(bent, load(coarse, 0.0))
-    assert coarse.by_fields(work) @ fields.ravel() == pytest.approx(expected, abs=1e-10)
+    assert forces.of(fields.ravel()) == pytest.approx(expected, abs=1e-10)
 
 
 @pytest.fixture(scope="module")

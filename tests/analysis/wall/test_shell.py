@@ -186,8 +186,7 @@ def test_traction_works_on_the_movement_of_the_inner_face(direction):
 def test_unit_loads_add_up_to_the_force():
     traction = np.stack([0.01 * np.sin(S), 0.02 * np.cos(X)])
     load = Load(0.0, PRESSED.contact_mpa, traction)
-    work = np.einsum("n,ndc->ndc", load.contact_mpa, SHELL.contact_force(DEFORMED))
-    work += np.einsum("an,andc->ndc", traction, SHELL.traction_force(DEFORMED))
+    work = np.einsum("ndcl,nl->ndc", SHELL.work(DEFORMED).units, load.by_units())
     expected = SHELL.force(DEFORMED, load) - SHELL.force(DEFORMED, FREE)
     assert SHELL.gathered(work[..., np.newaxis])[..., 0] == pytest.approx(expected, abs=1e-10)
 

@@ -7,18 +7,18 @@ likewise.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.linalg import LinAlgError, cho_factor, cho_solve, solve_triangular
+from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
 
 from grabberd.analysis.estimate import Joint
 from grabberd.analysis.load.load_prior import MPA_PER_KPA, Difference
 from grabberd.analysis.load.sights import Sights
-from grabberd.analysis.load.wall_model import TUBE_VALUES, Linearised, State, WallModel
+from grabberd.analysis.load.wall_model import Linearised, State, WallModel
 from grabberd.analysis.wall.splines import Basis
 from grabberd.errors import AnalysisError
 
@@ -94,17 +94,26 @@ class Response:
     linear: Linearised
     spread: Array
     _covariance: "_Parts"
+    _at_points: dict[tuple[Basis, int], Array]
 
     @classmethod
     def of(cls, model: WallModel, state: State) -> "Response":
         """The response about a state."""
         linear = model.linearised(state)
         spread = model.spread(linear.by_parameters.T)
-        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread))
+        return cls(model, linear, spread, _Parts.of(model, linear.by_parameters, spread), {})
 
     def covariance_mm2(self, difference: Difference) -> Array:
         """(3 T, 3 T) prior covariance of the places."""
         return self._covariance.sum(self.model, difference)
+
+    def at_points(self, basis: Basis, index: int) -> Array:
+        """(N, 3 T) rows of `spread` of g (0) or a traction (1, 2), at points of the wall; kept."""
+        if (basis, index) not in self._at_points:
+            count = self.model.half.grid.count
+            at_points = basis.matrices[0] @ self.spread[index * count : (index + 1) * count]
+            self._at_points[basis, index] = at_points
+        return self._at_points[basis, index]
 
     def followers(self, by_parameters: Array) -> "Followers":
         """Quantities (Q, P) that depend on the parameters as the places do."""
@@ -116,7 +125,7 @@ class Response:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Posterior:
     """The load given the sights, by a model linearised near it.
 
@@ -125,14 +134,17 @@ class Posterior:
         difference: pressure difference that was given.
         parameters: (P,) the most probable ones.
         j: misfit of sights and prior per sight, about .3–.9; above 2 they contradict each other.
+        sights: what was seen.
     """
 
     response: Response
     difference: Difference
     parameters: Array
     j: float
+    sights: Sights
     _directions: sparse.csr_matrix
     _factor: tuple[Array, bool]
+    _weighted: Array
 
     @property
     def model(self) -> WallModel:
@@ -150,12 +162,54 @@ class Posterior:
         change: Array = self.parameters - self.linear.state.parameters
         return change
 
+    @cached_property
+    def unknowns(self) -> Array:
+        """(n,) movement of the wall's unknowns from the linearised state."""
+        return self.linear.unknowns(self.change)
+
+    @property
+    def longest_mm(self) -> float:
+        """Longest part of that movement."""
+        return float(np.abs(self.unknowns).max())
+
+    def moved(self, share: float = 1.0) -> State:
+        """The linearised state moved by a share of the way to the most probable wall."""
+        return self.model.moved(self.linear.state, share * self.unknowns, share * self.change)
+
+    @cached_property
+    def control(self) -> Array:
+        """(K, 4) control values of the most probable wall."""
+        return self.moved().control
+
     @property
     def places_mm(self) -> Array:
         """(T, 3) targets."""
         moved = self.linear.by_parameters @ self.change
         places: Array = self.linear.places_mm + moved.reshape(-1, 3)
         return places
+
+    def places_covariance(self, shared_mm2: Array) -> Array:
+        """(3 T, 3 T) of the targets' places, the model's error and the part shared by all states included."""
+        prior = self.response.covariance_mm2(self.difference) + shared_mm2
+        prior[np.diag_indices_from(prior)] += self.model.prior.model_mm(self.difference.kpa) ** 2
+        return self._left(prior, (self._directions @ prior).T)
+
+    @cached_property
+    def outlying(self) -> Array:
+        """(T,) χ² of each target's distance from where all others say it is; 0 for one that was not seen."""
+        inverse, _ = lapack.dpotri(self._factor[0], lower=True)
+        distance = np.zeros(len(self.linear.places_mm))
+        seen, count = np.unique(self.sights.target, return_counts=True)
+        order = np.split(np.argsort(self.sights.target, kind="stable"), np.cumsum(count)[:-1])
+        for components in np.unique(count):
+            rows = np.stack([one for one in order if len(one) == components])
+            low, high = np.sort(
+                np.stack(np.broadcast_arrays(rows[:, :, np.newaxis], rows[:, np.newaxis])), axis=0
+            )
+            pull = self._weighted[rows]
+            prediction = np.linalg.solve(inverse[high, low], pull[..., np.newaxis])[..., 0]
+            distance[seen[count == components]] = (pull * prediction).sum(axis=1)
+        return distance
 
     def contact_kpa(self, basis: Basis) -> tuple[Array, Array]:
         """Median contact pressure at points of the wall (N,), and its covariance (N, N) in kPa²."""
@@ -167,53 +221,44 @@ class Posterior:
         scale = self.model.prior.spread_mpa(g, sigma) / sigma
         return pressure / MPA_PER_KPA, covariance * np.outer(scale, scale) / MPA_PER_KPA**2
 
-    def contact_sums(self, basis: Basis, shares: Array, weights: Array) -> Joint:
-        """Sums of the contact pressure at points of the wall, with their covariance.
+    def contact_sums(self, basis: Basis, weights: Array) -> Joint:
+        """Sums of the contact pressure over groups of points of the wall, with their covariance.
 
         Much cheaper than the covariance of all the points.
 
         Args:
-            basis: at N points.
-            shares: (N,) `LoadPrior.variance_shares` there.
-            weights: (S, N) weight of each point in each sum, per kPa.
-        """
-        at, model = basis.matrices[0], self.model
-        g = at @ model.field(self.parameters, 0)
-        variance, whitened = float(model.variances(self.difference)[0]), self._whitened()
-        prior = variance * shares
-        # Rounding must not leave a place that is very well known with no σ at all.
-        sigma = np.sqrt(np.maximum(prior - ((at @ whitened) ** 2).sum(axis=1), 1e-6 * prior))
-        pressure, _ = model.prior.contact_mpa(g)
-        scale = model.prior.spread_mpa(g, sigma) / sigma
-        rows = sparse.csr_matrix((weights * scale) @ at)
-        seen = rows @ whitened
-        covariance = variance * (rows @ _unit_covariance_of_load(model) @ rows.T) - seen @ seen.T
-        return Joint(weights @ pressure / MPA_PER_KPA, covariance / MPA_PER_KPA**2)
+            basis: at G Q points, group after group.
+            weights: (G, S, Q) weight of each of a group's points in its S sums, per kPa.
 
-    def _whitened(self) -> Array:
-        """(K, M) of g's control values; its square is the variance that the sights take away."""
-        factor, lower = self._factor
-        of_load = self.model.of_load
-        factors = self.model.variances(self.difference)[of_load, np.newaxis]
-        seen = (factors * self.response.spread[of_load]) @ self._directions.T
-        whitened: Array = solve_triangular(factor, seen.T, lower=lower).T
-        return whitened
+        Returns:
+            G S sums.
+        """
+        model, groups = self.model, len(weights)
+        g = basis.matrices[0] @ model.field(self.parameters, 0)
+        unit, variance = _unit_covariance(model, basis, 0), float(model.variances(self.difference)[0])
+        prior = variance * np.diagonal(unit)
+        whitened = self._whitened(variance * (self.response.at_points(basis, 0) @ self._directions.T))
+        # Rounding must not leave a place that is very well known with no σ at all.
+        sigma = np.sqrt(np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-6 * prior))
+        pressure, _ = model.prior.contact_mpa(g)
+        scaled = weights * (model.prior.spread_mpa(g, sigma) / sigma).reshape(groups, 1, -1)
+        half = (scaled @ unit.reshape(groups, scaled.shape[2], -1)).reshape(-1, *scaled.shape[::2])
+        known = (
+            (half.transpose(1, 0, 2) @ scaled.transpose(0, 2, 1)).transpose(1, 0, 2).reshape(len(half), -1)
+        )
+        seen = scaled @ whitened.T.reshape(groups, scaled.shape[2], -1)
+        seen = seen.reshape(len(half), -1)
+        values = (weights @ pressure.reshape(groups, -1, 1)).ravel()
+        return Joint(values / MPA_PER_KPA, (variance * known - seen @ seen.T) / MPA_PER_KPA**2)
 
     def sigma(self, followers: Followers) -> Array:
         """(Q,) σ of quantities of the wall that was linearised."""
-        seen = followers.cross.sum(self.model, self.difference) @ self._directions.T
-        factor, lower = self._factor
-        whitened = solve_triangular(factor, seen.T, lower=lower)
+        whitened = self._whitened(followers.cross.sum(self.model, self.difference) @ self._directions.T)
         prior = followers.variance.sum(self.model, self.difference)
         # Rounding must not leave what is very well known with no σ at all.
         left = np.maximum(prior - (whitened * whitened).sum(axis=0), 1e-9 * prior)
         sigma: Array = np.sqrt(left)
         return sigma
-
-    def settled(self) -> Array:
-        """(K, 4) control values of the most probable wall."""
-        state, change = self.linear.state, self.change
-        return self.model.moved(state, self.linear.unknowns(change), change).control
 
     def traction_kpa(self, basis: Basis, along: bool) -> tuple[Array, Array]:
         """Friction on the inner face (N,), round the wall or along it, and its covariance (N, N) in kPa²."""
@@ -222,47 +267,36 @@ class Posterior:
 
     def tube_values(self) -> tuple[Array, Array]:
         """Changes of ln E, ln t, ln F₀, and the pressure difference in MPa (4,); covariance (4, 4)."""
-        start = 3 * self.model.half.grid.count
-        part = slice(start, start + TUBE_VALUES)
-        rows = np.zeros((self.model.count, TUBE_VALUES))
-        rows[part] = np.eye(TUBE_VALUES)
-        prior = self.model.variances(self.difference)[part, np.newaxis] * self.model.spread(rows)[part]
-        one = sparse.identity(TUBE_VALUES, format="csr")
-        return self.model.tube_values(self.parameters), self._covariance(one, part, prior)
+        part, factors = self.model.of_tube, self.model.variances(self.difference)
+        seen = (factors[part, np.newaxis] * self.response.spread[part]) @ self._directions.T
+        covariance = self._left(self.model.tube_covariance(self.difference), seen)
+        return self.model.tube_values(self.parameters), covariance
 
     def _field_covariance(self, basis: Basis, index: int) -> Array:
-        count = self.model.half.grid.count
-        part = slice(index * count, (index + 1) * count)
-        prior = self.model.variances(self.difference)[part][0] * _unit_covariances(self.model, basis)[index]
-        return self._covariance(basis.matrices[0], part, prior)
+        variance = self.model.variances(self.difference)[index * self.model.half.grid.count]
+        seen = variance * (self.response.at_points(basis, index) @ self._directions.T)
+        return self._left(variance * _unit_covariance(self.model, basis, index), seen)
 
-    def _covariance(self, rows: sparse.csr_matrix, part: slice, prior: Array) -> Array:
-        """(N, N) posterior covariance of rows (N, W) of the parameters `part`, from their prior one."""
-        factors = self.model.variances(self.difference)[part, np.newaxis]
-        seen = rows @ (factors * self.response.spread[part]) @ self._directions.T
-        covariance: Array = prior - seen @ cho_solve(self._factor, seen.T)
+    def _left(self, prior: Array, seen: Array) -> Array:
+        """(N, N) posterior covariance, from the prior one and that with the sights (N, M)."""
+        whitened = self._whitened(seen)
+        covariance: Array = prior - whitened.T @ whitened
         return covariance
 
-
-@lru_cache(maxsize=4)
-def _unit_covariances(model: WallModel, basis: Basis) -> list[Array]:
-    """(N, N) prior covariances of g and of both tractions at points of the wall, by `WallModel.spread`."""
-    at, count = basis.matrices[0], model.half.grid.count
-    columns = np.zeros((model.count, 3, at.shape[0]))
-    for index in range(3):
-        columns[index * count : (index + 1) * count, index] = at.T.toarray()
-    spread = model.spread(columns.reshape(model.count, -1)).reshape(columns.shape)
-    return [at @ spread[index * count : (index + 1) * count, index] for index in range(3)]
+    def _whitened(self, seen: Array) -> Array:
+        """(M, N) what the sights know of quantities with prior covariance (N, M) with them."""
+        # BLAS itself: it solves in place, and scipy's own would look for what is not finite.
+        whitened: Array = blas.dtrsm(1.0, self._factor[0], seen.T, lower=True, overwrite_b=True)
+        return whitened
 
 
 @lru_cache(maxsize=4)
-def _unit_covariance_of_load(model: WallModel) -> Array:
-    """(K, K) prior covariance of g's control values, by `WallModel.spread`."""
-    count = model.half.grid.count
-    columns = np.zeros((3, count, count))
-    columns[0] = np.eye(count)
-    covariance: Array = model.prior.spread(model.half.grid, columns)[0]
-    return covariance
+def _unit_covariance(model: WallModel, basis: Basis, index: int) -> Array:
+    """(N, N) prior covariance of g (0) or a traction (1, 2) at points of the wall, by `WallModel.spread`."""
+    at = basis.matrices[0]
+    columns = np.zeros((3, *at.shape[::-1]))
+    columns[index] = at.T.toarray()
+    return np.asarray(at @ model.prior.spread(model.half.grid, columns)[index], np.float64)
 
 
 def posterior(response: Response, sights: Sights, difference: Difference) -> Posterior:
@@ -276,7 +310,8 @@ def posterior(response: Response, sights: Sights, difference: Difference) -> Pos
     covariance = directions @ (directions @ response.covariance_mm2(difference)).T + sights.covariance
     of_model = sights.unit_variance() * model.prior.model_mm(difference.kpa) ** 2
     try:
-        factor = cho_factor(covariance + np.diag(of_model), lower=True)
+        covariance[np.diag_indices_from(covariance)] += of_model
+        factor = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
     except LinAlgError as error:
         raise AnalysisError(
             f"at {difference.kpa:.3g} kPa the wall is about to buckle: the load cannot be told",
@@ -288,7 +323,7 @@ def posterior(response: Response, sights: Sights, difference: Difference) -> Pos
     weighted = cho_solve(factor, innovation)
     j = float(innovation @ weighted) / len(sights)
     parameters = mean + model.variances(difference) * (response.spread @ (directions.T @ weighted))
-    return Posterior(response, difference, parameters, j, directions, factor)
+    return Posterior(response, difference, parameters, j, sights, directions, factor, weighted)
 
 
 def fit_load(
@@ -308,15 +343,14 @@ def fit_load(
     state, last_mm = start or model.start(difference), np.inf
     for step in range(1, STEPS + 1):
         found = posterior(Response.of(model, state), sights, difference)
-        unknowns = found.linear.unknowns(found.change)
-        longest_mm = float(np.abs(unknowns).max())
+        longest_mm = found.longest_mm
         if longest_mm < NEAR_MM:
             return found, step
         share = min(1.0, _LONGEST_MM / longest_mm)
         if share == 1.0 and longest_mm > _SLOWING * last_mm:
             share = _SHORTENED
         last_mm = longest_mm
-        state = model.moved(state, share * unknowns, share * found.change)
+        state = found.moved(share)
     raise AnalysisError(
         f"no load explains {len(sights)} sights at {difference.kpa:.3g} kPa: after {STEPS} steps the wall"
         f" still moves by {last_mm:.2g} mm a step",

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.wall.cuts import cut_points
 from grabberd.analysis.wall.material import Material
-from grabberd.analysis.wall.splines import Basis, SplineGrid
+from grabberd.analysis.wall.splines import SplineGrid
 
 Array = NDArray[np.float64]
 
@@ -26,8 +26,9 @@ _NUGGET = 1e-8
 """Share of the variance that keeps a covariance of neighbouring splines positive definite in rounding."""
 _EXACT = 1e-4
 """Relative σ of a value of the liner that is given as exact."""
-_NODES = 15
-"""Points of Gauss–Hermite quadrature over g: a contact pressure's moments to 1e-4."""
+_NORMAL, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
+_SHARES = _WEIGHTS / _WEIGHTS.sum()
+"""Points of Gauss–Hermite quadrature over g, and their shares: a contact pressure's moments to 1e-4."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +72,9 @@ class LoadPrior:
 
     def spread_mpa(self, g_mpa: Array, sigma_mpa: Array) -> Array:
         """Standard deviation of the contact pressure for a g with a standard deviation of its own."""
-        nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
-        weights = weights / weights.sum()
-        pressures, _ = self.contact_mpa(g_mpa[..., np.newaxis] + sigma_mpa[..., np.newaxis] * nodes)
-        mean = pressures @ weights
-        spread: Array = np.sqrt(((pressures - mean[..., np.newaxis]) ** 2) @ weights)
+        pressures, _ = self.contact_mpa(g_mpa[..., np.newaxis] + sigma_mpa[..., np.newaxis] * _NORMAL)
+        mean = pressures @ _SHARES
+        spread: Array = np.sqrt(((pressures - mean[..., np.newaxis]) ** 2) @ _SHARES)
         return spread
 
     def model_mm(self, difference_kpa: float) -> float:
@@ -101,28 +100,15 @@ class LoadPrior:
         around = _correlation(grid.around.greville, self.round_mm)
         along = _correlation(grid.along.greville, self.along_mm)
         # The covariance of a grid is the product of its rows' and its columns'.
-        parts = columns.reshape(3, grid.along.count, grid.around.count, -1)
-        correlated = np.tensordot(along, around @ parts, axes=(1, 1)).transpose(1, 0, 2, 3)
-        variance = np.array([1.0, self._traction_mpa2, self._traction_mpa2])
-        spread: Array = variance[:, np.newaxis, np.newaxis, np.newaxis] * (correlated + _NUGGET * parts)
-        return spread.reshape(columns.shape)
+        parts = along @ columns.reshape(3, grid.along.count, -1)
+        spread = (around @ parts.reshape(3, grid.along.count, grid.around.count, -1)).reshape(columns.shape)
+        spread += _NUGGET * columns
+        spread[1:] *= self._traction_mpa2
+        return np.asarray(spread, np.float64)
 
     @property
     def _traction_mpa2(self) -> float:
         return (self.traction_kpa * MPA_PER_KPA) ** 2
-
-    def variance_shares(self, grid: SplineGrid, basis: Basis) -> Array:
-        """(N,) prior variance of g at points of the wall, by that of its control values."""
-        row, column = np.divmod(basis.members, grid.around.count)
-        around = _correlation(grid.around.greville, self.round_mm)
-        along = _correlation(grid.along.greville, self.along_mm)
-        pairs = (
-            along[row[:, :, np.newaxis], row[:, np.newaxis]]
-            * around[column[:, :, np.newaxis], column[:, np.newaxis]]
-        )
-        weights = basis.values[0]
-        shares = np.einsum("ni,nij,nj->n", weights, pairs, weights, optimize=True)
-        return np.asarray(shares + _NUGGET * (weights**2).sum(axis=1), np.float64)
 
     def cut_covariances(self, grid: SplineGrid) -> list[Array]:
         """(A, A) covariances of both cuts' shift (mm²), turn (rad²) and force (N²/mm²)."""

@@ -77,12 +77,11 @@ class Sections:
         heights, grid = len(x_mm), model.half.grid
         self._x_mm, self._weights_mm, self._seen = x_mm, weights, seen
         self._basis = grid.basis(np.tile(s_mm, heights), np.repeat(x_mm, len(s_mm)))
-        self._shares = model.prior.variance_shares(grid, self._basis)
         self._crest = grid.basis(np.zeros(heights), x_mm)
 
     def profile(self, found: Posterior) -> LoadProfile:
         """The load over height in one state of the wall."""
-        control, count = found.settled(), len(self._x_mm)
+        control, count = found.control, len(self._x_mm)
         by_section = (count, len(self._weights_mm))
         length = self._basis.of(control[:, 0], 2).reshape(by_section) @ self._weights_mm
         length = length / self._weights_mm.sum()
@@ -93,11 +92,8 @@ class Sections:
         facing = geometry.area * inner_area(forms, inner.depth_mm) * geometry.normal[:, 2]
         force = _N_PER_KPA_MM2 * self._weights_mm * facing.reshape(by_section) / length[:, np.newaxis]
         mean = np.broadcast_to(self._weights_mm * self._seen, by_section) / (self._weights_mm @ self._seen)
-        # Each sum is over the points of its own height alone.
-        weights = np.zeros((2, count, *by_section))
-        weights[:, np.arange(count), np.arange(count)] = mean, force
-        sums = found.contact_sums(self._basis, self._shares, weights.reshape(2 * count, -1))
-        compression, load = (_part(sums, slice(start, start + count)) for start in (0, count))
+        sums = found.contact_sums(self._basis, np.stack([mean, force], axis=1))
+        compression, load = (_part(sums, slice(start, None, 2)) for start in (0, 1))
         return LoadProfile(self._x_mm, compression, load, length, self._gap_mm(found, control))
 
     def _gap_mm(self, found: Posterior, control: Array) -> Estimate:
@@ -123,4 +119,4 @@ def _rule(borders_mm: tuple[float, ...]) -> tuple[Array, Array, Array]:
 
 def _part(joint: Joint, part: slice) -> Joint:
     # Copied: a view would keep the covariance of both sums alive with every field's profile.
-    return Joint(joint.value[part], joint.covariance[part, part].copy())
+    return Joint(joint.value[part].copy(), joint.covariance[part, part].copy())

@@ -14,8 +14,8 @@ from grabberd.analysis.load.wall_model import WallModel
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
-_MOST = 6
-"""Linearised models kept, of some 15 MB each: enough for states in the order of the wall's departure."""
+_MOST = 2
+"""Linearised models kept, of 24 MB each: enough for states in the order of the wall's departure."""
 
 
 class LoadSeries:
@@ -49,13 +49,9 @@ class LoadSeries:
         """The load, sought from the nearest state that is known."""
         nearest = self._nearest(sights)
         found = posterior(nearest, sights, difference)
-        unknowns = nearest.linear.unknowns(found.change)
-        longest_mm = float(np.abs(unknowns).max())
-        if longest_mm < REACH_MM:
+        if found.longest_mm < REACH_MM:
             return found
-        share = min(1.0, REACH_MM / longest_mm)
-        start = self.model.moved(nearest.linear.state, share * unknowns, share * found.change)
-        return fit_load(self.model, sights, difference, start)[0]
+        return fit_load(self.model, sights, difference, found.moved(REACH_MM / found.longest_mm))[0]
 
     def _begun(self, sights: Sights, difference: Difference) -> Posterior:
         """The load, sought from the open wall; first by the targets that both views see.
@@ -66,8 +62,7 @@ class LoadSeries:
         found, _ = fit_load(self.model, of_points, difference)
         if len(of_points) == len(sights):
             return found
-        start = self.model.moved(found.linear.state, found.linear.unknowns(found.change), found.change)
-        return fit_load(self.model, sights, difference, start)[0]
+        return fit_load(self.model, sights, difference, found.moved())[0]
 
     def _nearest(self, sights: Sights) -> Response:
         directions = sights.directions(len(self._known[0].linear.places_mm))

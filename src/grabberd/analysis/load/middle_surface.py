@@ -66,7 +66,7 @@ class MiddleSurfaces:
 
     def of(self, found: Posterior) -> MiddleSurface:
         """The middle surface of a wall that was fitted to its targets."""
-        control = found.settled()
+        control = found.control
         values = self._of_forms(_forms(Geometry.of(self._model.targets, control)), found.parameters)
         sigma = found.sigma(self._followers(found.response)).reshape(values.shape)
         change = (values - self._open).reshape(len(values), -1, 2)
@@ -91,10 +91,11 @@ class MiddleSurfaces:
         by_forms = _differences(lambda six: self._of_forms(six, state.parameters), forms)
         by_values = np.einsum("fnq,fndc->nqdc", by_forms, _forms_by_values(geometry), optimize=True)
         by = self._model.followed(response.linear, targets.by_control(by_values))
-        start, moved = 3 * self._model.half.grid.count, np.eye(self._model.count)
+        start, before = self._model.of_tube.start, self._of_forms(forms, state.parameters)
         for index in range(start, start + 3):  # the law knows modulus, thickness and pretension as well
-            changed = self._of_forms(forms, state.parameters + _STEP * moved[index])
-            by[:, index] += ((changed - self._of_forms(forms, state.parameters)) / _STEP).ravel()
+            parameters = state.parameters.copy()
+            parameters[index] += _STEP
+            by[:, index] += ((self._of_forms(forms, parameters) - before) / _STEP).ravel()
         return by
 
     def _of_forms(self, six: Array, parameters: Array) -> Array:

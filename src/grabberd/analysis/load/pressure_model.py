@@ -2,20 +2,23 @@
 
 from collections.abc import Sequence
 from sys import intern
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior
+from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior, posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
 from grabberd.analysis.load.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_series import LoadSeries
 from grabberd.analysis.load.middle_surface import MiddleSurfaces
 from grabberd.analysis.load.mounting import Mounting
+from grabberd.analysis.load.outer_face import FaceLattice, OuterFace
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.wall_model import WallModel
+from grabberd.analysis.surface.fitting import LARGEST_SHARE_OUT, OUTLYING
 from grabberd.analysis.wall.material import Material, Zone
 from grabberd.errors import AnalysisError
 from grabberd.geometry import Rig
@@ -36,6 +39,26 @@ wall is hardly flat for longer."""
 _MEAN_SHARE = 0.06
 """Share by which a mean errs beyond its covariance: what a prior that is one for all teats makes of each."""
 _FAR = "no targets near enough"
+
+
+class SettledWall(NamedTuple):
+    """The wall in equilibrium at one field.
+
+    Attributes:
+        found: the wall; `free`: with a free hidden half, where `found` takes it for a mirror image.
+        left_out: indices of targets that the others contradict.
+        alone: (N,) True for targets that one view alone sees, and the others do not contradict.
+    """
+
+    found: Posterior
+    free: Posterior | None
+    left_out: tuple[int, ...]
+    alone: NDArray[np.bool_]
+
+    @property
+    def contradicted(self) -> bool:
+        """True if points and wall contradict each other."""
+        return self.found.j > MISFIT_ALARM
 
 
 class PressureModel:
@@ -71,11 +94,30 @@ class PressureModel:
         self._series = self._of(material, mirrored=unseen == "mirrored")
         self._compared = self._of(material, mirrored=False) if unseen == "mirrored" else None
         self._middle = MiddleSurfaces(self._series.model, material)
+        self._lattice = FaceLattice(grid, self._mounting)
         self._sections: Sections | None = None
 
     def _of(self, material: Material, mirrored: bool) -> LoadSeries:
         half, targets = self._mounting.half, self._mounting.targets
         return LoadSeries(WallModel(half, targets, LoadPrior(), TubePrior.of(material), mirrored))
+
+    def settled(self, points: Points, vacuum: ChamberVacuum) -> SettledWall:
+        """The wall in equilibrium at one field, without points that the others contradict.
+
+        Args:
+            points: of the field.
+            vacuum: at the field.
+
+        Raises:
+            AnalysisError: the wall has no equilibrium with these points.
+        """
+        difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
+        sights = self._mounting.sights(points, self._grid)
+        found, left_out = _without_outliers(self._series.load(sights, difference))
+        free = self._compared.load(found.sights, difference) if self._compared else None
+        alone = self._mounting.seen_alone(points, self._grid)
+        alone[list(left_out)] = False
+        return SettledWall(found, free, left_out, alone)
 
     def map(
         self,
@@ -84,36 +126,50 @@ class PressureModel:
         vacuum: ChamberVacuum,
         speed_mm_per_s: float = 0.0,
     ) -> PressureMap:
-        """The pressure at one field.
+        """The pressure at one field; as `of_settled`, after `settled`."""
+        return self.of_settled(self.settled(points, vacuum), within, vacuum, speed_mm_per_s)
+
+    def of_settled(
+        self,
+        settled: SettledWall,
+        within: NDArray[np.bool_],
+        vacuum: ChamberVacuum,
+        speed_mm_per_s: float = 0.0,
+    ) -> PressureMap:
+        """The pressure of a wall in equilibrium.
 
         Args:
-            points: of the field.
+            settled: the wall.
             within: (N,) True for targets that are supported by points; those that one view alone sees are,
                 too, if there is a rig.
             vacuum: at the field.
             speed_mm_per_s: of the target that moves fastest.
-
-        Raises:
-            AnalysisError: the wall has no equilibrium with these points.
         """
-        difference = Difference(vacuum.difference_kpa, max(vacuum.difference_sigma_kpa, _EXACT))
-        sights = self._mounting.sights(points, self._grid)
-        within = within | self._mounting.seen_alone(points, self._grid)
-        found = self._series.load(sights, difference)
+        found, within = settled.found, within | settled.alone
         value, covariance = found.contact_kpa(found.model.targets)
         contact = Estimate(value, np.sqrt(np.diagonal(covariance)))
         # The liner's vacuum is in the difference as well, where its error partly cancels: never too small.
         above = Estimate(value - vacuum.liner_kpa, np.hypot(contact.sigma, vacuum.liner_sigma_kpa))
-        unseen_kpa = None
-        if self._compared:
-            free = self._compared.load(sights, difference)
-            unseen_kpa = value - free.contact_kpa(free.model.targets)[0]
+        free = settled.free
+        unseen_kpa = value - free.contact_kpa(free.model.targets)[0] if free else None
         refusal = _refusal(found.j, speed_mm_per_s)
         reasons = self._reasons(contact, within) if not refusal else (refusal,) * len(within)
         mean, profile = _mean(value, covariance, within, reasons), None if refusal else self._profile(found)
         # Inertia is a load like any other, so the shape of a fast wall is no worse for it.
-        middle = self._middle.of(found) if found.j <= MISFIT_ALARM else None
+        middle = None if settled.contradicted else self._middle.of(found)
         return PressureMap(contact, mean, above, found.j, unseen_kpa, within, reasons, profile, middle)
+
+    def face(
+        self, settled: SettledWall, supported: NDArray[np.bool_], problems: tuple[str, ...]
+    ) -> OuterFace:
+        """The outer face of a wall in equilibrium.
+
+        Args:
+            settled: the wall.
+            supported: (rows, columns) True for targets that are supported by data.
+            problems: of its points, as sentences.
+        """
+        return self._lattice.face(settled.found, supported, problems)
 
     def _profile(self, found: Posterior) -> LoadProfile:
         if self._sections is None:
@@ -134,6 +190,19 @@ class PressureModel:
         reasons = np.select([~within, contact.sigma > least], [_FAR, np.array(vague, object)], "")
         # Few different ones for as many targets as a capture has: each is kept once.
         return tuple(map(intern, reasons))
+
+
+def _without_outliers(found: Posterior) -> tuple[Posterior, tuple[int, ...]]:
+    """Leaves out the worst target, until none is worse than chance allows; all are kept if they are many."""
+    kept, left_out = found, list[int]()
+    while len(left_out) <= LARGEST_SHARE_OUT * len(kept.linear.places_mm):
+        outlying = kept.outlying
+        worst = int(np.argmax(outlying))
+        if outlying[worst] < OUTLYING:
+            return kept, tuple(left_out)
+        left_out.append(worst)
+        kept = posterior(kept.response, kept.sights.without(worst), kept.difference)
+    return found, ()
 
 
 def _refusal(misfit: float, speed_mm_per_s: float) -> str:

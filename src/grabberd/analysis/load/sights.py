@@ -73,6 +73,13 @@ class Sights:
     def __len__(self) -> int:
         return len(self.target)
 
+    def without(self, target: int) -> "Sights":
+        """The sights of the other targets."""
+        kept = self.target != target
+        return Sights(
+            self.target[kept], self.direction[kept], self.value[kept], self.covariance[np.ix_(kept, kept)]
+        )
+
     def unit_variance(self) -> Array:
         """(M,) variance of each component where every place has one of 1 mm² in all directions."""
         variance: Array = np.einsum("mi,mi->m", self.direction, self.direction)

@@ -52,9 +52,10 @@ class TargetPlaces:
 
     def by_thickness(self, half: HalfTube, control: Array) -> Array:
         """(3 T,) derivatives by ln t alone, of a wall whose middle stays where it is."""
-        thicker = half.of(half.tube.changed(0.0, _SMALL, 0.0))
-        moved = self.places_mm(thicker, control) - self.places_mm(half, control)
-        by_thickness: Array = moved.ravel() / _SMALL
+        geometry = Geometry.of(self.basis, control)
+        tubes = half.tube, half.tube.changed(0.0, _SMALL, 0.0)
+        before, after = (self._seen(control, geometry, half.wall(self.basis, tube)) for tube in tubes)
+        by_thickness: Array = (after - before).ravel() / _SMALL
         return by_thickness
 
     def _seen(self, control: Array, geometry: Geometry, wall: RubberWall) -> Array:

@@ -14,16 +14,17 @@ from scipy import sparse
 
 from grabberd.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
 from grabberd.analysis.load.target_places import TargetPlaces, Targets
-from grabberd.analysis.wall.banded import Banded
+from grabberd.analysis.wall.block_band import Factors
 from grabberd.analysis.wall.cuts import cut_points
+from grabberd.analysis.wall.forces import Forces
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube, Tangent
-from grabberd.analysis.wall.shell import Load
+from grabberd.analysis.wall.shell import Load, Work
 from grabberd.analysis.wall.splines import Basis
 
 Array = NDArray[np.float64]
 
 _SMALL = 1e-4
-"""Step of a logarithm, and of a pressure in MPa: its square is far below what a residual rounds to."""
+"""Step of a logarithm: its square is far below what a residual rounds to."""
 TUBE_VALUES = 4
 """Logarithmic changes of Young's modulus, thickness and pretension; the pressure difference in MPa."""
 
@@ -50,19 +51,19 @@ class Linearised:
         places_mm: (T, 3) targets once the wall has settled.
         by_parameters: (3 T, P) derivatives of the settled places.
         settling: (n,) what its unknowns still move by.
-        factors: of the wall's stiffness; `forces`: (n, P) derivative of its out-of-balance force.
+        factors: of the wall's stiffness; `forces`: derivative of its out-of-balance force.
     """
 
     state: State
     places_mm: Array
     by_parameters: Array
     settling: Array
-    factors: Banded
-    forces: sparse.csc_matrix
+    factors: Factors
+    forces: Forces
 
     def unknowns(self, change: Array) -> Array:
         """(n,) movement of the wall's unknowns with a change of the parameters (P,)."""
-        return self.settling + self.factors.solve(self.forces @ change)
+        return self.settling + self.factors.solve(self.forces.of(change))
 
 
 class WallModel:
@@ -142,6 +143,18 @@ class WallModel:
         return slice(0, self.half.grid.count)
 
     @property
+    def of_tube(self) -> slice:
+        """The liner's own values and the pressure difference."""
+        return self._tube
+
+    def tube_covariance(self, difference: Difference) -> Array:
+        """(4, 4) prior covariance of the liner's own values and of the pressure difference."""
+        covariance = np.zeros((TUBE_VALUES, TUBE_VALUES))
+        covariance[:-1, :-1] = self.tube_prior.covariance
+        covariance[-1, -1] = (difference.sigma_kpa * MPA_PER_KPA) ** 2
+        return covariance
+
+    @property
     def of_difference(self) -> slice:
         """The parameter that is the pressure difference."""
         return slice(self._tube.stop - 1, self._tube.stop)
@@ -174,8 +187,10 @@ class WallModel:
         """(n,) force out of balance."""
         half = self.half.of(self.tube(state.parameters))
         load, _ = self.load(state.parameters, half.shell.basis)
-        force = half.residual(state.control, load)
-        return force if self.mirrored else force + half.cuts.forced @ state.parameters[self._forced]
+        return self._unbalanced(state, half.residual(state.control, load))
+
+    def _unbalanced(self, state: State, force: Array) -> Array:
+        return force if self.mirrored else force + self.half.cuts.forced @ state.parameters[self._forced]
 
     def moved(self, state: State, unknowns: Array, change: Array) -> State:
         """A state moved by its unknowns (n,) and parameters (P,)."""
@@ -188,13 +203,15 @@ class WallModel:
         """The model about a state."""
         half = self.half.of(self.tube(state.parameters))
         load, by_g = self.load(state.parameters, half.shell.basis)
-        tangent, residual = half.tangent(state.control, load), self.residual(state)
-        forces = self._forces(half, state, by_g, residual, tangent)
+        work = half.shell.work(state.control)
+        tangent = half.tangent(state.control, load)
+        forces = self._forces(half, state, work, load, by_g, tangent)
         places = self._places.places_mm(half, state.control)
         by_control = self._places.by_control(half, state.control)
         factors = tangent.factors
         by_parameters = self._followed(factors, forces, by_control)
         by_parameters[:, self._tube.start + 1] += self._places.by_thickness(half, state.control)
+        residual = self._unbalanced(state, half.gathered(work.unbalanced(load)[..., np.newaxis])[:, 0])
         settling = factors.solve(residual)
         settled = places + (by_control @ (half.cuts.free @ settling)).reshape(places.shape)
         return Linearised(state, settled, by_parameters, settling, factors, forces)
@@ -208,36 +225,40 @@ class WallModel:
         """
         return self._followed(linear.factors, linear.forces, by_control)
 
-    def _followed(self, factors: Banded, forces: sparse.csc_matrix, by_control: sparse.csr_matrix) -> Array:
+    def _followed(self, factors: Factors, forces: Forces, by_control: sparse.csr_matrix) -> Array:
         cuts = self.half.cuts
-        right = (cuts.free.T @ by_control.T).toarray(order="F")
         # One adjoint solution for each row: far fewer than there are parameters.
-        followed = np.ascontiguousarray((forces.T @ factors.solve(right, transposed=True)).T)
+        followed = forces.transposed(factors.solve((by_control @ cuts.free).toarray().T, transposed=True))
         if not self.mirrored:
             followed[:, self._moved] += (by_control @ cuts.moved).toarray()
         return followed
 
     def _forces(
-        self, half: HalfTube, state: State, by_g: Array, residual: Array, tangent: Tangent
-    ) -> sparse.csc_matrix:
-        """(n, P) derivative of the residual by the parameters."""
-        contact = half.shell.contact_force(state.control) * by_g[:, np.newaxis, np.newaxis]
-        work = np.stack([contact, *half.shell.traction_force(state.control)], axis=-1)
-        # By columns throughout: parts side by side are then joined without being sorted anew.
-        parts = [half.by_fields(work), sparse.csc_matrix(self._by_tube(state, residual))]
+        self, half: HalfTube, state: State, work: Work, load: Load, by_g: Array, tangent: Tangent
+    ) -> Forces:
+        """Derivative of the residual by the parameters."""
+        fields = work.units[..., 1:].copy()
+        fields[..., 0] *= by_g[:, np.newaxis, np.newaxis]
+        others = [self._by_tube(state, work, load)]
         if not self.mirrored:
-            parts += [sparse.csc_matrix(-tangent.by_held(half.cuts.moved)), half.cuts.forced.tocsc()]
-        forces: sparse.csc_matrix = sparse.hstack(parts, format="csc")
-        return forces
+            others += [-tangent.by_held(half.cuts.moved), half.cuts.forced.toarray()]
+        return Forces(half.rows, half.by_fields(fields), np.hstack(others))
 
-    def _by_tube(self, state: State, residual: Array) -> Array:
-        """(n, 4) differences of the residual."""
-        columns = []
-        for index in range(TUBE_VALUES):
-            parameters = state.parameters.copy()
-            parameters[self._tube.start + index] += _SMALL
-            columns.append((self.residual(State(state.control, parameters)) - residual) / _SMALL)
-        return np.stack(columns, axis=1)
+    def _by_tube(self, state: State, work: Work, load: Load) -> Array:
+        """(n, 4) derivatives of the residual by the liner's values and the pressure difference."""
+        before = work.unbalanced(load)
+        thickness, pretension = (
+            (self._other_tube(state, index).unbalanced(load) - before) / _SMALL for index in (1, 2)
+        )
+        # As much stiffer as it is tighter, a tube has the same stretch.
+        young = -work.resistance - pretension
+        return self.half.gathered(np.stack([young, thickness, pretension, work.units[..., 0]], axis=-1))
+
+    def _other_tube(self, state: State, index: int) -> Work:
+        """Work with one of the liner's values changed by `_SMALL`."""
+        parameters = state.parameters.copy()
+        parameters[self._tube.start + index] += _SMALL
+        return self.half.of(self.tube(parameters)).shell.work(state.control)
 
     def places_mm(self, state: State) -> Array:
         """(T, 3) targets of a state."""

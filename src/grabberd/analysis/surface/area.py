@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.surface.face import Face
 from grabberd.analysis.surface.jets import index
-from grabberd.analysis.surface.surface import Surface
 
 # Gauss' rule with two nodes is exact for cubics; half a cell of the wall is hardly more curved than that.
 _NODES = 2
@@ -25,9 +25,9 @@ class Area(NamedTuple):
     covered: float
 
 
-def surface_area(surface: Surface) -> Area:
+def surface_area(surface: Face) -> Area:
     """The area, by Gauss' rule in every half cell of the target grid."""
-    domain = surface.modes.domain
+    domain = surface.domain
     u_mm, u_share = _nodes(domain.u_mm, domain.u_pitch_mm, domain.rows)
     v_mm, v_share = _nodes(domain.v_mm, domain.v_pitch_mm, domain.columns)
     u, v = np.repeat(u_mm, len(v_mm)), np.tile(v_mm, len(u_mm))

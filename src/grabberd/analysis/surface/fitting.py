@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.grid import Grid
+from grabberd.analysis.surface.face import supported_places
 from grabberd.analysis.surface.modes import FREE, Domain, Modes, modes
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.surface.posterior import Posterior, fit_modes
@@ -17,11 +18,11 @@ from grabberd.analysis.surface.surface import Surface
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
-_OUTLYING = 60.0
+OUTLYING = 60.0
 """Limit on χ² of three degrees of freedom that chance does not reach in ten thousand captures."""
 
 # More contradictions than that come from a wrong object model or calibration, not from single points.
-_LARGEST_SHARE_OUT = 0.2
+LARGEST_SHARE_OUT = 0.2
 _LEAST_POINTS = 3 * FREE
 _MOST_FIELDS = 4
 
@@ -47,7 +48,7 @@ def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) 
     shape = _shape(grid)
     chosen = smoothing or choose(_domain(grid), [_departures(field)])
     field, posterior, left_out = _without_outliers(grid, field, chosen)
-    problems = (*field.problems, *_named(grid, left_out))
+    problems = (*field.problems, *left_out_problems(grid, left_out))
     _check_share(len(points), len(points) - len(field.place), problems)
     return Surface(
         base=shape.jets,
@@ -55,7 +56,7 @@ def fit_surface(grid: Grid, points: Points, smoothing: Smoothing | None = None) 
         coefficients=posterior.coefficients,
         factor=posterior.factor,
         smoothing=chosen,
-        supported=_supported(grid, field.place),
+        supported=supported_places(grid, field.place),
         outward=grid.outward,
         misfit=posterior.misfit,
         problems=problems,
@@ -89,6 +90,17 @@ def choose_smoothing(
     spread = np.unique(np.linspace(0, len(enough) - 1, _MOST_FIELDS).round().astype(int))
     departures = [_departures(_screened(grid, enough[index])) for index in spread]
     return choose(_domain(grid), departures, by, along_mm)
+
+
+def possible(grid: Grid, points: Points) -> tuple[Points, tuple[str, ...]]:
+    """The points at possible distances from their neighbours, and what is to be said of the others.
+
+    Raises:
+        AnalysisError: as in `fit_surface`.
+    """
+    field = _screened(grid, points)
+    kept = np.isin(grid.indices(points.target), field.place)
+    return points.select(kept), field.problems
 
 
 class _Field(NamedTuple):
@@ -135,7 +147,7 @@ def _check_covariance(points: Points) -> None:
 
 
 def _check_share(count: int, left_out: int, problems: Sequence[str]) -> None:
-    if left_out > _LARGEST_SHARE_OUT * count:
+    if left_out > LARGEST_SHARE_OUT * count:
         raise AnalysisError(
             f"{left_out} of {count} points contradict the others: {'; '.join(problems)}",
             "ids have jumped, or object model or calibration belong to another capture: re-measure it",
@@ -154,36 +166,24 @@ def _check_enough(grid: Grid, field: _Field) -> None:
 def _without_outliers(grid: Grid, field: _Field, smoothing: Smoothing) -> tuple[_Field, Posterior, list[int]]:
     """Leaves out the worst point and fits again, until no point is worse than chance allows."""
     candidate, left_out = _modes(grid, smoothing), list[int]()
-    most = _LARGEST_SHARE_OUT * len(field.place)
+    most = LARGEST_SHARE_OUT * len(field.place)
     while True:
         posterior = fit_modes(
             candidate, smoothing, field.u_mm, field.v_mm, field.departure_mm, field.covariance_mm2
         )
         worst = int(np.argmax(posterior.outlying))
-        if posterior.outlying[worst] < _OUTLYING or len(left_out) > most:
+        if posterior.outlying[worst] < OUTLYING or len(left_out) > most:
             return field, posterior, left_out
         left_out.append(int(field.place[worst]))
         field = field.select(np.arange(len(field.place)) != worst)
 
 
-def _named(grid: Grid, left_out: Sequence[int]) -> tuple[str, ...]:
+def left_out_problems(grid: Grid, left_out: Sequence[int]) -> tuple[str, ...]:
+    """Sentence about targets (indices in the grid) that the others contradict; none without any."""
     if not left_out:
         return ()
     names = ", ".join(str(grid.target[index]) for index in sorted(left_out))
     return (f"left out, many σ from the prediction by the other points: targets {names}",)
-
-
-def _supported(grid: Grid, place: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(rows, columns): True for targets that are seen, or the only missing one among their neighbours."""
-    seen = np.zeros(len(grid), bool)
-    seen[place] = True
-    alone = np.ones(len(grid), bool)
-    first, second = grid.pairs().T
-    np.logical_and.at(alone, first, seen[second])
-    np.logical_and.at(alone, second, seen[first])
-    supported = np.zeros((grid.row.max() + 1, grid.column.max() + 1), bool)
-    supported[grid.row, grid.column] = seen | alone
-    return supported
 
 
 def _departures(field: _Field) -> Departures:

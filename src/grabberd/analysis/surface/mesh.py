@@ -31,7 +31,7 @@ class Mesh:
     @classmethod
     def of(cls, surface: Surface) -> "Mesh":
         """The mesh of a surface."""
-        domain = surface.modes.domain
+        domain = surface.domain
         u = domain.u_mm + _steps(domain.rows) * domain.u_pitch_mm
         v = domain.v_mm + _steps(domain.columns) * domain.v_pitch_mm
         u_mm, v_mm = np.meshgrid(u, v, indexing="ij")

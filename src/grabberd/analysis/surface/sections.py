@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
+from grabberd.analysis.surface.face import Face
 from grabberd.analysis.surface.jets import index
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.surface.outlines import (
@@ -26,7 +27,6 @@ from grabberd.analysis.surface.outlines import (
     length,
     opposite,
 )
-from grabberd.analysis.surface.surface import Surface
 from grabberd.errors import AnalysisError
 
 _NEWTON_STEPS = 6
@@ -80,7 +80,7 @@ def symmetry_plane(grid: Grid) -> Plane:
     return Plane(shape.origin_mm, outward - (outward @ along) * along)
 
 
-def section(surface: Surface, x_mm: float, plane: Plane | None = None) -> Section:
+def section(surface: Face, x_mm: float, plane: Plane | None = None) -> Section:
     """The section at one height, each value with σ from the points' noise and the smoothing.
 
     Args:
@@ -98,7 +98,7 @@ def section(surface: Surface, x_mm: float, plane: Plane | None = None) -> Sectio
 
 
 def sections(
-    surface: Surface, x_mm: Sequence[float], plane: Plane | None = None
+    surface: Face, x_mm: Sequence[float], plane: Plane | None = None
 ) -> tuple[tuple[Section, ...], tuple[str, ...]]:
     """The sections at all heights that the wall reaches, and a sentence for each of the other heights."""
     if not len(x_mm):
@@ -108,7 +108,7 @@ def sections(
     return found, tuple(_missed(x) for x in cuts.x_mm[~cuts.reached])
 
 
-def _section(surface: Surface, cut: "_Cuts", plane: Plane | None) -> Section:
+def _section(surface: Face, cut: "_Cuts", plane: Plane | None) -> Section:
     measured = {"length_mm": length(cut.outline_mm), "chord_mm": chord(cut.outline_mm)}
     if plane is not None:
         measured |= {
@@ -116,7 +116,7 @@ def _section(surface: Surface, cut: "_Cuts", plane: Plane | None) -> Section:
             "area_mm2": area_to(plane, cut.outline_mm),
         }
     # Ends within one and a half pitches of each other: the targets go all the way round.
-    if measured["chord_mm"].value < 1.5 * surface.modes.domain.v_pitch_mm:
+    if measured["chord_mm"].value < 1.5 * surface.domain.v_pitch_mm:
         measured |= {"least_width_mm": least_width(cut.outline_mm), "opposite_mm": opposite(cut.outline_mm)}
     values = dict.fromkeys(("distance_mm", "area_mm2", "least_width_mm", "opposite_mm"))
     estimates = values | _estimates(surface, cut, measured)
@@ -124,7 +124,7 @@ def _section(surface: Surface, cut: "_Cuts", plane: Plane | None) -> Section:
     return Section(float(cut.x_mm), cut.outline_mm, cut.v_mm, within, **estimates)  # type: ignore[arg-type]
 
 
-def volume_mm3(surface: Surface, x_mm: tuple[float, float], plane: Plane) -> Estimate:
+def volume_mm3(surface: Face, x_mm: tuple[float, float], plane: Plane) -> Estimate:
     """The volume between the wall, a plane, and the sections at two heights, with σ.
 
     Raises:
@@ -132,7 +132,7 @@ def volume_mm3(surface: Surface, x_mm: tuple[float, float], plane: Plane) -> Est
     """
     low, high = sorted(x_mm)
     # A Gauss node per row of targets, which is as fine as the surface can vary, and a few more.
-    count = 4 + round((high - low) / surface.modes.domain.u_pitch_mm)
+    count = 4 + round((high - low) / surface.domain.u_pitch_mm)
     nodes, weights = np.polynomial.legendre.leggauss(count)
     cuts = _cuts(surface, (low + high) / 2 + (high - low) / 2 * nodes)
     if not cuts.reached.all():
@@ -162,9 +162,9 @@ class _Cuts(NamedTuple):
         return (_Cuts(*values) for values in zip(*self, strict=True))
 
 
-def _cuts(surface: Surface, x_mm: NDArray[np.float64]) -> _Cuts:
+def _cuts(surface: Face, x_mm: NDArray[np.float64]) -> _Cuts:
     """Newton's iteration for u at every height and v; the last step is short enough to be linear."""
-    domain = surface.modes.domain
+    domain = surface.domain
     columns, rows = domain.columns - 1, domain.rows - 1
     v_mm = domain.v_mm + np.linspace(0, columns * domain.v_pitch_mm, columns * FINENESS + 1)
     first, last = domain.u_mm, domain.u_mm + rows * domain.u_pitch_mm
@@ -190,7 +190,7 @@ def _missed(x_mm: float) -> str:
     return f"there is no section at x = {x_mm:g} mm: the targets do not reach there"
 
 
-def _estimates(surface: Surface, cut: _Cuts, measured: dict[str, Measured]) -> dict[str, Estimate]:
+def _estimates(surface: Face, cut: _Cuts, measured: dict[str, Measured]) -> dict[str, Estimate]:
     slopes = np.stack([_at_height(one.slopes, cut.along) for one in measured.values()])
     variance = np.diag(surface.covariance(slopes[:, :, np.newaxis], cut.u_mm, cut.v_mm))
     return {

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dtrmm
 
 from grabberd.analysis.estimate import Estimate
+from grabberd.analysis.surface.face import is_within
 from grabberd.analysis.surface.jets import HIGHEST, Jets, count_to, times
-from grabberd.analysis.surface.modes import Modes
+from grabberd.analysis.surface.modes import Domain, Modes
 from grabberd.analysis.surface.smoothing import Smoothing
 
 Shape = Callable[[NDArray[np.float64], NDArray[np.float64]], Jets]
@@ -23,8 +24,6 @@ Function = Callable[..., NDArray[np.float64]]
 _STEP = 1e-3
 """Step of differences, relative to the pitch: the functions are smooth, so truncation and rounding both stay
 far below σ."""
-_REACH = 0.5 + 1e-9
-"""Half a pitch; the slack keeps positions halfway between two targets within both."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,18 +99,19 @@ class Surface:
             departure = self.spread.jets(departure, u_mm, v_mm)
         return self.base(u_mm, v_mm)[:, :3] + departure
 
-    def within(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) True for positions supported by data.
+    @property
+    def domain(self) -> Domain:
+        """The grid of targets."""
+        return self.modes.domain
 
-        These lie within half a pitch (along and round) of a target that was seen, or whose neighbours were
-        all seen; not farther outside, nor in a hole of several targets.
-        """
-        domain = self.modes.domain
-        row, column = (u_mm - domain.u_mm) / domain.u_pitch_mm, (v_mm - domain.v_mm) / domain.v_pitch_mm
-        near_row = np.clip(np.round(row), 0, domain.rows - 1).astype(np.intp)
-        near_column = np.clip(np.round(column), 0, domain.columns - 1).astype(np.intp)
-        near = (np.abs(row - near_row) <= _REACH) & (np.abs(column - near_column) <= _REACH)
-        return near & self.supported[near_row, near_column]
+    def within(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) True for positions supported by data."""
+        return is_within(self.domain, self.supported, u_mm, v_mm)
+
+    def places_mm(self, u_mm: NDArray[np.float64], v_mm: NDArray[np.float64]) -> Estimate:
+        """(N, 3) points X, each with σ."""
+        straight = np.broadcast_to(np.eye(3), (len(u_mm), 1, 3, 3))
+        return Estimate(self.jets(u_mm, v_mm)[:, 0], self.sigma(straight, u_mm, v_mm))
 
     def propagate(
         self,

@@ -153,7 +153,7 @@ def _barycentric(corner: Array, column: NDArray[np.intp], row: NDArray[np.intp])
 def _meet(surface: Surface, mesh: Mesh, center: Array, directions: Array, u_mm: Array, v_mm: Array) -> Hits:
     """Newton's iteration on the two coordinates across each ray; rays that do not converge miss."""
     across = _across(directions)
-    limit = max(surface.modes.domain[2:4]) / 2
+    limit = max(surface.domain[2:4]) / 2
     u, v = u_mm.copy(), v_mm.copy()
     for _ in range(_MOST_STEPS):
         jets = mesh.tangents(u, v)

@@ -79,7 +79,7 @@ def agreement(surface: Surface, synthetic: SyntheticView, field: Field) -> Agree
         pixels=len(picture),
         rms_grey=float(np.sqrt(np.mean((picture - matching.grey) ** 2))),
         correlation=float(np.corrcoef(picture, matching.grey)[0, 1]),
-        places=np.column_stack(np.divmod(np.flatnonzero(found), surface.modes.domain.columns)),
+        places=np.column_stack(np.divmod(np.flatnonzero(found), surface.domain.columns)),
         shift_px=shifts,
         mean_px=_mean(shifts),
     )
@@ -101,7 +101,7 @@ class _Matching(NamedTuple):
 
     @classmethod
     def of(cls, surface: Surface, synthetic: SyntheticView, field: Field) -> "_Matching":
-        domain, raster = surface.modes.domain, synthetic.raster
+        domain, raster = surface.domain, synthetic.raster
         pixels = raster.pixels().astype(np.intp)
         slope = _slopes(synthetic)
         own = np.isfinite(slope).all(axis=1) & (pixels[:, 1] % 2 == field.parity)

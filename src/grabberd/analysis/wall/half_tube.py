@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from grabberd.analysis.wall.banded import PATCH, Banded, BandLayout
+from grabberd.analysis.wall.block_band import Factors
 from grabberd.analysis.wall.cuts import Cuts
-from grabberd.analysis.wall.field_layout import FieldLayout
+from grabberd.analysis.wall.rows import NEAR, Rows
 from grabberd.analysis.wall.rubber import RubberWall
 from grabberd.analysis.wall.shell import UNKNOWNS, Geometry, Load, Shell
 from grabberd.analysis.wall.splines import (
+    DEGREE,
     DERIVATIVES,
     GAUSS_ALONG,
     GAUSS_ROUND,
@@ -31,6 +32,7 @@ from grabberd.analysis.wall.splines import (
 )
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 ARCS, SLABS = 16, 26
 """Intervals round the half and along it.
@@ -40,9 +42,9 @@ intervals shorter than the targets' pitch.
 """
 _POINTS = GAUSS_ROUND * GAUSS_ALONG
 _DERIVATIVES = len(DERIVATIVES)
-_MEMBERS = PATCH // UNKNOWNS
-_AT_ONCE = 26
-"""Patches whose matrices are made at once; all of them at once take twice as long and 50 MB."""
+_MEMBERS = (DEGREE + 1) ** 2
+_PATCH = _MEMBERS * UNKNOWNS
+"""Control values that matter on one patch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,22 +90,33 @@ class MountedTube:
 
 
 class Tangent:
-    """Derivative of the wall's resistance less its load by its unknowns."""
+    """Derivative of the wall's resistance less its load by its unknowns.
 
-    def __init__(self, layout: BandLayout, patches: Array, members: NDArray[np.intp]) -> None:
-        """Factors the sum of the patches' matrices (P, 64, 64) of control points `members` (P, 16)."""
-        self.factors: Banded = layout.factors(patches)
-        self._layout, self._patches, self._members = layout, patches, members
+    Attributes:
+        factors: of it.
+    """
+
+    def __init__(self, factors: Factors, edges: Array, members: Indices, order: Indices) -> None:
+        """Keeps what can tell how held values act.
+
+        Args:
+            factors: of the matrix by the unknowns.
+            edges: (P, 64, 64) matrices of the patches beside a cut.
+            members: (P, 16) their control points.
+            order: (K, 4) as in `Cuts`.
+        """
+        self.factors = factors
+        self._edges, self._members, self._order = edges, members, order
 
     def by_held(self, columns: sparse.csr_matrix) -> Array:
-        """(n, M) derivative by parameters that move held control values, `columns` (4 K, M) of them."""
-        touched = np.isin(self._members, columns.nonzero()[0] // UNKNOWNS).any(axis=1)
-        values = self._members[touched][:, :, np.newaxis] * UNKNOWNS + np.arange(UNKNOWNS)
-        product = self._patches[touched] @ columns.toarray()[values.reshape(-1, PATCH)]
-        unknowns = self._layout.unknowns[touched]
-        free = unknowns >= 0
-        derivative = np.zeros((self._layout.count, columns.shape[1]))
-        np.add.at(derivative, unknowns[free], product[free])
+        """(n, M) derivative by parameters that move values on the cuts, `columns` (4 K, M) of them."""
+        values = self._members[:, :, np.newaxis] * UNKNOWNS + np.arange(UNKNOWNS)
+        product = self._edges @ columns.toarray()[values.reshape(-1, _PATCH)]
+        unknowns = self._order[self._members].ravel()
+        free = np.flatnonzero(unknowns >= 0)
+        shape = (self._order.max() + 1, len(unknowns))
+        sums = sparse.csr_matrix((np.ones(len(free)), (unknowns[free], free)), shape=shape)
+        derivative: Array = sums @ product.reshape(len(unknowns), -1)
         return derivative
 
 
@@ -117,6 +130,7 @@ class HalfTube:
         mounted: (K, 4) control values of the open wall.
         shell: the wall at those points.
         cuts: what is free, what is held, and what the cuts do.
+        rows: the unknowns in blocks.
     """
 
     def __init__(
@@ -143,13 +157,14 @@ class HalfTube:
         self.s_mm, self.x_mm, self._weights = self.grid.quadrature()
         self._basis = self.grid.basis(self.s_mm, self.x_mm)
         self.mounted = self._mounted(departure_mm)
+        self._derivatives: dict[Basis, Array] = {}
         self.shell = Shell(self._basis, self._weights, self.wall(self._basis, tube))
         self.cuts = Cuts.of(self.grid)
         self._members = self._basis.members[::_POINTS]
-        unknowns = self.cuts.order[self._members].reshape(-1, PATCH)
-        self._layout = BandLayout.of(unknowns, self.cuts.count)
-        self._field_layout = FieldLayout.of(self._members, self.cuts.order[self._members], self.grid.count)
-        # (P, 16, points × derivatives)
+        shape = (self.grid.along.count, self.grid.around.count, UNKNOWNS)
+        self.rows = Rows.of(self.cuts.order.reshape(shape))
+        # (N, 16, derivatives), and the same by patches: (P, 16, points × derivatives)
+        self._by_point = np.ascontiguousarray(self._basis.values.transpose(1, 2, 0))
         values = self._basis.values.reshape(_DERIVATIVES, -1, _POINTS, _MEMBERS).transpose(1, 3, 2, 0)
         self._values = np.ascontiguousarray(values).reshape(len(values), _MEMBERS, -1)
 
@@ -162,7 +177,8 @@ class HalfTube:
         """
         changed = copy.copy(self)
         changed.tube = tube
-        changed.mounted = self.mounted if mounted is None else mounted
+        if mounted is not None:
+            changed.mounted, changed._derivatives = mounted, {}
         changed.shell = Shell(self._basis, self._weights, changed.wall(self._basis, tube))
         return changed
 
@@ -173,7 +189,9 @@ class HalfTube:
         """
         stretch = tube.stretch
         scale = np.array([1 / stretch, np.sqrt(stretch), np.sqrt(stretch), 0.0])
-        forms = Geometry.of(basis, self.mounted * scale).forms()
+        if basis not in self._derivatives:
+            self._derivatives[basis] = basis.derivatives(self.mounted)
+        forms = Geometry.at(self._derivatives[basis] * scale).forms()
         thickness = np.full(len(basis.members), np.sqrt(stretch) * tube.thickness_mm)
         return RubberWall(forms, thickness, tube.young_mpa / 3)
 
@@ -194,44 +212,46 @@ class HalfTube:
 
     def residual(self, control: Array, load: Load) -> Array:
         """(n,) force out of balance on the unknowns: load less resistance, N."""
-        force: Array = self.cuts.free.T @ self.shell.force(control, load).ravel()
-        return force
+        return self.gathered(self.shell.work(control).unbalanced(load)[..., np.newaxis])[:, 0]
+
+    def gathered(self, work: Array) -> Array:
+        """(n, C) forces on the unknowns by work (N, 6, 4, C) at the points of quadrature."""
+        forces: Array = self.cuts.free.T @ self.shell.gathered(work).reshape(self.cuts.free.shape[0], -1)
+        return forces
 
     def tangent(self, control: Array, load: Load) -> Tangent:
         """Derivative of resistance less load at a state."""
-        return Tangent(self._layout, self._patches(control, load), self._members)
+        stiffness = self.shell.stiffness(control, load)
+        band, edges, beside = self.rows.band(), [], []
+        for slab, (patches, points) in enumerate(self._slabs()):
+            weighted = stiffness[points] * self._weights[points, np.newaxis, np.newaxis]
+            matrices = _stiffness_patches(self._values[patches], weighted)
+            self.rows.add_stiffness(band, slab, matrices)
+            edges.append(matrices[[0, -1]])
+            beside.append(self._members[patches][[0, -1]])
+        factors = Factors(self.rows, band)
+        return Tangent(factors, np.concatenate(edges), np.concatenate(beside), self.cuts.order)
 
-    def by_fields(self, work: Array) -> sparse.csc_matrix:
-        """Derivative of the residual by spline fields.
+    def by_fields(self, work: Array) -> Array:
+        """(R, 7 B, F, C) derivative of the residual by spline fields, as in `Forces`.
 
         Args:
-            work: (N, 6, 4, M) of unit values of M fields at the points of quadrature, by the six derivatives.
-
-        Returns:
-            (n, M K); the control values of each field together.
+            work: (N, 6, 4, F) of unit values of F fields at the points of quadrature, by the six derivatives.
         """
-        fields = work.shape[-1]
-        each = np.empty((len(self._values), _MEMBERS, UNKNOWNS, fields, _MEMBERS))
-        for patches, points in self._portions():
+        fields, columns = work.shape[-1], self.grid.around.count
+        bands = np.zeros((fields, self.rows.count, NEAR * self.rows.size, columns))
+        for slab, (_, points) in enumerate(self._slabs()):
             weighted = work[points] * self._weights[points, np.newaxis, np.newaxis, np.newaxis]
-            each[patches] = _field_patches(self._values[patches], weighted)
-        sums = [self._field_layout.sums(each[:, :, :, field]) for field in range(fields)]
-        return self._field_layout.matrix(sums)
+            each = _field_patches(self._by_point[points], weighted)
+            for field, band in enumerate(bands):
+                self.rows.add_field(band, slab, each[:, :, field].reshape(-1, _PATCH, _MEMBERS))
+        return np.ascontiguousarray(np.moveaxis(bands, 0, 2))
 
-    def _patches(self, control: Array, load: Load) -> Array:
-        """(P, 64, 64) matrices of the patches' stiffness."""
-        stiffness = self.shell.stiffness(control, load)
-        matrices = np.empty((len(self._values), PATCH, PATCH))
-        for patches, points in self._portions():
-            weighted = stiffness[points] * self._weights[points, np.newaxis, np.newaxis]
-            matrices[patches] = _stiffness_patches(self._values[patches], weighted)
-        return matrices
-
-    def _portions(self) -> Iterator[tuple[slice, slice]]:
-        """Slices of the patches and of their points, few enough at a time for a processor's cache."""
-        for first in range(0, len(self._values), _AT_ONCE):
-            last = min(first + _AT_ONCE, len(self._values))
-            yield slice(first, last), slice(first * _POINTS, last * _POINTS)
+    def _slabs(self) -> Iterator[tuple[slice, slice]]:
+        """Slices of the patches of each interval along, and of their points: few enough for a cache."""
+        arcs = self.grid.around.count - DEGREE
+        for first in range(0, len(self._values), arcs):
+            yield slice(first, first + arcs), slice(first * _POINTS, (first + arcs) * _POINTS)
 
     def _mounted(self, departure_mm: Array | None) -> Array:
         """(K, 4) control values of the mounted wall: the splines nearest to it."""
@@ -260,21 +280,19 @@ def _stiffness_patches(values: Array, stiffness: Array) -> Array:
     half = np.matmul(parts, by_order).reshape(patches, _POINTS * _DERIVATIVES, -1)
     # … then the one over points and e.
     whole = np.matmul(values, half).reshape(patches, _MEMBERS, UNKNOWNS, UNKNOWNS, _MEMBERS)
-    matrices: Array = whole.transpose(0, 1, 2, 4, 3).reshape(patches, PATCH, PATCH)
+    matrices: Array = whole.transpose(0, 1, 2, 4, 3).reshape(patches, _PATCH, _PATCH)
     return matrices
 
 
 def _field_patches(values: Array, work: Array) -> Array:
-    """(P, 16, 4, M, 16) patches of fields' weighted work (N, 6, 4, M): 16 moved by 16 control values.
+    """(P, 64, F, 16) patches of F fields, from their weighted work (N, 6, 4, F) at the points.
 
     Args:
-        values: (P, 16, points × derivatives) of the splines.
+        values: (N, 16, derivatives) of the splines.
         work: by derivatives and unknowns, for each field.
     """
-    patches, fields = len(values), work.shape[-1]
-    by_order = values.reshape(patches, _MEMBERS, _POINTS, _DERIVATIVES)
-    field_values = by_order[..., 0].transpose(0, 2, 1).reshape(patches, _POINTS, 1, 1, 1, _MEMBERS)
-    parts = work.reshape(patches, _POINTS, _DERIVATIVES, UNKNOWNS, fields, 1) * field_values
-    sums = np.matmul(values, parts.reshape(patches, _POINTS * _DERIVATIVES, -1))
-    matrices: Array = sums.reshape(patches, _MEMBERS, UNKNOWNS, fields, _MEMBERS)
+    moved = values @ work.reshape(len(work), _DERIVATIVES, -1)
+    parts = moved.reshape(-1, _POINTS, moved[0].size).transpose(0, 2, 1)
+    field_values = values[:, :, 0].reshape(-1, _POINTS, _MEMBERS)
+    matrices: Array = (parts @ field_values).reshape(len(parts), _PATCH, work.shape[-1], _MEMBERS)
     return matrices

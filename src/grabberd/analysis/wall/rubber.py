@@ -143,14 +143,19 @@ class RubberWall:
 
     def layer(self, forms: Forms, share: float) -> Layer:
         """Finds the layer that lay at a share of the thickness: ½ is the outer face, −½ the inner one."""
-        now = Invariants.of(forms)
-        volume = self._rest.before.volume(share * self.thickness_mm) / self._rest.stretch(now)
+        now, before = Invariants.of(forms), self._before
+        stretch = np.sqrt(now.determinant / before.determinant)
+        volume = before.volume(share * self.thickness_mm) / stretch
         depth = _depth(volume, now)
         return Layer(depth, now.chained(*_depth_slopes(depth, volume, now)))
 
     @cached_property
+    def _before(self) -> Invariants:
+        return Invariants.of(self.unstressed)
+
+    @cached_property
     def _rest(self) -> "_Rest":
-        return _Rest.of(self.unstressed, self.thickness_mm)
+        return _Rest.of(self._before, self.thickness_mm)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -171,8 +176,8 @@ class _Rest:
     inverse: Array
 
     @classmethod
-    def of(cls, unstressed: Forms, thickness_mm: Array) -> "_Rest":
-        before = Invariants.of(unstressed)
+    def of(cls, before: Invariants, thickness_mm: Array) -> "_Rest":
+        unstressed = before.forms
         local, weights = np.polynomial.legendre.leggauss(LAYERS)
         zeta = np.multiply.outer(local, thickness_mm / 2)
         volumes = np.multiply.outer(weights, thickness_mm / 2) * before.area(zeta)

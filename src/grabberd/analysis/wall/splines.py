@@ -5,7 +5,8 @@ continuously differentiable, with one control point per interval and no rotation
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,16 +64,33 @@ class SplineAxis:
 
     def first(self, at: Array) -> Indices:
         """(N,) index of the first of the four control points that matter at each position."""
-        interval = np.searchsorted(self.knots, at, side="right") - 1
-        return np.clip(interval, DEGREE, self.count - 1) - DEGREE
+        step = self.knots[DEGREE + 1] - self.knots[DEGREE]
+        interval = np.floor((at - self.knots[0]) / step)
+        first: Indices = np.clip(interval, 0, self.count - DEGREE - 1).astype(np.intp)
+        return first
 
     def local(self, at: Array) -> Array:
         """(3, N, 4) values, first and second derivatives of the four splines at each position."""
         first = self.first(at)
-        members = first[:, np.newaxis] + np.arange(DEGREE + 1)
-        spline = BSpline(self.knots, np.eye(self.count), DEGREE)
-        dense = [spline(at), spline.derivative(1)(at), spline.derivative(2)(at)]
-        return np.stack([np.take_along_axis(one, members, axis=1) for one in dense])
+        offset = at - self.knots[first + DEGREE]
+        powers = np.stack([np.ones_like(offset), offset, offset**2, offset**3])
+        local: Array = np.einsum("pn,npds->dns", powers, _pieces(self.knots.tobytes())[first])
+        return local
+
+
+@lru_cache(maxsize=16)
+def _pieces(knots: bytes) -> Array:
+    """(intervals, 4, 3, 4) coefficients [interval, power, derivative, spline] of the splines there."""
+    at = np.frombuffer(knots)
+    count = len(at) - DEGREE - 1
+    interval = np.arange(count - DEGREE)[:, np.newaxis]
+    spline, members = BSpline(at, np.eye(count), DEGREE), interval + np.arange(DEGREE + 1)
+    pieces = np.zeros((len(interval), DEGREE + 1, 3, DEGREE + 1))
+    for order in range(DEGREE + 1):
+        slopes = spline(at[DEGREE:count], order)[interval, members]
+        for derivative in range(min(order + 1, 3)):
+            pieces[:, order - derivative, derivative] = slopes / factorial(order - derivative)
+    return pieces
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +111,16 @@ class Basis:
         """(N, …) value or derivative of a field with control values (K,) or (K, M)."""
         at: Array = self.matrices[derivative] @ control
         return at
+
+    def derivatives(self, control: Array) -> Array:
+        """(5, N, M) the derivatives of fields with control values (K, M)."""
+        values: Array = (self._derivatives @ control).reshape(len(DERIVATIVES) - 1, len(self.members), -1)
+        return values
+
+    @cached_property
+    def _derivatives(self) -> sparse.csr_matrix:
+        stacked: sparse.csr_matrix = sparse.vstack(self.matrices[1:], format="csr")
+        return stacked
 
     def by_control(self, by_values: Array) -> sparse.csr_matrix:
         """(N Q, 4 K) derivatives of Q quantities at each point by control values.
@@ -138,12 +166,15 @@ class SplineGrid:
     def basis(self, s_mm: Array, x_mm: Array) -> Basis:
         """Splines at points (N,) round and along."""
         around, along = self.around.local(s_mm), self.along.local(x_mm)
+        values = np.stack([np.einsum("ni,nj->nij", along[b], around[a]) for a, b in DERIVATIVES])
+        return Basis(self.members(s_mm, x_mm), values.reshape(*values.shape[:2], -1), self.count)
+
+    def members(self, s_mm: Array, x_mm: Array) -> Indices:
+        """(N, 16) numbers of the control points that matter at each point, along × round."""
         columns = self.around.first(s_mm)[:, np.newaxis] + np.arange(DEGREE + 1)
         rows = self.along.first(x_mm)[:, np.newaxis] + np.arange(DEGREE + 1)
         members = rows[:, :, np.newaxis] * self.around.count + columns[:, np.newaxis]
-        values = np.stack([np.einsum("ni,nj->nij", along[b], around[a]) for a, b in DERIVATIVES])
-        shape = (len(DERIVATIVES), len(s_mm), -1)
-        return Basis(members.reshape(shape[1:]), values.reshape(shape), self.count)
+        return members.reshape(len(members), -1)
 
     def quadrature(self) -> tuple[Array, Array, Array]:
         """Points (N,) round and along, and their weights (N,) in mm².

@@ -11,14 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.surface.jets import Jets
-from grabberd.analysis.wall.forms import (
-    Principal,
-    inverse,
-    mixed,
-    outer_forms,
-    principal_values,
-    symmetric_eigen,
-)
+from grabberd.analysis.wall.forms import Principal, inverse, outer_forms, symmetric_eigen
 
 Array = NDArray[np.float64]
 
@@ -30,10 +23,12 @@ class Strain(NamedTuple):
         green_lagrange: (..., 2, 2) E = (C − 1)/2 in the reference state's orthonormal basis, the first vector
             along the coordinate u (for triangles: along the first side), the second in the surface.
         stretch: principal stretches λ1 ≥ λ2 with their directions in the present state, object's frame.
+        components: (..., 2, 2) of unit vectors along those of the reference state, by its two tangents.
     """
 
     green_lagrange: Array
     stretch: Principal
+    components: Array
 
     @property
     def thickness(self) -> Array:
@@ -51,14 +46,8 @@ def strain(tangents: Array, reference_tangents: Array) -> Strain:
     stretches = np.sqrt(1 + 2 * values)
     cosine, sine = np.cos(angle), np.sin(angle)
     axes = np.stack([np.stack([cosine, sine], axis=-1), np.stack([-sine, cosine], axis=-1)], axis=-2)
-    return Strain(lagrange, Principal(stretches, axes @ (basis @ tangents) / stretches[..., None]))
-
-
-def principal_stretches(tangents: Array, reference_tangents: Array) -> Array:
-    """(..., 2) principal stretches alone, the greater first: several times faster than `strain`."""
-    metric, before = (vectors @ np.swapaxes(vectors, -1, -2) for vectors in (tangents, reference_tangents))
-    stretches: Array = np.sqrt(principal_values(mixed(before, metric)))
-    return stretches
+    components = axes @ basis
+    return Strain(lagrange, Principal(stretches, components @ tangents / stretches[..., None]), components)
 
 
 def outer_strain(jets: Jets, reference_jets: Jets) -> Strain:

@@ -4,7 +4,6 @@ The targets sit on the outer face, so bending counts: it stretches the face of a
 as much as 10 %.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,13 +11,11 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.wall.strain import Strain, principal_stretches, strain
+from grabberd.analysis.wall.strain import Strain, strain
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]
-
-_STEP_MM = 1e-5
 
 
 class Places(NamedTuple):
@@ -26,12 +23,11 @@ class Places(NamedTuple):
 
     Attributes:
         xyz_mm: (N, 3), NaN where a target was not measured.
-        root_mm: (N, 3, K) square root of their joint covariance: cov[n, a, m, b] =
-            Σ_k root[n, a, k] root[m, b, k]; K = 0 for given, not measured positions.
+        covariance_mm2: (N, 3, 3) of each, independent of the others; 0 for given, not measured positions.
     """
 
     xyz_mm: Array
-    root_mm: Array
+    covariance_mm2: Array
 
 
 class TriangleStrain(NamedTuple):
@@ -65,15 +61,14 @@ class EdgeStrain(NamedTuple):
 def outer_places(grid: Grid, points: Points) -> Places:
     """The targets of a field as measured."""
     where = grid.indices(points.target)
-    xyz, root = np.full((len(grid), 3), np.nan), np.zeros((len(grid), 3, len(grid), 3))
-    xyz[where] = points.xyz_mm
-    root[where, :, where] = np.linalg.cholesky(points.covariance_mm2)
-    return Places(xyz, root.reshape(len(grid), 3, -1))
+    xyz, covariance = np.full((len(grid), 3), np.nan), np.zeros((len(grid), 3, 3))
+    xyz[where], covariance[where] = points.xyz_mm, points.covariance_mm2
+    return Places(xyz, covariance)
 
 
 def nominal_places(grid: Grid) -> Places:
     """The targets of the object model."""
-    return Places(grid.nominal_mm, np.zeros((len(grid), 3, 0)))
+    return Places(grid.nominal_mm, np.zeros((len(grid), 3, 3)))
 
 
 def triangle_strain(grid: Grid, places: Places, reference: Places) -> TriangleStrain:
@@ -84,18 +79,18 @@ def triangle_strain(grid: Grid, places: Places, reference: Places) -> TriangleSt
     """
     chosen = _whole(grid.triangles, places, reference)
     corners = grid.triangles[chosen]
-    present, before = places.xyz_mm[corners], reference.xyz_mm[corners]
-
-    def values(now: Array, then: Array) -> Array:
-        stretches = principal_stretches(_sides(now), _sides(then))
-        return np.concatenate([stretches, 1 / stretches.prod(axis=-1, keepdims=True)], axis=-1)
-
-    own = _variance(lambda now: values(now, before), present, places.root_mm[corners])
-    other = _variance(lambda then: values(present, then), before, reference.root_mm[corners])
-    result = strain(_sides(present), _sides(before))
-    sigma = np.broadcast_to(np.sqrt(own + other), (len(chosen), 3))
-    stretch = Estimate(result.stretch.values, sigma[:, :2])
-    return TriangleStrain(chosen, result, stretch, Estimate(result.thickness, sigma[:, 2]))
+    now, then = _sides(places.xyz_mm[corners]), _sides(reference.xyz_mm[corners])
+    result = strain(now, then)
+    stretches, shares = result.stretch.values, result.components
+    # A unit vector along a principal direction is Σ c d of the sides d before, and λ n = Σ c s of those now.
+    own = shares[..., np.newaxis] * result.stretch.directions[:, :, np.newaxis]
+    other = -(stretches[..., np.newaxis] * shares)[..., np.newaxis] * (shares @ then)[:, :, np.newaxis]
+    variance = _variance(own, stretches, places.covariance_mm2[corners])
+    variance = variance + _variance(other, stretches, reference.covariance_mm2[corners])
+    sigma = np.sqrt(variance)
+    return TriangleStrain(
+        chosen, result, Estimate(stretches, sigma[:, :2]), Estimate(result.thickness, sigma[:, 2])
+    )
 
 
 def edge_strain(grid: Grid, places: Places, reference: Places) -> EdgeStrain:
@@ -117,9 +112,8 @@ def _length(places: Places, edges: NDArray[np.intp]) -> tuple[Array, Array]:
     side = places.xyz_mm[edges[:, 1]] - places.xyz_mm[edges[:, 0]]
     length = np.linalg.norm(side, axis=1)
     unit = side / length[:, None]
-    ends = places.root_mm[edges]
-    along = np.einsum("ki,kim->km", unit, ends[:, 1] - ends[:, 0])
-    return length, (along**2).sum(axis=1)
+    ends = places.covariance_mm2[edges].sum(axis=1)
+    return length, ((ends @ unit[..., np.newaxis])[..., 0] * unit).sum(axis=1)
 
 
 def _whole(parts: NDArray[np.intp], places: Places, reference: Places) -> NDArray[np.intp]:
@@ -137,12 +131,17 @@ def _sides(corners: Array) -> Array:
     return corners[..., 1:, :] - corners[..., :1, :]
 
 
-def _variance(function: Callable[[Array], Array], corners: Array, root: Array) -> Array:
-    """(K, n) variances of a function of the corners (K, 3, 3) by their covariance's root; 0 if given."""
-    if not root.shape[-1]:
-        return np.zeros((1, 1))
-    steps = _STEP_MM * np.eye(9).reshape(9, 1, 3, 3)
-    slopes = (function(corners + steps) - function(corners - steps)) / (2 * _STEP_MM)
-    spread = slopes.transpose(1, 2, 0) @ root.reshape(len(root), 9, -1)
-    result: Array = (spread**2).sum(axis=-1)
-    return result
+def _variance(by_sides: Array, stretches: Array, covariance_mm2: Array) -> Array:
+    """(K, 3) variances of both stretches and of the thickness.
+
+    Args:
+        by_sides: (K, 2, 2, 3) derivatives of the stretches (K, 2) by the sides.
+        stretches: (K, 2) themselves.
+        covariance_mm2: (K, 3, 3, 3) of each corner.
+    """
+    thinned = -(by_sides / stretches[..., np.newaxis, np.newaxis]).sum(axis=1, keepdims=True)
+    slopes = np.concatenate([by_sides, thinned / stretches.prod(axis=1)[:, None, None, None]], axis=1)
+    by_corners = np.concatenate([-slopes.sum(axis=2, keepdims=True), slopes], axis=2)
+    apart = by_corners.transpose(0, 2, 1, 3)  # [triangle, corner, quantity, axis]
+    variance: Array = ((apart @ covariance_mm2) * apart).sum(axis=(1, 3))
+    return variance

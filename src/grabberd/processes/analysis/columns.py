@@ -55,10 +55,10 @@ _WALL = (
     _number("load_misfit", "1", "misfit of points and wall in equilibrium; .3 to 1.2 is usual, 2 refused"),
     _text(
         "method",
-        "where curvature, strain and tension of the targets are from: equilibrium, the wall's, or smooth, a "
-        "surface through the targets, which knows little of the outermost columns of a closed wall",
+        "where shape, strain and tension are from: equilibrium, the wall that explains the targets, or "
+        "smooth, a surface through them, which knows little of a closed wall between and beside its columns",
     ),
-    _number("misfit", "1", "weighted square of the points' departure from the surface by its expectation"),
+    _number("misfit", "1", "weighted square of the points' departure from the outer face by its expectation"),
 )
 _SECTION = (
     _number("height_mm", "mm", "where the section is: x in the object's frame"),

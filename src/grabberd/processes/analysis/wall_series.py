@@ -2,17 +2,23 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis import (
     ChamberVacuum,
+    Face,
     PressureMap,
     PressureModel,
+    SettledWall,
     Surface,
     fit_free_surface,
     fit_surface,
+    left_out_problems,
+    possible,
+    supported_places,
 )
 from grabberd.errors import AnalysisError
 from grabberd.processes.analysis.question import Question
@@ -66,13 +72,10 @@ class WallSeries:
         order = self._order(points)
         for start in range(0, len(points), _BATCH):
             some = order[start : start + _BATCH]
-            fitted = [(k, self._surface(points[k], problems[k])) for k in some]
-            made = {k: surface for k, surface in fitted if surface}
-            maps = [
-                self._map(points[k], surface, vacuum[k], speed_mm_per_s[k], problems[k])
-                for k, surface in made.items()
-            ]
-            states = wall_states([points[k] for k in made], list(made.values()), self.question, maps)
+            walls = [(k, self._wall(points[k], vacuum[k], speed_mm_per_s[k], problems[k])) for k in some]
+            made = {k: wall for k, wall in walls if wall}
+            faces, maps = [wall.face for wall in made.values()], [wall.pressure for wall in made.values()]
+            states = wall_states([points[k] for k in made], faces, self.question, maps)
             found |= dict(zip(made, states, strict=True))
             for k, state in zip(made, states, strict=True):
                 problems[k] += state.problems
@@ -92,32 +95,73 @@ class WallSeries:
         departures = [departure_mm(self.question.grid, one) for one in points]
         return [int(k) for k in np.argsort(departures, kind="stable")]
 
-    def _map(
+    def _wall(
         self,
         points: Points,
-        surface: Surface,
         vacuum: ChamberVacuum | None,
         speed_mm_per_s: float,
         problems: list[str],
-    ) -> PressureMap | None:
-        """Pressure of one field or phase; None, with a problem, if its wall has no equilibrium."""
-        if self.pressure is None or vacuum is None:
-            return None
+    ) -> "_Wall | None":
+        """Wall of one field or phase; None, with a problem, if its points determine no face."""
         try:
-            within = surface.within(*self.question.places)
-            return self.pressure.map(points, within, vacuum, speed_mm_per_s)
+            settled = self._settled(points, vacuum, problems)
+            if self.pressure is None or vacuum is None or settled is None:
+                return _Wall(self._surface(points), None)
+            face = self._surface(points) if settled.wall.contradicted else self._face(settled)
+            within = face.within(*self.question.places)
+            return _Wall(face, self.pressure.of_settled(settled.wall, within, vacuum, speed_mm_per_s))
         except AnalysisError as error:
             problems.append(error.message)
             return None
 
-    def _surface(self, points: Points, problems: list[str]) -> Surface | None:
-        """Surface of one field or phase; None, with a problem, if its points determine none."""
-        question = self.question
+    def _settled(
+        self, points: Points, vacuum: ChamberVacuum | None, problems: list[str]
+    ) -> "_Settled | None":
+        """Wall in equilibrium; None if it is not asked for or, with a problem, if there is none.
+
+        Raises:
+            AnalysisError: the points are too few for a surface.
+        """
+        if self.pressure is None or vacuum is None:
+            return None
+        kept, left_out = possible(self.question.grid, points)
         try:
-            if question.over is not None:
-                return fit_free_surface(points.xyz_mm, points.covariance_mm2, question.over)
-            smoothing = self.smoothings.for_points(points) if self.smoothings else None
-            return fit_surface(question.grid, points, smoothing)
+            return _Settled(self.pressure.settled(kept, vacuum), kept, left_out)
         except AnalysisError as error:
             problems.append(error.message)
             return None
+
+    def _face(self, settled: "_Settled") -> Face:
+        """Face of a wall in equilibrium."""
+        assert self.pressure is not None
+        grid, outlying = self.question.grid, settled.wall.left_out
+        seen = np.setdiff1d(grid.indices(settled.points.target), outlying)
+        problems = (*settled.problems, *left_out_problems(grid, outlying))
+        return self.pressure.face(settled.wall, supported_places(grid, seen), problems)
+
+    def _surface(self, points: Points) -> Surface:
+        """Smooth surface of one field or phase.
+
+        Raises:
+            AnalysisError: its points determine none.
+        """
+        question = self.question
+        if question.over is not None:
+            return fit_free_surface(points.xyz_mm, points.covariance_mm2, question.over)
+        smoothing = self.smoothings.for_points(points) if self.smoothings else None
+        return fit_surface(question.grid, points, smoothing)
+
+
+class _Wall(NamedTuple):
+    """Outer face and pressure of one field; None if an input is missing or there is no equilibrium."""
+
+    face: Face
+    pressure: PressureMap | None
+
+
+class _Settled(NamedTuple):
+    """Wall in equilibrium, the points that it was fitted to, and what is said of the others."""
+
+    wall: SettledWall
+    points: Points
+    problems: tuple[str, ...]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grabberd.analysis import (
     Area,
     Estimate,
+    Face,
     Forms,
     Jets,
     MiddleSurface,
@@ -49,9 +50,9 @@ class WallState(NamedTuple):
 
     Attributes:
         within: (N,) True for targets that are supported by data.
-        xyz_mm: (N, 3) points of the smooth face at the targets, object's frame.
-        method: where the next three are from: `EQUILIBRIUM`, the wall's, or `SMOOTH`, the surface through the
-            targets.
+        xyz_mm: (N, 3) points of the outer face at the targets, object's frame.
+        method: where all but `strains` is from: `EQUILIBRIUM`, the wall that explains the targets, or
+            `SMOOTH`, the surface through them.
         curvature_per_m: (N, 2) κ1 ≥ κ2 of the middle surface if the wall's material is known, else of the
             outer face.
         strain: (N, 2) principal strains λ − 1 of the same surface, the greater first; None without reference.
@@ -62,7 +63,7 @@ class WallState(NamedTuple):
         volume_mm3: volume between the first and last section and the plane; None without a plane.
         strains: strains of triangles and edges between targets; None without reference, or if no target is
             seen in both states.
-        misfit: of the points by the surface, as in `Surface`.
+        misfit: of the points by the face, as in `Face`.
         problems: problems that did not prevent a result, as sentences.
     """
 
@@ -93,7 +94,7 @@ def wall_state(points: Points, question: Question, smoothing: Smoothing) -> Wall
 
 def wall_states(
     points: Sequence[Points],
-    surfaces: Sequence[Surface],
+    faces: Sequence[Face],
     question: Question,
     maps: Sequence[PressureMap | None],
 ) -> list[WallState]:
@@ -101,14 +102,17 @@ def wall_states(
 
     Args:
         points: points of the fields.
-        surfaces: surfaces through them.
+        faces: the outer face at each; a `Surface` unless the map has a middle surface.
         question: quantities to compute.
         maps: map of the pressure at each field; None where there is none.
     """
     middles = [one.middle if one else None for one in maps]
-    smooth = iter(_smooth([one for one, known in zip(surfaces, middles, strict=True) if not known], question))
+    surfaces = [
+        one for one, known in zip(faces, middles, strict=True) if isinstance(one, Surface) and not known
+    ]
+    smooth = iter(_smooth(surfaces, question))
     walls = [middle or next(smooth) for middle in middles]
-    each = zip(points, surfaces, walls, maps, strict=True)
+    each = zip(points, faces, walls, maps, strict=True)
     return [_state(*one, question) for one in each]
 
 
@@ -122,27 +126,27 @@ class _SmoothWall(NamedTuple):
 
 def _state(
     points: Points,
-    surface: Surface,
+    face: Face,
     wall: MiddleSurface | _SmoothWall,
     pressure: PressureMap | None,
     question: Question,
 ) -> WallState:
-    within = surface.within(*question.places)
-    found, missed = sections(surface, question.heights_mm, question.plane)
+    within = face.within(*question.places)
+    found, missed = sections(face, question.heights_mm, question.plane)
     return WallState(
         within=within,
-        xyz_mm=_masked(_xyz(surface, question), within),
+        xyz_mm=_masked(face.places_mm(*question.places), within),
         method=EQUILIBRIUM if isinstance(wall, MiddleSurface) else SMOOTH,
         curvature_per_m=_masked(wall.curvature_per_m, within),
         strain=wall.strain and _masked(wall.strain, within),
         tension_n_per_m=wall.tension_n_per_m and _masked(wall.tension_n_per_m, within),
         pressure=pressure,
-        area=surface_area(surface),
+        area=surface_area(face),
         sections=found,
-        volume_mm3=_volume(surface, question, found),
+        volume_mm3=_volume(face, question, found),
         strains=target_strains(points, question),
-        misfit=surface.misfit,
-        problems=(*surface.problems, *_refused(pressure), *missed),
+        misfit=face.misfit,
+        problems=(*face.problems, *_refused(pressure), *missed),
     )
 
 
@@ -157,12 +161,6 @@ def _refused(pressure: PressureMap | None) -> tuple[str, ...]:
     except AnalysisError as error:
         return (error.message,)
     return ()
-
-
-def _xyz(surface: Surface, question: Question) -> Estimate:
-    places = question.places
-    straight = np.broadcast_to(np.eye(3), (len(places[0]), 1, 3, 3))
-    return Estimate(surface.jets(*places)[:, 0], surface.sigma(straight, *places))
 
 
 def _masked(estimate: Estimate, within: NDArray[np.bool_]) -> Estimate:
@@ -243,7 +241,7 @@ def _reference_jets(question: Question) -> Jets:
     return reference
 
 
-def _volume(surface: Surface, question: Question, sections: tuple[Section, ...]) -> Estimate | None:
+def _volume(face: Face, question: Question, sections: tuple[Section, ...]) -> Estimate | None:
     if question.plane is None or len(sections) < 2:
         return None
-    return volume_mm3(surface, (sections[0].x_mm, sections[-1].x_mm), question.plane)
+    return volume_mm3(face, (sections[0].x_mm, sections[-1].x_mm), question.plane)
