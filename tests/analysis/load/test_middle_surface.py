@@ -88,7 +88,7 @@ def test_they_follow_each_parameter_as_the_settled_wall_does():
     """σ rests on these derivatives: here against walls that were settled anew under a changed parameter."""
     # By itself: a state that other tests have linearised may be too far from equilibrium for whole steps.
     case = Case("reference-round")
-    state = settled(case.model, case.fitted(14.0).linear.state)
+    state = settled(case.model, case.fitted(18.0).moved())
     response = Response.of(case.model, state)
     by = case.middles._by_parameters(response)
     control_points = case.model.half.grid.count

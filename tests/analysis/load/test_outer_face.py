@@ -68,7 +68,7 @@ def test_the_lattice_follows_the_face_between_its_nodes(case):
     for wall, face in zip(case.walls, case.faces, strict=True):
         half = wall.found.model.half.of(wall.found.model.tube(wall.found.parameters))
         places = TargetPlaces(mounting.half, nominal._replace(s_mm=s_mm, x_mm=x_mm))
-        exact = mounting.origin_mm + places.places_mm(half, wall.found.control) @ mounting.axes
+        exact = mounting.frame.origin_mm + places.places_mm(half, wall.found.control) @ mounting.frame.axes
         assert np.abs(face.tangents(u, v)[:, 0] - exact)[:, 2].max() < 0.01
 
 

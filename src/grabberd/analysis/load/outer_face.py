@@ -112,7 +112,7 @@ class FaceLattice:
         self._spline = np.linalg.inv(self._grid.basis(nodes[1], nodes[0]).matrices[0].toarray())
         smooth = _smooth(self.domain, (grid.u_mm, grid.v_mm), nodes)
         self.by_targets = self._spline @ smooth
-        self._mounting, self.axes = mounting, mounting.axes
+        self._mounting, self.axes = mounting, mounting.frame.axes
         tube, targets = mounting.half.tube, mounting.targets
         # A lattice that reaches beyond the ends or the cuts ends there.
         end_s_mm, end_x_mm = np.pi / 2 * tube.radius_mm - _SMALL, tube.length_mm / 2 - _SMALL
@@ -126,7 +126,7 @@ class FaceLattice:
         """The face of a wall that was fitted to its targets."""
         mounting, model = self._mounting, found.model
         half = model.half.of(model.tube(found.parameters))
-        places_mm = mounting.origin_mm + self._places.places_mm(half, found.control) @ mounting.axes
+        places_mm = mounting.frame.origin_mm + self._places.places_mm(half, found.control) @ mounting.frame.axes
         covariance = found.places_covariance(mounting.shared_mm2)
         misfit = float(found.outlying.sum()) / len(found.sights)
         return OuterFace(self, self._spline @ places_mm, covariance, supported, misfit, problems)
