@@ -2,14 +2,14 @@
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.load.collapse import Collapse, collapse
-from grabberd.analysis.load.empty_ramp import LinerValues, liner_values
+from grabberd.analysis.load.compression.touch import Touch, first_touch
 from grabberd.analysis.load.load_prior import Difference
 from grabberd.analysis.load.middle_surface import MiddleSurface
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.pressure_model import UNSEEN, PressureModel, SettledWall
-from grabberd.analysis.load.ramp_levels import RampLevel
-from grabberd.analysis.load.touch import Touch, first_touch
+from grabberd.analysis.load.ramp.collapse import Collapse, collapse
+from grabberd.analysis.load.ramp.empty_ramp import LinerValues, liner_values
+from grabberd.analysis.load.ramp.ramp_levels import RampLevel
 from grabberd.analysis.pulsation.movement import Movement, TimedPoints, first_movement
 from grabberd.analysis.pulsation.phase_average import PhaseAverage, phase_average
 from grabberd.analysis.pulsation.phases import Phases, iso_phases, wall_phases

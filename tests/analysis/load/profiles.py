@@ -7,7 +7,7 @@ import numpy as np
 from analysis.walls import as_points, solved
 from grabberd.analysis import ChamberVacuum, PressureModel
 from grabberd.analysis.estimate import Estimate, Joint
-from grabberd.analysis.load.load_profile import LoadProfile
+from grabberd.analysis.load.compression.load_profile import LoadProfile
 
 X_MM = np.arange(-55.0, 56.0, 5.0)
 TEAT_END_MM = 15.0

@@ -9,7 +9,7 @@ from grabberd.analysis.load.load_fit import Response
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
 from grabberd.analysis.load.load_series import LoadSeries
 from grabberd.analysis.load.middle_surface import MiddleSurfaces, _forms
-from grabberd.analysis.load.mounting import Mounting
+from grabberd.analysis.load.mounted.mounting import Mounting
 from grabberd.analysis.load.wall_model import State, WallModel
 from grabberd.analysis.wall.shell import Geometry
 

@@ -15,7 +15,7 @@ from grabberd.analysis import (
     volume_mm3,
 )
 from grabberd.analysis.load.load_fit import posterior
-from grabberd.analysis.load.target_places import TargetPlaces
+from grabberd.analysis.load.mounted.target_places import TargetPlaces
 
 NAME = "reference-round"
 DIFFERENCES_KPA = (6.0, 16.0, 24.0, 30.0)

@@ -17,7 +17,7 @@ from scipy.linalg import LinAlgError, blas, cho_factor, cho_solve, lapack
 
 from grabberd.analysis.estimate import Joint
 from grabberd.analysis.load.load_prior import MPA_PER_KPA, Difference
-from grabberd.analysis.load.sights import Sights
+from grabberd.analysis.load.mounted.sights import Sights
 from grabberd.analysis.load.wall_model import Linearised, State, WallModel
 from grabberd.analysis.wall.splines import Basis
 from grabberd.errors import AnalysisError

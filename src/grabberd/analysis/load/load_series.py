@@ -9,7 +9,7 @@ import numpy as np
 
 from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior, Response, fit_load, posterior
 from grabberd.analysis.load.load_prior import Difference
-from grabberd.analysis.load.sights import Sights
+from grabberd.analysis.load.mounted.sights import Sights
 from grabberd.analysis.load.wall_model import WallModel
 
 REACH_MM = 0.8

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.load_fit import Posterior
-from grabberd.analysis.load.mounting import Mounting
-from grabberd.analysis.load.target_places import TargetPlaces, Targets
+from grabberd.analysis.load.mounted.mounting import Mounting
+from grabberd.analysis.load.mounted.target_places import TargetPlaces, Targets
 from grabberd.analysis.surface.face import is_within
 from grabberd.analysis.surface.modes import Domain, modes
 from grabberd.analysis.surface.smoothing import ROUND
@@ -126,7 +126,9 @@ class FaceLattice:
         """The face of a wall that was fitted to its targets."""
         mounting, model = self._mounting, found.model
         half = model.half.of(model.tube(found.parameters))
-        places_mm = mounting.frame.origin_mm + self._places.places_mm(half, found.control) @ mounting.frame.axes
+        places_mm = (
+            mounting.frame.origin_mm + self._places.places_mm(half, found.control) @ mounting.frame.axes
+        )
         covariance = found.places_covariance(mounting.shared_mm2)
         misfit = float(found.outlying.sum()) / len(found.sights)
         return OuterFace(self, self._spline @ places_mm, covariance, supported, misfit, problems)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
-from grabberd.analysis.load.load_profile import LoadProfile
+from grabberd.analysis.load.compression.load_profile import LoadProfile
 from grabberd.analysis.load.middle_surface import MiddleSurface
 from grabberd.errors import AnalysisError
 

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
+from grabberd.analysis.load.compression.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior, posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
-from grabberd.analysis.load.load_profile import LoadProfile, Sections, profile_heights
 from grabberd.analysis.load.load_series import LoadSeries
 from grabberd.analysis.load.middle_surface import MiddleSurfaces
-from grabberd.analysis.load.mounting import Mounting
+from grabberd.analysis.load.mounted.mounting import Mounting
 from grabberd.analysis.load.outer_face import FaceLattice, OuterFace
 from grabberd.analysis.load.pressure import ChamberVacuum, PressureMap
 from grabberd.analysis.load.wall_model import WallModel

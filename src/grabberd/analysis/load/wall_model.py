@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from grabberd.analysis.load.load_prior import MPA_PER_KPA, Difference, LoadPrior, TubePrior
-from grabberd.analysis.load.target_places import TargetPlaces, Targets
+from grabberd.analysis.load.mounted.target_places import TargetPlaces, Targets
 from grabberd.analysis.wall.block_band import Factors
 from grabberd.analysis.wall.cuts import cut_points
 from grabberd.analysis.wall.forces import Forces

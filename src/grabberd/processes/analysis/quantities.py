@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from grabberd.analysis import Estimate
-from grabberd.analysis.load.liner_compression import QUANTITIES, liner_compression
+from grabberd.analysis.load.compression.liner_compression import QUANTITIES, liner_compression
 from grabberd.analysis.pulsation.pulsator_limits import liner_times, pulsator_limits
 from grabberd.analysis.quantity import Finding
 from grabberd.processes.analysis.analyse import Analysis

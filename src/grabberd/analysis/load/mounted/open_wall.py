@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis.load.sight_lines import SightLines
+from grabberd.analysis.load.mounted.sight_lines import SightLines
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 
 Array = NDArray[np.float64]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
 from grabberd.analysis.load.load_prior import Difference
-from grabberd.analysis.load.mounting import Mounting
+from grabberd.analysis.load.mounted.mounting import Mounting
 from grabberd.reconstruction import Points
 
 Array = NDArray[np.float64]

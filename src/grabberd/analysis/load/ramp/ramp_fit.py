@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from grabberd.analysis.load.empty_wall import EmptyWall, Settling
-from grabberd.analysis.load.sights import Sights
+from grabberd.analysis.load.mounted.sights import Sights
+from grabberd.analysis.load.ramp.empty_wall import EmptyWall, Settling
 from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.load.load_prior import MPA_PER_KPA
-from grabberd.analysis.load.target_places import TargetPlaces, Targets
+from grabberd.analysis.load.mounted.target_places import TargetPlaces, Targets
 from grabberd.analysis.wall.half_tube import HalfTube
 from grabberd.analysis.wall.shell import Load
 

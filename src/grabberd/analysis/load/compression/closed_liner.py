@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate, Joint
-from grabberd.analysis.load.load_profile import LoadProfile
+from grabberd.analysis.load.compression.load_profile import LoadProfile
 from grabberd.errors import AnalysisError
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.walls import rig
-from grabberd.analysis.load.sight_lines import SightLines
+from grabberd.analysis.load.mounted.sight_lines import SightLines
 from grabberd.geometry import project_all
 from grabberd.reconstruction import SingleViewImages
 

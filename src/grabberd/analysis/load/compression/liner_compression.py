@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate, Joint
-from grabberd.analysis.load.closed_liner import (
+from grabberd.analysis.load.compression.closed_liner import (
     CERTAIN,
     TeatHeights,
     mean_profile,
     phase_weights,
     teat_heights,
 )
-from grabberd.analysis.load.load_profile import LoadProfile
+from grabberd.analysis.load.compression.load_profile import LoadProfile
 from grabberd.analysis.pulsation.phases import Phases
 from grabberd.analysis.quantity import Finding, Quantity
 from grabberd.errors import AnalysisError

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.load.open_wall import OpenWall
-from grabberd.analysis.load.sight_lines import SightLines
-from grabberd.analysis.load.sights import Sights
-from grabberd.analysis.load.target_places import TargetPlaces, Targets
+from grabberd.analysis.load.mounted.open_wall import OpenWall
+from grabberd.analysis.load.mounted.sight_lines import SightLines
+from grabberd.analysis.load.mounted.sights import Sights
+from grabberd.analysis.load.mounted.target_places import TargetPlaces, Targets
 from grabberd.analysis.surface.nominal_shape import NominalShape
 from grabberd.analysis.wall.half_tube import HalfTube, MountedTube
 from grabberd.analysis.wall.material import Material

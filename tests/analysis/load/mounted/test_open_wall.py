@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.walls import outermost_alone, rig, solved_six
-from grabberd.analysis.load.mounting import Mounting
+from grabberd.analysis.load.mounted.mounting import Mounting
 
 SIGMA_MM = np.array([0.02, 0.02, 0.05])
 

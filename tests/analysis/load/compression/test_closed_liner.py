@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.load.profiles import SIGMA_N_PER_MM, TEAT_END_MM, X_MM, closed
-from grabberd.analysis.load.closed_liner import mean_profile, phase_weights, teat_heights
+from grabberd.analysis.load.compression.closed_liner import mean_profile, phase_weights, teat_heights
 from grabberd.errors import AnalysisError
 
 

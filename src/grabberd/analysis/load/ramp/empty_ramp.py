@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.load.empty_wall import EmptyWall
 from grabberd.analysis.load.load_fit import MISFIT_ALARM
 from grabberd.analysis.load.load_prior import TubePrior
-from grabberd.analysis.load.mounting import Mounting
-from grabberd.analysis.load.ramp_fit import TUBE_VALUES, Ramp, fit_ramp
-from grabberd.analysis.load.ramp_levels import RampLevel, row_heights
+from grabberd.analysis.load.mounted.mounting import Mounting
+from grabberd.analysis.load.ramp.empty_wall import EmptyWall
+from grabberd.analysis.load.ramp.ramp_fit import TUBE_VALUES, Ramp, fit_ramp
+from grabberd.analysis.load.ramp.ramp_levels import RampLevel, row_heights
 from grabberd.analysis.wall.material import Material
 from grabberd.errors import AnalysisError
 from grabberd.geometry import Rig

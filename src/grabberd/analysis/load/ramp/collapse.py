@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from grabberd.analysis.estimate import Estimate
 from grabberd.analysis.grid import Grid
-from grabberd.analysis.load.mounting import Mounting
-from grabberd.analysis.load.ramp_levels import RampLevel, row_heights
+from grabberd.analysis.load.mounted.mounting import Mounting
+from grabberd.analysis.load.ramp.ramp_levels import RampLevel, row_heights
 from grabberd.analysis.wall.material import Material
 from grabberd.errors import AnalysisError
 from grabberd.reconstruction import Points

@@ -6,7 +6,11 @@ import pytest
 from analysis.load.profiles import DIFFERENCES_KPA, TEAT_END_MM, X_MM, closed, solved_profiles
 from analysis.walls import solved
 from grabberd.analysis import Estimate, Phases
-from grabberd.analysis.load.liner_compression import COMPRESSION_SHARE, QUANTITIES, liner_compression
+from grabberd.analysis.load.compression.liner_compression import (
+    COMPRESSION_SHARE,
+    QUANTITIES,
+    liner_compression,
+)
 from grabberd_fake.wall_quantities import teat_load
 
 PHASE = np.arange(20) / 20

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.analysis.load.sights import Sights
+from grabberd.analysis.load.mounted.sights import Sights
 from grabberd.geometry import Rig, linearise, rays
 from grabberd.reconstruction import SingleViewImages
 

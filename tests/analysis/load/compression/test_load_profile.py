@@ -7,10 +7,10 @@ import pytest
 
 from analysis.load.profiles import DIFFERENCES_KPA, solved_profiles
 from analysis.walls import solved
+from grabberd.analysis.load.compression.load_profile import profile_heights
 from grabberd.analysis.load.load_fit import Response, posterior
 from grabberd.analysis.load.load_prior import Difference, LoadPrior, TubePrior
-from grabberd.analysis.load.load_profile import profile_heights
-from grabberd.analysis.load.mounting import Mounting
+from grabberd.analysis.load.mounted.mounting import Mounting
 from grabberd.analysis.load.wall_model import WallModel
 from grabberd_fake.wall_states import Patch
 
