@@ -184,6 +184,13 @@ class CaptureReader:
         """Time of the first field; None if there is none."""
         return self._number("SELECT time_ns FROM fields ORDER BY n LIMIT 1")
 
+    @property
+    def last_field(self) -> tuple[int, int] | None:
+        """Number and time of the last field; None if there is none."""
+        with reading_errors(self.path):
+            row = self._connection.execute("SELECT n, time_ns FROM fields ORDER BY n DESC LIMIT 1").fetchone()
+            return None if row is None else (int(row[0]), int(row[1]))
+
     def _read_meta(self) -> CaptureMeta:
         try:
             return read_meta(self._connection)
