@@ -59,7 +59,7 @@ def test_a_backup_comes_back(barn: Path, tmp_path: Path) -> None:
 
 
 def test_while_a_daemon_runs_a_backup_is_made_and_a_restore_refused(barn: Path, tmp_path: Path) -> None:
-    lock = DirectoryLock(barn / "captures")
+    lock = DirectoryLock(barn)
     lock.acquire()
     try:
         assert run("backup", tmp_path / "barn.zip").exit_code == 0

@@ -34,6 +34,9 @@ def status(
         for words in _remarks(device):
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
     console.print(disk_words(state["storage"]), highlight=False, soft_wrap=True)
+    for fault in state["faults"]:
+        words = f"{fault['level']} since {fault['since_utc']}: {fault['message']}; {fault['hint']}"
+        console.print(words, highlight=False, soft_wrap=True)
 
 
 def disk_words(storage: dict[str, Any]) -> str:

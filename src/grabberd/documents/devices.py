@@ -7,6 +7,7 @@ from pydantic import Field
 from grabberd.acquisition import Outcome
 from grabberd.documents.calibrations import ActiveCalibration
 from grabberd.documents.document import Document
+from grabberd.documents.faults import FaultDocument
 from grabberd.documents.named_types import JsonObject, LackKind, Latency, ViewCounts
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause
@@ -197,3 +198,4 @@ class ReadyDocument(Document):
     """Every device can measure."""
 
     status: Literal["ready"] = "ready"
+    faults: list[FaultDocument] = Field(description="What is wrong with the daemon itself.")

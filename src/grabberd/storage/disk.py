@@ -16,6 +16,15 @@ SCRATCH = ".part-"
 """Beginning of the names of folders that are being written."""
 
 
+_DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+
+def is_damaged(error: sqlite3.Error) -> bool:
+    """True if the content of a database is to blame, and not its disk, or another program that holds it."""
+    # The low byte; errors raised by the Python module itself have no code.
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGE
+
+
 @contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
     """Turns errors of SQLite and of the system while writing into `StorageError`."""
@@ -91,6 +100,14 @@ def write_synced(path: Path, content: bytes, mode: int) -> None:
     """Writes a new file with these permissions and returns when it is on the disk."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     with os.fdopen(descriptor, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_through(path: Path, content: bytes) -> None:
+    """Writes into a file that exists and returns when it is on the disk."""
+    with path.open("r+b") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

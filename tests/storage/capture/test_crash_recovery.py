@@ -7,9 +7,9 @@ from datetime import datetime, timedelta
 import pytest
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.acquisition.clock import Now
 from grabberd.errors import LaterVersion, StorageError
 from grabberd.storage import CaptureReader, CaptureWriter, recover
-from grabberd.acquisition.clock import Now
 from grabberd.storage.capture.crash_recovery import set_aside
 from storage.captures import MADE_WITH, META, PERIOD_NS, START_NS, ledger_of, meta, points, slot, slots, write
 

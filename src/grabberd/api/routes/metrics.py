@@ -17,7 +17,9 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.acquisition import Outcome, Signal
 from grabberd.documents.states import DeviceState, Rung
+from grabberd.service.descriptors import exhaustion
 from grabberd.service.device.worker import BOUNDS_S
+from grabberd.service.faults import OWN_CAUSES
 from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 
@@ -72,6 +74,7 @@ class ServiceMetrics(Collector):
         yield from _device(instruments)
         yield from _points(instruments)
         yield from _captures(instruments, self._service)
+        yield from _faults(self._service)
         yield from _mqtt(self._service)
         yield _gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
 
@@ -137,6 +140,23 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
     yield _counter("grabberd_captures", "Captures that have ended.", ("device", "verdict"), ended)
     yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
+
+
+def _faults(service: Service) -> Iterator[Metric]:
+    board, unsealed = service.faults, service.unsealed
+    now = (((cause,), float(board.has(cause))) for cause in OWN_CAUSES)
+    counts = (((cause,), board.counts[cause]) for cause in OWN_CAUSES)
+    yield _gauge("grabberd_fault", "1 while the daemon itself has it.", ("cause",), now)
+    yield _counter("grabberd_faults", "How often it has begun.", ("cause",), counts)
+    yield _counter(
+        "grabberd_index_rebuilds", "Of a damaged index.", (), [((), service.archive.keeper.rebuilt)]
+    )
+    yield _gauge("grabberd_unsealed_captures", "To be sealed.", (), [((), len(unsealed.captures))])
+    yield _counter("grabberd_failed_seals", "Attempts to seal a capture.", (), [((), unsealed.attempts)])
+    yield _counter("grabberd_state_backups", "Of state.sqlite.", (), [((), service.state_keeper.backed_up)])
+    yield _counter(
+        "grabberd_descriptors_exhausted", "Clients refused for want of files.", (), [((), exhaustion.count)]
+    )
 
 
 def _mqtt(service: Service) -> Iterator[Metric]:

@@ -13,11 +13,11 @@ from grabberd.documents.captures import (
     RunDocument,
     WholeRunDocument,
 )
-from grabberd.errors import NotFound
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureMeta, CaptureReader, RunInfo
 from grabberd.storage.capture.schema import reading_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.capture_index import IndexEntry
 
 IN_THE_FILE = (Outcome.RECEIVED, Outcome.DAMAGED)
@@ -94,7 +94,7 @@ def describe(path: Path) -> CaptureDocument:
             reader.ledger,
             reader.runs,
             first_time_ns=reader.first_time_ns,
-            size_bytes=path.stat().st_size,
+            size_bytes=_size_bytes(path),
         )
     if document.verdict is not None:
         return document
@@ -108,14 +108,7 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
         entry: the capture's entry in the index.
         path: its file.
         reason: why the file cannot be read.
-
-    Raises:
-        NotFound: the file is gone.
     """
-    if not path.exists():
-        raise NotFound(
-            f"the file of capture {entry.id} is gone", "it was removed by hand; restart to forget it"
-        )
     return _without_fields(
         id=entry.id,
         device=entry.device,
@@ -123,8 +116,13 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
         verdict="incomplete",
         ended_because=reason,
         created_utc=entry.created_utc,
-        size_bytes=path.stat().st_size,
+        size_bytes=_size_bytes(path),
     )
+
+
+def _size_bytes(path: Path) -> int:
+    with storage_errors(path):
+        return path.stat().st_size
 
 
 def _without_fields(**known: object) -> CaptureDocument:

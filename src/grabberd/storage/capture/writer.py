@@ -18,6 +18,7 @@ from grabberd.storage.capture.schema import (
     JOURNAL,
     SEALED,
     CaptureMeta,
+    connect,
     create,
     read_meta,
     sealed_path,
@@ -65,6 +66,17 @@ class CaptureWriter:
             write_meta(connection, asdict(meta))
             writer.commit()
         return writer
+
+    def reopen(self) -> None:
+        """Opens the file of a capture again that was closed without being sealed, to seal it after all.
+
+        Raises:
+            CaptureFileError: It is gone or damaged.
+            StorageError: It cannot be opened now.
+        """
+        if not self.path.exists() and sealed_path(self.path).exists():
+            self.path = sealed_path(self.path)  # only to see its new name onto the disk has failed
+        self._connection = connect(self.path, writable=True)
 
     def begin_run(
         self, run: int, kind: str, created_utc: str, version: str, made_with: Mapping[str, Any]

@@ -944,7 +944,8 @@ export interface paths {
         };
         /**
          * Check that every device can measure
-         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing.
+         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing; `faults` is what
+         *     is wrong with the daemon itself, which does not keep it from measuring.
          */
         get: operations["get_readiness"];
         put?: never;
@@ -2095,7 +2096,7 @@ export interface components {
          * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
          * @enum {string}
          */
-        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed";
+        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "settings_restored" | "settings_lost" | "settings_unreadable";
         /**
          * CheckRequest
          * @description Options of a check; all of them can be left out.
@@ -2347,6 +2348,26 @@ export interface components {
          * @enum {string}
          */
         DeviceState: "absent" | "opening" | "no_signal" | "ready" | "capturing" | "recovering" | "failed" | "ended";
+        /**
+         * FaultDocument
+         * @description A fault of the daemon itself, its captures' folder or its settings.
+         */
+        FaultDocument: {
+            /** @description Machine-readable code. */
+            cause_code: components["schemas"]["Cause"];
+            /**
+             * Level
+             * @description fault: a person has to act; warning: to be known, or repaired by itself.
+             * @enum {string}
+             */
+            level: "fault" | "warning";
+            /** Message */
+            message: string;
+            /** Hint */
+            hint: string;
+            /** Since Utc */
+            since_utc: string;
+        };
         /**
          * FieldPoints
          * @description The points of one field of a capture.
@@ -3159,6 +3180,11 @@ export interface components {
             hint: string;
             /** Lacks */
             lacks: components["schemas"]["LackDocument"][];
+            /**
+             * Faults
+             * @description What is wrong with the daemon itself.
+             */
+            faults: components["schemas"]["FaultDocument"][];
         };
         /**
          * ObjectDocument
@@ -3424,6 +3450,11 @@ export interface components {
              * @constant
              */
             status?: "ready";
+            /**
+             * Faults
+             * @description What is wrong with the daemon itself.
+             */
+            faults: components["schemas"]["FaultDocument"][];
         };
         /**
          * RejectionRequest
@@ -3730,6 +3761,11 @@ export interface components {
                 [key: string]: components["schemas"]["DeviceDocument"];
             };
             storage: components["schemas"]["StorageDocument"];
+            /**
+             * Faults
+             * @description What is wrong with the daemon itself, the worst first.
+             */
+            faults: components["schemas"]["FaultDocument"][];
             /** @description Null if the configuration names no broker. */
             mqtt: components["schemas"]["MqttDocument"] | null;
         };

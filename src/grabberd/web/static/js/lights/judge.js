@@ -3,7 +3,7 @@ import { deviceOf, rateOf, streams as isStreaming } from "../core/store.js";
 
 /** @import { Known } from "../core/store.js" */
 /** @import { LossHistory } from "./history.js" */
-/** @import { Device, Storage } from "types/documents" */
+/** @import { Device, State, Storage } from "types/documents" */
 
 /** @typedef {{hz?: number, wanted?: number, n?: number, waiting?: number, slots?: number, id?: string, days?: number, minutes?: number, seconds?: number}} LightValues */
 
@@ -40,11 +40,12 @@ export function judge(known, history) {
     calibration(device),
     rig(device),
     disk(known.state.storage),
+    records(known.state),
     clock(known),
   ];
 }
 
-const IDS = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"];
+const IDS = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "records", "clock"];
 
 /** The daemon's own words about a problem, as far as it has any. @param {(string | null)[]} said */
 const knownOf = (said) => said.flatMap((one) => (one ? [one] : []));
@@ -126,6 +127,14 @@ function disk(storage) {
   const values = { minutes };
   if (minutes >= 60) return { id: "disk", level: "good", word: "good", values };
   return { id: "disk", level: minutes < 10 ? "bad" : "warn", word: minutes > 0 ? "short" : "full", values, cause: "full" };
+}
+
+/** What is wrong with the daemon itself; what the disk's light tells is left to it. @param {State} state @returns {Light} */
+function records({ faults, storage }) {
+  const worst = faults.find((one) => one.cause_code !== storage.cause_code);
+  if (!worst) return { id: "records", level: "good", word: "good" };
+  const level = worst.level === "fault" ? "bad" : "warn";
+  return { id: "records", level, word: worst.level, code: worst.cause_code, since: worst.since_utc, said: [worst.message, worst.hint] };
 }
 
 /** @param {Known} known @returns {Light} */
