@@ -9,7 +9,7 @@ from browser.axe import serious
 from browser.conftest import Open, Start
 from browser.daemons import Daemon
 
-ALL = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"]
+ALL = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "records", "clock"]
 NOTICED_MS = 120_000
 
 

@@ -34,8 +34,7 @@ def status(
         for words in _remarks(device):
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
     console.print(disk_words(state["storage"]), highlight=False, soft_wrap=True)
-    for fault in state["faults"]:
-        words = f"{fault['level']} since {fault['since_utc']}: {fault['message']}; {fault['hint']}"
+    for words in fault_words(state["faults"]):
         console.print(words, highlight=False, soft_wrap=True)
 
 
@@ -45,6 +44,11 @@ def disk_words(storage: dict[str, Any]) -> str:
         return f"disk: {storage['problem']}"
     free_gb = storage["free_bytes"] / 1e9
     return f"disk: {free_gb:.1f} GB free, {storage['minutes_left']:.0f} minutes of capture left"
+
+
+def fault_words(faults: list[dict[str, Any]]) -> list[str]:
+    """A line for each fault of the daemon itself."""
+    return [f"{one['level']} since {one['since_utc']}: {one['message']}; {one['hint']}" for one in faults]
 
 
 def _remarks(device: dict[str, Any]) -> Iterator[str]:

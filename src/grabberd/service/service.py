@@ -38,6 +38,7 @@ from grabberd.service.setup import DeviceSetup
 from grabberd.service.state_keeper import StateKeeper
 from grabberd.service.upkeep import Upkeep
 from grabberd.storage.capture.captures_folder import CapturesFolder
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 from grabberd.storage.state.calibration_store import CalibrationRecord
@@ -325,7 +326,8 @@ class Service:
     def _enter_in_index(self, recording: Recording) -> None:
         # The capture has ended all the same if the index cannot be written; it is entered later.
         try:
-            self.archive.index.add(recording.path)
+            with storage_errors(recording.path):
+                self.archive.index.add(recording.path)
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
         if self.publisher is not None:

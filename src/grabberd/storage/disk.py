@@ -1,5 +1,6 @@
 """Files and folders on a disk: written for good, and errors as an operator can act on them."""
 
+import errno
 import os
 import shutil
 import sqlite3
@@ -31,10 +32,25 @@ def storage_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except (sqlite3.OperationalError, OSError) as error:
-        raise StorageError(
-            f"{path.name} cannot be written: {error}",
-            "make room or fix the disk; what was written before is kept and readable",
-        ) from error
+        raise StorageError(f"{path.name} cannot be written: {error}", _hint(error)) from error
+
+
+def _hint(error: Exception) -> str:
+    kept = "what was written before is kept and readable"
+    # SQLite keeps the reason to itself: whether descriptors are to blame, only opening another file tells.
+    number = error.errno if isinstance(error, OSError) else _error_of_opening()
+    if number in (errno.EMFILE, errno.ENFILE):
+        return f"no file descriptor is left: close clients, or raise the limit (ulimit -n); {kept}"
+    return f"make room or fix the disk; {kept}"
+
+
+def _error_of_opening() -> int | None:
+    """Error number of opening any file; None if that is possible."""
+    try:
+        os.close(os.open(os.devnull, os.O_RDONLY))
+    except OSError as error:
+        return error.errno
+    return None
 
 
 def new_folder(directory: Path) -> None:

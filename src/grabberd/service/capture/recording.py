@@ -258,8 +258,10 @@ class Recording:
         finally:
             self.recorder.stop("storage failed")
             # The index and the counters are right by the time anybody who waits for `sealed` looks at them.
-            self._on_sealed(self)
-            self.sealed.set()
+            try:
+                self._on_sealed(self)
+            finally:
+                self.sealed.set()  # whatever that brought: the next capture must not wait for this one
 
     def _write_all(self) -> None:
         """Writes until everything recorded has been written and measured, or the disk fails."""

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 
 from grabberd.acquisition.clock import UtcClock
-from grabberd.errors import CaptureFileError, Cause, StorageError
+from grabberd.errors import CaptureFileError, Cause, GrabberdError, StorageError
 from grabberd.service.capture.recording import Recording
 from grabberd.service.faults import FaultBoard
 
@@ -72,7 +72,7 @@ class UnsealedCaptures:
         elif failures:
             self._report(failures[0])
 
-    def _try(self, recording: Recording) -> Exception | None:
+    def _try(self, recording: Recording) -> GrabberdError | None:
         try:
             recording.seal_again()
         except CaptureFileError as error:
@@ -90,10 +90,11 @@ class UnsealedCaptures:
         with self._lock:
             self.captures = tuple(one for one in self.captures if one is not recording)
 
-    def _report(self, failure: Exception | None) -> None:
+    def _report(self, failure: GrabberdError | None) -> None:
         names = ", ".join(one.id for one in self.captures)
+        why, hint = (failure.message, failure.hint) if failure else ("its file was closed", "wait")
         self._faults.report(
             Cause.CAPTURE_UNSEALED,
-            f"not sealed yet: {names} ({failure}); {self.attempts} attempts have failed",
-            "make room, fix the disk, or close clients; it is tried again by itself, and nothing is lost",
+            f"not sealed yet: {names} ({why}); {self.attempts} attempts have failed",
+            f"{hint}; it is tried again by itself",
         )

@@ -120,6 +120,18 @@ class StateBackups:
             return str(error)
         return None
 
+    def check(self) -> None:
+        """Checks that the state is intact, so that nobody begins a new one in place of one that is gone.
+
+        Raises:
+            StorageError: It is not.
+        """
+        if (reason := self.damage()) is not None:
+            raise StorageError(
+                f"{self.path} is damaged: {reason}",
+                "start the daemon: it recovers the state from its newest good backup",
+            )
+
     def recover(self, reason: str, now: datetime) -> Origin:
         """Puts the newest good backup in the place of a damaged state, or a new state if there is none.
 
