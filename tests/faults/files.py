@@ -74,7 +74,7 @@ def state_damaged(machine: Machine) -> Finding:
 
 
 def folder_renamed(machine: Machine) -> Finding:
-    """The folder of captures is renamed for 2 s, while a capture runs, and an empty one stands in its place."""
+    """The folder of captures is renamed for 2 s while a capture runs; an empty one stands in its place."""
     daemon = machine.daemon
     folder, away = daemon.captures, daemon.captures.with_name("away")
     capture_id = daemon.start_capture()

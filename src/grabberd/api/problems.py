@@ -22,7 +22,7 @@ from grabberd.documents.problems import (
     Refusal,
     RefusalWhileRunning,
 )
-from grabberd.service.descriptors import exhaustion
+from grabberd.service.faults.descriptors import exhaustion
 
 log = logging.getLogger(__name__)
 

@@ -17,7 +17,7 @@ from grabberd.api.sockets import describe
 from grabberd.api.streams.feeds import Feeds
 from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
-from grabberd.service.descriptors import AT_ONCE, exhaustion
+from grabberd.service.faults.descriptors import AT_ONCE, exhaustion
 from grabberd.service.heartbeat import Heartbeat
 
 log = logging.getLogger(__name__)

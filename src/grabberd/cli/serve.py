@@ -32,7 +32,7 @@ def serve(
     """
     from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
     from grabberd.api.guard.front import Front  # noqa: PLC0415
-    from grabberd.service.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
+    from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
     from grabberd.service.memory import keep_freed_memory  # noqa: PLC0415

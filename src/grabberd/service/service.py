@@ -17,6 +17,7 @@ from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
+from grabberd.service.archive.upkeep import Upkeep
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.calibrations.calibration_documents import Document
@@ -26,7 +27,8 @@ from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
 from grabberd.service.capture.unsealed_captures import UnsealedCaptures
 from grabberd.service.device.worker import FairLock
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
+from grabberd.service.faults.state_keeper import StateKeeper
 from grabberd.service.instrument import Instrument
 from grabberd.service.jobs.calibration import Calibrator, calibrate_file
 from grabberd.service.jobs.runner import JobRunner
@@ -35,8 +37,6 @@ from grabberd.service.mqtt.publisher_setup import create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
-from grabberd.service.state_keeper import StateKeeper
-from grabberd.service.upkeep import Upkeep
 from grabberd.storage.capture.captures_folder import CapturesFolder
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import AnalysisStore

@@ -21,7 +21,7 @@ from grabberd.api.sockets import bind
 from grabberd.config import HttpLimits, TlsConfig
 from grabberd.documents.roles import Role
 from grabberd.errors import ConfigError
-from grabberd.service.descriptors import AT_ONCE
+from grabberd.service.faults.descriptors import AT_ONCE
 
 PATIENCE_S = 20.0
 

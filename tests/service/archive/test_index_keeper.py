@@ -9,7 +9,7 @@ from slots import ManualClock
 
 from grabberd.errors import Cause, IndexRebuilding, StorageError
 from grabberd.service.archive.index_keeper import PAUSE_S, IndexKeeper
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.storage.state.capture_index import CaptureIndex, Unusable
 from storage.captures import slots, write
 

@@ -11,7 +11,7 @@ from slots import slot
 from grabberd.errors import Cause, StorageError
 from grabberd.service.capture.recording import Recording
 from grabberd.service.capture.unsealed_captures import LONGEST_NS, UnsealedCaptures
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture import writer
 

@@ -14,7 +14,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from grabberd.api.problems import problem
 from grabberd.config import HttpLimits
-from grabberd.service.descriptors import AT_ONCE
+from grabberd.service.faults.descriptors import AT_ONCE
 
 
 async def too_busy(scope: Scope, receive: Receive, send: Send) -> None:

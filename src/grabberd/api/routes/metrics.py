@@ -17,9 +17,9 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.acquisition import Outcome, Signal
 from grabberd.documents.states import DeviceState, Rung
-from grabberd.service.descriptors import exhaustion
 from grabberd.service.device.worker import BOUNDS_S
-from grabberd.service.faults import OWN_CAUSES
+from grabberd.service.faults.descriptors import exhaustion
+from grabberd.service.faults.fault_board import OWN_CAUSES
 from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 

@@ -17,7 +17,7 @@ from grabberd.service.capture.capture_documents import (
 )
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.storage import CaptureIndex, recover
 from grabberd.storage.capture.captures_folder import CapturesFolder
 from grabberd.storage.capture.crash_recovery import reason_of

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from grabberd.errors import Cause, IndexRebuilding, StorageError
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.storage.state.capture_index import CaptureIndex, Unusable
 
 PATIENCE_S = 2.0

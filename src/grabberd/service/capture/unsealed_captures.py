@@ -7,7 +7,7 @@ from collections.abc import Callable
 from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import CaptureFileError, Cause, GrabberdError, StorageError
 from grabberd.service.capture.recording import Recording
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
 
 log = logging.getLogger(__name__)
 

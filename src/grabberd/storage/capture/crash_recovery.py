@@ -30,7 +30,7 @@ UNSEALED = "the program ended before it was sealed"
 
 
 class Tail(NamedTuple):
-    """What is known of the fields after those on disk.
+    """Last field on disk, after which fields are missing.
 
     Attributes:
         after_n: Number of the last field on disk, whose time is known.
@@ -108,7 +108,7 @@ def _cut_off(ledger: Ledger, meta: CaptureMeta, tail: Tail, now: Now) -> tuple[L
 
 
 def _bound(end_n: int, meta: CaptureMeta, tail: Tail, now: Now) -> str:
-    """How many fields can be missing at the end, in words; empty if nothing bounds it.
+    """Bound in words on the number of fields missing at the end; empty if nothing bounds it.
 
     Only the monotonic clock proves a bound, and only within one start of the computer. The wall clock may
     have been set back meanwhile by less than anybody can tell.

@@ -106,7 +106,7 @@ class StateBackups:
         return True
 
     def damage(self) -> str | None:
-        """What is wrong with the state; None if it is intact, or if there is none and never was.
+        """Reason why the state cannot be used; None if it is intact, or there is none and never was.
 
         Raises:
             StorageError: It cannot be read now, whatever is in it.

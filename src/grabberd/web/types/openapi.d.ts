@@ -944,8 +944,8 @@ export interface paths {
         };
         /**
          * Check that every device can measure
-         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing; `faults` is what
-         *     is wrong with the daemon itself, which does not keep it from measuring.
+         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing. `faults` says
+         *     what is wrong with the daemon itself, which does not keep it from measuring.
          */
         get: operations["get_readiness"];
         put?: never;

@@ -10,9 +10,9 @@ from running import PATIENCE_S, running
 
 from grabberd.config import ThresholdConfig
 from grabberd.errors import Cause, NotFound, StorageError
+from grabberd.service.archive.upkeep import STATE_EVERY
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
-from grabberd.service.upkeep import STATE_EVERY
 from grabberd.storage.capture.captures_folder import id_of
 
 
@@ -166,7 +166,7 @@ def test_a_look_that_fails_keeps_none_of_those_to_come(
         service.upkeep._stopping.set()
 
     monkeypatch.setattr(service.upkeep, "look", look)
-    monkeypatch.setattr("grabberd.service.upkeep.EVERY_S", 0)
+    monkeypatch.setattr("grabberd.service.archive.upkeep.EVERY_S", 0)
     service.upkeep._stopping.clear()
     service.upkeep._run()
     assert len([record for record in caplog.records if "has failed" in record.getMessage()]) == 1

@@ -11,8 +11,8 @@ from slots import ManualClock
 from grabberd.documents.roles import Role
 from grabberd.errors import Cause, StorageError
 from grabberd.service.access import Access
-from grabberd.service.faults import FaultBoard
-from grabberd.service.state_keeper import ALWAYS_NS, StateKeeper
+from grabberd.service.faults.fault_board import FaultBoard
+from grabberd.service.faults.state_keeper import ALWAYS_NS, StateKeeper
 from grabberd.storage.state.state_backups import accept_state
 from grabberd.storage.state.state_store import StateStore
 

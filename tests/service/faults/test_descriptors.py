@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from grabberd.service.descriptors import ENOUGH, OWN, Exhaustion, affordable_connections, raise_limit
+from grabberd.service.faults.descriptors import ENOUGH, OWN, Exhaustion, affordable_connections, raise_limit
 
 
 @pytest.mark.parametrize(("soft", "hard", "then"), [(100, 300, 300), (300, 300, 300), (100, 10**6, ENOUGH)])
@@ -31,7 +31,7 @@ def test_a_limit_that_is_more_than_enough_stays(monkeypatch: pytest.MonkeyPatch)
 def test_a_process_raises_its_own_limit() -> None:
     script = (
         "import resource; resource.setrlimit(resource.RLIMIT_NOFILE, (100, 200))\n"
-        "from grabberd.service.descriptors import raise_limit; print(raise_limit())\n"
+        "from grabberd.service.faults.descriptors import raise_limit; print(raise_limit())\n"
         "print(*resource.getrlimit(resource.RLIMIT_NOFILE))"
     )
     ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from grabberd.errors import StorageError
 from grabberd.service.archive.archive import Archive
 from grabberd.service.capture.unsealed_captures import UnsealedCaptures
-from grabberd.service.state_keeper import StateKeeper
+from grabberd.service.faults.state_keeper import StateKeeper
 
 log = logging.getLogger(__name__)
 EVERY_S = 1.0

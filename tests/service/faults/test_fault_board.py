@@ -6,7 +6,7 @@ import pytest
 from slots import ManualClock
 
 from grabberd.errors import Cause
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import Cause, StorageError
-from grabberd.service.faults import FaultBoard
+from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.storage.capture.directory_lock import DirectoryLock
 from grabberd.storage.state.state_backups import STATE, Origin, StateBackups, origin_of
 from grabberd.storage.state.state_database import StateDatabase
