@@ -60,7 +60,7 @@ class Rig:
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Iterator[Rig]:
-    started = Rig(tmp_path)
+    started = Rig(tmp_path / "state")
     yield started
     started.keeper.close()
 
