@@ -1,0 +1,76 @@
+"""Settling: when the oldest pending field has its number, and how much doubt is left then."""
+
+import math
+from collections.abc import Collection
+from itertools import islice
+
+from grabberd.acquisition.numbering.arrivals import Arrivals
+from grabberd.acquisition.numbering.losses import uncounted
+from grabberd.acquisition.numbering.paths import Paths, Step
+from grabberd.acquisition.numbering.pending import Pending
+
+_LATE = 0.75
+"""Periods by which the stamp of a field in time may be late; where parity does not tell, half a period."""
+_TELLING = 6
+"""Fields that have to arrive in time after a loss that nobody counts: else the program may have been late."""
+
+
+class Settling:
+    """Decides by the paths whether the oldest pending field is settled.
+
+    The number of a late field may change until one that is in time, its *anchor*, shows whether any are
+    missing. So both are settled together with those between them, and share what doubt there is: what is
+    missing may belong before or after a late field.
+
+    Args:
+        arrivals: Those of the stream.
+        has_parity: True if the fields differ in parity.
+    """
+
+    def __init__(self, arrivals: Arrivals, *, has_parity: bool) -> None:
+        self._arrivals = arrivals
+        self._latest = _LATE if has_parity else 0.5
+        self._together = self._doubt_together = self._doubt_of_anchor = 0
+
+    def is_settled(self, pending: Collection[Pending], paths: Paths) -> bool:
+        """True if the oldest field's number will not change any more."""
+        if self._together:
+            return True
+        if not paths.settled():
+            return False
+        if next(iter(pending)).arrival.time_ns is None:
+            return True
+        steps = paths.best.steps
+        anchor = next((i for i, step in enumerate(steps) if self._in_time(step)), None)
+        if anchor is None or not paths.settled(anchor + 1):
+            return False
+        in_turn = zip(islice(pending, anchor + 1), steps, strict=False)
+        lost = sum(uncounted(one, step) for one, step in in_turn)
+        after = steps[anchor + 1 : anchor + 1 + _TELLING]
+        if lost and not self._arrivals.tells_of_stamps:
+            if len(after) < _TELLING:
+                return False
+            self._doubt_of_anchor = 0 if all(one.arrived_in_time for one in after) else lost
+        self._together = anchor + 1
+        self._doubt_together = max(lost if anchor else 0, self._doubt_of_anchor)
+        return True
+
+    def settle_next(self, paths: Paths) -> int:
+        """Note that the oldest field is about to be settled; returns the fields that it may be off by."""
+        if not self._together:
+            return self._spread(paths)
+        self._together -= 1
+        if self._together:
+            return self._doubt_together
+        doubt, self._doubt_of_anchor = self._doubt_of_anchor, 0
+        return doubt
+
+    def _spread(self, paths: Paths) -> int:
+        """Number of fields by which one may be off whose number is settled before it is certain."""
+        step = paths.best.steps[0]
+        if step.arrived is None or self._in_time(step):
+            return 0 if paths.settled() else paths.spread
+        return max(paths.spread, math.ceil(step.arrived))
+
+    def _in_time(self, step: Step) -> bool:
+        return step.arrived_in_time or (step.late is not None and abs(step.late) <= self._latest)
