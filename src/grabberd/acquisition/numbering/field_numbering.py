@@ -11,12 +11,14 @@ from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome
 from grabberd.acquisition.numbering.arrivals import Arrivals
 from grabberd.acquisition.numbering.doubts import Doubts
 from grabberd.acquisition.numbering.losses import contradiction, lost_before
-from grabberd.acquisition.numbering.paths import Paths, Seen
+from grabberd.acquisition.numbering.paths import Paths, Seen, Step
 from grabberd.acquisition.numbering.pending import Pending, outcome_of
 from grabberd.acquisition.numbering.sequence_steps import SequenceSteps
 from grabberd.acquisition.numbering.settling import Settling
 from grabberd.acquisition.numbering.stamps import Stamps
 from grabberd.acquisition.numbering.timing import Timing
+from grabberd.acquisition.rebases import LedgerEvent, Rebase
+from grabberd.acquisition.standstill import COMPUTER_BUSY
 
 _MOST_PENDING = 16
 """Fields that wait for more evidence before the likeliest path is taken, or as many as were in the driver's
@@ -34,6 +36,7 @@ class Numbered(NamedTuple):
         reason: Reason for the outcome; for a received field None, or why its time had to be predicted.
         lost_before: Fields missing between the previous field and this one: lost, or without a signal, since
             some drivers deliver nothing then.
+        rebases: Changes of what numbers and times go by, from this field on.
     """
 
     n: int
@@ -41,6 +44,7 @@ class Numbered(NamedTuple):
     outcome: Outcome
     reason: str | None
     lost_before: tuple[LedgerEntry, ...]
+    rebases: tuple[LedgerEvent, ...] = ()
 
 
 class FieldNumbering:
@@ -63,15 +67,18 @@ class FieldNumbering:
         self._sequence = (
             SequenceSteps(info.field_order is FieldOrder.ALTERNATE) if info.counts_losses else None
         )
-        self._settling = Settling(self._arrivals, has_parity=self._has_parity)
+        self._settling = Settling(self._arrivals, info.field_order)
         self._timing = Timing(info, self._stamps, self._arrivals)
         self._doubts = Doubts(self._arrivals, self._period_ns)
         self._n = -1
+        self._parity = 0
+        self._miscounted = False
         self._paths: Paths | None = None
         self._pending: deque[Pending] = deque()
-        self._buffered = _fields_in(info)
+        self._buffered = info.buffers
         self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
         self._interruption: str | None = None
+        self._standstill = COMPUTER_BUSY
         self._waited = 0
 
     def interrupt(self, reason: str) -> list[Numbered]:
@@ -86,11 +93,16 @@ class FieldNumbering:
             self._sequence.forget()
         return settled
 
-    def stood_still(self, time_ns: int) -> None:
-        """Note that nobody asked for fields for some time, which fills the driver's buffers."""
+    def stood_still(self, time_ns: int, reason: str = COMPUTER_BUSY) -> None:
+        """Note that nobody took fields for some time, which fills the driver's buffers.
+
+        Args:
+            time_ns: Time since the buffers were empty.
+            reason: Reason for fields that are lost meanwhile.
+        """
         if time_ns > (self._buffered - 1) * self._period_ns:
             # The fields that are lost come after those that were in the buffers.
-            self._waited = self._buffered + 1
+            self._standstill, self._waited = reason, self._buffered + 1
 
     def number(
         self,
@@ -149,13 +161,15 @@ class FieldNumbering:
             None if doubt else time_ns,
             doubt,
             arrival,
+            grabbed.sequence,
             # Of every field, also where time decides: it learns from each, and remembers the last count.
             self._sequence.step(grabbed.sequence, parity) if self._sequence else None,
+            self._sequence is not None and self._sequence.restarted,
             outcome,
             reason,
             no_signal=False,
             interruption=self._interruption,
-            after_standstill=self._waited > 0,
+            standstill=self._standstill if self._waited > 0 else None,
         )
 
     def _seen(self, pending: Pending) -> Seen:
@@ -170,7 +184,7 @@ class FieldNumbering:
         )
 
     def _first(self, pending: Pending) -> Numbered:
-        self._n = 0
+        self._n, self._parity = 0, pending.parity
         time_ns, doubt = self._timing.begin(pending)
         return self._numbered(pending, time_ns, (), doubt)
 
@@ -181,17 +195,32 @@ class FieldNumbering:
         lost = lost_before(pending, step, self._n + 1)
         self._n += step.fields
         time_ns, doubt = self._timing.come_to(pending, step, self._n)
+        rebases = self._rebases(pending, step)
         if step.wrong_parity:
             pending = pending.damaged("parity contradicts time")
-        uncertain_by = max(
-            uncertain_by, step.doubt, self._timing.take_too_many(), contradiction(pending, step)
+        too_many = self._timing.take_too_many()
+        uncertain_by = max(uncertain_by, step.doubt, too_many, contradiction(pending, step))
+        uncertain_by = self._doubts.of(
+            self._n, time_ns, step, pending.arrival, uncertain_by, clock_is_new=too_many > 0
         )
-        uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, uncertain_by)
         if uncertain_by:
             pending = pending.damaged(f"number uncertain by up to {uncertain_by}")
         else:
             self._arrivals.learn(pending.arrival, time_ns)
-        return self._numbered(pending, time_ns, lost, doubt)
+        return self._numbered(pending, time_ns, lost, doubt)._replace(rebases=rebases)
+
+    def _rebases(self, pending: Pending, step: Step) -> tuple[LedgerEvent, ...]:
+        """Changes of what numbers and times go by, from this field on."""
+        found, self._timing.rebases = self._timing.rebases, []
+        before, self._miscounted = self._miscounted, pending.recounted or pending.overcounts(step.fields)
+        if self._miscounted and not before:  # once, also where a driver counts wrongly throughout
+            happened = "restarted" if pending.recounted else "skipped"
+            found.append((Rebase.COUNT, f"the driver's count has {happened}, to {pending.sequence}"))
+        due = (self._parity + step.fields) % 2
+        self._parity = due if step.wrong_parity else pending.parity
+        if self._has_parity and self._parity != due:
+            found.append((Rebase.PHASE, "the camera has gone on in the other phase"))
+        return tuple(LedgerEvent(self._n, *one) for one in found)
 
     def _numbered(
         self, pending: Pending, time_ns: int, lost: tuple[LedgerEntry, ...], doubt: str | None
@@ -200,9 +229,3 @@ class FieldNumbering:
         if pending.outcome is Outcome.RECEIVED and doubt:
             reason = f"time predicted ({doubt})"
         return Numbered(self._n, time_ns, pending.outcome, reason, lost)
-
-
-def _fields_in(info: StreamInfo) -> int:
-    """Number of fields that the driver's buffers hold."""
-    woven = info.field_order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST)
-    return info.buffers * (2 if woven else 1)

@@ -5,7 +5,6 @@ from grabberd.acquisition.numbering.paths import Step
 from grabberd.acquisition.numbering.pending import Pending
 
 TIME_GAP = "time gap"
-COMPUTER_BUSY = "computer busy"
 SEQUENCE_GAP = "sequence gap"
 REPEATED_PARITY = "repeated parity"
 
@@ -15,8 +14,8 @@ def lost_before(pending: Pending, step: Step, first_n: int) -> tuple[LedgerEntry
     count = step.fields - 1
     if not count:
         return ()
-    gap = COMPUTER_BUSY if pending.after_standstill else _gap(pending, step)
-    reason = pending.interruption or (NO_SIGNAL if pending.no_signal else gap)
+    gap = NO_SIGNAL if pending.no_signal else pending.standstill or _gap(pending, step)
+    reason = pending.interruption or gap
     return (never_came(first_n, count, reason),)
 
 

@@ -1,11 +1,14 @@
 """Times of the fields: the camera's clock, led by the stamps that deserve it."""
 
+import math
+
 from grabberd.acquisition.device import StreamInfo
 from grabberd.acquisition.numbering.arrivals import Arrivals
 from grabberd.acquisition.numbering.field_clock import FieldClock
 from grabberd.acquisition.numbering.paths import Step
 from grabberd.acquisition.numbering.pending import Pending
 from grabberd.acquisition.numbering.stamps import Stamps
+from grabberd.acquisition.rebases import Rebase
 
 _LATE = 0.75
 """Periods by which a stamp may be off before the field's time is predicted instead."""
@@ -16,6 +19,9 @@ _EARLY = 3
 _NEW_FOR = 100
 """Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
 those of another clock."""
+_TAKEN_OVER = 5
+"""Stamps in a row that are not believed, after which arrivals have taken over: fewer are a few bad ones, or
+the first of another clock."""
 
 
 class Timing:
@@ -27,6 +33,10 @@ class Timing:
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
         stamps, arrivals: Those of the stream.
+
+    Attributes:
+        rebases: What times go by from the last field on and did not before, each with its reason; whoever
+            takes them clears them.
     """
 
     def __init__(self, info: StreamInfo, stamps: Stamps, arrivals: Arrivals) -> None:
@@ -34,7 +44,8 @@ class Timing:
         self._clock = FieldClock(1e9 / info.rate_hz, exact=not info.live)
         self._stamps = stamps
         self._arrivals = arrivals
-        self._early = self._too_many = 0
+        self._early = self._too_many = self._doubted = 0
+        self.rebases: list[tuple[Rebase, str]] = []
 
     def steps_to(self, time_ns: int | None) -> float | None:
         """Periods from the field that was settled last to a time; None if either is unknown."""
@@ -58,8 +69,9 @@ class Timing:
         """Advance the clock to field `n`; its time, and why that is predicted."""
         if pending.time_ns is None:
             predicted_ns = self._predicted_ns(pending, step)
-            self._stamps.doubted(pending.stamp_ns, predicted_ns)
+            self._go_without(pending, predicted_ns)
             return predicted_ns, pending.doubt
+        self._believe_again()
         late = self._clock.steps_to(pending.time_ns) - step.fields if self._clock.locked else 0.0
         if not self._clock.locked or (pending.interruption and abs(late) <= _LATE):
             self._stamps.fits()
@@ -81,7 +93,7 @@ class Timing:
         if late < 0 and n < _NEW_FOR:
             return self._begin_again(pending.time_ns or 0, step)
         predicted_ns = self._clock.advance(step.fields)
-        self._stamps.off(pending.stamp_ns, predicted_ns)
+        self._note_set_by(self._stamps.off(pending.stamp_ns, predicted_ns))
         return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
 
     def _begin_again(self, time_ns: int, step: Step) -> tuple[int, str | None]:
@@ -89,6 +101,8 @@ class Timing:
         self._early += 1
         if self._early < _EARLY:
             return self._clock.advance(step.fields), "early timestamp"
+        off_ns = time_ns - self._clock.advance(step.fields)
+        self.rebases.append((Rebase.BEGIN, f"the first timestamps were late by {-off_ns / 1e6:.0f} ms"))
         self._clock.lock(time_ns)
         self._arrivals.forget()
         return time_ns, None
@@ -98,9 +112,31 @@ class Timing:
         self._early += 1
         if self._early < _EARLY:
             return self._clock.advance(step.fields, time_ns)
-        self._too_many = round(-late)
+        self.rebases.append((Rebase.NUMBERS, f"the numbers had run ahead by {round(-late)}"))
+        # The early fields before it have moved the clock by part of a period.
+        self._too_many = math.ceil(-late) + 1
         self._clock.lock(time_ns)
         return time_ns
+
+    def _go_without(self, pending: Pending, predicted_ns: int) -> None:
+        """Note a stamp that is not believed."""
+        self._note_set_by(self._stamps.doubted(pending.stamp_ns, predicted_ns))
+        if self._stamps.explains(pending.stamp_ns, predicted_ns):
+            return  # it came before the other clock was known
+        self._doubted += 1
+        if self._doubted == _TAKEN_OVER:
+            reason = f"arrivals have taken over from the timestamps ({pending.doubt})"
+            self.rebases.append((Rebase.ARRIVALS, reason))
+
+    def _believe_again(self) -> None:
+        if self._doubted >= _TAKEN_OVER:
+            self.rebases.append((Rebase.TIMESTAMPS, "the timestamps are believed again"))
+        self._doubted = 0
+
+    def _note_set_by(self, set_by_ns: int) -> None:
+        if set_by_ns:
+            reason = f"the clock of the timestamps was set by {set_by_ns / 1e9:+.3f} s"
+            self.rebases.append((Rebase.CLOCK, reason))
 
     def _arrived_in_time(self, pending: Pending, step: Step) -> bool:
         steps = self.steps_to(self._arrivals.exposed_ns(pending.arrival))
