@@ -66,7 +66,7 @@ def serve(
         complain(error)
         raise typer.Exit(EX_IOERR) from error
     front = Front.from_config(http, all(map(sockets.is_private, listening)))
-    heartbeat = Heartbeat(notifier, [one.board for one in service.instruments.values()])
+    heartbeat = Heartbeat(notifier, service.liveness)
     server = serving.server_of(create_app(service, front), front, context, heartbeat)
     if not serving.run(server, listening):
         raise typer.Exit(1)

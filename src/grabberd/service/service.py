@@ -29,6 +29,7 @@ from grabberd.service.instrument import Instrument
 from grabberd.service.jobs.calibration import Calibrator, calibrate_file
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
+from grabberd.service.liveness import Liveness
 from grabberd.service.mqtt.publisher_setup import create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
@@ -50,6 +51,7 @@ class Service:
 
     Attributes:
         instruments: The instruments, by the name of their device.
+        liveness: Whether their capture threads go on.
         capture_control: Starts, arms, triggers and stops captures.
         archive: The captures on disk.
         annotations: Pins, notes and labels of captures, and their deletion by hand.
@@ -93,6 +95,7 @@ class Service:
             )
             for name, setup in setups.items()
         }
+        self.liveness = Liveness(one.board for one in self.instruments.values())
         self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
         store = AnnotationStore(directory / "state.sqlite")
         self.archive = Archive(
