@@ -48,7 +48,18 @@ def _remarks(device: dict[str, Any]) -> Iterator[str]:
     """Remarks that do not fit into the table."""
     if device["cause"]:
         yield "; ".join(words for words in (device["cause"], device["hint"]) if words)
+    if device["computer"]["cause"]:
+        yield f"{device['computer']['cause']}; {device['computer']['hint']}"
+    if any(device["losses"].values()):
+        yield f"not received, by cause: {_counted(device['losses'])}"
+    if any(device["rebases"].values()):
+        yield f"numbers and times go by something else, changes: {_counted(device['rebases'])}"
     if any(device["recoveries"].values()):
-        steps = ", ".join(f"{step} {count}" for step, count in device["recoveries"].items() if count)
-        yield f"recoveries: {steps}; the last on {device['last_failure_utc']}: {device['last_failure']}"
+        latest = f"the last on {device['last_failure_utc']}: {device['last_failure']}"
+        yield f"recoveries: {_counted(device['recoveries'])}; {latest}"
     yield from device["warnings"]
+
+
+def _counted(counts: dict[str, int]) -> str:
+    """E.g. "cable 2, computer 30"."""
+    return ", ".join(f"{what} {count}" for what, count in counts.items() if count)

@@ -15,7 +15,7 @@ from prometheus_client.metrics_core import (
 from prometheus_client.registry import Collector
 
 from grabberd import __version__
-from grabberd.acquisition import Outcome, Signal
+from grabberd.acquisition import LossCause, Outcome, Rebase, Signal
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.service.device.worker import BOUNDS_S
 from grabberd.service.instrument import Instrument
@@ -80,6 +80,24 @@ def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
     counts = [(one.name, one.board.now.outcomes) for one in instruments]
     samples = (((name, outcome), count[outcome]) for name, count in counts for outcome in Outcome)
     yield _counter("grabberd_fields", "By what became of them.", ("device", "outcome"), samples)
+    boards = [(one.name, one.board.now) for one in instruments]
+    losses = (((name, cause), board.losses[cause]) for name, board in boards for cause in LossCause)
+    rebases = (((name, kind), board.rebases[kind]) for name, board in boards for kind in Rebase)
+    yield _counter("grabberd_fields_missing", "Not received, by the cause.", ("device", "cause"), losses)
+    yield _counter(
+        "grabberd_rebases", "Changes of what numbers and times go by.", ("device", "kind"), rebases
+    )
+    yield from _standstills(instruments)
+
+
+def _standstills(instruments: list[Instrument]) -> Iterator[Metric]:
+    known = [(one.name, one.board.standstills) for one in instruments]
+    counts = (((name, code), one.counts[code]) for name, one in known for code in one.seconds)
+    seconds = (((name, code), one.seconds[code]) for name, one in known for code in one.seconds)
+    yield _counter(
+        "grabberd_standstills", "Times that the program took no fields.", ("device", "cause"), counts
+    )
+    yield _counter("grabberd_standstill_seconds", "Their length together.", ("device", "cause"), seconds)
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
