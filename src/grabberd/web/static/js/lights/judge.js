@@ -37,6 +37,7 @@ export function judge(known, history) {
     streams ? rate(device) : idle("rate"),
     streams ? lost(history) : idle("lost"),
     ring(device),
+    computer(device),
     calibration(device),
     rig(device),
     disk(known.state.storage),
@@ -44,7 +45,7 @@ export function judge(known, history) {
   ];
 }
 
-const IDS = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"];
+const IDS = ["grabber", "signal", "rate", "lost", "ring", "computer", "calibration", "rig", "disk", "clock"];
 
 /** The daemon's own words about a problem, as far as it has any. @param {(string | null)[]} said */
 const knownOf = (said) => said.flatMap((one) => (one ? [one] : []));
@@ -97,6 +98,13 @@ function ring(device) {
   const values = { waiting: device.ring.waiting, slots: device.ring.slots };
   if (share < 0.6) return { id: "ring", level: "good", word: "good", values };
   return { id: "ring", level: share < 0.95 ? "warn" : "bad", word: "full", values, cause: "full" };
+}
+
+/** @param {Device} device @returns {Light} */
+function computer(device) {
+  const { cause, hint, cause_code: code, since_utc: since } = device.computer;
+  if (!cause) return { id: "computer", level: "good", word: "good" };
+  return { id: "computer", level: "warn", word: code === "program_stopped" ? "stopped" : "busy", code, since, said: knownOf([cause, hint]) };
 }
 
 /** @param {Device} device @returns {Light} */
