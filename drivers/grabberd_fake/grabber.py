@@ -306,7 +306,7 @@ class FakeGrabber:
             rate_hz=1e9 / PERIOD_NS,
             field_order=_ORDERS[self.options.driver.order],
             pixel_format="GREY",
-            buffers=self.options.buffers,
+            buffers=self.options.buffers * (1 if self.options.driver.order == "alternate" else 2),
             live=self.options.pace == "real",
             waits_for_reader=self.options.pace == "free",
             counts_losses=self.options.driver.counts != "nothing" and self._script.counts_losses(),

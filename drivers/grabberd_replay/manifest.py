@@ -67,7 +67,7 @@ class ManifestRecording(Recording):
         for row in self._rows:
             if row.file != name:
                 name, (_, luma) = row.file, read_png(self._directory / row.file, self._header)
-            damage = None if row.outcome is Outcome.RECEIVED else str(row.outcome)
+            damage = None if row.outcome is Outcome.RECEIVED else str(row.outcome).replace("_", " ")
             yield (GrabbedField(self._field(luma, row), row.time_ns, row.sequence, damage),)
 
     def _field(self, luma: NDArray[np.uint8], row: Row) -> Field:

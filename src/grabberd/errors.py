@@ -21,7 +21,8 @@
     │   └── NotReady              the device does not stream, or has no calibration
     ├── RingOverrun               a reader that must not miss anything was overtaken: its capture ends
     ├── AccessExpired             the token has expired
-    ├── StorageError              the disk is full, read-only or broken
+    ├── StorageError              the disk is full, read-only or broken, or its folder is gone
+    │   └── IndexRebuilding       the list of captures is being made anew: worth trying again
     ├── ExtraMissing              an optional dependency is not installed: carries the extra's name
     └── MeasurementError          the data do not determine the result
         ├── RankDeficient         some unknowns are determined only in combination: names them
@@ -93,6 +94,12 @@ class Cause(StrEnum):
     RECORDING_DAMAGED = "recording_damaged"
     FAULT = "fault"
     """An unexpected error in grabberd itself."""
+    CAPTURE_STUCK = "capture_stuck"
+    """The thread that takes the fields does not go on: it hangs in the kernel's driver or in the program."""
+    COMPUTER_BUSY = "computer_busy"
+    """The program waited for a processor, or was busy itself, and fields were lost."""
+    PROGRAM_STOPPED = "program_stopped"
+    """The program was stopped for a while, and fields were lost."""
     NO_SIGNAL = "no_signal"
     """The grabber reports that no camera is connected."""
     NO_PICTURE = "no_picture"
@@ -103,6 +110,22 @@ class Cause(StrEnum):
     DISK_MISSING = "disk_missing"
     DISK_READ_ONLY = "disk_read_only"
     DISK_FAILED = "disk_failed"
+    CAPTURES_MISSING = "captures_missing"
+    """The folder of captures was renamed, deleted or unmounted."""
+    CAPTURES_REPLACED = "captures_replaced"
+    """Another folder stands in the place of the folder of captures."""
+    INDEX_REBUILDING = "index_rebuilding"
+    """The list of captures was damaged and is being made anew from their files."""
+    INDEX_FAILED = "index_failed"
+    """The list of captures is damaged and cannot be made anew."""
+    CAPTURE_UNSEALED = "capture_unsealed"
+    """A capture has ended, but its file could not be sealed yet."""
+    SETTINGS_RESTORED = "settings_restored"
+    """The settings were damaged and come from a backup."""
+    SETTINGS_LOST = "settings_lost"
+    """The settings were damaged, and there is no good backup."""
+    SETTINGS_UNREADABLE = "settings_unreadable"
+    """The settings cannot be read or backed up now."""
 
 
 class DeviceError(GrabberdError):
@@ -221,7 +244,15 @@ class AccessExpired(GrabberdError):
 
 
 class StorageError(GrabberdError):
-    """The disk is full, read-only or broken."""
+    """The disk is full, read-only or broken, or its folder is gone; `cause` is the reason code, or None."""
+
+    def __init__(self, message: str, hint: str, cause: Cause | None = None) -> None:
+        super().__init__(message, hint)
+        self.cause = cause
+
+
+class IndexRebuilding(StorageError):
+    """The index of captures is being rebuilt at this moment."""
 
 
 class ExtraMissing(GrabberdError):

@@ -73,7 +73,9 @@ class GrabberModel:
     def info(self) -> StreamInfo:
         """The stream as such a driver grants it."""
         granted = info(self.order, counts_losses=self.counts != "none")
-        return replace(granted, buffers=self.buffers, driver=f"model ({self.stamps})")
+        return replace(
+            granted, buffers=self.buffers * _PER_FRAME[self.order], driver=f"model ({self.stamps})"
+        )
 
     def run(self) -> list[Taken]:
         """All that is dequeued, in order."""

@@ -69,10 +69,10 @@ def test_a_unix_socket_without_a_file_is_not_private(unix: socket.socket) -> Non
 def test_what_others_reach_is_refused_without_tokens_and_named() -> None:
     listening = bind("127.0.0.1", 0) + bind("0.0.0.0", 0)
     try:
-        check_private(listening[:1], has_tokens=False, file=FILE)
-        check_private(listening, has_tokens=True, file=FILE)
+        check_private(listening[:1], needs_token=False, file=FILE)
+        check_private(listening, needs_token=True, file=FILE)
         with pytest.raises(ConfigError) as caught:
-            check_private(listening, has_tokens=False, file=FILE)
+            check_private(listening, needs_token=False, file=FILE)
         [problem] = caught.value.problems
         assert (problem.file, problem.key) == ("barn.yaml", "http.host")
         assert describe(listening[1]) in problem.message

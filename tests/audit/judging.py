@@ -9,6 +9,7 @@ from grabberd_fake.audit import Audit, audit
 from grabberd_fake.faults import PERIOD_NS
 
 from .cases import Case, drawn
+from .causes import wrong_causes
 from .simulation import Simulation
 
 _AT_AN_EDGE = 1
@@ -42,7 +43,9 @@ def judged(seed: int) -> Verdict:
         simulation.write(path)
         found = audit(path)
     ledger = simulation.recorder.ledger
-    return Verdict(case, found, ledger.complete, (*found.lies, *_of_the_end(simulation, found)))
+    # Where numbers are uncertain, a loss may be a mistake, and then it has no cause.
+    causes = () if found.uncertain else tuple(wrong_causes(case, ledger))
+    return Verdict(case, found, ledger.complete, (*found.lies, *_of_the_end(simulation, found), *causes))
 
 
 def _of_the_end(simulation: Simulation, found: Audit) -> tuple[str, ...]:

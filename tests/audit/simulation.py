@@ -16,10 +16,11 @@ from grabberd.service.capture.edges import Begin, fields_before
 from grabberd.service.capture.recorder import Backlog, Recorder
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
+from grabberd.service.device.scheduling import ThreadTimes
 from grabberd.service.device.status_board import StatusBoard
 from grabberd.storage import CaptureMeta, CaptureWriter
 from grabberd_fake import FakeGrabber
-from grabberd_fake.faults import PERIOD_NS
+from grabberd_fake.faults import PERIOD_NS, Freeze
 from recorded_world import RecordedWorld
 
 from .cases import LASTS_S, Case
@@ -27,6 +28,29 @@ from .cases import LASTS_S, Case
 BITS = 8
 AFTER_S = 20.0
 """Simulated time after the stop, for whatever recovers."""
+
+
+class PausedGrabber(FakeGrabber):
+    """A simulated grabber, and the kernel's account of the program that it keeps from running.
+
+    A busy computer lets the program wait for a processor; a frozen one does neither run nor wait.
+    """
+
+    waited_ns = 0
+
+    def _pause_program(self) -> None:
+        is_busy = self._script.at(self._number_now(), Freeze) is None
+        before_ns = self._clock.now_ns()
+        super()._pause_program()
+        self.waited_ns += (self._clock.now_ns() - before_ns) * is_busy
+
+    def thread(self) -> ThreadTimes:
+        """Times of the capture thread."""
+        return ThreadTimes(0, self.waited_ns)
+
+    def program_ns(self) -> int:
+        """Processor time of the program, which nothing takes in simulated time."""
+        return 0
 
 
 class Turns:
@@ -75,7 +99,7 @@ class Simulation:
 
     def run(self) -> None:
         """Runs until the capture is over."""
-        grabber = FakeGrabber(
+        grabber = PausedGrabber(
             clock=self.clock,
             seed=self.case.seed,
             buffers=self.case.buffers,
@@ -85,7 +109,9 @@ class Simulation:
         grabber._world = RecordedWorld(grabber.options)  # type: ignore[assignment]
         self._board.beat = self._go_on  # type: ignore[method-assign]
         captures = NoCaptures(lambda _: None, lambda _: None)
-        CaptureThread("cup", grabber, self.pipeline, self._board, self.clock, captures, self._stopping).run()
+        CaptureThread(
+            "cup", grabber, self.pipeline, self._board, self.clock, captures, self._stopping, grabber
+        ).run()
         assert self._recorded, "the capture has not ended"
 
     def write(self, path: Path) -> None:

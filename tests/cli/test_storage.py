@@ -10,11 +10,13 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from grabberd.cli.app import app
-from grabberd.cli.status import disk_words
+from grabberd.cli.status import disk_words, fault_words
 from grabberd.errors import StorageError
 from grabberd.storage import CaptureWriter
+from grabberd.storage.capture.captures_folder import CapturesFolder
 from grabberd.storage.capture.directory_lock import DirectoryLock
 from grabberd.storage.state.annotation_store import Annotation, AnnotationStore
+from grabberd.storage.state.state_backups import CAPTURES_FOLDER, StateBackups, origin_of
 from grabberd.storage.state.state_store import StateStore
 from storage.captures import meta, slots, write
 
@@ -59,7 +61,7 @@ def test_a_backup_comes_back(barn: Path, tmp_path: Path) -> None:
 
 
 def test_while_a_daemon_runs_a_backup_is_made_and_a_restore_refused(barn: Path, tmp_path: Path) -> None:
-    lock = DirectoryLock(barn / "captures")
+    lock = DirectoryLock(barn)
     lock.acquire()
     try:
         assert run("backup", tmp_path / "barn.zip").exit_code == 0
@@ -128,3 +130,51 @@ def test_the_status_says_what_is_left_or_what_is_wrong() -> None:
     assert disk_words(storage) == "disk: 12.3 GB free, 346 minutes of capture left"
     broken = {"free_bytes": None, "minutes_left": None, "problem": "captures cannot be written: gone"}
     assert disk_words(broken) == "disk: captures cannot be written: gone"
+
+
+def test_recovered_settings_are_accepted_by_a_command(barn: Path) -> None:
+    backups = StateBackups(barn)
+    backups.back_up(datetime(2026, 3, 1, 9, 30, tzinfo=UTC))
+    (barn / "state.sqlite").write_bytes(b"garbage " * 1000)
+    backups.recover("file is not a database", datetime.now(UTC))
+    result = run("storage", "accept", "--json")
+    assert json.loads(result.stdout) == {"accepted": ["settings of 2026-03-01T09:30:00.000Z"]}
+    assert origin_of(StateStore(barn / "state.sqlite")) is None
+    assert "nothing to accept" in run("storage", "accept").stdout
+
+
+def test_a_restored_backup_brings_no_folder_of_captures_with_it(barn: Path, tmp_path: Path) -> None:
+    store = StateStore(barn / "state.sqlite")
+    store.put({CAPTURES_FOLDER: "that of another computer"})
+    assert run("backup", tmp_path / "barn.zip").exit_code == 0
+    assert run("restore", tmp_path / "barn.zip").exit_code == 0
+    folder = CapturesFolder(barn / "captures", lambda: store.get(CAPTURES_FOLDER))
+    assert folder.take()
+    folder.release()
+
+
+def test_the_index_is_left_to_a_daemon_that_waits_for_its_folder(barn: Path) -> None:
+    lock = DirectoryLock(barn)
+    lock.acquire()
+    (barn / "captures").rename(barn / "away")
+    assert isinstance(run("storage", "index").exception, StorageError)
+    assert not (barn / "captures").exists()
+    lock.release()
+
+
+@pytest.mark.parametrize("words", [("add", "tablet", "--role", "viewer"), ("list",), ("remove", "tablet")])
+def test_no_token_is_put_into_a_new_state_in_place_of_one_that_is_gone(
+    barn: Path, words: tuple[str, ...]
+) -> None:
+    StateBackups(barn).back_up(datetime.now(UTC))
+    (barn / "state.sqlite").unlink()
+    error = run("token", *words).exception
+    assert isinstance(error, StorageError)
+    assert "start the daemon" in error.hint
+    assert not (barn / "state.sqlite").exists()
+
+
+def test_the_status_has_a_line_for_each_fault_of_the_daemon() -> None:
+    fault = {"level": "fault", "since_utc": "2026-03-01T09:30:00.000Z", "message": "gone", "hint": "mount it"}
+    assert fault_words([fault]) == ["fault since 2026-03-01T09:30:00.000Z: gone; mount it"]
+    assert fault_words([]) == []

@@ -33,7 +33,10 @@ _commit, _utc_now, _connect = CaptureWriter.commit, SystemClock.utc_now, sqlite3
 
 def control(name: str, otherwise: Any) -> Any:
     """What the file says at this moment."""
-    return json.loads(CONTROLS.read_text()).get(name, otherwise)
+    try:
+        return json.loads(CONTROLS.read_text()).get(name, otherwise)
+    except OSError:  # no descriptor is left, which is what is done to it at this moment
+        return otherwise
 
 
 def commit(writer: CaptureWriter) -> None:

@@ -11,7 +11,7 @@ from .suffering import PERIOD_S, Suffered
 
 BUSY_S = 3.0
 """A machine that does much else may take so much longer; the table says how long it took."""
-OF_THE_MACHINE = ("time gap", "sequence gap", "computer busy")
+OF_THE_MACHINE = ("time gap", "sequence gap", "computer busy", "program stopped")
 """Why fields are lost where the whole computer stood still for longer than a driver's buffers bridge."""
 UNCERTAIN = "number uncertain"
 """Reason of fields that are damaged because such a computer left too little to tell their number by."""
@@ -84,7 +84,7 @@ def _of_account(scenario: Scenario, suffered: Suffered) -> Iterator[str]:
 
 def of_the_machine(entry: LedgerEntry) -> bool:
     """True if a busy computer may cost such fields, whatever else happens."""
-    return entry.reason in OF_THE_MACHINE or entry.reason.startswith(UNCERTAIN)
+    return entry.reason.startswith((*OF_THE_MACHINE, UNCERTAIN))
 
 
 def of_the_fault(suffered: Suffered) -> list[LedgerEntry]:

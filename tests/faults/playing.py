@@ -9,7 +9,7 @@ from typing import Any
 
 from grabberd.config import shipped_configs
 
-from . import clients, machine
+from . import clients, files, machine
 from .clients import WRITE_TIMEOUT_S
 from .daemon import running
 from .finding import Finding
@@ -18,7 +18,7 @@ from .machine import QUEUE_S, Machine
 from .scenario import Scenario
 from .suffering import Suffered, suffer_all
 
-FAULTS: Mapping[str, Callable[[Machine], Finding]] = {**machine.FAULTS, **clients.FAULTS}
+FAULTS: Mapping[str, Callable[[Machine], Finding]] = {**machine.FAULTS, **files.FAULTS, **clients.FAULTS}
 TURNS = 2
 INJECTED = (sys.executable, str(Path(__file__).with_name("injected.py")))
 

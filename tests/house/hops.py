@@ -27,10 +27,10 @@ from grabberd.service.setup import set_up
 SOURCE = Path(grabberd.__file__).parent
 FIELDS = 100
 PATIENCE_S = 60.0
-# The threads of a field's way, and one that chooses a threshold once a second, whoever asks for what
-# meanwhile; all others answer a request or wait.
+# The threads of a field's way, and those that choose a threshold or look after files once a second, whoever
+# asks for what meanwhile; all others answer a request or wait.
 FIELD_THREADS = ("capture-", "recorder-", "writer-", "worker-")
-BACKGROUND_THREADS = ("threshold-",)
+BACKGROUND_THREADS = ("threshold-", "upkeep", "index")
 STEADY_FIELDS = 150
 """Fields well inside a capture: three fits of the rig's health, six commits."""
 SETTLE_S = 1.0

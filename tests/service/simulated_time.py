@@ -12,6 +12,7 @@ from grabberd.documents.states import DeviceState
 from grabberd.errors import GrabberdError
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
+from grabberd.service.device.scheduling import ThreadAccount
 from grabberd.service.device.status_board import StatusBoard
 
 START_NS = 1_000_000_000
@@ -87,6 +88,7 @@ class Run:
         clock: SimulatedClock,
         end_s: float,
         interrupted: Callable[[GrabberdError], None] = lambda _: None,
+        account: ThreadAccount | None = None,
     ) -> None:
         self.clock = clock
         self.pipeline = FieldPipeline(SMALL)
@@ -102,7 +104,7 @@ class Run:
         self.board.count = self._counted  # type: ignore[method-assign]
         captures = NoCaptures(interrupted, self.ended.append)
         stopping = Until(clock, end_s)
-        CaptureThread("test", grabber, self.pipeline, self.board, clock, captures, stopping).run()
+        CaptureThread("test", grabber, self.pipeline, self.board, clock, captures, stopping, account).run()
 
     def _noted(self, state: DeviceState, *words: Any) -> None:
         self._enter(state, *words)

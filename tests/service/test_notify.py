@@ -14,6 +14,7 @@ from simulated_time import SimulatedClock
 from grabberd.documents.states import DeviceState
 from grabberd.service.device.status_board import StatusBoard
 from grabberd.service.heartbeat import Heartbeat
+from grabberd.service.liveness import Liveness
 from grabberd.service.notify import Notifier
 
 WATCHDOG_S = 30.0
@@ -125,7 +126,7 @@ class Pulse:
     def __init__(self, ear: Ear, watchdog_s: float | None = WATCHDOG_S) -> None:
         self.clock = SimulatedClock()
         self.boards = [StatusBoard(name, self.clock) for name in ("cup", "pen")]
-        self.heartbeat = Heartbeat(Notifier(ear.address, watchdog_s), self.boards)
+        self.heartbeat = Heartbeat(Notifier(ear.address, watchdog_s), Liveness(self.boards))
         self.ear = ear
         self.lived_s: list[float] = []
         self.heard: list[str] = []

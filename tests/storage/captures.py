@@ -31,6 +31,7 @@ META = CaptureMeta(
     lines="field",
     rate_hz=50.0,
     version="0.1.0",
+    boot_id="7f9c2ba4e88f827d616045507605853e",
 )
 MADE_WITH = {
     "calibration": {"schema": "grabberd/calibration/1", "id": "rig-7"},

@@ -41,7 +41,7 @@ EXPECTED = {
     "sequence near its wrap": Expected("lost", "stopped streaming"),
     "times near their wrap, 64 bits": Expected("lost", "stopped streaming"),
     "process stopped for 0.2 s": Expected(),
-    "process stopped for 0.6 s": Expected("lost", "computer busy"),
+    "process stopped for 0.6 s": Expected("lost", "program stopped"),
     "black picture": Expected("no_signal", "flat picture"),
     "blue picture": Expected("no_signal", "flat picture"),
     "noise for a picture": Expected("no_signal", "snow"),

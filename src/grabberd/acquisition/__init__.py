@@ -4,18 +4,22 @@
 devices they can see. `numbering` works out which of the camera's fields a grabbed one is and what was lost
 before it, although timestamps jitter and drivers' counters cannot be trusted; `checks` look for damage and a
 missing signal in the picture itself. The `ring` holds the newest packed fields for several readers, none of
-which can hold up the capture; the `ledger` accounts for every field that should have come. No threads are
-started here.
+which can hold up the capture; the `ledger` accounts for every field that should have come, `causes` says
+where to look for what is missing, `rebases` what numbers and times go by, `standstill` why the program was
+late. No threads are started here.
 """
 
+from grabberd.acquisition.causes import LossCause, cause_of_loss
 from grabberd.acquisition.checks.content_check import Content, ContentCheck
 from grabberd.acquisition.clock import Clock, SystemClock
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Grabber, Signal, StreamInfo
 from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
 from grabberd.acquisition.ledger import Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.numbering import FieldNumbering, Numbered
+from grabberd.acquisition.rebases import LedgerEvent, Rebase
 from grabberd.acquisition.registry import available, create
 from grabberd.acquisition.ring import Policy, Ring, RingReader, Slot
+from grabberd.acquisition.standstill import Standstill
 
 __all__ = [
     "Clock",
@@ -28,17 +32,22 @@ __all__ = [
     "Grabber",
     "Ledger",
     "LedgerEntry",
+    "LedgerEvent",
+    "LossCause",
     "Numbered",
     "Outcome",
     "Policy",
+    "Rebase",
     "Ring",
     "RingReader",
     "Signal",
     "Slot",
+    "Standstill",
     "StreamInfo",
     "SystemClock",
     "Verdict",
     "available",
+    "cause_of_loss",
     "create",
     "discover",
 ]

@@ -1,9 +1,16 @@
 """Clocks injected into drivers, threads and the service, so that tests can control time."""
 
+import os
 import time
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
 from typing import Protocol, Self
+
+BOOT_ID_FILE = Path("/proc/sys/kernel/random/boot_id")
+BOOT_ID_VARIABLE = "GRABBERD_BOOT_ID"
+"""Set by the systemd unit, whose sandbox hides the file."""
 
 
 class Clock(Protocol):
@@ -63,6 +70,40 @@ class Moment:
     def now(cls, clock: UtcClock) -> Self:
         """The present moment."""
         return cls(clock.now_ns(), iso_utc(clock.utc_now()))
+
+
+@dataclass(frozen=True, slots=True)
+class Now:
+    """The present moment by both clocks, and the start of the computer that its monotonic clock counts from.
+
+    Attributes:
+        ns: CLOCK_MONOTONIC, nanoseconds.
+        utc: Time of day.
+        boot_id: Id of the kernel's start; empty if it is unknown.
+    """
+
+    ns: int
+    utc: datetime
+    boot_id: str
+
+    @classmethod
+    def by_the_system(cls) -> Self:
+        """The present moment by the computer's own clocks."""
+        clock = SystemClock()
+        return cls(clock.now_ns(), clock.utc_now(), boot_id())
+
+
+@cache
+def boot_id() -> str:
+    """The kernel's id of this start of the computer, 32 hexadecimal digits; empty if it is unknown.
+
+    Times of CLOCK_MONOTONIC can be compared only within one start.
+    """
+    try:
+        given = BOOT_ID_FILE.read_text(encoding="ascii")
+    except (OSError, ValueError):
+        given = os.environ.get(BOOT_ID_VARIABLE, "")
+    return given.strip().replace("-", "")
 
 
 def iso_utc(moment: datetime) -> str:

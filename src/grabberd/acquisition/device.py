@@ -45,7 +45,7 @@ class StreamInfo:
         rate_hz: Fields per second.
         field_order: See `FieldOrder`.
         pixel_format: E.g. "GREY".
-        buffers: Number of fields that the driver holds while nobody dequeues.
+        buffers: Number of fields that the driver holds while nobody dequeues: two for each buffer of a frame.
         live: False for a recording, whose fields may repeat bit for bit.
         counts_losses: True if `sequence` grows by more than one when a field is lost.
         tells_signal: True if `signal()` can be trusted.
@@ -73,6 +73,11 @@ class StreamInfo:
     details: dict[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
 
+    @property
+    def buffered_ns(self) -> int:
+        """Time that the driver's buffers last for, while nobody takes fields."""
+        return round(self.buffers * 1e9 / self.rate_hz)
+
 
 class GrabbedField(NamedTuple):
     """One field out of a driver's buffer.
@@ -81,7 +86,8 @@ class GrabbedField(NamedTuple):
         field: Grey values, a view that is valid only inside the `dequeue` block.
         time_ns: Middle of the exposure, CLOCK_MONOTONIC, as exactly as the driver can tell.
         sequence: The driver's own count of *fields*, or None if it has none.
-        damage: Fault reported by the driver in a few words, or None.
+        damage: Fault reported by the driver in a few words, or None. "no signal" comes from a recording: the
+            picture was not the camera's.
     """
 
     field: Field

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import NamedTuple
 
+from grabberd.acquisition.rebases import LedgerEvent
+
 
 class Outcome(StrEnum):
     """Outcome of a field."""
@@ -23,7 +25,8 @@ class LedgerEntry(NamedTuple):
         first_n: Number of the first field.
         count: Number of fields.
         outcome: Never `received`.
-        reason: A few words, e.g. "time gap", "sequence gap", "unplugged", "ring overrun".
+        reason: A few words, e.g. "time gap", "sequence gap", "unplugged", "ring overrun"; `causes` tells what
+            each stands for.
     """
 
     first_n: int
@@ -70,11 +73,13 @@ class Ledger:
         first_n: First number of the account; None until something is entered.
         received: Number of fields received intact.
         entries: All other fields, in order; neighbours with the same outcome and reason are merged.
+        events: Changes of what numbers and times go by, in order.
     """
 
     first_n: int | None = None
     received: int = 0
     entries: list[LedgerEntry] = field(default_factory=list)
+    events: list[LedgerEvent] = field(default_factory=list)
     _end_n: int | None = None
 
     @property
@@ -143,16 +148,17 @@ class Ledger:
         return self.received > 0 and not self.entries
 
     def in_words(self, rate_hz: float) -> str:
-        """Describe the losses, e.g. "3 fields lost at 12.40 s (time gap)"; seconds count from the first
-        field.
+        """Describe the losses, e.g. "3 fields lost at 12.40 s (time gap)", and after them the events; seconds
+        count from the first field.
         """
-        if self.complete:
-            return "complete"
-        if not self.entries:
-            return "no fields"
         words = [self._entry_in_words(entry, rate_hz) for entry in self.entries[:_LISTED]]
-        rest = sum(entry.count for entry in self.entries[_LISTED:])
-        return "; ".join(words + ([f"and {_fields(rest)} more"] if rest else []))
+        if rest := sum(entry.count for entry in self.entries[_LISTED:]):
+            words.append(f"and {_fields(rest)} more")
+        words = words or ["complete" if self.complete else "no fields"]
+        events = [f"{event.reason} at {self._seconds(event.n, rate_hz)}" for event in self.events[:_LISTED]]
+        if others := len(self.events[_LISTED:]):
+            events.append(f"and {others} changes more")
+        return "; ".join(words + events)
 
     @classmethod
     def restore(
@@ -160,6 +166,7 @@ class Ledger:
         received_n: Sequence[int],
         entries: Sequence[LedgerEntry],
         *,
+        events: Sequence[LedgerEvent] = (),
         first_n: int | None = None,
         gap: str = UNACCOUNTED,
     ) -> "Ledger":
@@ -168,15 +175,16 @@ class Ledger:
         Args:
             received_n: Numbers of the received fields, ascending.
             entries: Outcomes of the others.
+            events: Changes of what numbers and times go by.
             first_n: First number of the account, if earlier than any of them.
             gap: Reason for fields that occur in neither.
 
         Raises:
             ValueError: A field is counted twice.
         """
-        ledger = cls(first_n)
-        events = [(n, None) for n in received_n] + [(entry.first_n, entry) for entry in entries]
-        for n, entry in sorted(events, key=lambda event: event[0]):
+        ledger = cls(first_n, events=list(events))
+        all_of_them = [(n, None) for n in received_n] + [(entry.first_n, entry) for entry in entries]
+        for n, entry in sorted(all_of_them, key=lambda one: one[0]):
             if ledger.end_n is not None:
                 ledger.close(n, gap)
             ledger.receive(n) if entry is None else ledger.add(entry)
@@ -200,8 +208,11 @@ class Ledger:
             self.entries.append(entry)
 
     def _entry_in_words(self, entry: LedgerEntry, rate_hz: float) -> str:
-        seconds = (entry.first_n - (self.first_n or 0)) / rate_hz
-        return f"{_fields(entry.count)} {_WORDS[entry.outcome]} at {seconds:.2f} s ({entry.reason})"
+        at = self._seconds(entry.first_n, rate_hz)
+        return f"{_fields(entry.count)} {_WORDS[entry.outcome]} at {at} ({entry.reason})"
+
+    def _seconds(self, n: int, rate_hz: float) -> str:
+        return f"{(n - (self.first_n or 0)) / rate_hz:.2f} s"
 
 
 def _fields(count: int) -> str:

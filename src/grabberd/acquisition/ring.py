@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import NamedTuple, Self
 
 from grabberd.acquisition.ledger import LedgerEntry, Outcome
+from grabberd.acquisition.rebases import LedgerEvent
 from grabberd.errors import RingOverrun
 from grabberd.field import NumberedField
 
@@ -17,12 +18,13 @@ class Slot(NamedTuple):
     """One field in the ring, with everything the ledger needs up to it.
 
     Attributes:
-        numbered: The field; None if there is nothing to keep (no signal).
+        numbered: The field, with its picture whatever became of it; None if there is none.
         n: Number of the field.
         outcome: Received, damaged or no_signal.
         reason: None for a received field, unless its time had to be predicted.
         lost_before: Fields missing between the previous field and this one.
         time_ns: Middle of its exposure.
+        rebases: Changes of what numbers and times go by, from this field on.
     """
 
     numbered: NumberedField | None
@@ -31,6 +33,7 @@ class Slot(NamedTuple):
     reason: str | None
     lost_before: tuple[LedgerEntry, ...]
     time_ns: int
+    rebases: tuple[LedgerEvent, ...] = ()
 
     @property
     def first_n(self) -> int:

@@ -22,6 +22,7 @@ from grabberd.documents.problems import (
     Refusal,
     RefusalWhileRunning,
 )
+from grabberd.service.faults.descriptors import exhaustion
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +34,7 @@ STATUS: dict[type[errors.GrabberdError], HTTPStatus] = {
     errors.CaptureFileError: HTTPStatus.INTERNAL_SERVER_ERROR,
     errors.DeviceError: HTTPStatus.SERVICE_UNAVAILABLE,
     errors.StorageError: HTTPStatus.INSUFFICIENT_STORAGE,
+    errors.IndexRebuilding: HTTPStatus.SERVICE_UNAVAILABLE,
     errors.ExtraMissing: HTTPStatus.NOT_IMPLEMENTED,
 }
 """The status of an error's nearest ancestor applies."""
@@ -122,6 +124,9 @@ def _of_http(_: Request, error: Exception) -> ProblemResponse:
 
 
 def _of_fault(request: Request, error: Exception) -> ProblemResponse:
+    if exhaustion.explains(error):
+        hint = "try again in a moment; other clients have to close their connections"
+        return problem(503, "too-many-files", f"the daemon has no file descriptor left: {error}", hint)
     log.error("%s %s failed", request.method, request.url.path, exc_info=error)
     hint = "this is an internal error; the journal has the details, please report it"
     return problem(500, "internal-error", f"{type(error).__name__} while responding", hint)

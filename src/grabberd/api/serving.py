@@ -6,6 +6,7 @@ import logging
 import socket
 import ssl
 from pathlib import Path
+from typing import Any
 
 import uvicorn
 from fastapi import FastAPI
@@ -16,6 +17,7 @@ from grabberd.api.sockets import describe
 from grabberd.api.streams.feeds import Feeds
 from grabberd.config import TlsConfig
 from grabberd.errors import ConfigError, Problem
+from grabberd.service.faults.descriptors import AT_ONCE, exhaustion
 from grabberd.service.heartbeat import Heartbeat
 
 log = logging.getLogger(__name__)
@@ -24,6 +26,8 @@ HEAD_BYTES = 32_768
 WEBSOCKET_BYTES = 65_536
 """Enough for any client message: clients have nothing to send on the preview's WebSocket."""
 SHUTDOWN_S = 5
+WAITING = 1024
+"""Connections that the kernel keeps until they are accepted."""
 
 
 def tls_context(tls: TlsConfig, file: Path) -> ssl.SSLContext:
@@ -49,8 +53,15 @@ class BeatingServer(uvicorn.Server):
         super().__init__(config)
         self._heartbeat = heartbeat
 
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Starts to serve; as many clients as before may wait in the kernel's queue for being accepted."""
+        await super().startup(sockets)
+        for one in sockets or ():
+            one.listen(WAITING)
+
     async def main_loop(self) -> None:
         """Serves until it is told to stop."""
+        asyncio.get_running_loop().set_exception_handler(_explain)
         if self._heartbeat is None:
             await super().main_loop()
             return
@@ -68,6 +79,12 @@ class BeatingServer(uvicorn.Server):
         if feeds is not None:
             feeds.close()
         await super().shutdown(sockets)
+
+
+def _explain(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+    """Counts what fails for want of descriptors, such as accepting a client; logs everything else."""
+    if not exhaustion.explains(context.get("exception")):
+        loop.default_exception_handler(context)
 
 
 async def _beat(heartbeat: Heartbeat) -> None:
@@ -91,6 +108,8 @@ def server_of(
         proxy_headers=False,
         server_header=False,
         access_log=False,
+        # As many as are accepted at one go, before the limit of connections sees any of them.
+        backlog=AT_ONCE,
         log_config=None,  # logging is configured in the daemon's own format
         timeout_graceful_shutdown=SHUTDOWN_S,
     )

@@ -71,14 +71,14 @@ def is_private(listening: socket.socket) -> bool:
     return False
 
 
-def check_private(sockets: Iterable[socket.socket], has_tokens: bool, file: Path) -> None:
+def check_private(sockets: Iterable[socket.socket], needs_token: bool, file: Path) -> None:
     """Checks that sockets which others can reach are protected by tokens.
 
     Raises:
-        ConfigError: others can reach one of the sockets, and there are no tokens.
+        ConfigError: others can reach one of the sockets, and nobody needs a token.
     """
     public = [describe(one) for one in sockets if not is_private(one)]
-    if public and not has_tokens:
+    if public and not needs_token:
         message = (
             f"{', '.join(public)} is not a loopback address, and there are no tokens to control access; "
             "make one: grabberd token add NAME --role admin"

@@ -5,7 +5,14 @@ from typing import Annotated
 
 import typer
 
-from grabberd.cli.options import JsonOption, LineJitterOption, given, print_result, progress_bar
+from grabberd.cli.options import (
+    IncludeDamagedOption,
+    JsonOption,
+    LineJitterOption,
+    given,
+    print_result,
+    progress_bar,
+)
 
 
 def measure(
@@ -14,6 +21,7 @@ def measure(
     object_model: Annotated[Path, typer.Option("--object", help="Object model (YAML).")],
     method: Annotated[str | None, typer.Option(help="Location method; default: the capture's.")] = None,
     line_jitter: LineJitterOption = None,
+    include_damaged: IncludeDamagedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Measure a capture with a calibration; the points are added to the file as a new run.
@@ -26,7 +34,7 @@ def measure(
 
     with CaptureReader(capture) as reader:
         settings = settings_of_capture(reader.meta.config)
-    settings |= given(method=method, line_jitter_px=line_jitter)
+    settings |= given(method=method, line_jitter_px=line_jitter, include_damaged=include_damaged or None)
     made_with = {**read_documents(calibration, object_model), "settings": settings}
     with progress_bar("measuring") as progress:
         result = measure_file(progress, path=capture, made_with=made_with)

@@ -35,6 +35,12 @@ LineJitterOption = Annotated[
     float | None,
     typer.Option("--line-jitter-px", min=0, max=2, help="Line jitter assumed; default: the capture's."),
 ]
+IncludeDamagedOption = Annotated[
+    bool,
+    typer.Option(
+        "--include-damaged", help="Measure damaged fields too; their points may be wrong in place or time."
+    ),
+]
 DEFAULT_URL = "http://127.0.0.1:8050"
 
 console = Console()

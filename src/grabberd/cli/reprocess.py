@@ -9,7 +9,15 @@ import typer
 from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
 from grabberd.cli import EX_INTERRUPTED
-from grabberd.cli.options import JsonOption, end_as_ctrl_c_does, given, print_json, progress_console, warn
+from grabberd.cli.options import (
+    IncludeDamagedOption,
+    JsonOption,
+    end_as_ctrl_c_does,
+    given,
+    print_json,
+    progress_console,
+    warn,
+)
 
 if TYPE_CHECKING:
     from grabberd.service.reprocess.reprocess_archive import ReprocessProgress, ReprocessSummary
@@ -44,6 +52,7 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
     replace: Annotated[
         bool, typer.Option("--replace", help="Replace points made with another calibration.")
     ] = False,
+    include_damaged: IncludeDamagedOption = False,
     json: JsonOption = False,
 ) -> None:
     """Re-measure many captures into Parquet files by barn and day; skips those already done.
@@ -63,7 +72,7 @@ def reprocess(  # noqa: PLR0913, PLR0917 - options of a command
         raise typer.BadParameter(
             "not possible with --scheduler: the cluster has its own workers", param_hint="--workers"
         )
-    settings = given(method=method, line_jitter_px=line_jitter)
+    settings = given(method=method, line_jitter_px=line_jitter, include_damaged=include_damaged or None)
     request = ReprocessRequest(captures, out, calibration, object_model, settings, barn, replace)
     end_as_ctrl_c_does()
     make = partial(cluster_workers, scheduler) if scheduler else lambda _: local_workers(workers)

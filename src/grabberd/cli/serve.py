@@ -32,6 +32,7 @@ def serve(
     """
     from grabberd.api import create_app, serving, sockets  # noqa: PLC0415
     from grabberd.api.guard.front import Front  # noqa: PLC0415
+    from grabberd.service.faults.descriptors import affordable_connections, raise_limit  # noqa: PLC0415
     from grabberd.service.heartbeat import Heartbeat  # noqa: PLC0415
     from grabberd.service.journal import set_up_logging  # noqa: PLC0415
     from grabberd.service.memory import keep_freed_memory  # noqa: PLC0415
@@ -44,6 +45,7 @@ def serve(
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     keep_freed_memory()
     set_up_logging()
+    descriptors = raise_limit()
     settings = load(config)
     file: Path = config or default_config_file()
     http = settings.http
@@ -57,16 +59,20 @@ def serve(
     )
     try:
         # Without tokens only this computer is served, and only the open database tells if there are any.
-        service.access.open()
-        sockets.check_private(listening, service.access.has_tokens, file)
+        service.open()
+        sockets.check_private(listening, service.access.needs_token, file)
         service.start()  # before the server, so that a failure to start is reported in plain words
     except StorageError as error:
         if error.__cause__ is None:  # not a fault of the disk: another program still holds the folder
             raise
         complain(error)
         raise typer.Exit(EX_IOERR) from error
-    front = Front.from_config(http, all(map(sockets.is_private, listening)))
-    heartbeat = Heartbeat(notifier, [one.board for one in service.instruments.values()])
+    most = affordable_connections(http.limits.connections, descriptors)
+    limits = http.limits.model_copy(update={"connections": most})
+    front = Front.from_config(
+        http.model_copy(update={"limits": limits}), all(map(sockets.is_private, listening))
+    )
+    heartbeat = Heartbeat(notifier, service.liveness)
     server = serving.server_of(create_app(service, front), front, context, heartbeat)
     if not serving.run(server, listening):
         raise typer.Exit(1)

@@ -34,6 +34,8 @@ def status(
         for words in _remarks(device):
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
     console.print(disk_words(state["storage"]), highlight=False, soft_wrap=True)
+    for words in fault_words(state["faults"]):
+        console.print(words, highlight=False, soft_wrap=True)
 
 
 def disk_words(storage: dict[str, Any]) -> str:
@@ -44,11 +46,27 @@ def disk_words(storage: dict[str, Any]) -> str:
     return f"disk: {free_gb:.1f} GB free, {storage['minutes_left']:.0f} minutes of capture left"
 
 
+def fault_words(faults: list[dict[str, Any]]) -> list[str]:
+    """A line for each fault of the daemon itself."""
+    return [f"{one['level']} since {one['since_utc']}: {one['message']}; {one['hint']}" for one in faults]
+
+
 def _remarks(device: dict[str, Any]) -> Iterator[str]:
     """Remarks that do not fit into the table."""
     if device["cause"]:
         yield "; ".join(words for words in (device["cause"], device["hint"]) if words)
+    if device["computer"]["cause"]:
+        yield f"{device['computer']['cause']}; {device['computer']['hint']}"
+    if any(device["losses"].values()):
+        yield f"not received, by cause: {_counted(device['losses'])}"
+    if any(device["rebases"].values()):
+        yield f"numbers and times go by something else, changes: {_counted(device['rebases'])}"
     if any(device["recoveries"].values()):
-        steps = ", ".join(f"{step} {count}" for step, count in device["recoveries"].items() if count)
-        yield f"recoveries: {steps}; the last on {device['last_failure_utc']}: {device['last_failure']}"
+        latest = f"the last on {device['last_failure_utc']}: {device['last_failure']}"
+        yield f"recoveries: {_counted(device['recoveries'])}; {latest}"
     yield from device["warnings"]
+
+
+def _counted(counts: dict[str, int]) -> str:
+    """E.g. "cable 2, computer 30"."""
+    return ", ".join(f"{what} {count}" for what, count in counts.items() if count)

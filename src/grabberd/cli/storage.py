@@ -21,11 +21,15 @@ def index(config: ConfigOption = None, json: JsonOption = False) -> None:
     Example: grabberd storage index --config /etc/grabberd/grabberd.yaml
     """
     from grabberd.service.archive.archive import Archive  # noqa: PLC0415
+    from grabberd.storage.capture.directory_lock import DirectoryLock  # noqa: PLC0415
 
-    archive = Archive(load(config).state_directory / "captures", list)
+    directory = load(config).state_directory
+    lock, archive = DirectoryLock(directory), Archive(directory / "captures", list)
+    lock.acquire()  # a daemon that waits for its folder of captures holds this one alone
     archive.open()
     entries = archive.index.list()
     archive.close()
+    lock.release()
     if json:
         print_json([entry._asdict() for entry in entries])
         return
@@ -69,6 +73,21 @@ def retention(config: ConfigOption = None, json: JsonOption = False) -> None:
         console.print(table)
     words = "" if policy.removes else "storage.retention is not configured; "
     typer.echo(f"{words}{len(found)} of {len(kept)} captures would be deleted, {len(pinned)} are pinned")
+
+
+@commands.command()
+def accept(config: ConfigOption = None, json: JsonOption = False) -> None:
+    """Accept recovered or lost settings, and the folder of captures as it is now; the daemon may be running.
+
+    Check settings and tokens first. A folder of captures that is gone is made anew, empty.
+
+    Example: grabberd storage accept --config /etc/grabberd/grabberd.yaml
+    """
+    from grabberd.storage.state.state_backups import STATE, accept_state  # noqa: PLC0415
+
+    directory = load(config).state_directory
+    accepted = accept_state(directory / STATE, directory / "captures")
+    print_result({"accepted": accepted}, "\n".join(accepted) or "there is nothing to accept", as_json=json)
 
 
 @commands.command()

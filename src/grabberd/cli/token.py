@@ -92,7 +92,10 @@ def _minute(moment_utc: str) -> str:
 
 def _access(config: Path | None) -> "Access":
     from grabberd.service.access import Access  # noqa: PLC0415
+    from grabberd.storage.state.state_backups import StateBackups  # noqa: PLC0415
 
-    access = Access(load(config).state_directory)
+    directory = load(config).state_directory
+    StateBackups(directory).check()
+    access = Access(directory)
     access.open()
     return access

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from grabberd.acquisition import Outcome
+from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import CalibrationDocument
 from grabberd.documents.devices import ObjectModelDocument
 from grabberd.documents.document import DescribedBy, Document, Next, with_examples
@@ -19,6 +19,18 @@ class LedgerEntryDocument(Document):
     count: int
     outcome: Outcome
     reason: str
+    cause: LossCause = Field(
+        description="Where to look: the computer (busy, or the program stopped), bus or cable, the camera, "
+        "the picture's content, the grabber, or the disk."
+    )
+
+
+class LedgerEventDocument(Document):
+    """A change of what the numbers and times of the fields go by, which loses nothing."""
+
+    n: int = Field(description="Number of the first field that goes by the new base.")
+    kind: Rebase
+    reason: str
 
 
 class LedgerDocument(Document):
@@ -28,6 +40,7 @@ class LedgerDocument(Document):
     in_words: str
     counts: dict[Outcome, int]
     entries: list[LedgerEntryDocument]
+    events: list[LedgerEventDocument]
 
 
 class RunDocument(Document):
@@ -93,7 +106,10 @@ class CaptureDocument(Document):
     )
     bits: int
     lines: str
-    fields: int = Field(description="Number of fields in the capture.")
+    fields: int = Field(
+        description="Number of fields in the capture with their pictures, damaged ones and those without a "
+        "signal included."
+    )
     ledger: LedgerDocument
     runs: list[RunDocument]
     labels: dict[str, str]

@@ -4,9 +4,10 @@ from typing import Literal
 
 from pydantic import Field
 
-from grabberd.acquisition import Outcome
+from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import ActiveCalibration
 from grabberd.documents.document import Document
+from grabberd.documents.faults import FaultDocument
 from grabberd.documents.named_types import JsonObject, LackKind, Latency, ViewCounts
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause
@@ -88,6 +89,20 @@ class RigDocument(Document):
     fields: int
 
 
+class ComputerDocument(Document):
+    """The computer, as far as it lets the program take fields in time."""
+
+    cause: str | None = Field(
+        description="Why it took none for so long that the driver's buffers were full; null unless that was "
+        "within the last minute."
+    )
+    hint: str | None
+    cause_code: Cause | None
+    since_utc: str | None = Field(description="Time at which that ended.")
+    standstills: dict[Cause, int] = Field(description="How often, since the daemon started.")
+    standstill_s: dict[Cause, float] = Field(description="For how long together.")
+
+
 class DeviceDocument(Document):
     """Present state of a device."""
 
@@ -104,6 +119,13 @@ class DeviceDocument(Document):
     signal: str
     rate_hz: float | None = Field(description="Fields per second; null while none arrive.")
     fields: dict[Outcome, int]
+    losses: dict[LossCause, int] = Field(
+        description="Fields since the daemon started that were not received, by where to look for the cause."
+    )
+    rebases: dict[Rebase, int] = Field(
+        description="Changes of what the numbers and times of fields go by, since the daemon started."
+    )
+    computer: ComputerDocument
     openings: int
     recoveries: dict[Rung, int] = Field(
         description="Number of times each recovery step was taken since the daemon started."
@@ -197,3 +219,4 @@ class ReadyDocument(Document):
     """Every device can measure."""
 
     status: Literal["ready"] = "ready"
+    faults: list[FaultDocument] = Field(description="What is wrong with the daemon itself.")

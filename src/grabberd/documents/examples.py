@@ -20,7 +20,8 @@ CAPTURE: JsonObject = {
         "complete": False,
         "in_words": "2 fields lost at 0.34 s (time gap)",
         "counts": {"received": 62, "lost": 2, "damaged": 0, "no_signal": 0, "overrun": 0},
-        "entries": [{"first_n": 17, "count": 2, "outcome": "lost", "reason": "time gap"}],
+        "entries": [{"first_n": 17, "count": 2, "outcome": "lost", "reason": "time gap", "cause": "cable"}],
+        "events": [],
     },
     "runs": [
         {

@@ -5,6 +5,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from grabberd.documents.devices import LackDocument
 from grabberd.documents.document import Document
 from grabberd.documents.examples import PROBLEM
+from grabberd.documents.faults import FaultDocument
 
 KIND = "urn:grabberd:problem:"
 """Start of every problem's type."""
@@ -33,6 +34,7 @@ class NotReadyProblem(Problem):
     """A device cannot measure."""
 
     lacks: list[LackDocument]
+    faults: list[FaultDocument] = Field(description="What is wrong with the daemon itself.")
 
 
 class CaptureRunningProblem(Problem):

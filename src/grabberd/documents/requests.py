@@ -228,6 +228,16 @@ class CalibrationChoice(Document):
     device: str | None = Field(None, description=_DEVICE)
 
 
+class MeasurementRequest(Document):
+    """Choices for a re-measurement."""
+
+    model_config = with_examples({"include_damaged": True})
+
+    include_damaged: bool = Field(
+        False, description="Measure damaged fields too; their points may be wrong in place or time."
+    )
+
+
 class RejectionRequest(Document):
     """Rejection of a calibration, with its reason."""
 

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.documents.devices import DeviceDocument
 from grabberd.documents.document import Document
+from grabberd.documents.faults import FaultDocument
 from grabberd.errors import Cause
 
 
@@ -43,6 +44,7 @@ class StateDocument(Document):
     version: str
     devices: dict[str, DeviceDocument]
     storage: StorageDocument
+    faults: list[FaultDocument] = Field(description="What is wrong with the daemon itself, the worst first.")
     mqtt: MqttDocument | None = Field(description="Null if the configuration names no broker.")
 
 

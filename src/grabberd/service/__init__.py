@@ -5,6 +5,7 @@ measures, and at most one recording with its recorder and writer. The `Service` 
 archive of captures and the job process. Nothing here is module state, so a process may hold as many as it
 likes.
 
-Floors, the lowest first: `device` (threads and ring of one grabber), `capture` (from request to sealed file),
-`archive` and `calibrations`, then `jobs`, `reprocess`, `live` and `mqtt`. import-linter holds their order.
+Floors, the lowest first: `faults` (of the daemon itself), `device` (threads and ring of one grabber),
+`capture` (from request to sealed file), `archive` and `calibrations`, then `jobs`, `reprocess`, `live` and
+`mqtt`. import-linter holds their order.
 """

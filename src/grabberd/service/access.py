@@ -3,6 +3,7 @@
 import hashlib
 import re
 import secrets
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Literal
 
 from grabberd.acquisition.clock import SystemClock, UtcClock, iso_utc
 from grabberd.documents.roles import Role
-from grabberd.errors import AccessExpired, Conflict, InputError
+from grabberd.errors import AccessExpired, Conflict, InputError, StorageError
 from grabberd.service.machine_key import PREFIX, MachineKey
 from grabberd.storage.state.token_store import Holder, TokenRow, TokenStore
 
@@ -68,14 +69,21 @@ class Access:
     Args:
         directory: The state directory.
         clock: Source of time.
+        heal: Recovers a damaged state database; see `StateDatabase`.
 
     Attributes:
         key: Key of the machine, valid while a daemon runs.
     """
 
-    def __init__(self, directory: Path, clock: UtcClock | None = None) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        clock: UtcClock | None = None,
+        heal: Callable[[str], None] | None = None,
+    ) -> None:
         self.key = MachineKey(directory)
-        self._store = TokenStore(directory / "state.sqlite")
+        self._store = TokenStore(directory / "state.sqlite", heal)
+        self._is_open = False
         self._clock = clock or SystemClock()
 
     def open(self) -> None:
@@ -87,9 +95,20 @@ class Access:
         self._store.open()
 
     @property
-    def has_tokens(self) -> bool:
-        """True if there are tokens, expired ones included."""
-        return self._store.any()
+    def needs_token(self) -> bool:
+        """True if nobody is let in without a token.
+
+        There are some, expired ones included, or there may have been before they were lost with the database.
+
+        Raises:
+            StorageError: The tokens cannot be read, and there were some when they could be.
+        """
+        try:
+            self._is_open = not self._store.guards()
+        except StorageError:
+            if not self._is_open:
+                raise
+        return not self._is_open
 
     def add(self, name: str, role: Role, life: timedelta | None = None) -> str:
         """Adds a token and returns its secret, which cannot be read again.

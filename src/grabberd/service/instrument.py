@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from grabberd.acquisition.clock import UtcClock
+from grabberd.acquisition.clock import SystemClock, UtcClock
 from grabberd.config import DeviceConfig
 from grabberd.errors import CalibrationMismatch
 from grabberd.geometry import Calibration
@@ -17,6 +17,7 @@ from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recording import Recording
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
+from grabberd.service.device.scheduling import KernelAccount
 from grabberd.service.device.status_board import StatusBoard
 from grabberd.service.device.worker import FairLock, Worker
 from grabberd.service.setup import DeviceSetup, check_rig
@@ -60,8 +61,10 @@ class Instrument:
             setup, self.board, self.pipeline, clock, disk or DiskGuard(), site or {}, queue_s, on_sealed
         )
         self.worker = Worker(self.name, setup.measuring, self.pipeline, self.captures, clock, fair_lock)
+        # The kernel's account goes by its own clock alone.
+        account = KernelAccount() if type(clock) is SystemClock else None
         self._capture_thread = CaptureThread(
-            self.name, setup.grabber, self.pipeline, self.board, clock, self.captures
+            self.name, setup.grabber, self.pipeline, self.board, clock, self.captures, account=account
         )
 
     def start(self) -> None:

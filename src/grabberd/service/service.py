@@ -17,6 +17,7 @@ from grabberd.service.access import Access
 from grabberd.service.archive.annotations import CaptureAnnotations
 from grabberd.service.archive.archive import Archive
 from grabberd.service.archive.retention import Policy, Retention
+from grabberd.service.archive.upkeep import Upkeep
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
 from grabberd.service.calibrations.calibration_documents import Document
@@ -24,19 +25,26 @@ from grabberd.service.capture.capture_control import CaptureControl
 from grabberd.service.capture.device_captures import NOMINAL_RATE_HZ, CurrentCaptures, of_device
 from grabberd.service.capture.disk_guard import GB, DiskGuard
 from grabberd.service.capture.recording import Recording
+from grabberd.service.capture.unsealed_captures import UnsealedCaptures
 from grabberd.service.device.worker import FairLock
+from grabberd.service.faults.fault_board import FaultBoard
+from grabberd.service.faults.state_keeper import StateKeeper
 from grabberd.service.instrument import Instrument
 from grabberd.service.jobs.calibration import Calibrator, calibrate_file
 from grabberd.service.jobs.runner import JobRunner
 from grabberd.service.live.device_document import device_document
+from grabberd.service.liveness import Liveness
 from grabberd.service.mqtt.publisher_setup import create_publisher
 from grabberd.service.secrets import without_secrets
 from grabberd.service.settings import Settings
 from grabberd.service.setup import DeviceSetup
+from grabberd.storage.capture.captures_folder import CapturesFolder
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.analysis_store import AnalysisStore
 from grabberd.storage.state.annotation_store import AnnotationStore
 from grabberd.storage.state.calibration_store import CalibrationRecord
 from grabberd.storage.state.idempotency_store import IdempotencyStore
+from grabberd.storage.state.state_backups import CAPTURES_FOLDER, STATE
 from grabberd.storage.state.state_store import StateStore
 
 if TYPE_CHECKING:  # an optional extra
@@ -50,6 +58,7 @@ class Service:
 
     Attributes:
         instruments: The instruments, by the name of their device.
+        liveness: Whether their capture threads go on.
         capture_control: Starts, arms, triggers and stops captures.
         archive: The captures on disk.
         annotations: Pins, notes and labels of captures, and their deletion by hand.
@@ -58,6 +67,10 @@ class Service:
         calibrations: The calibrations that there are.
         active: The calibration that each device measures with.
         access: Tokens and browser sessions.
+        faults: What is wrong with the daemon itself.
+        state_keeper: Backs up and recovers the state database.
+        unsealed: Captures whose files could not be sealed yet.
+        upkeep: Looks after all of these.
         settings: Settings that an operator has made in place of the configuration.
         configuration: The configuration as it was read, without secrets.
         jobs: Runner of the jobs.
@@ -93,15 +106,26 @@ class Service:
             )
             for name, setup in setups.items()
         }
+        self.liveness = Liveness(one.board for one in self.instruments.values())
         self._current = CurrentCaptures({name: one.captures for name, one in self.instruments.items()})
-        store = AnnotationStore(directory / "state.sqlite")
+        self.faults = FaultBoard(self._clock)
+        self.state_keeper = StateKeeper(directory, self.faults, self._clock)
+        state, heal = directory / STATE, self.state_keeper.heal
+        self._state_store = StateStore(state, heal)
+        store = AnnotationStore(state, heal)
         self.archive = Archive(
-            directory / "captures", self._current.recordings, self._current.armed, store.get, store.all
+            directory / "captures",
+            self.recordings,
+            self._current.armed,
+            store.get,
+            store.all,
+            folder=self._captures_folder(directory / "captures"),
+            faults=self.faults,
         )
+        self.unsealed = UnsealedCaptures(self.archive.check, self._entered, self.faults, self._clock)
         self.capture_control = CaptureControl(self._current, self.archive, store, self._clock)
         self.calibrations = CalibrationCatalog(directory / "calibrations", _configured(setups))
-        self._state_store = StateStore(directory / "state.sqlite")
-        self.access = Access(directory, self._clock)
+        self.access = Access(directory, self._clock, heal)
         self.settings = Settings(self._state_store, self.instruments)
         self.configuration = _configuration(setups)
         self.active = ActiveCalibrations(self.calibrations, self._state_store, self.instruments, self._clock)
@@ -109,15 +133,17 @@ class Service:
         self.jobs = JobRunner(self._clock)
         self.analyses = AnalysisStore(directory / "analyses")
         self.annotations = CaptureAnnotations(self.archive, store, self.jobs, self.analyses)
-        self.idempotency = IdempotencyStore(directory / "state.sqlite")
+        self.idempotency = IdempotencyStore(state, heal)
         self.retention = Retention(
             self.archive,
             retention or Policy(),
             self._disk,
             self._clock,
-            self.annotations.spared,
+            self._spared,
             self.annotations.delete,
         )
+        self.upkeep = Upkeep(self.archive, self.unsealed, self.state_keeper)
+        self.state_keeper.restored = self._keep_what_is_in_force
         self.publisher: Publisher | None = None
         self._started = False
 
@@ -138,7 +164,9 @@ class Service:
             retention=Policy.from_config(config.storage.retention),
         )
         service.configuration = without_secrets(config.model_dump(mode="json"))
-        service.publisher = create_publisher(config, service.archive, service.state, service.clock)
+        service.publisher = create_publisher(
+            config, service.archive, service.state, service.clock, service.state_keeper.heal
+        )
         return service
 
     def start(self) -> None:
@@ -149,17 +177,28 @@ class Service:
         """
         if self._started:
             return
-        # First: it locks the folder, so that a second daemon fails before it touches anything.
+        self.open()
         self.archive.open()
         self.open_stores()
         self.access.key.make()
         self._started = True
+        self.upkeep.start()
         self.jobs.start()
         self.retention.start()
         if self.publisher is not None:
             self.publisher.start()
         for instrument in self.instruments.values():
             instrument.start()
+
+    def open(self) -> None:
+        """Locks the state directory and opens its database, which tells who is let in; safe twice.
+
+        A second daemon fails here, before it touches anything.
+
+        Raises:
+            StorageError: The state directory cannot be used.
+        """
+        self.state_keeper.open()
 
     def open_stores(self) -> None:
         """Opens calibrations, analyses, tokens and settings, and applies the stored choices.
@@ -185,8 +224,10 @@ class Service:
         if self.publisher is not None:
             self.publisher.stop()
         self.jobs.stop()
+        self.upkeep.stop()
         self.access.key.remove()
-        self.archive.close()  # last: it lets another daemon have the folder
+        self.archive.close()
+        self.state_keeper.close()  # last: it lets another daemon have the folder
 
     def instrument(self, name: str | None) -> Instrument:
         """An instrument by its device's name, which may be left out where there is only one.
@@ -224,6 +265,7 @@ class Service:
             version=__version__,
             devices={name: self.device_document(one) for name, one in self.instruments.items()},
             storage=self.storage_document(),
+            faults=self.faults.now,
             mqtt=self.publisher.document() if self.publisher else None,
         )
 
@@ -232,6 +274,7 @@ class Service:
         return self._disk.document(
             self.archive.directory,
             sum(instrument.bytes_per_s for instrument in self.instruments.values()),
+            check=self.archive.check,
             removed=self.retention.removed,
             removed_bytes=self.retention.removed_bytes,
         )
@@ -240,17 +283,54 @@ class Service:
         """A device at this moment."""
         return device_document(instrument, self.active)
 
+    def recordings(self) -> list[Recording]:
+        """The captures that are being recorded or sealed, or could not be sealed yet."""
+        current = self._current.recordings()
+        return [*current, *(one for one in self.unsealed.captures if one not in current)]
+
+    def _captures_folder(self, path: Path) -> CapturesFolder:
+        def remembered() -> str | None:
+            known = self._state_store.get(CAPTURES_FOLDER)
+            return None if known is None else str(known)
+
+        def remember(known: str) -> None:
+            self._state_store.put({CAPTURES_FOLDER: known})
+
+        return CapturesFolder(path, remembered, remember)
+
+    def _keep_what_is_in_force(self) -> None:
+        """Stores again what a recovered state has lost, as far as it is known."""
+        self.archive.folder.identify()
+        self.settings.keep()
+        self.active.keep()
+
+    def _spared(self) -> set[str]:
+        if not self.state_keeper.pins_known:
+            raise StorageError(
+                "pins may have been lost with state.sqlite", "check them, then: grabberd storage accept"
+            )
+        return self.annotations.spared()
+
     def _sealed(self, recording: Recording) -> None:
-        self._enter_in_index(recording)
+        if recording.seal_failure is None:
+            self._enter_in_index(recording)
+        else:
+            self.unsealed.add(recording)
         if recording.failure is not None:
             log.error("capture %s: %s; %s", recording.id, recording.failure.message, recording.failure.hint)
         received = recording.recorder.ledger.in_words(NOMINAL_RATE_HZ)
         log.info("capture %s has ended, %s; received: %s", recording.id, recording.verdict, received)
 
+    def _entered(self, recording: Recording) -> None:
+        """Takes note of a capture that was sealed after all."""
+        self._enter_in_index(recording)
+        log.info("capture %s is sealed now, %s", recording.id, recording.verdict)
+
     def _enter_in_index(self, recording: Recording) -> None:
-        # The capture has ended all the same if the index cannot be written; it is rebuilt at the next start.
+        # The capture has ended all the same if the index cannot be written; it is entered later.
         try:
-            self.archive.index.add(recording.path)
+            with storage_errors(recording.path):
+                self.archive.index.add(recording.path)
         except StorageError as error:
             log.error("capture %s is not in the index: %s; %s", recording.id, error.message, error.hint)
         if self.publisher is not None:

@@ -56,6 +56,17 @@ class Settings:
             instrument.configure(config)
         log.info("device %s: threshold %s", instrument.name, config.threshold.model_dump())
 
+    def keep(self) -> None:
+        """Stores what is in force again, after the stored settings were lost.
+
+        Raises:
+            StorageError: It cannot be stored.
+        """
+        for instrument in self._instruments.values():
+            threshold = instrument.setup.config.threshold
+            configured = threshold == self._configured[instrument.name].threshold
+            self._store(instrument.name, None if configured else threshold)
+
     def _of(self, instrument: Instrument) -> DeviceSettings:
         threshold = instrument.setup.config.threshold
         configured = threshold == self._configured[instrument.name].threshold

@@ -21,6 +21,8 @@ from grabberd.reconstruction import ObjectModel
 T = TypeVar("T")
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 """The loader in C if PyYAML has it: it reads an object model ten times as fast, so a daemon starts sooner."""
+INCLUDE_DAMAGED = "include_damaged"
+"""Setting of a run: True if damaged fields were measured too."""
 _EXAMPLES = "see the examples of calibrations, objects and calibration frames in the folder configs/"
 
 

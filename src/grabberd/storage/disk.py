@@ -1,5 +1,6 @@
 """Files and folders on a disk: written for good, and errors as an operator can act on them."""
 
+import errno
 import os
 import shutil
 import sqlite3
@@ -16,16 +17,40 @@ SCRATCH = ".part-"
 """Beginning of the names of folders that are being written."""
 
 
+_DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+
+def is_damaged(error: sqlite3.Error) -> bool:
+    """True if the content of a database is to blame, and not its disk, or another program that holds it."""
+    # The low byte; errors raised by the Python module itself have no code.
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGE
+
+
 @contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
     """Turns errors of SQLite and of the system while writing into `StorageError`."""
     try:
         yield
     except (sqlite3.OperationalError, OSError) as error:
-        raise StorageError(
-            f"{path.name} cannot be written: {error}",
-            "make room or fix the disk; what was written before is kept and readable",
-        ) from error
+        raise StorageError(f"{path.name} cannot be written: {error}", _hint(error)) from error
+
+
+def _hint(error: Exception) -> str:
+    kept = "what was written before is kept and readable"
+    # SQLite keeps the reason to itself: whether descriptors are to blame, only opening another file tells.
+    number = error.errno if isinstance(error, OSError) else _error_of_opening()
+    if number in (errno.EMFILE, errno.ENFILE):
+        return f"no file descriptor is left: close clients, or raise the limit (ulimit -n); {kept}"
+    return f"make room or fix the disk; {kept}"
+
+
+def _error_of_opening() -> int | None:
+    """Error number of opening any file; None if that is possible."""
+    try:
+        os.close(os.open(os.devnull, os.O_RDONLY))
+    except OSError as error:
+        return error.errno
+    return None
 
 
 def new_folder(directory: Path) -> None:
@@ -91,6 +116,14 @@ def write_synced(path: Path, content: bytes, mode: int) -> None:
     """Writes a new file with these permissions and returns when it is on the disk."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
     with os.fdopen(descriptor, "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def write_through(path: Path, content: bytes) -> None:
+    """Writes into a file that exists and returns when it is on the disk."""
+    with path.open("r+b") as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

@@ -21,6 +21,7 @@ from grabberd.api.sockets import bind
 from grabberd.config import HttpLimits, TlsConfig
 from grabberd.documents.roles import Role
 from grabberd.errors import ConfigError
+from grabberd.service.faults.descriptors import AT_ONCE
 
 PATIENCE_S = 20.0
 
@@ -82,6 +83,18 @@ def test_one_connection_too_many_is_told_so_and_far_too_many_are_hung_up_on(tmp_
         held += [connected(gated) for _ in range(5)]
         assert is_closed(held[-1])
         for client in held:
+            client.close()
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_clients_that_do_not_end_their_handshake_are_hung_up_on_as_well(
+    tmp_path: Path, certificate: TlsConfig
+) -> None:
+    context = tls_context(certificate, tmp_path)
+    with served(tmp_path, Front(tls=True, limits=HttpLimits(connections=4)), context) as gated:
+        silent = [connected(gated) for _ in range(2 * 4 + 4 * AT_ONCE)]
+        assert is_closed(connected(gated))
+        for client in silent:
             client.close()
 
 

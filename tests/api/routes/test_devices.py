@@ -73,7 +73,7 @@ def test_a_device_shows_its_views_and_how_full_its_ring_is(idle: TestClient) -> 
 
 def test_a_device_that_streams_with_signal_and_calibration_is_ready(idle: TestClient) -> None:
     answer = idle.get("/readyz")
-    assert (answer.status_code, answer.json()) == (200, {"status": "ready"})
+    assert (answer.status_code, answer.json()) == (200, {"status": "ready", "faults": []})
 
 
 def test_one_that_is_away_is_not_and_says_why(still: TestClient) -> None:

@@ -4,10 +4,28 @@ from dataclasses import replace
 
 import pytest
 from fastapi.testclient import TestClient
+from slots import ManualClock
 
 
 def test_the_daemon_says_that_it_serves(fast: TestClient) -> None:
     assert fast.get("/healthz").json()["status"] == "ok"
+
+
+def test_the_daemon_says_that_it_does_not_go_on_by_itself(
+    fast: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = fast.app.state.service  # type: ignore[attr-defined]
+    board = service.instrument(None).board
+    monkeypatch.setattr(board, "beat", lambda: None)
+    monkeypatch.setattr(board, "_clock", ManualClock(2**62))
+    for second in range(3):
+        service.liveness.look(float(second))
+    answer = fast.get("/healthz")
+    assert answer.status_code == 503
+    assert answer.json()["detail"] == "the capture thread of simulated does not answer"
+    state = fast.get("/api/v1/state").json()["devices"]["simulated"]
+    assert (state["state"], state["cause_code"]) == ("failed", "capture_stuck")
+    assert fast.get("/readyz").status_code == 503
 
 
 def test_a_glance_shows_every_device_with_its_newest_points(paced: TestClient) -> None:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scripted import INFO, PERIOD_S, S, Scripted, run
-from simulated_time import SMALL, NoCaptures, Run, SimulatedClock
+from simulated_time import SMALL, START_NS, NoCaptures, Run, SimulatedClock
 
-from grabberd.acquisition import GrabbedField, Outcome, Signal, StreamInfo
+from grabberd.acquisition import GrabbedField, LossCause, Outcome, Signal, StreamInfo
 from grabberd.acquisition.clock import SystemClock
 from grabberd.errors import (
     Cause,
@@ -25,6 +25,7 @@ from grabberd.errors import (
 )
 from grabberd.service.device.capture_thread import DEQUEUE_TIMEOUT_S, CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
+from grabberd.service.device.scheduling import ThreadTimes
 from grabberd.service.device.status_board import StatusBoard
 
 
@@ -146,6 +147,51 @@ def test_without_signal_the_state_says_so() -> None:
     one = Run(grabber, clock, 0.2)
     assert one.states == [S.OPENING, S.NO_SIGNAL]
     assert one.board.now.outcomes[Outcome.NO_SIGNAL] == 5
+
+
+def test_no_field_is_thrown_away_when_the_signal_is_back() -> None:
+    clock = SimulatedClock()
+    grabber = Scripted(clock, 200)
+    grabber.signal = lambda: Signal.ABSENT if 1.0 <= clock.passed_s < 1.5 else Signal.PRESENT  # type: ignore[method-assign]
+    one = Run(grabber, clock, 3.0)
+    without = [slot for slot in one.taken if slot.outcome is Outcome.NO_SIGNAL]
+    assert without
+    assert max(slot.time_ns for slot in without) <= START_NS + 1_500_000_000
+
+
+def test_a_thread_that_had_no_processor_says_so_of_what_it_lost() -> None:
+    clock, account = SimulatedClock(), Account()
+    grabber = Scripted(clock, 50, 100)
+    dequeue = grabber.dequeue
+
+    @contextmanager
+    def late(timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
+        if grabber.script == [100]:
+            clock.sleep(1.2)
+            account.waited_ns += 1_200_000_000
+        with dequeue(timeout_s) as fields:
+            yield fields
+
+    grabber.dequeue = late  # type: ignore[method-assign]
+    one = Run(grabber, clock, 4.0, account=account)
+    (lost,) = one.lost
+    assert lost.reason == "computer busy (waited 1.2 s for a processor)"
+    assert one.board.now.losses == {LossCause.COMPUTER: lost.count}
+    shown = one.board.standstills.shown
+    assert shown
+    assert shown.code is Cause.COMPUTER_BUSY
+
+
+class Account:
+    """An account of a thread that waits when the test says so."""
+
+    waited_ns = 0
+
+    def thread(self) -> ThreadTimes:
+        return ThreadTimes(0, self.waited_ns)
+
+    def program_ns(self) -> int:
+        return 0
 
 
 def test_a_wait_ends_when_it_is_stopped() -> None:

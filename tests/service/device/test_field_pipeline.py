@@ -105,10 +105,11 @@ def test_a_picture_without_signal_is_not_chosen_by() -> None:
     assert one.thresholds.in_force.level == UNDECIDED_THRESHOLD
 
 
-def test_without_signal_nothing_is_kept() -> None:
+def test_without_signal_the_picture_is_kept_and_marked() -> None:
     slot = take(pipeline(), grabbed(0), Signal.ABSENT, now_ns(0))
-    assert slot.outcome is Outcome.NO_SIGNAL
-    assert slot.numbered is None
+    assert (slot.outcome, slot.reason) == (Outcome.NO_SIGNAL, "no signal")
+    assert slot.numbered
+    assert slot.numbered.packed.rows
 
 
 def test_an_old_picture_delivered_again_is_damaged() -> None:
@@ -187,7 +188,7 @@ def test_no_signal_is_seen_in_the_picture_whatever_the_driver_says(picture: str,
     slots = [take(one, field, Signal.PRESENT, field.time_ns) for field in fields[:18]]
     assert [slot.outcome for slot in slots[8:]] == [Outcome.NO_SIGNAL] * 10
     assert {slot.reason for slot in slots[8:]} == {f"no signal: {words}"}
-    assert all(slot.numbered is None for slot in slots[8:])
+    assert all(slot.numbered is not None for slot in slots[8:])
     assert one.no_picture == f"no signal: {words}"
     take(one, fields[18], Signal.PRESENT, fields[18].time_ns)
     assert one.no_picture is None

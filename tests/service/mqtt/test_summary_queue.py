@@ -18,6 +18,7 @@ class Barn:
         self.captures = folder / "captures"
         self.captures.mkdir(exist_ok=True)
         self.archive = Archive(self.captures, list)
+        self.archive.index.rebuild()
         self.summaries = SummaryQueue(self.archive, Outbox(folder / "state.sqlite"), limit)
         self.summaries.open()
 

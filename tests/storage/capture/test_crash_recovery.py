@@ -7,10 +7,11 @@ from datetime import datetime, timedelta
 import pytest
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.acquisition.clock import Now
 from grabberd.errors import LaterVersion, StorageError
 from grabberd.storage import CaptureReader, CaptureWriter, recover
 from grabberd.storage.capture.crash_recovery import set_aside
-from storage.captures import MADE_WITH, META, ledger_of, meta, points, slot, slots, write
+from storage.captures import MADE_WITH, META, PERIOD_NS, START_NS, ledger_of, meta, points, slot, slots, write
 
 CUT = "the program ended while it was recording"
 
@@ -41,14 +42,14 @@ def test_an_unfinished_commit_is_rolled_back(part):
 
 
 def test_it_is_sealed_as_incomplete_with_the_reason_and_what_bounds_the_rest(part):
-    path = recover(part, datetime.fromisoformat(META.created_utc) + timedelta(seconds=2))
+    path = recover(part, now_s(2))
     assert path.name == "liner.grab"
     with CaptureReader(path) as reader:
         assert (reader.meta.state, reader.meta.complete) == ("sealed", False)
         assert reader.meta.ended_because == CUT
         assert reader.ledger.entries == [
             LedgerEntry(30, 3, Outcome.LOST, "time gap"),
-            LedgerEntry(34, 1, Outcome.LOST, f"{CUT}; unknown, at most 66"),
+            LedgerEntry(34, 1, Outcome.LOST, f"{CUT}; unknown, at most 67"),
         ]
 
 
@@ -60,9 +61,63 @@ def test_what_was_ordered_tells_what_is_missing_at_its_end(tmp_path, ordered, mi
         assert (reader.meta.complete, reader.meta.ended_because) == (False, CUT)
 
 
-def test_where_the_clock_was_set_back_nothing_bounds_what_is_missing(part):
-    with CaptureReader(recover(part, datetime.fromisoformat(META.created_utc))) as reader:
-        assert reader.ledger.entries[-1] == LedgerEntry(34, 1, Outcome.LOST, f"{CUT}; unknown")
+@pytest.mark.parametrize("set_by", [timedelta(days=-1), timedelta(seconds=-1), timedelta(days=1)])
+def test_setting_the_wall_clock_does_not_change_what_bounds_the_rest(part, set_by):
+    assert tail(part, now_s(2, set_by=set_by)) == f"{CUT}; unknown, at most 67"
+
+
+def test_after_a_restart_of_the_computer_the_wall_clock_bounds_the_rest_unless_it_was_set_back(part):
+    reason = tail(part, now_s(2, boot_id="another", booted_s=1.5))
+    assert reason == f"{CUT}; unknown, at most 67 unless the clock was set back"
+
+
+@pytest.mark.parametrize("wall_s", [-3600, -1, 0.5])
+def test_a_wall_clock_that_was_clearly_set_back_bounds_nothing(part, wall_s):
+    now = Now(START_NS, datetime.fromisoformat(META.created_utc) + timedelta(seconds=wall_s), "another")
+    assert tail(part, now) == f"{CUT}; unknown"
+
+
+def test_a_monotonic_clock_before_the_last_field_bounds_nothing(part):
+    assert tail(part, now_s(0.3)) == f"{CUT}; unknown", "such as of a virtual machine that was put back"
+
+
+@pytest.mark.parametrize("boot_id", ["", None])
+def test_without_the_computers_boot_id_the_monotonic_clock_is_not_believed(tmp_path, boot_id):
+    changes = {} if boot_id is None else {"boot_id": boot_id}
+    path = unfinished(tmp_path, slots(34), meta(**changes))
+    reason = tail(path, Now(START_NS + 2 * 10**9, datetime.fromisoformat(META.created_utc), ""))
+    assert reason == f"{CUT}; unknown"
+
+
+def test_nothing_bounds_what_is_missing_of_a_recording_that_is_read_at_its_readers_pace(tmp_path):
+    stream = {**META.device["stream"], "waits_for_reader": True}
+    path = unfinished(tmp_path, slots(34), meta(device={**META.device, "stream": stream}))
+    assert tail(path, now_s(2)) == f"{CUT}; unknown"
+
+
+def test_a_camera_a_little_faster_than_nominal_does_not_exceed_the_bound(tmp_path):
+    hour, fast = 3600 * 50, 1.0001
+    late = slot(hour)
+    numbered = late.numbered._replace(time_ns=round(START_NS + hour * PERIOD_NS / fast))
+    path = unfinished(tmp_path, [slot(0), late._replace(numbered=numbered)], meta())
+    came = 100  # in two seconds after the last field on disk
+    reason = tail(path, now_s(3600 / fast + came * 0.02 / fast))
+    assert int(reason.rpartition(" ")[2]) in (came, came + 1)
+
+
+def now_s(since_start_s, *, boot_id=META.boot_id, set_by=timedelta(0), booted_s=None):
+    """That long after the capture's start, by a computer whose wall clock may have been set meanwhile."""
+    utc = datetime.fromisoformat(META.created_utc) + timedelta(seconds=since_start_s) + set_by
+    ns = START_NS + round(since_start_s * 1e9) if booted_s is None else round(booted_s * 1e9)
+    return Now(ns, utc, boot_id)
+
+
+def tail(part, now):
+    """What the ledger says of the fields after the last one on disk."""
+    with CaptureReader(recover(part, now)) as reader:
+        last = reader.ledger.entries[-1]
+        assert (last.count, last.outcome) == (1, Outcome.LOST)
+        return last.reason
 
 
 @pytest.mark.parametrize("order", ["200", {"fields": "200"}, [1], {"length": 3}])
@@ -89,11 +144,16 @@ def test_a_capture_that_was_cut_before_its_first_field_lacks_all_that_was_ordere
 
 def cut_after(tmp_path, committed, ordered):
     """A capture of given length, recovered after a crash."""
-    writer = CaptureWriter.create(tmp_path / "c.grab.part", meta(extra={"order": {"fields": ordered}}))
+    return recover(unfinished(tmp_path, committed, meta(extra={"order": {"fields": ordered}})))
+
+
+def unfinished(tmp_path, committed, its_meta):
+    """A capture as a crash leaves it."""
+    writer = CaptureWriter.create(tmp_path / "c.grab.part", its_meta)
     writer.append(committed)
     writer.commit()
     writer.close()
-    return recover(tmp_path / "c.grab.part")
+    return tmp_path / "c.grab.part"
 
 
 def test_its_points_are_kept_and_the_run_is_marked(part):
@@ -117,9 +177,8 @@ def test_a_capture_whose_name_alone_was_missing_stays_complete(tmp_path):
 
 def test_a_capture_without_a_field_is_sealed_too(tmp_path):
     CaptureWriter.create(tmp_path / "x.grab.part", meta()).close()
-    a_second_later = datetime.fromisoformat(META.created_utc) + timedelta(seconds=1)
-    with CaptureReader(recover(tmp_path / "x.grab.part", a_second_later)) as reader:
-        assert reader.ledger.entries == [LedgerEntry(0, 1, Outcome.LOST, f"{CUT}; unknown, at most 50")]
+    with CaptureReader(recover(tmp_path / "x.grab.part", now_s(1))) as reader:
+        assert reader.ledger.entries == [LedgerEntry(0, 1, Outcome.LOST, f"{CUT}; unknown, at most 51")]
 
 
 @pytest.mark.parametrize("content", [b"", b"garbage " * 500])

@@ -2,11 +2,13 @@
 
 import shutil
 import sqlite3
+from pathlib import Path
 
 import pytest
 
 from grabberd.errors import NotFound, StorageError
 from grabberd.storage import CaptureIndex
+from grabberd.storage.state import capture_index
 from storage.captures import slots, write
 
 
@@ -35,9 +37,11 @@ def test_making_it_again_forgets_what_is_gone(archive):
 
 def test_a_sealed_capture_is_added_once(archive):
     index = CaptureIndex(archive)
+    index.rebuild()
+    path = write(archive, slots(2), name="c4", id="c4", created_utc="2026-03-04T09:00:00.000Z")
     for _ in range(2):
-        index.add(archive / "c1.grab")
-    assert [entry.id for entry in index.list()] == ["c1"]
+        index.add(path)
+    assert [entry.id for entry in index.list()] == ["c4", "c3", "c2", "c1"]
 
 
 def test_damaged_files_are_listed_as_damaged_and_never_fatal(archive):
@@ -96,6 +100,85 @@ def test_a_damaged_index_is_made_again(archive):
     assert len(index.list()) == 3
 
 
+def garbage(path):
+    path.write_bytes(b"garbage " * 1000)
+
+
+def a_damaged_page(path):
+    with path.open("r+b") as file:
+        file.seek(4096)
+        file.write(b"\xff" * 4096)
+
+
+def emptied(path):
+    path.unlink()
+    sqlite3.connect(path).close()
+    path.touch()
+
+
+@pytest.mark.parametrize("harm", [garbage, a_damaged_page, emptied, Path.unlink])
+def test_an_index_that_is_damaged_or_deleted_while_it_is_used_is_made_again_at_once(archive, harm):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    harm(index.path)
+    assert [entry.id for entry in index.list()] == ["c3", "c2", "c1"]
+    harm(index.path)
+    path = write(archive, slots(2), name="c4", id="c4", created_utc="2026-03-04T09:00:00.000Z")
+    index.add(path)
+    harm(index.path)
+    (archive / "c1.grab").unlink()
+    index.remove("c1")
+    assert [entry.id for entry in index.list()] == ["c4", "c3", "c2"]
+
+
+def test_a_journal_of_the_old_index_is_not_played_back_into_the_new(archive):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    with sqlite3.connect(index.path, isolation_level=None) as connection:
+        connection.execute("PRAGMA cache_size = 1")
+        connection.execute("BEGIN")
+        connection.execute("UPDATE captures SET note = ?", ("x" * 100_000,))
+        journal = (archive / "index.sqlite-journal").read_bytes()
+    garbage(index.path)
+    (archive / "index.sqlite-journal").write_bytes(journal)
+    index.rebuild()
+    assert not (archive / "index.sqlite-journal").exists()
+    assert [entry.note for entry in index.list()] == ["first milking"] * 3
+
+
+def test_a_folder_that_is_gone_is_not_made_again_by_its_index(archive):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    archive.rename(archive.with_name("away"))
+    with pytest.raises(StorageError):
+        index.list()
+    assert not archive.exists()
+
+
+def test_a_capture_that_ends_while_the_index_is_rebuilt_is_entered_afterwards(archive, monkeypatch):
+    index = CaptureIndex(archive)
+    late = "c4"
+
+    def read_slowly(path, read=capture_index._readable):
+        if path.name == "c3.grab":  # the last: the folder has been looked through
+            index.add(write(archive, slots(2), name=late, id=late, created_utc="2026-03-04T09:00:00.000Z"))
+            (archive / "c1.grab").unlink()
+        return read(path)
+
+    monkeypatch.setattr(capture_index, "_readable", read_slowly)
+    index.rebuild()
+    assert [entry.id for entry in index.list()] == ["c4", "c3", "c2"], "and what is gone is not in it"
+
+
+def test_a_full_disk_leaves_the_index_as_it_is(archive, monkeypatch):
+    index = CaptureIndex(archive)
+    index.rebuild()
+    monkeypatch.setattr(capture_index, "_TABLE", "PRAGMA max_page_count = 1;" + capture_index._TABLE)
+    with pytest.raises(StorageError, match="full"):
+        index.rebuild()
+    assert len(index.list()) == 3
+
+
 def test_captures_that_are_being_written_are_not_in_it(archive):
     (archive / "c1.grab").rename(archive / "c1.grab.part")
     index = CaptureIndex(archive)
@@ -105,11 +188,12 @@ def test_captures_that_are_being_written_are_not_in_it(archive):
 
 def test_an_unknown_capture_is_not_found(tmp_path):
     with pytest.raises(NotFound, match="no capture 'c9'"):
-        CaptureIndex(tmp_path / "new").get("c9")
+        CaptureIndex(tmp_path).get("c9")
 
 
 def test_what_a_full_disk_kept_out_is_entered_as_soon_as_there_is_room(tmp_path, monkeypatch):
     index = CaptureIndex(tmp_path)
+    index.rebuild()
     path = write(tmp_path, slots(2))
 
     def full(_):
@@ -126,6 +210,7 @@ def test_what_a_full_disk_kept_out_is_entered_as_soon_as_there_is_room(tmp_path,
 
 def test_what_was_kept_out_and_is_gone_meanwhile_is_not_entered(tmp_path, monkeypatch):
     index = CaptureIndex(tmp_path)
+    index.rebuild()
     path = write(tmp_path, slots(2))
     with monkeypatch.context() as patch:
         patch.setattr(index, "_write", lambda _: (_ for _ in ()).throw(StorageError("full", "mend")))

@@ -105,9 +105,9 @@ def test_there_is_no_session_of_a_token_that_is_gone(tokens: TokenStore) -> None
 
 
 def test_it_knows_whether_there_are_any(tokens: TokenStore) -> None:
-    assert tokens.any()
+    assert tokens.guards()
     tokens.remove("tablet")
-    assert not tokens.any()
+    assert not tokens.guards()
 
 
 def test_only_its_owner_may_read_it(tokens: TokenStore, path: Path) -> None:
@@ -140,7 +140,7 @@ def test_a_token_that_expires_is_listed_with_its_day_and_still_known_after_it(to
     assert tokens.of_token(b"token 2") == Holder("guest", "viewer", LATER)
     assert [row.expires_utc for row in tokens.list(END)] == [LATER, None]
     tokens.remove("tablet")
-    assert tokens.any()
+    assert tokens.guards()
 
 
 def test_a_session_never_outlives_its_token(tokens: TokenStore) -> None:

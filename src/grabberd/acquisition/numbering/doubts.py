@@ -24,10 +24,19 @@ class Doubts:
         self._arrivals = arrivals
         self._period_ns = period_ns
         self._certain: tuple[int, int] | None = None
-        self._open = False
+        self._open = self._clock_is_new = False
         self._fields = self._in_a_row = 0
 
-    def of(self, n: int, time_ns: int, step: Step, arrival: Arrival, uncertain_by: int) -> int:
+    def of(
+        self,
+        n: int,
+        time_ns: int,
+        step: Step,
+        arrival: Arrival,
+        uncertain_by: int,
+        *,
+        clock_is_new: bool = False,
+    ) -> int:
         """Number of fields by which a field's number may be off.
 
         Args:
@@ -36,10 +45,13 @@ class Doubts:
             step: How it was numbered.
             arrival: Its arrival.
             uncertain_by: Doubt about this field alone.
+            clock_is_new: True if the camera's clock begins again with its stamp: then stamps that fit tell
+                nothing more, until an arrival does.
         """
         self._fields += 1
         regular = step.arrived_in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
+        self._clock_is_new = clock_is_new or (self._clock_is_new and self._open)
         self._open = uncertain_by > 0 or (self._open and not self._ends(step))
         if self._open:
             return max(uncertain_by, self._range(n, arrival), 1)
@@ -48,6 +60,7 @@ class Doubts:
 
     def _ends(self, step: Step) -> bool:
         told = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
+        told = told and (step.arrived_in_time or not self._clock_is_new)
         return told or self._in_a_row >= _REGULAR or step.arrived is None
 
     def _latest(self, arrival: Arrival) -> float | None:

@@ -16,6 +16,9 @@ class SequenceSteps:
     Args:
         alternate: True if each buffer holds one field, so that either numbering may occur; otherwise the
             counter counts fields.
+
+    Attributes:
+        restarted: True if the last field's number ran backward.
     """
 
     def __init__(self, alternate: bool) -> None:
@@ -23,6 +26,7 @@ class SequenceSteps:
         self._newer: int | None = None
         self._single_steps = 0
         self._last: tuple[int, int] | None = None
+        self.restarted = False
 
     def forget(self) -> None:
         """Expect the counter to restart; its way of counting is remembered."""
@@ -31,11 +35,13 @@ class SequenceSteps:
     def step(self, sequence: int | None, parity: int) -> int | None:
         """Number of fields since the last one by the driver's counter, or None if it cannot tell."""
         last, self._last = self._last, None if sequence is None else (sequence, parity)
+        self.restarted = False
         if sequence is None or last is None:
             return None
         self._learn(sequence - last[0], parity, turned=parity != last[1])
         step = (self._index(sequence, parity) - self._index(*last)) % self._modulus
         # Half a wrap ahead or more means that the counter ran backward: it was restarted.
+        self.restarted = self._known and step >= self._modulus // 2
         return step if self._known and 0 < step < self._modulus // 2 else None
 
     @property

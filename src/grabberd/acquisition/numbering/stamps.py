@@ -66,19 +66,34 @@ class Stamps:
         """Note that a field's stamp was on time."""
         self._off_ns.clear()
 
-    def doubted(self, stamp_ns: int, predicted_ns: int) -> None:
-        """Note a stamp that is not believed; some that agree are those of another clock."""
-        self._watch(stamp_ns, predicted_ns, _OF_DOUBTED)
+    def doubted(self, stamp_ns: int, predicted_ns: int) -> int:
+        """Note a stamp that is not believed; some that agree are those of another clock.
 
-    def off(self, stamp_ns: int, predicted_ns: int) -> None:
-        """Note a stamp that is off although its field arrived in time; more of them are needed."""
-        self._watch(stamp_ns, predicted_ns, _OF_GOOD)
+        Returns:
+            The time by which that one is ahead of the clock before; 0 while it is the same.
+        """
+        return self._watch(stamp_ns, predicted_ns, _OF_DOUBTED)
 
-    def _watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> None:
+    def off(self, stamp_ns: int, predicted_ns: int) -> int:
+        """Note a stamp that is off although its field arrived in time; more of them are needed.
+
+        Returns:
+            As `doubted`.
+        """
+        return self._watch(stamp_ns, predicted_ns, _OF_GOOD)
+
+    def explains(self, stamp_ns: int, predicted_ns: int) -> bool:
+        """True if a stamp is one of the clock that is followed by now, which it was not when it came."""
+        return abs(stamp_ns - self._offset_ns - predicted_ns) <= _AGREE * self._period_ns
+
+    def _watch(self, stamp_ns: int, predicted_ns: int, sightings: int) -> int:
         off_ns = stamp_ns - predicted_ns
         self._off_ns = [one for one in self._off_ns if abs(off_ns - one) <= _AGREE * self._period_ns]
         self._off_ns.append(off_ns)
-        if len(self._off_ns) >= sightings:
-            self._offset_ns = sum(self._off_ns) // len(self._off_ns)
-            self._last_ns = predicted_ns
-            self._off_ns.clear()
+        if len(self._off_ns) < sightings:
+            return 0
+        before_ns, self._offset_ns = self._offset_ns, sum(self._off_ns) // len(self._off_ns)
+        self._last_ns = predicted_ns
+        self._off_ns.clear()
+        set_by_ns = self._offset_ns - before_ns
+        return set_by_ns if abs(set_by_ns) > _AGREE * self._period_ns else 0

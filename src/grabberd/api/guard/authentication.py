@@ -190,7 +190,7 @@ class Authenticator:
                 return self._access.of_token(shown.bearer)
             if shown.session and (identity := self._access.of_session(shown.session)):
                 return identity
-            return AT_THE_MACHINE if self._private and not self._access.has_tokens else None
+            return AT_THE_MACHINE if self._private and not self._access.needs_token else None
         except StorageError as error:
             raise Refusal(507, "storage-error", error.message, error.hint) from error
 

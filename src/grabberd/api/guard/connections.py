@@ -6,6 +6,7 @@ The server itself has no such time limits, so its protocol is extended here by t
 import asyncio
 from collections.abc import Callable
 from typing import Any, ClassVar
+from weakref import WeakSet
 
 import h11
 from starlette.types import Receive, Scope, Send
@@ -13,6 +14,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from grabberd.api.problems import problem
 from grabberd.config import HttpLimits
+from grabberd.service.faults.descriptors import AT_ONCE
 
 
 async def too_busy(scope: Scope, receive: Receive, send: Send) -> None:
@@ -28,17 +30,26 @@ async def too_busy(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 class LimitedConnection(H11Protocol):
-    """A limited connection: those beyond the limit get 503, those beyond twice the limit are dropped."""
+    """A limited connection: those beyond the limit get 503, those beyond twice the limit are dropped.
+
+    So are those, a little beyond that, whose TLS handshake has not ended: each holds a file descriptor.
+    """
 
     limits: ClassVar[HttpLimits]
+    handshaking: ClassVar["WeakSet[LimitedConnection]"]
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
+        if len(self.connections) + len(self.handshaking) >= 2 * self.limits.connections + 4 * AT_ONCE:
+            # It has no transport yet to be closed by; the socket goes with the last reference to it.
+            raise ConnectionRefusedError("far too many connections in their TLS handshake")
+        self.handshaking.add(self)
         self._head_timer: asyncio.TimerHandle | None = None
         self._write_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Handles a new connection."""
+        self.handshaking.discard(self)
         super().connection_made(transport)
         self._start_head_timer()
         if len(self.connections) > self.limits.connections:
@@ -108,4 +119,4 @@ class LimitedConnection(H11Protocol):
 
 def connection_class(limits: HttpLimits) -> type[LimitedConnection]:
     """The connection class of a server with these limits."""
-    return type("Connection", (LimitedConnection,), {"limits": limits})
+    return type("Connection", (LimitedConnection,), {"limits": limits, "handshaking": WeakSet()})

@@ -12,11 +12,12 @@ from grabberd.api.routes.paging import Cursor, Limit, cursor_of, position_of
 from grabberd.documents.captures import CaptureDocument, CaptureList
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.named_types import Labels
-from grabberd.documents.requests import CaptureOptions, CapturePatch, NewCapture
+from grabberd.documents.requests import CaptureOptions, CapturePatch, MeasurementRequest, NewCapture
 from grabberd.service.archive.capture_list import CaptureQuery, Position
 from grabberd.service.archive.capture_list import list_captures as page_of_captures
 from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.jobs.measurement import MeasurementJob
+from grabberd.service.setup import INCLUDE_DAMAGED
 
 router = APIRouter(prefix="/captures", tags=["captures"], responses=PROBLEMS, route_class=OnceRoute)
 
@@ -111,12 +112,22 @@ def stop_capture(capture_id: CaptureId, service: ServiceOf) -> CaptureDocument:
     summary="Re-measure a capture",
 )
 def measure_capture(
-    capture_id: CaptureId, service: ServiceOf, request: Request, response: Response
+    capture_id: CaptureId,
+    service: ServiceOf,
+    request: Request,
+    response: Response,
+    options: MeasurementRequest | None = None,
 ) -> JobDocument:
-    """Re-measure a sealed capture with the device's present calibration: a job that adds a run."""
+    """Re-measure a sealed capture with the device's present calibration: a job that adds a run.
+
+    Damaged fields are left out unless they are asked for, fields without a signal always.
+    """
     path = service.archive.sealed_path(capture_id)
     setup = service.instrument(service.archive.document(capture_id).device).setup
-    job = service.jobs.submit(MeasurementJob(subject=capture_id, path=path, made_with=setup.made_with))
+    made_with = dict(setup.made_with)
+    if options is not None and options.include_damaged:
+        made_with["settings"] = {**made_with["settings"], INCLUDE_DAMAGED: True}
+    job = service.jobs.submit(MeasurementJob(subject=capture_id, path=path, made_with=made_with))
     return accepted(job, request, response)
 
 

@@ -15,6 +15,7 @@ from grabberd.documents.devices import (
     PulsationDocument,
     ReadyDocument,
 )
+from grabberd.documents.faults import FaultDocument
 from grabberd.documents.jobs import JobDocument
 from grabberd.documents.points import NewestPoints
 from grabberd.documents.problems import NotReadyProblem
@@ -110,12 +111,15 @@ def check_device(
     responses={503: {"model": NotReadyProblem, "content": {"application/problem+json": {}}}},
 )
 def get_readiness(service: ServiceOf) -> ReadyDocument | Response:
-    """Check that every device streams, has a signal and can measure. 503 lists what is missing."""
+    """Check that every device streams, has a signal and can measure. 503 lists what is missing. `faults` says
+    what is wrong with the daemon itself, which does not keep it from measuring.
+    """
     lacks = [lack for instrument in service.instruments.values() for lack in lacks_of(instrument)]
-    return _not_ready(lacks) if lacks else ReadyDocument()
+    faults = service.faults.now
+    return _not_ready(lacks, faults) if lacks else ReadyDocument(faults=faults)
 
 
-def _not_ready(lacks: list[LackDocument]) -> Response:
+def _not_ready(lacks: list[LackDocument], faults: list[FaultDocument]) -> Response:
     detail = "; ".join(f"{lack.device}: {lack.message}" for lack in lacks)
     hint = "; ".join(dict.fromkeys(lack.hint for lack in lacks))
-    return problem(503, "not-ready", detail, hint, NotReadyProblem, lacks=lacks)
+    return problem(503, "not-ready", detail, hint, NotReadyProblem, lacks=lacks, faults=faults)

@@ -15,9 +15,11 @@ from prometheus_client.metrics_core import (
 from prometheus_client.registry import Collector
 
 from grabberd import __version__
-from grabberd.acquisition import Outcome, Signal
+from grabberd.acquisition import LossCause, Outcome, Rebase, Signal
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.service.device.worker import BOUNDS_S
+from grabberd.service.faults.descriptors import exhaustion
+from grabberd.service.faults.fault_board import OWN_CAUSES
 from grabberd.service.instrument import Instrument
 from grabberd.service.service import Service
 
@@ -72,6 +74,7 @@ class ServiceMetrics(Collector):
         yield from _device(instruments)
         yield from _points(instruments)
         yield from _captures(instruments, self._service)
+        yield from _faults(self._service)
         yield from _mqtt(self._service)
         yield _gauge("grabberd_streams", "Live streams to clients.", (), [((), self._streams())])
 
@@ -80,6 +83,24 @@ def _fields(instruments: list[Instrument]) -> Iterator[Metric]:
     counts = [(one.name, one.board.now.outcomes) for one in instruments]
     samples = (((name, outcome), count[outcome]) for name, count in counts for outcome in Outcome)
     yield _counter("grabberd_fields", "By what became of them.", ("device", "outcome"), samples)
+    boards = [(one.name, one.board.now) for one in instruments]
+    losses = (((name, cause), board.losses[cause]) for name, board in boards for cause in LossCause)
+    rebases = (((name, kind), board.rebases[kind]) for name, board in boards for kind in Rebase)
+    yield _counter("grabberd_fields_missing", "Not received, by the cause.", ("device", "cause"), losses)
+    yield _counter(
+        "grabberd_rebases", "Changes of what numbers and times go by.", ("device", "kind"), rebases
+    )
+    yield from _standstills(instruments)
+
+
+def _standstills(instruments: list[Instrument]) -> Iterator[Metric]:
+    known = [(one.name, one.board.standstills) for one in instruments]
+    counts = (((name, code), one.counts[code]) for name, one in known for code in one.seconds)
+    seconds = (((name, code), one.seconds[code]) for name, one in known for code in one.seconds)
+    yield _counter(
+        "grabberd_standstills", "Times that the program took no fields.", ("device", "cause"), counts
+    )
+    yield _counter("grabberd_standstill_seconds", "Their length together.", ("device", "cause"), seconds)
 
 
 def _ring(instruments: list[Instrument]) -> Iterator[Metric]:
@@ -137,6 +158,23 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
     yield _counter("grabberd_captures", "Captures that have ended.", ("device", "verdict"), ended)
     yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
+
+
+def _faults(service: Service) -> Iterator[Metric]:
+    board, unsealed = service.faults, service.unsealed
+    now = (((cause,), float(board.has(cause))) for cause in OWN_CAUSES)
+    counts = (((cause,), board.counts[cause]) for cause in OWN_CAUSES)
+    yield _gauge("grabberd_fault", "1 while the daemon itself has it.", ("cause",), now)
+    yield _counter("grabberd_faults", "How often it has begun.", ("cause",), counts)
+    yield _counter(
+        "grabberd_index_rebuilds", "Of a damaged index.", (), [((), service.archive.keeper.rebuilt)]
+    )
+    yield _gauge("grabberd_unsealed_captures", "To be sealed.", (), [((), len(unsealed.captures))])
+    yield _counter("grabberd_failed_seals", "Attempts to seal a capture.", (), [((), unsealed.attempts)])
+    yield _counter("grabberd_state_backups", "Of state.sqlite.", (), [((), service.state_keeper.backed_up)])
+    yield _counter(
+        "grabberd_descriptors_exhausted", "Clients refused for want of files.", (), [((), exhaustion.count)]
+    )
 
 
 def _mqtt(service: Service) -> Iterator[Metric]:

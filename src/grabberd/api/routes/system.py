@@ -7,7 +7,9 @@ from fastapi.responses import HTMLResponse
 
 from grabberd import __version__
 from grabberd.api.docs.docs_page import POLICY, page
+from grabberd.api.problems import problem
 from grabberd.api.routes.dependencies import ServiceOf
+from grabberd.documents.problems import Problem
 from grabberd.documents.state import HealthDocument, StateDocument
 from grabberd.service.diagnostics import bundle, daemon_parts
 
@@ -22,10 +24,18 @@ def get_state(service: ServiceOf) -> StateDocument:
     return service.state()
 
 
-@router.get("/healthz", summary="Check that the daemon serves")
-def get_health() -> HealthDocument:
-    """The daemon serves, whatever its devices do."""
-    return HealthDocument(version=__version__)
+@router.get(
+    "/healthz",
+    response_model=HealthDocument,
+    summary="Check that the daemon serves",
+    responses={503: {"model": Problem, "content": {"application/problem+json": {}}}},
+)
+def get_health(service: ServiceOf) -> HealthDocument | Response:
+    """The daemon serves, whatever its devices do. 503 where a capture thread is stuck: restart the daemon."""
+    if service.liveness.is_well:
+        return HealthDocument(version=__version__)
+    detail = f"the capture thread of {' and '.join(service.liveness.silent)} does not answer"
+    return problem(503, "stuck", detail, "restart the daemon; a capture that it records is kept")
 
 
 @router.get(

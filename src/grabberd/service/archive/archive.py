@@ -1,12 +1,14 @@
 """The folder of captures: finds, describes and removes them."""
 
 import logging
+import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 
 from grabberd.documents.captures import CaptureDocument
-from grabberd.errors import CaptureFileError, Conflict, LaterVersion, NotFound, StorageError
+from grabberd.errors import CaptureFileError, Cause, Conflict, LaterVersion, NotFound, StorageError
+from grabberd.service.archive.index_keeper import IndexKeeper
 from grabberd.service.capture.capture_documents import (
     armed_document,
     damaged_document,
@@ -15,17 +17,19 @@ from grabberd.service.capture.capture_documents import (
 )
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
+from grabberd.service.faults.fault_board import FaultBoard
 from grabberd.storage import CaptureIndex, recover
+from grabberd.storage.capture.captures_folder import CapturesFolder
 from grabberd.storage.capture.crash_recovery import reason_of
-from grabberd.storage.capture.directory_lock import DirectoryLock
 from grabberd.storage.capture.schema import PART, SUFFIX, part_path
 from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.annotation_store import Annotation
-from grabberd.storage.state.capture_index import IndexEntry
+from grabberd.storage.state.capture_index import IndexEntry, Unusable
 
 log = logging.getLogger(__name__)
 DESCRIBED = 4096
 """Number of captures whose descriptions are cached."""
+AWAY = (Cause.CAPTURES_MISSING, Cause.CAPTURES_REPLACED)
 RENAMED_S = 10.0
 """Time for a capture whose file has its final name to come into the index."""
 
@@ -34,11 +38,18 @@ class Archive:
     """One folder of captures; a running capture is described from its recording.
 
     Args:
-        directory: Folder of the files; created if it does not exist.
+        directory: Folder of the files.
         recordings: Returns the captures that are being recorded or sealed.
         armed: Returns the captures that wait for their trigger.
         annotation: Returns the annotation of a capture by its id.
         annotations: Returns all annotations by their captures' ids.
+        folder: The folder as it is told from others; created if it does not exist and none is remembered.
+        faults: Where a folder that is gone and an index that is damaged are told.
+
+    Attributes:
+        folder: See above.
+        index: Index of the captures that have ended.
+        keeper: Rebuilds the index.
     """
 
     def __init__(
@@ -48,10 +59,18 @@ class Archive:
         armed: Callable[[], Sequence[ArmedCapture]] = list,
         annotation: Callable[[str], Annotation] = lambda _: Annotation(),
         annotations: Callable[[], Mapping[str, Annotation]] = dict,
+        *,
+        folder: CapturesFolder | None = None,
+        faults: FaultBoard | None = None,
     ) -> None:
         self.directory = directory
-        self.index = CaptureIndex(directory)
-        self._lock = DirectoryLock(directory)
+        self.folder = folder or CapturesFolder(directory)
+        self.index = CaptureIndex(directory, self.check, self._heal)
+        self._faults = faults or FaultBoard()
+        self.keeper = IndexKeeper(self.index, lambda: self._left, self._faults)
+        self._left: list[Path] = []
+        self._opened = False
+        self._taking = threading.RLock()
         self._recordings = recordings
         self._armed = armed
         self._annotation = annotation
@@ -62,19 +81,56 @@ class Archive:
     def open(self) -> None:
         """Locks the folder, seals what a crash left, and brings the index up to date.
 
+        A folder that is gone is awaited: everything else works meanwhile.
+
         Raises:
             StorageError: Another program uses the folder, or it cannot be written.
         """
-        self._lock.acquire()
-        parts = sorted(self.directory.glob(f"*{SUFFIX}{PART}"))
-        self.index.rebuild([part for part in parts if not _recovered(part)])
+        self._opened = True
+        try:
+            self.check()
+        except StorageError as error:
+            if error.cause not in AWAY:
+                raise
+
+    def check(self) -> None:
+        """Checks that the folder is there and the right one; takes it again if it has come back.
+
+        Raises:
+            StorageError: It is not there; nothing has been written in its place.
+        """
+        if not self._opened:
+            return
+        if not self.folder.in_place:
+            with self._taking:
+                self._take()
+        self._faults.resolve(*AWAY)
+
+    def _take(self) -> None:
+        try:
+            taken = self.folder.take()
+        except StorageError as error:
+            if error.cause is not None:
+                self._faults.resolve(*(one for one in AWAY if one is not error.cause))
+                self._faults.report(error.cause, error.message, error.hint)
+            raise
+        if not taken:
+            return
+        written = {recording.path for recording in self._recordings()}
+        parts = [part for part in sorted(self.directory.glob(f"*{SUFFIX}{PART}")) if part not in written]
+        self._left = [part for part in parts if not _recovered(part)]
+        self.index.rebuild(self._left)
         for entry in self.index.list():
             if entry.state == "damaged":
                 log.warning("capture %s is damaged: %s", entry.id, self.directory / entry.file)
 
+    def _heal(self, reason: Unusable) -> None:
+        self.keeper.heal(reason)
+
     def close(self) -> None:
         """Releases the folder to other programs."""
-        self._lock.release()
+        self._opened = False
+        self.folder.release()
 
     def path(self, capture_id: str) -> Path:
         """Returns the path of a capture, sealed or being written.
@@ -82,11 +138,13 @@ class Archive:
         Raises:
             NotFound: No capture has that id.
             Conflict: The capture is armed.
+            StorageError: The folder is gone.
         """
+        self.check()
         self._check_triggered(capture_id)
         if self._running(capture_id):
             return part_path(self.directory, capture_id)
-        return self.index.file_of(capture_id)
+        return self._file_of(capture_id)
 
     def sealed_path(self, capture_id: str) -> Path:
         """Returns the path of a sealed capture.
@@ -98,7 +156,7 @@ class Archive:
         self._check_triggered(capture_id)
         if self._running(capture_id):
             raise Conflict(f"capture {capture_id} is still running", "stop it, or wait for it to end")
-        return self.index.file_of(capture_id)
+        return self._file_of(capture_id)
 
     def remove(self, capture_id: str) -> None:
         """Deletes a capture that is not running, for good.
@@ -167,10 +225,38 @@ class Archive:
     def _sealed_document(self, entry: IndexEntry) -> CaptureDocument:
         path = self.directory / entry.file
         try:
-            described = self._describe(path, path.stat().st_mtime_ns if path.exists() else 0)
+            described = self._describe(path, _changed_ns(path))
         except (CaptureFileError, StorageError) as error:
+            self._check_there(entry)
             return damaged_document(entry, path, error.message)
         return described.model_copy(update={"id": entry.id})
+
+    def _file_of(self, capture_id: str) -> Path:
+        entry = self.index.get(capture_id)
+        self._check_there(entry)
+        return self.directory / entry.file
+
+    def _check_there(self, entry: IndexEntry) -> None:
+        """Checks that a capture has its file, and forgets one whose file was removed by hand.
+
+        Raises:
+            NotFound: The file is gone.
+            StorageError: Not the file, but the folder is gone.
+        """
+        path = self.directory / entry.file
+        with storage_errors(path):
+            if path.exists():
+                return
+        self.check()
+        self.index.remove(entry.id)
+        raise NotFound(
+            f"the file of capture {entry.id} is gone", "it was removed by hand, and is no longer listed"
+        )
+
+
+def _changed_ns(path: Path) -> int:
+    with storage_errors(path):
+        return path.stat().st_mtime_ns if path.exists() else 0
 
 
 def _recovered(part: Path) -> bool:

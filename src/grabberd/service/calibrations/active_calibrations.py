@@ -63,6 +63,15 @@ class ActiveCalibrations:
             if chosen is not None:
                 self._chosen[instrument.name] = self._restored(instrument, **chosen)
 
+    def keep(self) -> None:
+        """Stores the choices again, after the stored ones were lost.
+
+        Raises:
+            StorageError: They cannot be stored.
+        """
+        for device, chosen in self._chosen.items():
+            self._state.put({_key(device): {"id": chosen.id, "activated_utc": chosen.activated_utc}})
+
     def activate(self, calibration_id: str, instrument: Instrument) -> None:
         """Has a device measure with a calibration from the next field on, and after every restart.
 

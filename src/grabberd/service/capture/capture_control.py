@@ -33,6 +33,10 @@ class CaptureArchive(Protocol):
     directory: Path
     index: CaptureIndex
 
+    def check(self) -> None:
+        """Raises StorageError while the folder is gone."""
+        ...
+
     def document(self, capture_id: str) -> CaptureDocument:
         """A capture's document; raises NotFound if there is none of that id."""
         ...
@@ -229,6 +233,8 @@ class CaptureControl:
         group: Group | None = None,
         armed_utc: str | None = None,
     ) -> CaptureStart:
+        # First: nothing is recorded into a folder that has taken the place of the right one.
+        self._archive.check()
         part = part_path(self._archive.directory, capture_id)
         new = NewCapture(capture_id, request, part, group, armed_utc)
         return CaptureStart(self._current.devices[device], new)

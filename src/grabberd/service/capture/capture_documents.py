@@ -3,24 +3,24 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from grabberd.acquisition import Ledger, Outcome
+from grabberd.acquisition import Ledger, LedgerEntry, cause_of_loss
 from grabberd.documents.captures import (
     CaptureDocument,
     GroupDocument,
     LedgerDocument,
     LedgerEntryDocument,
+    LedgerEventDocument,
     MadeWith,
     RunDocument,
     WholeRunDocument,
 )
-from grabberd.errors import NotFound
 from grabberd.service.capture.capture_request import ArmedCapture
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureMeta, CaptureReader, RunInfo
 from grabberd.storage.capture.schema import reading_errors
+from grabberd.storage.disk import storage_errors
 from grabberd.storage.state.capture_index import IndexEntry
 
-IN_THE_FILE = (Outcome.RECEIVED, Outcome.DAMAGED)
 NOMINAL_RATE_HZ = 50.0
 
 
@@ -30,8 +30,14 @@ def ledger_document(ledger: Ledger, rate_hz: float) -> LedgerDocument:
         complete=ledger.complete,
         in_words=ledger.in_words(rate_hz),
         counts=ledger.counts(),
-        entries=[LedgerEntryDocument.model_validate(entry._asdict()) for entry in ledger.entries],
+        entries=[_entry(entry) for entry in ledger.entries],
+        events=[LedgerEventDocument.model_validate(event._asdict()) for event in ledger.events],
     )
+
+
+def _entry(entry: LedgerEntry) -> LedgerEntryDocument:
+    cause = cause_of_loss(entry.outcome, entry.reason)
+    return LedgerEntryDocument.model_validate({**entry._asdict(), "cause": cause})
 
 
 def run_document(run: RunInfo) -> RunDocument:
@@ -74,6 +80,7 @@ def running_document(recording: Recording) -> CaptureDocument:
         recording.meta,
         recorder.ledger,
         recording.runs,
+        fields=recorder.fields,
         first_time_ns=recording.first_time_ns,
         size_bytes=recording.size_bytes,
     )
@@ -93,8 +100,9 @@ def describe(path: Path) -> CaptureDocument:
             reader.meta,
             reader.ledger,
             reader.runs,
+            fields=reader.field_count,
             first_time_ns=reader.first_time_ns,
-            size_bytes=path.stat().st_size,
+            size_bytes=_size_bytes(path),
         )
     if document.verdict is not None:
         return document
@@ -108,14 +116,7 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
         entry: the capture's entry in the index.
         path: its file.
         reason: why the file cannot be read.
-
-    Raises:
-        NotFound: the file is gone.
     """
-    if not path.exists():
-        raise NotFound(
-            f"the file of capture {entry.id} is gone", "it was removed by hand; restart to forget it"
-        )
     return _without_fields(
         id=entry.id,
         device=entry.device,
@@ -123,8 +124,13 @@ def damaged_document(entry: IndexEntry, path: Path, reason: str) -> CaptureDocum
         verdict="incomplete",
         ended_because=reason,
         created_utc=entry.created_utc,
-        size_bytes=path.stat().st_size,
+        size_bytes=_size_bytes(path),
     )
+
+
+def _size_bytes(path: Path) -> int:
+    with storage_errors(path):
+        return path.stat().st_size
 
 
 def _without_fields(**known: object) -> CaptureDocument:
@@ -137,10 +143,16 @@ def _without_fields(**known: object) -> CaptureDocument:
 
 
 def _document(
-    meta: CaptureMeta, ledger: Ledger, runs: Iterable[RunInfo], *, first_time_ns: int | None, size_bytes: int
+    meta: CaptureMeta,
+    ledger: Ledger,
+    runs: Iterable[RunInfo],
+    *,
+    fields: int,
+    first_time_ns: int | None,
+    size_bytes: int,
 ) -> CaptureDocument:
     """A capture by its metadata, ledger and runs, be they in memory or from its file."""
-    counts, trigger, group = ledger.counts(), meta.extra.get("trigger", {}), meta.extra.get("group")
+    trigger, group = meta.extra.get("trigger", {}), meta.extra.get("group")
     known = {
         "id": meta.id,
         "device": meta.device["name"],
@@ -154,7 +166,7 @@ def _document(
         "first_field_s": _first_field_s(meta, first_time_ns),
         "bits": meta.bits,
         "lines": meta.lines,
-        "fields": sum(counts[outcome] for outcome in IN_THE_FILE),
+        "fields": fields,
         "ledger": ledger_document(ledger, meta.rate_hz),
         "runs": [run_document(run) for run in runs],
         "labels": meta.labels,

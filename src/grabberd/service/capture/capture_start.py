@@ -10,7 +10,7 @@ from dataclasses import asdict
 
 from grabberd import __version__
 from grabberd.acquisition import Signal, Slot
-from grabberd.acquisition.clock import Moment, iso_utc
+from grabberd.acquisition.clock import Moment, boot_id, iso_utc
 from grabberd.errors import GrabberdError, GroupRefused, InputError, NotReady
 from grabberd.service.capture.capture_request import ArmedCapture, NewCapture
 from grabberd.service.capture.device_captures import CurrentCaptures, DeviceCaptures
@@ -179,6 +179,7 @@ class CaptureStart:
             lines=ring.lines,
             rate_hz=stream.rate_hz,
             version=__version__,
+            boot_id=boot_id(),
             extra={
                 # From the first commit on: what a crash cuts off is told by what was ordered.
                 "order": {

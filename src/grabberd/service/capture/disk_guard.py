@@ -40,6 +40,8 @@ def free_bytes(folder: Path) -> int:
 
 def cause_of(error: StorageError) -> Cause:
     """Cause code of a disk that cannot be asked."""
+    if error.cause is not None:
+        return error.cause
     source = error.__cause__
     number = source.errno if isinstance(source, OSError) else None
     return _CAUSES.get(number or 0, Cause.DISK_FAILED)
@@ -78,18 +80,26 @@ class DiskGuard:
         return max(0, self.free_bytes(folder) - self.reserve_bytes) / bytes_per_s
 
     def document(
-        self, folder: Path, bytes_per_s: float, *, removed: int = 0, removed_bytes: int = 0
+        self,
+        folder: Path,
+        bytes_per_s: float,
+        *,
+        check: Callable[[], None] = lambda: None,
+        removed: int = 0,
+        removed_bytes: int = 0,
     ) -> StorageDocument:
         """The disk's document, also of one that fails.
 
         Args:
             folder: where captures are written to.
             bytes_per_s: rate at which all devices together write.
+            check: raises StorageError while the folder is gone.
             removed: number of captures that retention has removed.
             removed_bytes: their total size.
         """
         free, left_s, problem, code = None, None, None, None
         try:
+            check()
             free, left_s = self.free_bytes(folder), self.seconds_left(folder, bytes_per_s)
         except StorageError as error:
             free, problem, code = None, error.message, cause_of(error)

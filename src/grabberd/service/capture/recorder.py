@@ -153,6 +153,7 @@ class Recorder:
         ledger: Account of the fields so far.
         ended_because: Reason for the end; None while it records.
         first_n: The stream's number of the capture's first field; None before that came.
+        fields: Number of fields that the file has or will have.
     """
 
     def __init__(
@@ -170,6 +171,7 @@ class Recorder:
         self.ledger = Ledger()
         self.ended_because: str | None = None
         self.first_n: int | None = None
+        self.fields = 0
         self._fields = fields
         self._clock = clock
         self._source = source
@@ -229,10 +231,11 @@ class Recorder:
                 return  # older than asked for
             self.first_n = first_n
         end_n = self._end_n(slot, self.first_n)
-        slot = rebased(slot, self.first_n)
+        slot = renumbered(slot, self.first_n)
         if end_n is not None and slot.n >= end_n:
             self._close_at(end_n, slot)
             return
+        self.ledger.events += slot.rebases
         self._enter(slot._replace(lost_before=(*self._refused, *slot.lost_before)))
         if slot.n + 1 == self._fields:
             self.stop("length reached")
@@ -329,14 +332,16 @@ class Recorder:
     def _enter(self, slot: Slot) -> None:
         self._refused = ()
         if self.backlog.append(slot):
+            self.fields += slot.numbered is not None
             self.ledger.enter(slot.n, slot.outcome, slot.reason, slot.lost_before)
         else:
             # Not in the ledger yet: the next slot that finds room carries it, as lost before that one.
             self._refused = (*slot.lost_before, LedgerEntry(slot.n, 1, Outcome.OVERRUN, "disk too slow"))
 
 
-def rebased(slot: Slot, first_n: int) -> Slot:
+def renumbered(slot: Slot, first_n: int) -> Slot:
     """The slot with its numbers counted from the capture's first field, and nothing before that."""
     numbered = slot.numbered and slot.numbered._replace(n=slot.numbered.n - first_n)
     lost = tuple(entry._replace(first_n=entry.first_n - first_n) for entry in cut(slot.lost_before, first_n))
-    return slot._replace(numbered=numbered, n=slot.n - first_n, lost_before=lost)
+    rebases = tuple(event._replace(n=event.n - first_n) for event in slot.rebases)
+    return slot._replace(numbered=numbered, n=slot.n - first_n, lost_before=lost, rebases=rebases)

@@ -53,6 +53,7 @@ class Recording:
         first_time_ns: Time of the first field that has been written; None before that.
         measured: True if a worker measures the fields.
         measuring_failure: Why measuring ended early, or None.
+        seal_failure: Why the file could not be sealed, or None.
         sealed: Set when the file has been closed for good, or given up, and `on_sealed` has returned.
     """
 
@@ -85,10 +86,12 @@ class Recording:
         self._clock = clock
         self._cut_by: GrabberdError | None = None
         self._storage_failure: StorageError | None = None
+        self.seal_failure: StorageError | None = None
         # Unbounded: the worker must not wait for a disk that stalls.
         self._results: queue.SimpleQueue[MeasuredField | None] = queue.SimpleQueue()
         self._all_measured = not measured
         self._appended = 0
+        self._size_bytes = 0
         self._commit_due_ns = clock.now_ns() + COMMIT_EVERY_NS
 
     def start(self) -> None:
@@ -104,6 +107,22 @@ class Recording:
         """Deletes the file of a capture that is not started after all."""
         self._writer.discard()
 
+    def seal_again(self) -> None:
+        """Seals the file of a capture that was given up, with all that is known of it.
+
+        Raises:
+            StorageError: It still cannot be sealed.
+            CaptureFileError: The file is gone or damaged.
+        """
+        self._writer.reopen()
+        failed, self.seal_failure = self.seal_failure, None
+        try:
+            self._seal()
+        except StorageError:
+            self.seal_failure = failed
+            self._writer.close()
+            raise
+
     @property
     def path(self) -> Path:
         """Present path of the file."""
@@ -111,12 +130,13 @@ class Recording:
 
     @property
     def size_bytes(self) -> int:
-        """Size of the file."""
+        """Size of the file, as it was last seen if it is gone."""
         path = self.path
-        try:
-            return path.stat().st_size
-        except FileNotFoundError:  # it is getting its final name at this moment
-            return sealed_path(path).stat().st_size
+        for name in (path, sealed_path(path)):  # it may be getting its final name at this moment
+            with contextlib.suppress(OSError):
+                self._size_bytes = name.stat().st_size
+                break
+        return self._size_bytes
 
     @property
     def meta(self) -> CaptureMeta:
@@ -156,14 +176,14 @@ class Recording:
     @property
     def bytes_per_field(self) -> float | None:
         """Bytes per field in the file, points included; None until there are enough fields to tell."""
-        if self.committed < ENOUGH_FIELDS or not self.path.exists():
+        if self.committed < ENOUGH_FIELDS:
             return None
-        return (self.path.stat().st_size - RESERVE_BYTES) / self.committed
+        return (self.size_bytes - RESERVE_BYTES) / self.committed
 
     @property
     def failure(self) -> GrabberdError | None:
         """The error that kept the capture from being whole, or None."""
-        return self._storage_failure or self._cut_by
+        return self._storage_failure or self._cut_by or self.seal_failure
 
     @property
     def complete(self) -> bool:
@@ -232,14 +252,16 @@ class Recording:
             self._write_all()
             self._seal()
         except StorageError as error:
-            self._storage_failure = error
-            # Not sealed: the next start finds the .part file and seals what is in it.
+            self.seal_failure = error
+            # Not sealed: the .part file is tried again by `seal_again`, and by the next start at the latest.
             self._writer.close()
         finally:
             self.recorder.stop("storage failed")
             # The index and the counters are right by the time anybody who waits for `sealed` looks at them.
-            self._on_sealed(self)
-            self.sealed.set()
+            try:
+                self._on_sealed(self)
+            finally:
+                self.sealed.set()  # whatever that brought: the next capture must not wait for this one
 
     def _write_all(self) -> None:
         """Writes until everything recorded has been written and measured, or the disk fails."""

@@ -22,6 +22,7 @@ from grabberd.errors import (
 )
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.recovery import Failure, Ladder, Step, reason_of, trouble_of
+from grabberd.service.device.scheduling import NoAccount, Scheduling, ThreadAccount
 from grabberd.service.device.status_board import StatusBoard, cause_of
 
 log = logging.getLogger(__name__)
@@ -104,6 +105,7 @@ class CaptureThread(threading.Thread):
         clock: UtcClock,
         captures: ThreadCaptures,
         stopping: threading.Event | None = None,
+        account: ThreadAccount | None = None,
     ) -> None:
         super().__init__(name=f"capture-{name}", daemon=True)
         self._grabber = grabber
@@ -114,7 +116,8 @@ class CaptureThread(threading.Thread):
         self._stopping = stopping or threading.Event()
         self._open = False
         self._flow = FieldFlow(clock.now_ns())
-        self._signal_due_ns = self._returned_ns = 0
+        self._scheduling = Scheduling(clock, account or NoAccount())
+        self._signal_due_ns = 0
         self._signal = Signal.UNKNOWN
         self._last_fault: str | None = None
         self._take_step: dict[Rung, Callable[[], StreamInfo]] = {
@@ -215,29 +218,32 @@ class CaptureThread(threading.Thread):
             log.warning("device %s: %s", self.name, change)
             self._captures.source_ended(DeviceRefused(change, "begin a new capture"))
         # Opening takes its time, which is no silence of the stream.
-        self._returned_ns = self._clock.now_ns()
-        self._flow = FieldFlow(self._returned_ns)
+        self._scheduling.excuse()
+        self._flow = FieldFlow(self._clock.now_ns())
         self._ask_signal()
         if info.waits_for_reader:
             self._show_state()  # it delivers nothing before a capture runs, and a capture needs it ready
 
     def _take(self, info: StreamInfo) -> None:
         self._board.beat()
-        asked_ns = self._clock.now_ns()
         if info.waits_for_reader and not self._captures.has_room:
-            self._flow.excuse(asked_ns)
-            self._returned_ns = asked_ns
+            self._flow.excuse(self._clock.now_ns())
+            self._scheduling.excuse()
             self._show_state()
             self._stopping.wait(ROOM_POLL_S)
             return
+        asked_ns = self._scheduling.asks()
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
             now_ns = self._clock.now_ns()
+            standstill = self._scheduling.came(now_ns, DEQUEUE_TIMEOUT_S)
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question
-            stood_still_ns, self._returned_ns = self._stood_still_ns(now_ns), now_ns
+            if standstill is not None and standstill.time_ns > info.buffered_ns:
+                self._board.stood_still(standstill)
             for grabbed in fields:
-                self._count(self._pipeline.take(grabbed, self._signal, now_ns, stood_still_ns))
-                stood_still_ns = 0
+                self._count(self._pipeline.take(grabbed, self._signal, now_ns, standstill))
+                standstill = None
+        self._scheduling.returned()
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
         if fields:
@@ -245,10 +251,6 @@ class CaptureThread(threading.Thread):
             self._show_state()
         elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
             self._nothing_came(asked_ns, now_ns)
-
-    def _stood_still_ns(self, now_ns: int) -> int:
-        """Time for which this thread did not run: the last request ended longer ago than one can take."""
-        return max(0, now_ns - self._returned_ns - round(DEQUEUE_TIMEOUT_S * 1e9))
 
     def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
         """Handles an empty dequeue.

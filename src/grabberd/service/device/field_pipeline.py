@@ -17,6 +17,7 @@ from grabberd.acquisition import (
     Ring,
     Signal,
     Slot,
+    Standstill,
     StreamInfo,
 )
 from grabberd.config import DeviceConfig
@@ -28,9 +29,9 @@ ARRIVALS = 4096
 
 
 class _Unnumbered(NamedTuple):
-    """A field that is packed for a ring, and waits for its number; `packed` is None without a picture."""
+    """A field that is packed for a ring, and waits for its number."""
 
-    packed: PackedField | None
+    packed: PackedField
     sequence: int | None
     arrived_ns: int
     ring: Ring
@@ -115,14 +116,16 @@ class FieldPipeline:
         self.interruption = reason
         return [] if self._numbering is None else self._release(self._numbering.interrupt(reason))
 
-    def take(self, grabbed: GrabbedField, signal: Signal, now_ns: int, stood_still_ns: int = 0) -> list[Slot]:
+    def take(
+        self, grabbed: GrabbedField, signal: Signal, now_ns: int, standstill: Standstill | None = None
+    ) -> list[Slot]:
         """Numbers, quantises and packs a field and puts it into the ring as soon as its number is certain.
 
         Args:
             grabbed: The field.
             signal: The driver's last report.
             now_ns: Arrival.
-            stood_still_ns: Time before that for which nobody asked for fields.
+            standstill: What kept the program from taking fields before it, or None.
 
         Returns:
             The slots that are in the ring now: none while the field is in doubt, several after that.
@@ -134,10 +137,12 @@ class FieldPipeline:
         ring = self.ring
         self.newest.offer(grabbed.field, ring)
         has_picture = signal is not Signal.ABSENT and content.no_picture is None
-        packed = self._packed(grabbed.field, ring) if has_picture else None
+        if has_picture:
+            self.thresholds.show(grabbed.field, ring)
+        packed = self._packed(grabbed.field, ring)
         self._unnumbered.append(_Unnumbered(packed, grabbed.sequence, now_ns, ring))
-        if stood_still_ns:
-            self._numbering.stood_still(stood_still_ns)
+        if standstill is not None:
+            self._numbering.stood_still(standstill.time_ns, standstill.reason)
         return self._release(
             self._numbering.number(grabbed, signal, content.damage, now_ns, content.no_picture)
         )
@@ -148,10 +153,15 @@ class FieldPipeline:
     def _put(self, waited: _Unnumbered, number: Numbered) -> Slot:
         # Before the slot is in the ring: a worker may have published its points by the time `put` returns.
         self.arrived_ns[number.n % ARRIVALS] = waited.arrived_ns
-        field = None
-        if waited.packed is not None:
-            field = NumberedField(number.n, number.time_ns, waited.sequence, waited.packed)
-        slot = Slot(field, number.n, number.outcome, number.reason, number.lost_before, number.time_ns)
+        slot = Slot(
+            NumberedField(number.n, number.time_ns, waited.sequence, waited.packed),
+            number.n,
+            number.outcome,
+            number.reason,
+            number.lost_before,
+            number.time_ns,
+            number.rebases,
+        )
         waited.ring.put(slot)
         return slot
 
@@ -161,7 +171,6 @@ class FieldPipeline:
         old.close()
 
     def _packed(self, field: Field, ring: Ring) -> PackedField:
-        self.thresholds.show(field, ring)
         # Missing lines are interpolated on the grey field, before the threshold (paper 3.3).
         if ring.lines == "doubled":
             field = double_lines(field, self._interpolation)

@@ -6,12 +6,13 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from grabberd.acquisition import Outcome, Slot
+from grabberd.acquisition import LossCause, Outcome, Rebase, Slot, Standstill, cause_of_loss
 from grabberd.acquisition.clock import UtcClock, iso_utc
 from grabberd.acquisition.device import Signal, StreamInfo
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause, DeviceError, GrabberdError, PictureError
 from grabberd.service.device.recovery import Step
+from grabberd.service.device.standstills import Standstills
 
 log = logging.getLogger(__name__)
 
@@ -33,6 +34,7 @@ TRANSITIONS: Mapping[DeviceState, frozenset[DeviceState]] = {
 
 RATE_FIELDS = 100
 """Fields that the rate is measured over: two seconds."""
+STUCK_HINT = "the program is restarted if that lasts; if it comes again, unplug the grabber, then restart"
 SILENT_NS = 1_000_000_000
 """Silence after which there is no rate; longer than a stall takes to be noticed."""
 
@@ -50,6 +52,8 @@ class DeviceStatus:
         stream: The stream that the driver granted last, or None before the first opening.
         signal: Camera signal as the driver reports it.
         outcomes: Number of fields since the daemon started, by outcome.
+        losses: Number of those that are not good, by the cause.
+        rebases: Number of changes of what numbers and times go by, by kind.
         openings: Number of times that the device has been opened.
         recoveries: Number of times that each step of recovery has been taken.
         last_failure: Failure that the last step was taken for.
@@ -65,6 +69,8 @@ class DeviceStatus:
     stream: StreamInfo | None = None
     signal: Signal = Signal.UNKNOWN
     outcomes: Counter[Outcome] = field(default_factory=Counter)
+    losses: Counter[LossCause] = field(default_factory=Counter)
+    rebases: Counter[Rebase] = field(default_factory=Counter)
     openings: int = 0
     recoveries: Counter[Rung] = field(default_factory=Counter)
     last_failure: str | None = None
@@ -83,22 +89,43 @@ class StatusBoard:
     Attributes:
         name: Name of the device.
         changed: Notified with every change of state; whoever waits for a state waits on it.
+        standstills: Times for which the program took no fields.
     """
 
     def __init__(self, name: str, clock: UtcClock) -> None:
         self.name = name
         self.changed = threading.Condition()
+        self.standstills = Standstills(clock)
         self._clock = clock
         self._status = DeviceStatus(
             DeviceState.ABSENT, iso_utc(clock.utc_now()), "not opened yet", code=Cause.NOT_OPENED
         )
         self._logged: tuple[DeviceState, str | None] | None = None
         self._beat_ns = clock.now_ns()
+        self._stuck_since: str | None = None
         self._arrivals_ns: deque[int] = deque(maxlen=RATE_FIELDS)
 
     def beat(self) -> None:
         """Notes that the capture thread lives; called by itself, whatever its device does."""
-        self._beat_ns = self._clock.now_ns()
+        silent_s, self._beat_ns = self.silent_s, self._clock.now_ns()
+        if self._stuck_since is not None:
+            with self.changed:
+                self._stuck_since = None
+                self.changed.notify_all()
+            log.warning("device %s: the capture thread goes on after %.0f s", self.name, silent_s)
+
+    def find_stuck(self) -> None:
+        """Notes that the capture thread does not go on, until it beats again."""
+        if self._stuck_since is None:
+            with self.changed:
+                self._stuck_since = iso_utc(self._clock.utc_now())
+                self.changed.notify_all()
+            log.critical(
+                "device %s: the capture thread has not answered for %.0f s; %s",
+                self.name,
+                self.silent_s,
+                STUCK_HINT,
+            )
 
     @property
     def silent_s(self) -> float:
@@ -110,12 +137,27 @@ class StatusBoard:
         """The present status; its counters are copies."""
         with self.changed:
             now = self._status
-            return replace(now, outcomes=now.outcomes.copy(), recoveries=now.recoveries.copy())
+            if self._stuck_since is not None:
+                now = replace(
+                    now,
+                    state=DeviceState.FAILED,
+                    since_utc=self._stuck_since,
+                    cause="the capture thread does not answer",
+                    hint=STUCK_HINT,
+                    code=Cause.CAPTURE_STUCK,
+                )
+            return replace(
+                now,
+                outcomes=now.outcomes.copy(),
+                losses=now.losses.copy(),
+                rebases=now.rebases.copy(),
+                recoveries=now.recoveries.copy(),
+            )
 
     @property
     def state(self) -> DeviceState:
         """The state alone."""
-        return self._status.state
+        return self._status.state if self._stuck_since is None else DeviceState.FAILED
 
     @property
     def rate_hz(self) -> float | None:
@@ -179,14 +221,28 @@ class StatusBoard:
         with self.changed:
             self._status = replace(self._status, signal=signal)
 
+    def stood_still(self, standstill: Standstill) -> None:
+        """Notes that the program took no fields for so long that the driver's buffers were full."""
+        if self.standstills.note(standstill):
+            hint = self.standstills.hint_of(standstill)
+            log.warning("device %s: %s; %s", self.name, standstill.reason, hint)
+
     def count(self, slot: Slot) -> None:
-        """Counts a field and the ones lost before it."""
-        if slot.numbered is not None:
+        """Counts a field, the ones lost before it, and what numbers and times go by from it on."""
+        if slot.outcome is not Outcome.NO_SIGNAL:
             self._arrivals_ns.append(self._clock.now_ns())
         with self.changed:
-            self._status.outcomes[slot.outcome] += 1
+            self._count(slot.outcome, slot.reason, 1)
             for entry in slot.lost_before:
-                self._status.outcomes[entry.outcome] += entry.count
+                self._count(entry.outcome, entry.reason, entry.count)
+            self._status.rebases.update(event.kind for event in slot.rebases)
+        for event in slot.rebases:
+            log.warning("device %s: %s, from field %d on", self.name, event.reason, event.n)
+
+    def _count(self, outcome: Outcome, reason: str | None, count: int) -> None:
+        self._status.outcomes[outcome] += count
+        if outcome is not Outcome.RECEIVED:
+            self._status.losses[cause_of_loss(outcome, reason or "")] += count
 
     def _log_change(self, state: DeviceState, cause: str | None, hint: str | None) -> None:
         """Logs a new state or cause: a device that is retried is logged once per cause."""

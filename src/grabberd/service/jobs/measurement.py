@@ -14,7 +14,7 @@ from grabberd.processes.measure import MeasuredField, measure_fields
 from grabberd.reconstruction.points import Points
 from grabberd.service.jobs.progress import Progress, counted
 from grabberd.service.jobs.runner import JobSpec
-from grabberd.service.setup import measure_setup
+from grabberd.service.setup import INCLUDE_DAMAGED, measure_setup
 from grabberd.storage import CaptureReader, append_run
 
 
@@ -34,6 +34,8 @@ class MeasurementJob(JobSpec):
 def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> MeasurementResult:
     """Measures every good field and appends the points as a new run, whole or not at all.
 
+    Damaged fields are measured only where `settings` have `include_damaged`, fields without a signal never.
+
     Args:
         progress: Called with the share that is done.
         path: A sealed capture.
@@ -49,7 +51,8 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
     setup = measure_setup(made_with, made_with["settings"])
     counts = Counter({"fields": 0, "points": 0})
     with CaptureReader(path) as reader:
-        fields = counted(reader.received(), reader.field_count, progress)
+        received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
+        fields = counted(received, reader.field_count, progress)
         points = _counted_points(measure_fields(fields, setup), counts)
         created = iso_utc(SystemClock().utc_now())
         run = append_run(path, "measure", created, __version__, made_with, points)

@@ -2,8 +2,9 @@
 
 from dataclasses import asdict
 
-from grabberd.acquisition import Outcome
+from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.devices import (
+    ComputerDocument,
     DeviceDocument,
     DeviceLackDocument,
     RingDocument,
@@ -11,6 +12,7 @@ from grabberd.documents.devices import (
 )
 from grabberd.documents.states import Rung
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
+from grabberd.service.device.standstills import Standstills
 from grabberd.service.instrument import Instrument
 from grabberd.service.live.live_document import live_document
 from grabberd.service.readiness import lacks_of
@@ -35,6 +37,9 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
         signal=status.signal,
         rate_hz=None if rate_hz is None else round(rate_hz, 1),
         fields={outcome: status.outcomes[outcome] for outcome in Outcome},
+        losses={cause: status.losses[cause] for cause in LossCause},
+        rebases={kind: status.rebases[kind] for kind in Rebase},
+        computer=_computer(instrument.board.standstills),
         openings=status.openings,
         recoveries={rung: status.recoveries[rung] for rung in Rung},
         last_failure=status.last_failure,
@@ -52,6 +57,18 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
         group_id=capture.group.id if capture is not None and capture.group is not None else None,
         rig=instrument.worker.rig.document,
         live=live_document(instrument),
+    )
+
+
+def _computer(standstills: Standstills) -> ComputerDocument:
+    shown = standstills.shown
+    return ComputerDocument(
+        cause=shown and shown.cause,
+        hint=shown and shown.hint,
+        cause_code=shown and shown.code,
+        since_utc=shown and shown.utc,
+        standstills={code: standstills.counts[code] for code in standstills.seconds},
+        standstill_s={code: round(seconds, 1) for code, seconds in standstills.seconds.items()},
     )
 
 

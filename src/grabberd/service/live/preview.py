@@ -76,7 +76,8 @@ class Preview:
 
 def message(slot: Slot, time_us: int, centroids: Centroids) -> bytes:
     """Header, centroids, deflated bits and points of a slot; no bits without a signal."""
-    packed = slot.numbered.packed if slot.numbered else None
+    shown = slot.numbered if slot.outcome is not Outcome.NO_SIGNAL else None
+    packed = shown.packed if shown else None
     deflated = b"" if packed is None else zlib.compress(one_bit(packed).tobytes(), FAST)
     shape = (0, 0, 0, 0, 0) if packed is None else _shape(packed)
     outcome, bits = OUTCOMES.index(slot.outcome), packed.bits if packed else 0

@@ -33,7 +33,11 @@ def check_mqtt(config: Config, file: Path) -> None:
 
 
 def create_publisher(
-    config: Config, archive: Archive, state: Callable[[], StateDocument], clock: UtcClock
+    config: Config,
+    archive: Archive,
+    state: Callable[[], StateDocument],
+    clock: UtcClock,
+    heal: Callable[[str], None] | None = None,
 ) -> "Publisher | None":
     """Creates the publisher of a checked configuration; None if no broker is configured.
 
@@ -42,6 +46,7 @@ def create_publisher(
         archive: The captures.
         state: Returns the state of the service.
         clock: Dates the messages.
+        heal: Recovers a damaged state database; see `StateDatabase`.
     """
     if config.mqtt is None:
         return None
@@ -54,7 +59,7 @@ def create_publisher(
     mqtt, barn = config.mqtt, config.site["barn"]
     context = None if mqtt.tls is None else tls_context(mqtt.tls)
     broker = Broker(mqtt, mqtt.client_id or f"grabberd-{quote(barn, safe='')}", context)
-    outbox = Outbox(config.state_directory / "state.sqlite")
+    outbox = Outbox(config.state_directory / "state.sqlite", heal)
     summaries = SummaryQueue(archive, outbox, mqtt.queue_captures)
     return Publisher(broker, Topics(mqtt.topic_prefix, barn), state, summaries, clock, mqtt.every_s)
 

@@ -4,10 +4,12 @@ import itertools
 import math
 import os
 from collections.abc import Iterator
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.acquisition.clock import Now
 from grabberd.errors import CaptureFileError, LaterVersion
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.schema import (
@@ -27,23 +29,35 @@ INTERRUPTED = "the program ended while it was recording"
 UNSEALED = "the program ended before it was sealed"
 
 
-def recover(part: Path, now_utc: datetime | None = None) -> Path:
+class Tail(NamedTuple):
+    """Last field on disk, after which fields are missing.
+
+    Attributes:
+        after_n: Number of the last field on disk, whose time is known.
+        time_ns: Its time, CLOCK_MONOTONIC.
+    """
+
+    after_n: int
+    time_ns: int
+
+
+def recover(part: Path, now: Now | None = None) -> Path:
     """Seals a `.grab.part` file that nobody writes any more; returns its final path.
 
     SQLite rolls an unfinished commit back when the file is opened. What is missing at the end of a capture of
-    given length is known. Of one without, no more can be missing than would have come until now. A file that
-    cannot be read is set aside.
+    given length is known. Of one without, no more can be missing than would have come until now, by the
+    monotonic clock if the computer has not been restarted since. A file that cannot be read is set aside.
 
     Args:
         part: The file.
-        now_utc: Present time; None: by the system's clock.
+        now: Present moment; None: by the system's clocks.
 
     Raises:
         LaterVersion: A later version has to seal it.
         StorageError: It cannot be written.
     """
     try:
-        _seal_if_need_be(part, now_utc or datetime.now(UTC))
+        _seal_if_need_be(part, now or Now.by_the_system())
     except LaterVersion:
         raise
     except CaptureFileError as error:
@@ -54,12 +68,14 @@ def recover(part: Path, now_utc: datetime | None = None) -> Path:
         return publish(part)
 
 
-def _seal_if_need_be(part: Path, now_utc: datetime) -> None:
+def _seal_if_need_be(part: Path, now: Now) -> None:
     with CaptureReader(part) as reader:
-        ledger, meta = reader.ledger, reader.meta
+        ledger, meta, last = reader.ledger, reader.meta, reader.last_field
     if meta.state != SEALED:  # a crash between sealing and renaming leaves only the name to be done
         with reading_errors(part):
-            _seal(part, *_cut_off(ledger, meta, now_utc))
+            before_start = meta.extra.get("trigger", {}).get("n", 0)
+            tail = Tail(*last) if last is not None else Tail(before_start - 1, meta.start_ns)
+            _seal(part, *_cut_off(ledger, meta, tail, now))
 
 
 def _seal(part: Path, ledger: Ledger, because: str) -> None:
@@ -77,27 +93,40 @@ def _seal(part: Path, ledger: Ledger, because: str) -> None:
         connection.close()
 
 
-def _cut_off(ledger: Ledger, meta: CaptureMeta, now_utc: datetime) -> tuple[Ledger, str]:
+def _cut_off(ledger: Ledger, meta: CaptureMeta, tail: Tail, now: Now) -> tuple[Ledger, str]:
     """The ledger up to the end that was ordered, and why the capture ended."""
     end_n, order = ledger.end_n or 0, meta.extra.get("order", {})
     ordered = order["fields"] if order else None
     if ordered is not None and not isinstance(ordered, int):
         raise ValueError(f"order is {order!r}")
     if ordered is None:
-        most = _missing_at_most(end_n, meta, now_utc)
-        # Below 1 the clock was set back meanwhile: then it bounds nothing.
-        reason = f"{INTERRUPTED}; unknown" + (f", at most {most}" if most > 0 else "")
+        reason = f"{INTERRUPTED}; unknown{_bound(end_n, meta, tail, now)}"
         ledger.add(LedgerEntry(end_n, 1, Outcome.LOST, reason))
         return ledger, INTERRUPTED
     ledger.close(ordered, INTERRUPTED)
     return ledger, INTERRUPTED if end_n < ordered else UNSEALED
 
 
-def _missing_at_most(end_n: int, meta: CaptureMeta, now_utc: datetime) -> int:
-    """Number of fields that could have come after the last one in the file, until now."""
-    since_start_s = (now_utc - datetime.fromisoformat(meta.created_utc)).total_seconds()
-    before_start: int = meta.extra.get("trigger", {}).get("n", 0)
-    return math.ceil(since_start_s * meta.rate_hz) + before_start - end_n
+def _bound(end_n: int, meta: CaptureMeta, tail: Tail, now: Now) -> str:
+    """Bound in words on the number of fields missing at the end; empty if nothing bounds it.
+
+    Only the monotonic clock proves a bound, and only within one start of the computer. The wall clock may
+    have been set back meanwhile by less than anybody can tell.
+    """
+    if meta.device.get("stream", {}).get("waits_for_reader"):
+        return ""  # it has no rate of its own
+    if meta.boot_id and meta.boot_id == now.boot_id:
+        since_ns, condition = now.ns - tail.time_ns, ""
+    else:
+        since_start_s = (now.utc - datetime.fromisoformat(meta.created_utc)).total_seconds()
+        since_ns = meta.start_ns + round(since_start_s * 1e9) - tail.time_ns
+        condition = " unless the clock was set back"
+    if since_ns < 0:
+        return ""
+    # One more than fits between them: neither time is exactly that of a field.
+    last_n = tail.after_n + math.floor(since_ns * meta.rate_hz / 1e9) + 1
+    most = last_n + 1 - end_n
+    return f", at most {most}{condition}" if most > 0 else ""
 
 
 def set_aside(path: Path, reason: str) -> Path:

@@ -7,6 +7,8 @@ from pathlib import Path
 from grabberd.errors import StorageError
 from grabberd.storage.disk import storage_errors
 
+NAME = ".lock"
+
 
 class DirectoryLock:
     """Held from `acquire` to `release`, or until the process ends, however it ends.
@@ -15,7 +17,7 @@ class DirectoryLock:
     """
 
     def __init__(self, directory: Path) -> None:
-        self.path = directory / ".lock"
+        self.path = directory / NAME
         self._descriptor: int | None = None
 
     def acquire(self) -> None:
@@ -44,3 +46,14 @@ class DirectoryLock:
         if self._descriptor is not None:
             os.close(self._descriptor)
             self._descriptor = None
+
+    @property
+    def in_place(self) -> bool:
+        """True if it is held, and the folder at its path is the one that it was acquired in."""
+        if self._descriptor is None:
+            return False
+        try:
+            there = os.stat(self.path)
+        except OSError:
+            return False
+        return os.path.samestat(there, os.fstat(self._descriptor))

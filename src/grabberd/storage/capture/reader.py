@@ -11,6 +11,7 @@ from grabberd.errors import CaptureFileError, NotFound
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import decode_points
+from grabberd.storage.capture.rebases import rebases_in
 from grabberd.storage.capture.rows import (
     FIELD_COLUMNS,
     RecordedField,
@@ -59,7 +60,7 @@ class CaptureReader:
             fields = self._connection.execute(kept).fetchall()
             entries = self._connection.execute("SELECT * FROM ledger ORDER BY first_n").fetchall()
         try:
-            return ledger(fields, entries)
+            return ledger(fields, entries, rebases_in(read_meta(self._connection).extra))
         except DAMAGE as error:
             raise self._damaged("its ledger contradicts itself", error, "set the file aside") from error
 
@@ -92,10 +93,13 @@ class CaptureReader:
                 return
             first_n = rows[-1][0] + 1
 
-    def received(self, first_n: int = 0, end_n: int | None = None) -> Iterator[NumberedField]:
-        """The fields that were received undamaged."""
+    def received(
+        self, first_n: int = 0, end_n: int | None = None, *, and_damaged: bool = False
+    ) -> Iterator[NumberedField]:
+        """The fields that were received undamaged, or `and_damaged`; never those without a signal."""
+        wanted = {Outcome.RECEIVED, Outcome.DAMAGED} if and_damaged else {Outcome.RECEIVED}
         for recorded in self.fields(first_n, end_n):
-            if recorded.outcome is Outcome.RECEIVED:
+            if recorded.outcome in wanted:
                 yield recorded.numbered
 
     def field(self, n: int) -> RecordedField:
@@ -183,6 +187,13 @@ class CaptureReader:
     def first_time_ns(self) -> int | None:
         """Time of the first field; None if there is none."""
         return self._number("SELECT time_ns FROM fields ORDER BY n LIMIT 1")
+
+    @property
+    def last_field(self) -> tuple[int, int] | None:
+        """Number and time of the last field; None if there is none."""
+        with reading_errors(self.path):
+            row = self._connection.execute("SELECT n, time_ns FROM fields ORDER BY n DESC LIMIT 1").fetchone()
+            return None if row is None else (int(row[0]), int(row[1]))
 
     def _read_meta(self) -> CaptureMeta:
         try:

@@ -5,7 +5,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from grabberd.acquisition import Ledger, LedgerEntry, Outcome
+from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome
 from grabberd.field import BIT_DEPTHS, NumberedField, PackedField
 from grabberd.storage.capture.codec import decode_field
 
@@ -87,7 +87,11 @@ def run_info(row: tuple[Any, ...]) -> RunInfo:
     return RunInfo(run, kind, created_utc, version, state, reason, documents)
 
 
-def ledger(fields: Iterable[tuple[Any, ...]], entries: Iterable[tuple[Any, ...]]) -> Ledger:
+def ledger(
+    fields: Iterable[tuple[Any, ...]],
+    entries: Iterable[tuple[Any, ...]],
+    events: Sequence[LedgerEvent] = (),
+) -> Ledger:
     """Makes a ledger of (n, outcome, reason) of the fields in the file, and of the entries for all others.
 
     Raises:
@@ -101,7 +105,7 @@ def ledger(fields: Iterable[tuple[Any, ...]], entries: Iterable[tuple[Any, ...]]
         for n, outcome, reason in rows
         if outcome is not Outcome.RECEIVED and not _covers(listed, n)
     ]
-    return Ledger.restore(received, [*listed, *damaged])
+    return Ledger.restore(received, [*listed, *damaged], events=events)
 
 
 def _covers(entries: Sequence[LedgerEntry], n: int) -> bool:

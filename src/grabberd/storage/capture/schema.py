@@ -194,6 +194,8 @@ class CaptureMeta:
         rate_hz: Nominal fields per second.
         version: Version of the program that wrote it.
         state: "recording", then "sealed".
+        boot_id: The kernel's id of the start of the computer that `start_ns` and the fields' times count
+            from; empty if it is unknown.
         complete: None while recording, then True if nothing is lost or damaged.
         ended_because: Reason why it ended.
         extra: Further findings; see docs/reference/capture-file.md.
@@ -211,6 +213,7 @@ class CaptureMeta:
     lines: str
     rate_hz: float
     version: str
+    boot_id: str = ""
     state: str = RECORDING
     complete: bool | None = None
     ended_because: str | None = None

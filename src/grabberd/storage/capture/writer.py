@@ -8,16 +8,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Self
 
-from grabberd.acquisition import Ledger, LedgerEntry, Outcome, Slot
+from grabberd.acquisition import Ledger, LedgerEntry, LedgerEvent, Outcome, Slot
 from grabberd.errors import StorageError
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
+from grabberd.storage.capture.rebases import with_rebases
 from grabberd.storage.capture.rows import RunInfo
 from grabberd.storage.capture.schema import (
     JOURNAL,
     SEALED,
     CaptureMeta,
+    connect,
     create,
     read_meta,
     sealed_path,
@@ -49,6 +51,7 @@ class CaptureWriter:
         self.meta = meta
         self.runs: list[RunInfo] = []
         self._uncommitted_runs: list[RunInfo] = []
+        self._rebases: list[LedgerEvent] = []
         self._connection = connection
 
     @classmethod
@@ -65,6 +68,17 @@ class CaptureWriter:
             write_meta(connection, asdict(meta))
             writer.commit()
         return writer
+
+    def reopen(self) -> None:
+        """Opens the file of a capture again that was closed without being sealed, to seal it after all.
+
+        Raises:
+            CaptureFileError: It is gone or damaged.
+            StorageError: It cannot be opened now.
+        """
+        if not self.path.exists() and sealed_path(self.path).exists():
+            self.path = sealed_path(self.path)  # only to see its new name onto the disk has failed
+        self._connection = connect(self.path, writable=True)
 
     def begin_run(
         self, run: int, kind: str, created_utc: str, version: str, made_with: Mapping[str, Any]
@@ -133,7 +147,7 @@ class CaptureWriter:
                 "UPDATE runs SET state = ?, reason = ? WHERE state = ?", (state, reason, RUNNING)
             )
             verdict = {"state": SEALED, "complete": complete, "ended_because": ended_because}
-            extra = {**read_meta(self._connection).extra, **(findings or {})}
+            extra = with_rebases({**read_meta(self._connection).extra, **(findings or {})}, ledger.events)
             write_meta(self._connection, {**verdict, "extra": extra})
             self._connection.execute("COMMIT")
             # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
@@ -167,6 +181,9 @@ class CaptureWriter:
     def _append(self, slot: Slot) -> None:
         for entry in slot.lost_before:
             insert_entry(self._connection, entry)
+        if slot.rebases:
+            self._rebases += slot.rebases
+            write_meta(self._connection, {"extra": with_rebases(self.meta.extra, self._rebases)})
         if slot.numbered is not None:
             self._connection.execute(_FIELD, _field_row(slot.numbered, str(slot.outcome), slot.reason))
         else:
@@ -198,7 +215,9 @@ def _as_far_as_written(connection: sqlite3.Connection, ledger: Ledger) -> Ledger
     written = [n for (n,) in rows]
     if len(written) == ledger.received:
         return ledger
-    kept = Ledger.restore(written, ledger.entries, first_n=ledger.first_n, gap=NOT_WRITTEN)
+    kept = Ledger.restore(
+        written, ledger.entries, events=ledger.events, first_n=ledger.first_n, gap=NOT_WRITTEN
+    )
     kept.close(ledger.end_n or 0, NOT_WRITTEN)
     return kept
 

@@ -13,6 +13,7 @@ from grabberd.field import BOTTOM, TOP, PackedField, unpack
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField
 from grabberd.storage.disk import new_folder, storage_errors
+from grabberd.storage.export.ledger_file import write_ledger_file
 
 MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outcome", "file")
 MANIFEST = "fields.csv"
@@ -34,6 +35,8 @@ def _png(luma: NDArray[np.uint8]) -> bytes:
 
 def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
     """Writes a folder of pictures, and `fields.csv`, which lists the fields; returns the number of pictures.
+
+    Damaged fields and those without a signal are among them, marked; `ledger.csv` has all others as well.
 
     A picture is a field, or, `woven`, a frame of a top field and the bottom field after it; the rows of one
     that is not in the file stay black, and the manifest does not list it. The replay driver plays the folder
@@ -58,6 +61,7 @@ def export_png(path: Path, directory: Path, *, woven: bool = False) -> int:
             for picture in _frames(reader.fields()) if woven else ((field,) for field in reader.fields()):
                 manifest.writerows(_write_picture(picture, directory, "frame" if woven else "field"))
                 count += 1
+            write_ledger_file(reader, directory)
     return count
 
 

@@ -13,6 +13,7 @@ from grabberd.processes.columns import joined
 from grabberd.storage.capture.reader import END, CaptureReader
 from grabberd.storage.disk import new_folder, storage_errors
 from grabberd.storage.export.csv_file import csv_text
+from grabberd.storage.export.ledger_file import write_ledger_file
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet
 from grabberd.storage.export.ply_file import ply_head, ply_vertex, ply_vertices
 from grabberd.storage.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_field
@@ -81,7 +82,7 @@ def open_run(path: Path, run: int | None) -> tuple[CaptureReader, int]:
 
 
 def export_csv(path: Path, directory: Path, run: int | None = None) -> int:
-    """Writes `points.csv` into a folder; returns the number of points.
+    """Writes `points.csv` and `ledger.csv` into a folder; returns the number of points.
 
     Raises:
         CaptureFileError, NotFound: No such file or run.
@@ -89,7 +90,7 @@ def export_csv(path: Path, directory: Path, run: int | None = None) -> int:
     """
     text = points_csv(path, run)
     rows = -1
-    with _new_file(directory, "points.csv") as file:
+    with _new_file(path, directory, "points.csv") as file:
         for part in text:
             file.write(part.encode())
             rows += part.count("\n")
@@ -103,13 +104,13 @@ def export_ply(path: Path, directory: Path, run: int | None = None, field: int |
         CaptureFileError, NotFound, StorageError: See `points_ply` and `export_csv`.
     """
     parts = points_ply(path, run, field)
-    with _new_file(directory, "points.ply") as file:
+    with _new_file(path, directory, "points.ply") as file:
         file.write(next(parts))
         return sum(file.write(part) for part in parts) // ply_vertex(CLOUD_COLUMNS).itemsize
 
 
 def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
-    """Writes `points.parquet` into a folder; returns the number of points.
+    """Writes `points.parquet` and `ledger.csv` into a folder; returns the number of points.
 
     Raises:
         CaptureFileError, NotFound, ExtraMissing, StorageError: See `points_parquet` and `export_csv`.
@@ -117,7 +118,7 @@ def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
     check_parquet()
     reader, number = open_run(path, run)
     reader.close()
-    with _new_file(directory, "points.parquet") as file:
+    with _new_file(path, directory, "points.parquet") as file:
         return points_parquet(path, number, file)
 
 
@@ -155,7 +156,10 @@ def _about(reader: CaptureReader, run: int) -> dict[str, Any]:
 
 
 @contextmanager
-def _new_file(directory: Path, name: str) -> Iterator[IO[bytes]]:
+def _new_file(capture: Path, directory: Path, name: str) -> Iterator[IO[bytes]]:
+    """A file in a new folder, beside the capture's ledger."""
     new_folder(directory)
-    with storage_errors(directory), (directory / name).open("wb") as file:
-        yield file
+    with storage_errors(directory), CaptureReader(capture) as reader:
+        write_ledger_file(reader, directory)
+        with (directory / name).open("wb") as file:
+            yield file

@@ -27,10 +27,11 @@ from grabberd.storage.disk import (
     sync_directory,
     write_synced,
 )
+from grabberd.storage.state.state_backups import CAPTURES_FOLDER, ORIGIN
 from grabberd.storage.state.state_database import MIGRATIONS
 
 SCHEMA, VERSION = "grabberd/backup", 1
-MANIFEST, STATE, CALIBRATIONS, CAPTURES = "manifest.json", "state.sqlite", "calibrations", "captures"
+MANIFEST, STATE, CALIBRATIONS = "manifest.json", "state.sqlite", "calibrations"
 # A crash may have left it; beside the restored database, SQLite would play it back into that one.
 JOURNAL = f"{STATE}-journal"
 REPLACED = "replaced-"
@@ -101,12 +102,13 @@ def restore(directory: Path, backup: Path, now: str) -> tuple[BackupInfo, Path |
     """
     manifest, members = _read(backup)
     _check_state(members[STATE], backup)
-    lock = DirectoryLock(directory / CAPTURES)
+    lock = DirectoryLock(directory)
     lock.acquire()
     try:
         clear_scratch(directory)
         with storage_errors(directory), scratch_folder(directory) as scratch:
             _write_members(scratch, members)
+            _forget_surroundings(scratch / STATE)
             replaced = _keep(directory, directory / f"{REPLACED}{now}")
             os.rename(scratch / CALIBRATIONS, directory / CALIBRATIONS)
             os.replace(scratch / STATE, directory / STATE)
@@ -201,6 +203,12 @@ def _write_members(folder: Path, members: Mapping[str, bytes]) -> None:
         path = folder / name
         path.parent.mkdir(exist_ok=True)
         write_synced(path, content, OWNER_ONLY if name == STATE else READ_ONLY)
+
+
+def _forget_surroundings(state: Path) -> None:
+    """Drops what a state knows of its folder of captures and of its origin: both are others now."""
+    with closing(sqlite3.connect(state)) as connection, connection:
+        connection.execute("DELETE FROM settings WHERE key IN (?, ?)", (CAPTURES_FOLDER, ORIGIN))
 
 
 def _keep(directory: Path, folder: Path) -> Path | None:

@@ -1,13 +1,13 @@
 """`state.sqlite`, which cannot be rebuilt from captures: its schema by versions, one transaction a call."""
 
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 from grabberd.errors import StorageError
-from grabberd.storage.disk import OWNER_ONLY
+from grabberd.storage.disk import OWNER_ONLY, is_damaged
 
 MIGRATIONS: tuple[tuple[str, ...], ...] = (
     ("CREATE TABLE IF NOT EXISTS settings (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID",),
@@ -41,12 +41,17 @@ class StateDatabase:
 
     The stores in `state.sqlite` are its subclasses.
 
+    Args:
+        path: The file.
+        heal: Recovers a file that seems to be damaged or gone, with the reason; None: that is an error.
+
     Raises:
         StorageError: From any method of theirs: the file cannot be read or written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, heal: Callable[[str], None] | None = None) -> None:
         self.path = path
+        self._heal = heal
 
     def open(self) -> None:
         """Creates the file if necessary, readable by its owner alone, and migrates it to this version.
@@ -60,7 +65,7 @@ class StateDatabase:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             # Before SQLite creates it with the umask's permissions: it holds the tokens' hashes.
             self.path.touch(OWNER_ONLY)
-        with self.transaction() as connection:
+        with self.errors(), closing(self._connect()) as connection, connection:
             _migrate(connection, self.path)
 
     @contextmanager
@@ -70,10 +75,7 @@ class StateDatabase:
         Raises:
             StorageError: the file cannot be used.
         """
-        with self.errors(), closing(sqlite3.connect(self.path, timeout=TIMEOUT_S)) as connection, connection:
-            # Off by default in SQLite, and a setting of the connection, not of the file: without it, the
-            # sessions of a removed token would stay valid.
-            connection.execute("PRAGMA foreign_keys = ON")
+        with self.errors(), closing(self._opened()) as connection, connection:
             yield connection
 
     def execute(self, statement: str, *values: Any) -> list[tuple[Any, ...]]:
@@ -91,10 +93,50 @@ class StateDatabase:
         try:
             yield
         except (sqlite3.Error, OSError, ValueError) as error:
+            if isinstance(error, sqlite3.Error) and self._heal is not None and self._is_lost(error):
+                self._heal(str(error))
+                again = f"{self.path.name} was damaged ({error}) and has been recovered"
+                raise StorageError(again, "try again; GET /api/v1/state says what was lost") from error
             raise StorageError(
                 f"{self.path.name} cannot be used: {error}",
                 "make room, fix the disk, or restore its latest backup",
             ) from error
+
+    def _opened(self) -> sqlite3.Connection:
+        """A connection to the file, which was recovered first if there was need."""
+        try:
+            return self._checked()
+        except sqlite3.Error as error:
+            if self._heal is None or not self._is_lost(error):
+                raise
+            self._heal(str(error))
+            return self._checked()
+
+    def _checked(self) -> sqlite3.Connection:
+        connection = self._connect()
+        try:
+            if self._heal is not None and not connection.execute("PRAGMA user_version").fetchone()[0]:
+                raise _Empty("it is empty")
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+    def _connect(self) -> sqlite3.Connection:
+        # Without the mode, SQLite would create an empty file in place of one that is gone.
+        uri = f"{self.path.absolute().as_uri()}?mode=rw"
+        connection = sqlite3.connect(uri, uri=True, timeout=TIMEOUT_S)
+        # Off by default in SQLite, and a setting of the connection, not of the file: without it, the
+        # sessions of a removed token would stay valid.
+        connection.execute("PRAGMA foreign_keys = ON")
+        return connection
+
+    def _is_lost(self, error: sqlite3.Error) -> bool:
+        return isinstance(error, _Empty) or is_damaged(error) or not self.path.exists()
+
+
+class _Empty(sqlite3.DatabaseError):
+    """The file has no content: it is not the one that was opened at the start."""
 
 
 def _migrate(connection: sqlite3.Connection, path: Path) -> None:

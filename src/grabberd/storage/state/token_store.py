@@ -5,6 +5,8 @@ from typing import NamedTuple
 from grabberd.errors import Conflict, NotFound
 from grabberd.storage.state.state_database import StateDatabase
 
+GUARDED = "guarded"
+"""Key of the settings: tokens were lost, so nobody is let in without one until there is one again."""
 SESSIONS_A_TOKEN = 32
 """Sessions per token; beyond it, the oldest end."""
 
@@ -48,6 +50,7 @@ class TokenStore(StateDatabase):
                     f"token {name!r} exists already",
                     f"choose another name, or remove the old one first: grabberd token remove {name}",
                 )
+            connection.execute("DELETE FROM settings WHERE key = ?", (GUARDED,))
             connection.execute(
                 "INSERT INTO tokens (name, role, hash, created_utc, expires_utc) VALUES (?, ?, ?, ?, ?)",
                 (name, role, token_hash, created_utc, expires_utc),
@@ -71,9 +74,13 @@ class TokenStore(StateDatabase):
         )
         return [TokenRow(*row) for row in self.execute(query, now_utc)]
 
-    def any(self) -> bool:
-        """True if there is any token, even an expired one."""
-        return bool(self.execute("SELECT 1 FROM tokens LIMIT 1"))
+    def guards(self) -> bool:
+        """True if there is any token, even an expired one, or there may have been some that were lost."""
+        return bool(
+            self.execute(
+                "SELECT 1 FROM tokens UNION ALL SELECT 1 FROM settings WHERE key = ? LIMIT 1", GUARDED
+            )
+        )
 
     def of_token(self, token_hash: bytes) -> Holder | None:
         """Holder of a token, expired or not."""

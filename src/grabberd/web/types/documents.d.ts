@@ -20,6 +20,7 @@ export type Pulsation = Answer<"get", "/devices/{}/pulsation">;
 export type Capture = Answer<"get", "/captures/{}">;
 type Ledger = Capture["ledger"];
 export type LedgerEntry = Ledger["entries"][number];
+export type LedgerEvent = Ledger["events"][number];
 export type Run = Capture["runs"][number];
 type Points = Answer<"get", "/captures/{}/points">;
 export type FieldPoints = Points["fields"][number];

@@ -111,6 +111,8 @@ export interface paths {
         /**
          * Re-measure a capture
          * @description Re-measure a sealed capture with the device's present calibration: a job that adds a run.
+         *
+         *     Damaged fields are left out unless they are asked for, fields without a signal always.
          */
         post: operations["measure_capture"];
         delete?: never;
@@ -944,7 +946,8 @@ export interface paths {
         };
         /**
          * Check that every device can measure
-         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing.
+         * @description Check that every device streams, has a signal and can measure. 503 lists what is missing. `faults` says
+         *     what is wrong with the daemon itself, which does not keep it from measuring.
          */
         get: operations["get_readiness"];
         put?: never;
@@ -984,7 +987,7 @@ export interface paths {
         };
         /**
          * Check that the daemon serves
-         * @description The daemon serves, whatever its devices do.
+         * @description The daemon serves, whatever its devices do. 503 where a capture thread is stuck: restart the daemon.
          */
         get: operations["get_health"];
         put?: never;
@@ -1799,12 +1802,14 @@ export interface components {
          *         },
          *         "entries": [
          *           {
+         *             "cause": "cable",
          *             "count": 2,
          *             "first_n": 17,
          *             "outcome": "lost",
          *             "reason": "time gap"
          *           }
          *         ],
+         *         "events": [],
          *         "in_words": "2 fields lost at 0.34 s (time gap)"
          *       },
          *       "lines": "doubled",
@@ -1865,7 +1870,7 @@ export interface components {
             lines: string;
             /**
              * Fields
-             * @description Number of fields in the capture.
+             * @description Number of fields in the capture with their pictures, damaged ones and those without a signal included.
              */
             fields: number;
             ledger: components["schemas"]["LedgerDocument"];
@@ -1921,12 +1926,14 @@ export interface components {
          *             },
          *             "entries": [
          *               {
+         *                 "cause": "cable",
          *                 "count": 2,
          *                 "first_n": 17,
          *                 "outcome": "lost",
          *                 "reason": "time gap"
          *               }
          *             ],
+         *             "events": [],
          *             "in_words": "2 fields lost at 0.34 s (time gap)"
          *           },
          *           "lines": "doubled",
@@ -1979,12 +1986,14 @@ export interface components {
          *             },
          *             "entries": [
          *               {
+         *                 "cause": "cable",
          *                 "count": 2,
          *                 "first_n": 17,
          *                 "outcome": "lost",
          *                 "reason": "time gap"
          *               }
          *             ],
+         *             "events": [],
          *             "in_words": "2 fields lost at 0.34 s (time gap)"
          *           },
          *           "lines": "doubled",
@@ -2095,7 +2104,7 @@ export interface components {
          * @description Machine-readable code of the reason why an instrument cannot work; the page has a text for each.
          * @enum {string}
          */
-        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed";
+        Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "settings_restored" | "settings_lost" | "settings_unreadable";
         /**
          * CheckRequest
          * @description Options of a check; all of them can be left out.
@@ -2221,6 +2230,39 @@ export interface components {
             values: (number | string | null)[];
         };
         /**
+         * ComputerDocument
+         * @description The computer, as far as it lets the program take fields in time.
+         */
+        ComputerDocument: {
+            /**
+             * Cause
+             * @description Why it took none for so long that the driver's buffers were full; null unless that was within the last minute.
+             */
+            cause: string | null;
+            /** Hint */
+            hint: string | null;
+            cause_code: components["schemas"]["Cause"] | null;
+            /**
+             * Since Utc
+             * @description Time at which that ended.
+             */
+            since_utc: string | null;
+            /**
+             * Standstills
+             * @description How often, since the daemon started.
+             */
+            standstills: {
+                [key: string]: number;
+            };
+            /**
+             * Standstill S
+             * @description For how long together.
+             */
+            standstill_s: {
+                [key: string]: number;
+            };
+        };
+        /**
          * DeviceDocument
          * @description Present state of a device.
          */
@@ -2253,6 +2295,21 @@ export interface components {
             fields: {
                 [key: string]: number;
             };
+            /**
+             * Losses
+             * @description Fields since the daemon started that were not received, by where to look for the cause.
+             */
+            losses: {
+                [key: string]: number;
+            };
+            /**
+             * Rebases
+             * @description Changes of what the numbers and times of fields go by, since the daemon started.
+             */
+            rebases: {
+                [key: string]: number;
+            };
+            computer: components["schemas"]["ComputerDocument"];
             /** Openings */
             openings: number;
             /**
@@ -2347,6 +2404,26 @@ export interface components {
          * @enum {string}
          */
         DeviceState: "absent" | "opening" | "no_signal" | "ready" | "capturing" | "recovering" | "failed" | "ended";
+        /**
+         * FaultDocument
+         * @description A fault of the daemon itself, its captures' folder or its settings.
+         */
+        FaultDocument: {
+            /** @description Machine-readable code. */
+            cause_code: components["schemas"]["Cause"];
+            /**
+             * Level
+             * @description fault: a person has to act; warning: to be known, or repaired by itself.
+             * @enum {string}
+             */
+            level: "fault" | "warning";
+            /** Message */
+            message: string;
+            /** Hint */
+            hint: string;
+            /** Since Utc */
+            since_utc: string;
+        };
         /**
          * FieldPoints
          * @description The points of one field of a capture.
@@ -2720,6 +2797,8 @@ export interface components {
             };
             /** Entries */
             entries: components["schemas"]["LedgerEntryDocument"][];
+            /** Events */
+            events: components["schemas"]["LedgerEventDocument"][];
         };
         /**
          * LedgerEntryDocument
@@ -2731,6 +2810,22 @@ export interface components {
             /** Count */
             count: number;
             outcome: components["schemas"]["Outcome"];
+            /** Reason */
+            reason: string;
+            /** @description Where to look: the computer (busy, or the program stopped), bus or cable, the camera, the picture's content, the grabber, or the disk. */
+            cause: components["schemas"]["LossCause"];
+        };
+        /**
+         * LedgerEventDocument
+         * @description A change of what the numbers and times of the fields go by, which loses nothing.
+         */
+        LedgerEventDocument: {
+            /**
+             * N
+             * @description Number of the first field that goes by the new base.
+             */
+            n: number;
+            kind: components["schemas"]["Rebase"];
             /** Reason */
             reason: string;
         };
@@ -2827,6 +2922,12 @@ export interface components {
             grids: components["schemas"]["ShiftGrid"][];
         };
         /**
+         * LossCause
+         * @description Place to look at.
+         * @enum {string}
+         */
+        LossCause: "computer" | "cable" | "camera" | "content" | "device" | "disk" | "unknown";
+        /**
          * MadeWith
          * @description Documents that points were measured with; null if unknown.
          */
@@ -2860,6 +2961,21 @@ export interface components {
             columns: {
                 [key: string]: unknown[];
             };
+        };
+        /**
+         * MeasurementRequest
+         * @description Choices for a re-measurement.
+         * @example {
+         *       "include_damaged": true
+         *     }
+         */
+        MeasurementRequest: {
+            /**
+             * Include Damaged
+             * @description Measure damaged fields too; their points may be wrong in place or time.
+             * @default false
+             */
+            include_damaged?: boolean;
         };
         /**
          * MeasurementResult
@@ -3159,6 +3275,11 @@ export interface components {
             hint: string;
             /** Lacks */
             lacks: components["schemas"]["LackDocument"][];
+            /**
+             * Faults
+             * @description What is wrong with the daemon itself.
+             */
+            faults: components["schemas"]["FaultDocument"][];
         };
         /**
          * ObjectDocument
@@ -3424,7 +3545,18 @@ export interface components {
              * @constant
              */
             status?: "ready";
+            /**
+             * Faults
+             * @description What is wrong with the daemon itself.
+             */
+            faults: components["schemas"]["FaultDocument"][];
         };
+        /**
+         * Rebase
+         * @description Kind of a change; each is entered once, with the first field that goes by the new base.
+         * @enum {string}
+         */
+        Rebase: "clock" | "arrivals" | "timestamps" | "begin" | "count" | "phase" | "numbers";
         /**
          * RejectionRequest
          * @description Rejection of a calibration, with its reason.
@@ -3730,6 +3862,11 @@ export interface components {
                 [key: string]: components["schemas"]["DeviceDocument"];
             };
             storage: components["schemas"]["StorageDocument"];
+            /**
+             * Faults
+             * @description What is wrong with the daemon itself, the worst first.
+             */
+            faults: components["schemas"]["FaultDocument"][];
             /** @description Null if the configuration names no broker. */
             mqtt: components["schemas"]["MqttDocument"] | null;
         };
@@ -4375,7 +4512,11 @@ export interface operations {
             };
             cookie?: never;
         };
-        requestBody?: never;
+        requestBody?: {
+            content: {
+                "application/json": components["schemas"]["MeasurementRequest"] | null;
+            };
+        };
         responses: {
             /** @description Successful Response */
             202: {
@@ -6151,6 +6292,7 @@ export interface operations {
             421: components["responses"]["Problem421"];
             429: components["responses"]["Problem429"];
             500: components["responses"]["Problem500"];
+            503: components["responses"]["Problem503"];
         };
     };
     get_diagnostics: {

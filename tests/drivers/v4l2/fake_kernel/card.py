@@ -48,6 +48,9 @@ class Card:
         eio_takes: an EIO of DQBUF costs the buffer.
         idle_wakes: so many DQBUF say EAGAIN although poll said otherwise.
         stalled: nothing comes, nothing is said.
+        held_ns: from when to when buffers are held up: they are full, and stamped, at the end all at once.
+        recounts: `sequence` of the unit from which on it counts anew.
+        turned: unit from which on the camera's fields have the other parity; None: never.
         plugged: False after an unplug.
     """
 
@@ -81,6 +84,9 @@ class Card:
     eio_takes: bool = True
     idle_wakes: int = 0
     stalled: bool = False
+    held_ns: tuple = (0, 0)
+    recounts: dict = field(default_factory=dict)
+    turned: int | None = None
     plugged: bool = True
 
     def __post_init__(self):
@@ -191,7 +197,9 @@ class Card:
         """When the next buffer is full; None while nothing comes."""
         if not self.queue.streaming or self.queue.failed or self.stalled or not self.plugged:
             return None
-        return (self.fields_of(self.unit)[-1] + 1) * PERIOD_NS
+        due_ns = (self.fields_of(self.unit)[-1] + 1) * PERIOD_NS
+        held_from_ns, held_until_ns = self.held_ns
+        return held_until_ns if held_from_ns <= due_ns < held_until_ns else due_ns
 
     def deliver(self):
         """The buffer that is due; lost if there is none to write to."""
@@ -214,20 +222,23 @@ class Card:
         filled = memory.filled
         filled.bytesused = self.short.get(count, self.pix.sizeimage)
         filled.flags = self.stamp_flags | (abi.BUF_FLAG_ERROR if count in self.flagged else 0)
-        filled.field = Arrangement.ANY if count in self.unlabelled else self._label(numbers)
+        filled.field = Arrangement.ANY if count in self.unlabelled else self._label(numbers, count)
         filled.timestamp.tv_sec, rest_ns = divmod(self.stamp(due_ns), 1_000_000_000)
         filled.timestamp.tv_usec = rest_ns // 1_000
         filled.sequence = self._sequence(count)
 
-    def _label(self, numbers):
+    def _label(self, numbers, count):
         if self.order == Arrangement.ALTERNATE:
-            return Arrangement.BOTTOM if numbers[0] % 2 else Arrangement.TOP
+            turned = self.turned is not None and count >= self.turned
+            return Arrangement.BOTTOM if (numbers[0] + turned) % 2 else Arrangement.TOP
         return self.order
 
     def _sequence(self, count):
-        counted = count - sum(n < count for n in self.uncounted)
+        begin = max((unit for unit in self.recounts if unit <= count), default=0)
+        counted = count - begin - sum(begin <= n < count for n in self.uncounted)
         shared = self.order == Arrangement.ALTERNATE and self.numbering == "frames"
-        return (self.first_sequence + (counted // 2 if shared else counted)) % 2**32
+        first = self.recounts.get(begin, self.first_sequence)
+        return (first + (counted // 2 if shared else counted)) % 2**32
 
 
 def _from(number):

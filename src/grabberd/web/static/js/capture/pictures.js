@@ -10,7 +10,8 @@ const PAUSE_MS = 90;
 const UNWRITTEN = 100;
 const STEPS = [[-25, "back25"], [-1, "back"], [1, "next"], [25, "next25"]];
 const VIEWS = ["both", "left", "right"];
-const IN_THE_FILE = new Set(["received", "damaged"]);
+// Without a signal a grabber delivers a picture of its own, or nothing: then the picture is not there.
+const IN_THE_FILE = new Set(["received", "damaged", "no_signal"]);
 
 /** @param {Context} context */
 export function createPictures(context) {

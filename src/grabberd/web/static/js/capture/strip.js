@@ -1,6 +1,6 @@
 // The ledger as a strip over time: what became of every field that should have come.
 import { el, fill } from "../core/dom.js";
-import { FIELD_S, entryIn, ledgerIn, reasonIn, totalOf } from "../captures/words.js";
+import { FIELD_S, entryIn, eventIn, ledgerIn, reasonIn, totalOf } from "../captures/words.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { Capture } from "types/documents" */
@@ -33,7 +33,7 @@ export function createStrip(context, choose) {
     element.hidden = total === 0;
     picture.setAttribute("viewBox", `0 0 ${Math.max(1, total)} 1`);
     picture.setAttribute("aria-label", ledgerIn(context, capture, LISTED));
-    picture.replaceChildren(...segments(capture), ...trigger(capture));
+    picture.replaceChildren(...segments(capture), ...events(capture), ...trigger(capture));
     fill(ends, el("span", {}, "0 s"), el("span", {}, t("captures.seconds", { s: format.number(total * FIELD_S, 1) })));
     const counts = OUTCOMES.filter((outcome) => capture.ledger.counts[outcome]);
     fill(legend, ...counts.map((outcome) => el("li", {}, el("span", { class: `strip-swatch strip-${outcome}`, "aria-hidden": "true" }), t(`capture.outcome.${outcome}`), " ", el("b", {}, tn("captures.fields", capture.ledger.counts[outcome])))));
@@ -46,6 +46,11 @@ export function createStrip(context, choose) {
     return [rect(0, total, "received"), ...others];
   }
 
+  /** Marks of changes of what numbers and times go by. @param {Capture} capture */
+  function events(capture) {
+    return capture.ledger.events.map((event) => rect(event.n, total * LEAST, "event"));
+  }
+
   /** Mark of the trigger. @param {Capture} capture */
   function trigger(capture) {
     return capture.pre_trigger_fields ? [rect(capture.pre_trigger_fields, total * LEAST, "trigger")] : [];
@@ -53,10 +58,16 @@ export function createStrip(context, choose) {
 
   /** @param {Capture} capture */
   function listed(capture) {
-    const entries = capture.ledger.entries;
-    const lines = entries.slice(0, LISTED).map((entry) =>
-      el("li", {}, el("button", { class: "button plain", type: "button", on: { click: () => choose(entry.first_n) } }, el("span", {}, `${entryIn(context, entry)}: ${reasonIn(context, entry.reason)}`))));
-    return entries.length > LISTED ? [...lines, el("li", { class: "muted" }, tn("capture.moreEntries", entries.length - LISTED))] : lines;
+    const { entries, events: changes } = capture.ledger;
+    const lost = entries.map((entry) => line(entry.first_n, `${entryIn(context, entry)}: ${reasonIn(context, entry.reason)}`));
+    const lines = [...lost, ...changes.map((event) => line(event.n, eventIn(context, event)))];
+    const rest = lines.length - LISTED;
+    return rest > 0 ? [...lines.slice(0, LISTED), el("li", { class: "muted" }, tn("capture.moreEntries", rest))] : lines;
+  }
+
+  /** @param {number} n @param {string} words */
+  function line(n, words) {
+    return el("li", {}, el("button", { class: "button plain", type: "button", on: { click: () => choose(n) } }, el("span", {}, words)));
   }
 
   return { element, show };

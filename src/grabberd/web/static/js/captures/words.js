@@ -2,7 +2,7 @@
 import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Capture, LedgerEntry } from "types/documents" */
+/** @import { Capture, LedgerEntry, LedgerEvent } from "types/documents" */
 
 /** Nominal time from one field to the next, which a ledger counts by. */
 export const FIELD_S = 0.02;
@@ -75,7 +75,15 @@ export function entryIn({ tn, format }, entry) {
 
 /** Reason for lost or damaged fields, in words. @param {Context} context @param {string} reason */
 export function reasonIn({ t, texts }, reason) {
-  return texts.has(`captures.reason.${slug(reason)}`) ? t(`captures.reason.${slug(reason)}`) : reason;
+  const said = slug(reason);
+  if (texts.has(`captures.reason.${said}`)) return t(`captures.reason.${said}`);
+  const short = slug(reason.split(" (")[0]);
+  return texts.has(`captures.reason.${short}`) ? t(`captures.reason.${short}`) : reason;
+}
+
+/** A change of what numbers and times go by, in words. @param {Context} context @param {LedgerEvent} event */
+export function eventIn({ t, format }, event) {
+  return t(`captures.rebase.${event.kind}`, { at: format.number(event.n * FIELD_S, 1) });
 }
 
 /** Reason for the end of a capture, in words. @param {Context} context @param {string | null} because */

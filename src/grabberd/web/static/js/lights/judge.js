@@ -3,7 +3,7 @@ import { deviceOf, rateOf, streams as isStreaming } from "../core/store.js";
 
 /** @import { Known } from "../core/store.js" */
 /** @import { LossHistory } from "./history.js" */
-/** @import { Device, Storage } from "types/documents" */
+/** @import { Device, State, Storage } from "types/documents" */
 
 /** @typedef {{hz?: number, wanted?: number, n?: number, waiting?: number, slots?: number, id?: string, days?: number, minutes?: number, seconds?: number}} LightValues */
 
@@ -37,14 +37,16 @@ export function judge(known, history) {
     streams ? rate(device) : idle("rate"),
     streams ? lost(history) : idle("lost"),
     ring(device),
+    computer(device),
     calibration(device),
     rig(device),
     disk(known.state.storage),
+    records(known.state),
     clock(known),
   ];
 }
 
-const IDS = ["grabber", "signal", "rate", "lost", "ring", "calibration", "rig", "disk", "clock"];
+const IDS = ["grabber", "signal", "rate", "lost", "ring", "computer", "calibration", "rig", "disk", "records", "clock"];
 
 /** The daemon's own words about a problem, as far as it has any. @param {(string | null)[]} said */
 const knownOf = (said) => said.flatMap((one) => (one ? [one] : []));
@@ -100,6 +102,13 @@ function ring(device) {
 }
 
 /** @param {Device} device @returns {Light} */
+function computer(device) {
+  const { cause, hint, cause_code: code, since_utc: since } = device.computer;
+  if (!cause) return { id: "computer", level: "good", word: "good" };
+  return { id: "computer", level: "warn", word: code === "program_stopped" ? "stopped" : "busy", code, since, said: knownOf([cause, hint]) };
+}
+
+/** @param {Device} device @returns {Light} */
 function calibration(device) {
   const lack = device.lacks.find((one) => one.lacks === "calibration");
   const said = lack ? [lack.message, lack.hint] : [];
@@ -126,6 +135,14 @@ function disk(storage) {
   const values = { minutes };
   if (minutes >= 60) return { id: "disk", level: "good", word: "good", values };
   return { id: "disk", level: minutes < 10 ? "bad" : "warn", word: minutes > 0 ? "short" : "full", values, cause: "full" };
+}
+
+/** What is wrong with the daemon itself; what the disk's light tells is left to it. @param {State} state @returns {Light} */
+function records({ faults, storage }) {
+  const worst = faults.find((one) => one.cause_code !== storage.cause_code);
+  if (!worst) return { id: "records", level: "good", word: "good" };
+  const level = worst.level === "fault" ? "bad" : "warn";
+  return { id: "records", level, word: worst.level, code: worst.cause_code, since: worst.since_utc, said: [worst.message, worst.hint] };
 }
 
 /** @param {Known} known @returns {Light} */

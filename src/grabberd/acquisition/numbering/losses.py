@@ -1,0 +1,41 @@
+"""Losses before a field: how many, and what tells of them."""
+
+from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, never_came
+from grabberd.acquisition.numbering.paths import Step
+from grabberd.acquisition.numbering.pending import Pending
+
+TIME_GAP = "time gap"
+SEQUENCE_GAP = "sequence gap"
+REPEATED_PARITY = "repeated parity"
+
+
+def lost_before(pending: Pending, step: Step, first_n: int) -> tuple[LedgerEntry, ...]:
+    """The entry for the fields from `first_n` on that are missing before a field; none if none are."""
+    count = step.fields - 1
+    if not count:
+        return ()
+    gap = NO_SIGNAL if pending.no_signal else pending.standstill or _gap(pending, step)
+    reason = pending.interruption or gap
+    return (never_came(first_n, count, reason),)
+
+
+def _gap(pending: Pending, step: Step) -> str:
+    if pending.time_ns is not None and step.late is not None and abs(step.late) <= 0.5:
+        return TIME_GAP
+    if pending.count == step.fields:
+        return SEQUENCE_GAP
+    return REPEATED_PARITY if pending.time_ns is None else TIME_GAP
+
+
+def uncounted(pending: Pending, step: Step) -> int:
+    """Number of fields that were lost before one without the driver's notice."""
+    if pending.interruption:
+        return 0
+    return abs(step.fields - (1 if pending.count is None else pending.count))
+
+
+def contradiction(pending: Pending, step: Step) -> int:
+    """Number of fields by which stamp and count differ, where no arrival tells which of them is wrong."""
+    if pending.count is None or pending.interruption or step.arrived_in_time:
+        return 0
+    return abs(pending.count - step.fields)

@@ -1,0 +1,61 @@
+"""A field whose number is not settled yet."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from grabberd.acquisition.ledger import NO_SIGNAL, Outcome
+from grabberd.acquisition.numbering.arrivals import Arrival
+
+
+@dataclass(frozen=True, slots=True)
+class Pending:
+    """A field that waits for more evidence.
+
+    Attributes:
+        parity: Of the field.
+        stamp_ns: Its timestamp; `time_ns`: the time that it means, or None if it is not believed.
+        doubt: Why it is not believed, or None.
+        arrival: Its arrival.
+        sequence: The driver's number of it, or None.
+        count: Fields since the one before by the driver's count; None if that cannot tell.
+        recounted: True if that count has restarted.
+        outcome, reason: What is known of it without its number.
+        no_signal: True if the driver reports no camera.
+        interruption: Why the stream stopped before it, or None.
+        standstill: Why the driver's buffers may have been full before it, or None.
+    """
+
+    parity: int
+    stamp_ns: int
+    time_ns: int | None
+    doubt: str | None
+    arrival: Arrival
+    sequence: int | None
+    count: int | None
+    recounted: bool
+    outcome: Outcome
+    reason: str | None
+    no_signal: bool
+    interruption: str | None
+    standstill: str | None
+
+    def overcounts(self, fields: int) -> bool:
+        """True if the driver counts more fields since the one before than there were."""
+        return self.count is not None and self.interruption is None and self.count > fields
+
+    def damaged(self, reason: str) -> Self:
+        """The same, damaged for this reason, unless it is no good field anyway."""
+        if self.outcome is not Outcome.RECEIVED:
+            return self
+        return replace(self, outcome=Outcome.DAMAGED, reason=reason)
+
+
+def outcome_of(no_signal: str | None, damage: str | None) -> tuple[Outcome, str | None]:
+    """Outcome of a field, and its reason, by what driver and content tell."""
+    if no_signal:
+        return Outcome.NO_SIGNAL, no_signal
+    if damage and damage.startswith(NO_SIGNAL):  # as a recording tells of it
+        return Outcome.NO_SIGNAL, damage
+    if damage:
+        return Outcome.DAMAGED, damage
+    return Outcome.RECEIVED, None

@@ -1,0 +1,151 @@
+"""Times of the fields: the camera's clock, led by the stamps that deserve it."""
+
+import math
+
+from grabberd.acquisition.device import StreamInfo
+from grabberd.acquisition.numbering.arrivals import Arrivals
+from grabberd.acquisition.numbering.field_clock import FieldClock
+from grabberd.acquisition.numbering.paths import Step
+from grabberd.acquisition.numbering.pending import Pending
+from grabberd.acquisition.numbering.stamps import Stamps
+from grabberd.acquisition.rebases import Rebase
+
+_LATE = 0.75
+"""Periods by which a stamp may be off before the field's time is predicted instead."""
+_IN_TIME = 0.6
+"""Periods after the shortest way, within which a field has arrived in time."""
+_EARLY = 3
+"""Fields in a row that are early by a whole one, after which the clock is wrong and not they."""
+_NEW_FOR = 100
+"""Fields of a stream within which its first stamps may turn out to have been late. Later on, early stamps are
+those of another clock."""
+_TAKEN_OVER = 5
+"""Stamps in a row that are not believed, after which arrivals have taken over: fewer are a few bad ones, or
+the first of another clock."""
+
+
+class Timing:
+    """Comes to the time of each field in turn, when its number is settled.
+
+    A stamp corrects the clock; one that is not believed, or that is off, leaves the clock to predict the
+    time, and then there is a reason why.
+
+    Args:
+        info: The stream as granted. The times of a recording are taken as they are.
+        stamps, arrivals: Those of the stream.
+
+    Attributes:
+        rebases: What times go by from the last field on and did not before, each with its reason; whoever
+            takes them clears them.
+    """
+
+    def __init__(self, info: StreamInfo, stamps: Stamps, arrivals: Arrivals) -> None:
+        self._live = info.live
+        self._clock = FieldClock(1e9 / info.rate_hz, exact=not info.live)
+        self._stamps = stamps
+        self._arrivals = arrivals
+        self._early = self._too_many = self._doubted = 0
+        self.rebases: list[tuple[Rebase, str]] = []
+
+    def steps_to(self, time_ns: int | None) -> float | None:
+        """Periods from the field that was settled last to a time; None if either is unknown."""
+        return self._clock.steps_to(time_ns) if time_ns is not None and self._clock.locked else None
+
+    def take_too_many(self) -> int:
+        """Number of fields that turned out to be too many with the last field; 0 when asked again."""
+        too_many, self._too_many = self._too_many, 0
+        return too_many
+
+    def begin(self, pending: Pending) -> tuple[int, str | None]:
+        """Begin with the first field; its time, and why that is predicted."""
+        time_ns = pending.arrival.time_ns if pending.time_ns is None else pending.time_ns
+        if time_ns is None:
+            return pending.stamp_ns, pending.doubt
+        self._clock.lock(time_ns)
+        self._arrivals.learn(pending.arrival, time_ns)
+        return time_ns, pending.doubt
+
+    def come_to(self, pending: Pending, step: Step, n: int) -> tuple[int, str | None]:
+        """Advance the clock to field `n`; its time, and why that is predicted."""
+        if pending.time_ns is None:
+            predicted_ns = self._predicted_ns(pending, step)
+            self._go_without(pending, predicted_ns)
+            return predicted_ns, pending.doubt
+        self._believe_again()
+        late = self._clock.steps_to(pending.time_ns) - step.fields if self._clock.locked else 0.0
+        if not self._clock.locked or (pending.interruption and abs(late) <= _LATE):
+            self._stamps.fits()
+            self._clock.lock(pending.time_ns)
+            return pending.time_ns, None
+        if not self._live or abs(late) <= _LATE:
+            self._stamps.fits()
+            self._early = 0
+            return self._clock.advance(step.fields, pending.time_ns), None
+        if self._arrived_in_time(pending, step):
+            return self._come_in_time(pending, step, late, n)
+        self._stamps.fits()
+        if late > 0:
+            return self._clock.advance(step.fields), "late timestamp"
+        return self._come_early(pending.time_ns, step, late), None
+
+    def _come_in_time(self, pending: Pending, step: Step, late: float, n: int) -> tuple[int, str | None]:
+        """Advance to a field that arrived in time, although its stamp is off."""
+        if late < 0 and n < _NEW_FOR:
+            return self._begin_again(pending.time_ns or 0, step)
+        predicted_ns = self._clock.advance(step.fields)
+        self._note_set_by(self._stamps.off(pending.stamp_ns, predicted_ns))
+        return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
+
+    def _begin_again(self, time_ns: int, step: Step) -> tuple[int, str | None]:
+        """Advance to a field of a new stream that is early; after some of them the first stamps were late."""
+        self._early += 1
+        if self._early < _EARLY:
+            return self._clock.advance(step.fields), "early timestamp"
+        off_ns = time_ns - self._clock.advance(step.fields)
+        self.rebases.append((Rebase.BEGIN, f"the first timestamps were late by {-off_ns / 1e6:.0f} ms"))
+        self._clock.lock(time_ns)
+        self._arrivals.forget()
+        return time_ns, None
+
+    def _come_early(self, time_ns: int, step: Step, late: float) -> int:
+        """Advance to a field that is early; after some of them the numbers have run ahead of the camera."""
+        self._early += 1
+        if self._early < _EARLY:
+            return self._clock.advance(step.fields, time_ns)
+        self.rebases.append((Rebase.NUMBERS, f"the numbers had run ahead by {round(-late)}"))
+        # The early fields before it have moved the clock by part of a period.
+        self._too_many = math.ceil(-late) + 1
+        self._clock.lock(time_ns)
+        return time_ns
+
+    def _go_without(self, pending: Pending, predicted_ns: int) -> None:
+        """Note a stamp that is not believed."""
+        self._note_set_by(self._stamps.doubted(pending.stamp_ns, predicted_ns))
+        if self._stamps.explains(pending.stamp_ns, predicted_ns):
+            return  # it came before the other clock was known
+        self._doubted += 1
+        if self._doubted == _TAKEN_OVER:
+            reason = f"arrivals have taken over from the timestamps ({pending.doubt})"
+            self.rebases.append((Rebase.ARRIVALS, reason))
+
+    def _believe_again(self) -> None:
+        if self._doubted >= _TAKEN_OVER:
+            self.rebases.append((Rebase.TIMESTAMPS, "the timestamps are believed again"))
+        self._doubted = 0
+
+    def _note_set_by(self, set_by_ns: int) -> None:
+        if set_by_ns:
+            reason = f"the clock of the timestamps was set by {set_by_ns / 1e9:+.3f} s"
+            self.rebases.append((Rebase.CLOCK, reason))
+
+    def _arrived_in_time(self, pending: Pending, step: Step) -> bool:
+        steps = self.steps_to(self._arrivals.exposed_ns(pending.arrival))
+        return steps is not None and abs(steps - step.fields) < _IN_TIME
+
+    def _predicted_ns(self, pending: Pending, step: Step) -> int:
+        if self._clock.locked:
+            return self._clock.advance(step.fields)
+        if pending.arrival.time_ns is None:
+            return pending.stamp_ns
+        self._clock.lock(pending.arrival.time_ns)
+        return pending.arrival.time_ns

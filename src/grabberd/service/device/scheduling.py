@@ -1,0 +1,151 @@
+"""Scheduling: whether the capture thread takes fields in time, by its clock and by the kernel's account."""
+
+import os
+import threading
+import time
+from contextlib import suppress
+from typing import NamedTuple, Protocol
+
+from grabberd.acquisition import Standstill
+from grabberd.acquisition.clock import UtcClock
+
+_HAD_TO_WAIT_NS = 4_000_000
+"""A request that was idle for longer has found the driver's buffers empty. Less may be a wait for the
+interpreter, which other threads of the program have."""
+_NOTABLE_NS = 10_000_000
+"""Half a field: a pause that is shorter is none."""
+
+
+class ThreadTimes(NamedTuple):
+    """Times of a thread since it began.
+
+    Attributes:
+        ran_ns: On a processor.
+        waited_ns: Ready to run, but without a processor.
+    """
+
+    ran_ns: int
+    waited_ns: int
+
+
+class ThreadAccount(Protocol):
+    """The kernel's account of a thread."""
+
+    def thread(self) -> ThreadTimes | None:
+        """Times of the thread; None if unknown."""
+        ...
+
+    def program_ns(self) -> int:
+        """Processor time of the whole program."""
+        ...
+
+
+class NoAccount:
+    """No account, for a clock that is not the kernel's."""
+
+    def thread(self) -> ThreadTimes | None:
+        """See `ThreadAccount`."""
+        return None
+
+    def program_ns(self) -> int:
+        """See `ThreadAccount`."""
+        return 0
+
+
+class KernelAccount:
+    """The account of the thread that first asks for it, from /proc/self/task/TID/schedstat."""
+
+    def __init__(self) -> None:
+        self._file: int | None = None
+        self._opened = False
+
+    def thread(self) -> ThreadTimes | None:
+        """See `ThreadAccount`; None where the kernel keeps no such account."""
+        if not self._opened:
+            self._opened = True
+            with suppress(OSError):
+                path = f"/proc/self/task/{threading.get_native_id()}/schedstat"
+                self._file = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+        if self._file is None:
+            return None
+        ran, waited, _turns = os.pread(self._file, 128, 0).split()
+        return ThreadTimes(int(ran), int(waited))
+
+    def program_ns(self) -> int:
+        """See `ThreadAccount`."""
+        return time.process_time_ns()
+
+    def close(self) -> None:
+        """Closes the account; it tells nothing afterwards."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
+
+class Scheduling:
+    """Adds up the time for which the capture thread took no fields.
+
+    It counts from when the driver's buffers were last found empty: a program that is a little late again and
+    again fills them as one long pause does.
+
+    Args:
+        clock: Source of time.
+        account: The kernel's account of the thread that uses this.
+    """
+
+    def __init__(self, clock: UtcClock, account: ThreadAccount) -> None:
+        self._clock = clock
+        self._account = account
+        self._asked_ns = self._returned_ns = clock.now_ns()
+        self._times_at_asking: ThreadTimes | None = None
+        self._times_at_begin: ThreadTimes | None = None
+        self._late_ns = self._program_ns_at_begin = 0
+
+    def excuse(self) -> None:
+        """Notes that nobody had to take fields until now."""
+        self._begin(self._account.thread())
+        self.returned()
+
+    def asks(self) -> int:
+        """Notes that the thread asks for a field now; returns the time."""
+        self._asked_ns = self._clock.now_ns()
+        self._times_at_asking = self._account.thread()
+        return self._asked_ns
+
+    def came(self, now_ns: int, timeout_s: float) -> Standstill | None:
+        """Tells what has kept the thread from taking fields, now that a request is over; None if nothing has.
+
+        Args:
+            now_ns: The present time.
+            timeout_s: Longest time that the request should have taken.
+        """
+        times = self._account.thread()
+        request_ns = now_ns - self._asked_ns
+        waited_ns, ran_ns = _between(self._times_at_asking, times)
+        # A processor may have been waited for in the middle of the request, or something else after it.
+        late_ns = max(0, request_ns - round(timeout_s * 1e9), min(waited_ns, request_ns))
+        if request_ns - late_ns - ran_ns > _HAD_TO_WAIT_NS:
+            self._begin(self._times_at_asking)
+        else:
+            late_ns = now_ns - self._returned_ns  # all of it: there was a field to take
+        self._late_ns += late_ns
+        if late_ns < _NOTABLE_NS:
+            return None
+        waited_in_all = None if times is None else _between(self._times_at_begin, times)[0]
+        used_ns = self._account.program_ns() - self._program_ns_at_begin
+        return Standstill(self._late_ns, waited_in_all, used_ns)
+
+    def returned(self) -> None:
+        """Notes that the thread has given the driver's buffer back."""
+        self._returned_ns = self._clock.now_ns()
+
+    def _begin(self, times: ThreadTimes | None) -> None:
+        self._late_ns, self._times_at_begin = 0, times
+        self._program_ns_at_begin = self._account.program_ns()
+
+
+def _between(before: ThreadTimes | None, after: ThreadTimes | None) -> tuple[int, int]:
+    """Time waited and run between two readings; none where they are unknown."""
+    if before is None or after is None:
+        return 0, 0
+    return after.waited_ns - before.waited_ns, after.ran_ns - before.ran_ns

@@ -1,0 +1,35 @@
+"""The ledger of a capture as `ledger.csv`, beside whatever is exported of it."""
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+from grabberd.acquisition import Ledger, cause_of_loss
+from grabberd.storage.capture.reader import CaptureReader
+
+LEDGER = "ledger.csv"
+LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
+REBASE = "rebase"
+"""Outcome of a row that counts no fields: a change of what numbers and times go by from that field on."""
+
+
+def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
+    """Writes `ledger.csv`: a row for each entry and each rebase, in order; only a header for a good capture.
+
+    Raises:
+        CaptureFileError: The capture is damaged.
+        OSError: The file cannot be written.
+    """
+    ledger = reader.ledger
+    with (directory / LEDGER).open("w", newline="", encoding="utf-8") as file:
+        rows = csv.writer(file)
+        rows.writerow(LEDGER_COLUMNS)
+        rows.writerows(sorted(_rows(ledger)))
+
+
+def _rows(ledger: Ledger) -> Iterator[tuple[int, int, str, str, str]]:
+    for entry in ledger.entries:
+        cause = cause_of_loss(entry.outcome, entry.reason)
+        yield entry.first_n, entry.count, str(entry.outcome), str(cause), entry.reason
+    for event in ledger.events:
+        yield event.n, 0, REBASE, str(event.kind), event.reason

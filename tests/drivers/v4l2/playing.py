@@ -1,0 +1,171 @@
+"""A capture thread before a card in the modelled kernel, and what its account says of the camera's fields."""
+
+from datetime import UTC, datetime, timedelta
+
+from simulated_time import SMALL, NoCaptures, Until
+
+from drivers.v4l2.bench import Bench
+from drivers.v4l2.fake_kernel import number_in
+from grabberd.acquisition import Ledger
+from grabberd.config import RingConfig
+from grabberd.field import unpack
+from grabberd.service.device.capture_thread import CaptureThread
+from grabberd.service.device.field_pipeline import FieldPipeline
+from grabberd.service.device.scheduling import ThreadTimes
+from grabberd.service.device.status_board import StatusBoard
+from grabberd_fake.audit import Judged, lies_of
+
+
+class KernelClock:
+    """The modelled kernel's clock, for everything that runs on it."""
+
+    def __init__(self, kernel):
+        self._kernel, self._begin_ns = kernel, kernel.time_ns
+
+    def now_ns(self):
+        return self._kernel.time_ns
+
+    def utc_now(self):
+        return datetime(2026, 1, 1, tzinfo=UTC) + timedelta(microseconds=self.now_ns() / 1000)
+
+    def sleep(self, seconds):
+        self._kernel.sleep(max(0.0, seconds))
+
+    @property
+    def passed_s(self):
+        return (self.now_ns() - self._begin_ns) / 1e9
+
+
+class Scheduler:
+    """Keeps the program from running, and the kernel's account of that.
+
+    Attributes:
+        waits_s: how long a call of the program has to wait for a processor, by the time that has passed.
+        stops: from when to when it is stopped, in s.
+    """
+
+    def __init__(self, clock):
+        self._clock = clock
+        self._waited_ns = 0
+        self.waits_s = lambda _passed_s: 0.0
+        self.stops = ()
+
+    def thread(self):
+        return ThreadTimes(0, self._waited_ns)
+
+    def program_ns(self):
+        return 0
+
+    def hold(self):
+        """Lets the time pass for which the program does not run."""
+        wait_s = self.waits_s(self._clock.passed_s)
+        self._waited_ns += round(wait_s * 1e9)
+        self._clock.sleep(wait_s)
+        for begin_s, end_s in self.stops:
+            if begin_s <= self._clock.passed_s < end_s:
+                self._clock.sleep(end_s - self._clock.passed_s)
+
+
+class Play:
+    """A stream of the card for some seconds, as the daemon would take it.
+
+    Attributes:
+        bench, card, scheduler: to have things go wrong on, before `run`.
+        slots: what came, in order; ledger: their account.
+    """
+
+    def __init__(self, folder, card, **options):
+        self.bench = Bench(folder, card, **options)
+        self.card, kernel = self.bench.card, self.bench.kernel
+        self.clock = KernelClock(kernel)
+        self.scheduler = Scheduler(self.clock)
+        self._poll = kernel.poll
+        kernel.poll = self._late_poll
+        ring = RingConfig(bits=8, lines="field")
+        self._pipeline = FieldPipeline(SMALL.model_copy(update={"ring": ring}))
+        self._opened, self._pipeline.opened = self._pipeline.opened, self._without_content_check
+        self.board = StatusBoard("cup", self.clock)
+        self.slots, self.ledger = [], Ledger()
+        self._count, self.board.count = self.board.count, self._take
+
+    def run(self, seconds):
+        """Plays, and returns itself."""
+        captures = NoCaptures(lambda _: None, lambda _: None)
+        stopping = Until(self.clock, seconds)
+        thread = CaptureThread(
+            "cup",
+            self.bench.grabber,
+            self._pipeline,
+            self.board,
+            self.clock,
+            captures,
+            stopping,
+            self.scheduler,
+        )
+        thread.run()
+        for slot in self._pipeline.settle():
+            self._take(slot)
+        return self
+
+    def _without_content_check(self, info):
+        """The model's pictures are no camera's: what is the same in every line looks shifted."""
+        change = self._opened(info)
+        self._pipeline._content = None
+        return change
+
+    def _late_poll(self, fd, timeout_s):
+        ready = self._poll(fd, timeout_s)
+        self.scheduler.hold()
+        return ready or self._poll(fd, 0.0)
+
+    def _take(self, slot):
+        self._count(slot)
+        self.slots.append(slot)
+        self.ledger.enter(slot.n, slot.outcome, slot.reason, slot.lost_before)
+        self.ledger.events += slot.rebases
+
+    @property
+    def camera_numbers(self):
+        """The camera's number of each field that came, as its picture has it."""
+        return [number_in(unpack(slot.numbered.packed).luma) for slot in self.slots]
+
+    @property
+    def lies(self):
+        """What is not as the account says."""
+        numbers = self.camera_numbers
+        judged = [
+            Judged(slot.n, number, slot.time_ns, slot.reason)
+            for slot, number in zip(self.slots, numbers, strict=True)
+        ]
+        return list(lies_of(judged, numbers[0]))
+
+    @property
+    def missing(self):
+        """Numbers that the account says are lost."""
+        return [n for entry in self.lost for n in range(entry.first_n, entry.end_n)]
+
+    @property
+    def lost(self):
+        """Entries of fields that never came."""
+        return [entry for slot in self.slots for entry in slot.lost_before]
+
+    @property
+    def truly_missing(self):
+        """Numbers of the camera's fields that did not come, counted from the first."""
+        numbers = self.camera_numbers
+        return sorted(set(range(numbers[-1] - numbers[0])) - {number - numbers[0] for number in numbers})
+
+    @property
+    def uncertain(self):
+        """Fields whose number is said to be uncertain."""
+        return [slot.n for slot in self.slots if "number uncertain" in (slot.reason or "")]
+
+    @property
+    def rebases(self):
+        """Kinds of the changes of what numbers and times go by."""
+        return [event.kind for event in self.ledger.events]
+
+    @property
+    def causes(self):
+        """Reasons of the losses without their values."""
+        return {entry.reason.partition(" (")[0] for entry in self.lost}

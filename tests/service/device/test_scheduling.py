@@ -1,0 +1,157 @@
+"""Whether the capture thread took its fields in time, and what kept it from that."""
+
+import time
+
+import pytest
+from slots import ManualClock
+
+from grabberd.acquisition import Standstill
+from grabberd.service.device.scheduling import KernelAccount, Scheduling, ThreadTimes
+
+TIMEOUT_S = 0.05
+
+
+class Account:
+    """An account that the test keeps."""
+
+    def __init__(self) -> None:
+        self.ran_s = self.waited_s = self.program_s = 0.0
+        self.known = True
+
+    def thread(self) -> ThreadTimes | None:
+        return ThreadTimes(round(self.ran_s * 1e9), round(self.waited_s * 1e9)) if self.known else None
+
+    def program_ns(self) -> int:
+        return round(self.program_s * 1e9)
+
+
+class Thread:
+    """A capture thread whose time goes where the test says."""
+
+    def __init__(self) -> None:
+        self.clock, self.account = ManualClock(), Account()
+        self.scheduling = Scheduling(self.clock, self.account)
+        self.scheduling.excuse()
+
+    def spend(self, seconds: float, *, waits: bool = False, runs: bool = False, others: bool = False) -> None:
+        self.clock.advance(seconds)
+        self.account.waited_s += seconds * waits
+        self.account.ran_s += seconds * runs
+        self.account.program_s += seconds * (runs or others)
+
+    def request(self, idle_s: float = 0.0, **late: float) -> Standstill | None:
+        """Asks for a field, which comes after a while; `waits_s`, `stops_s`: what happens besides."""
+        self.scheduling.asks()
+        self.spend(idle_s)
+        self.spend(late.get("waits_s", 0.0), waits=True)
+        self.spend(late.get("stops_s", 0.0))
+        self.spend(late.get("runs_s", 0.0), runs=True)
+        found = self.scheduling.came(self.clock.now_ns(), TIMEOUT_S)
+        self.scheduling.returned()
+        return found
+
+
+def test_a_thread_that_waits_for_the_camera_stands_still_never() -> None:
+    thread = Thread()
+    for _ in range(100):
+        assert thread.request(idle_s=0.018) is None
+        thread.spend(0.002, runs=True)
+
+
+def test_a_field_that_does_not_come_is_no_standstill() -> None:
+    thread = Thread()
+    assert [thread.request(idle_s=TIMEOUT_S) for _ in range(20)] == [None] * 20
+
+
+@pytest.mark.parametrize("where", ["in the request", "between two"])
+def test_waiting_for_a_processor_is_told_with_its_time(where: str) -> None:
+    thread = Thread()
+    thread.request(idle_s=0.018)
+    if where == "between two":
+        thread.spend(1.2, waits=True)
+        found = thread.request()
+    else:
+        found = thread.request(idle_s=0.01, waits_s=1.2)
+    assert found
+    assert found.time_ns == pytest.approx(1.2e9, abs=1e7)
+    assert not found.is_stop
+    assert found.reason == "computer busy (waited 1.2 s for a processor)"
+
+
+def test_a_wait_within_the_time_out_is_told_as_well() -> None:
+    found = Thread().request(waits_s=0.04)
+    assert found == Standstill(40_000_000, 40_000_000, 0)
+
+
+@pytest.mark.parametrize("where", ["in the request", "between two"])
+def test_a_program_that_was_stopped_is_told_from_a_busy_computer(where: str) -> None:
+    thread = Thread()
+    thread.request(idle_s=0.018)
+    if where == "between two":
+        thread.spend(12.0)
+        found = thread.request()
+    else:
+        found = thread.request(stops_s=12.0)
+    assert found
+    assert found.is_stop
+    assert found.reason in {"program stopped (for 12.0 s)", "program stopped (for 11.9 s)"}
+
+
+def test_the_program_itself_may_be_what_keeps_the_computer_busy() -> None:
+    thread = Thread()
+    thread.spend(0.8, others=True)
+    found = thread.request()
+    assert found
+    assert found.reason == "computer busy (the program itself, for 0.8 s)"
+
+
+def test_short_delays_add_up_while_the_buffers_are_never_empty() -> None:
+    thread = Thread()
+    thread.request(idle_s=0.02)
+    found = [thread.request(waits_s=0.03) for _ in range(10)]
+    assert [round(one.time_ns / 1e6) for one in found if one] == [30 * n for n in range(1, 11)]
+    assert thread.request(idle_s=0.01) is None
+    again = thread.request(waits_s=0.03)
+    assert again
+    assert again.time_ns == pytest.approx(30e6, abs=1e6)
+
+
+def test_a_field_that_takes_long_to_draw_has_not_been_waited_for() -> None:
+    thread = Thread()
+    thread.request(idle_s=0.02)
+    found = [thread.request(runs_s=0.02, waits_s=0.02) for _ in range(5)]
+    assert found[-1]
+    assert found[-1].time_ns == pytest.approx(0.2e9, abs=1e6)
+
+
+def test_a_pause_that_nobody_minds_is_excused() -> None:
+    thread = Thread()
+    thread.spend(100.0)
+    thread.scheduling.excuse()
+    assert thread.request() is None
+
+
+def test_without_an_account_only_the_time_is_told() -> None:
+    thread = Thread()
+    thread.account.known = False
+    thread.spend(1.0)
+    found = thread.request()
+    assert found
+    assert (found.waited_ns, found.is_stop) == (None, False)
+    assert found.reason == "computer busy (took no fields for 1.0 s)"
+
+
+def test_this_computers_kernel_keeps_an_account_of_this_thread() -> None:
+    account = KernelAccount()
+    before = account.thread()
+    if before is None:
+        pytest.skip("this kernel has no schedstat")
+    end = time.thread_time_ns() + 20_000_000
+    while time.thread_time_ns() < end:
+        pass
+    after = account.thread()
+    assert after
+    assert after.ran_ns - before.ran_ns > 10_000_000
+    assert after.waited_ns >= before.waited_ns
+    account.close()
+    assert account.thread() is None
