@@ -7,6 +7,7 @@ const FAULT = { cause_code: "settings_lost", level: "fault", message: "lost", hi
 const DEVICE = {
   name: "cup", state: "ready", signal: "present", rate_hz: 50, stream: { rate_hz: 50 }, ring: { waiting: 0, slots: 32 },
   fields: {}, lacks: [], calibration: { id: "rig", age_days: 1 }, rig: null, cause: null, hint: null, cause_code: null,
+  computer: { cause: null, hint: null, cause_code: null, since_utc: null },
 };
 const NO_LOSSES = { enter() {}, losses: () => ({ lost: 0, all: 0 }) };
 
