@@ -23,6 +23,8 @@ class Expected(NamedTuple):
     reason: str = ""
 
 
+MISNAMED = ("process stopped for 0.6 s",)
+"""Faults whose losses are known to come out with the wrong cause; all else about them is checked."""
 EXPECTED = {
     "buffer flagged damaged": Expected("damaged", "flags an error"),
     "one buffer in five dropped": Expected("lost", "gap"),
@@ -41,8 +43,7 @@ EXPECTED = {
     "sequence near its wrap": Expected("lost", "stopped streaming"),
     "times near their wrap, 64 bits": Expected("lost", "stopped streaming"),
     "process stopped for 0.2 s": Expected(),
-    # Stopped in the midst of a request that may take as long, it cannot tell itself from a quiet cable.
-    "process stopped for 0.6 s": Expected("lost"),
+    "process stopped for 0.6 s": Expected("lost", "program stopped"),
     "black picture": Expected("no_signal", "flat picture"),
     "blue picture": Expected("no_signal", "flat picture"),
     "noise for a picture": Expected("no_signal", "snow"),
@@ -81,10 +82,13 @@ def test_a_fault_is_noticed_recovered_from_and_accounted_for(
         assert result["noticed_s"] is not None
         assert result["noticed_s"] <= NOTICED_S
         assert [expected.outcome] == sorted({outcome for _, outcome, _ in result["entries"]})
-        assert any(expected.reason in reason for *_, reason in result["entries"])
     assert result["recovered_s"] is not None
     assert result["recovered_s"] <= RECOVERED_S
     assert result["received"] + sum(count for count, *_ in result["entries"]) == result["total"]
+    reasons = {reason for *_, reason in result["entries"]}
+    if fault in MISNAMED and reasons == {"time gap"}:
+        pytest.xfail("a program that is stopped takes the fields that it loses for lost on the way")
+    assert expected.outcome is None or any(expected.reason in reason for reason in reasons)
 
 
 def test_a_grabber_that_comes_back_as_another_node_is_found_by_its_path(
