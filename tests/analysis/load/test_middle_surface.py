@@ -59,7 +59,7 @@ def test_curvature_and_strain_are_those_of_the_solid_also_beside_the_fold(case, 
     found, true = case.middles.of(case.fitted(outer_kpa)), solved_middle(case.liner, outer_kpa)
     outer = ~case.liner.inner
     # What a smooth surface makes of the same points is wrong by 60 per m and 12 % in the outermost columns.
-    assert rms(found.curvature_per_m.value[outer, 0] - true.curvature_per_m[outer, 0]) < 12.5
+    assert rms(found.curvature_per_m.value[outer, 0] - true.curvature_per_m[outer, 0]) < 12
     assert rms(found.strain.value[outer, 1] - true.strain[outer, 1]) < 0.01
     assert rms(found.curvature_per_m.value - true.curvature_per_m) < 8
     assert rms(found.strain.value - true.strain) < 0.006
@@ -104,7 +104,7 @@ def test_they_follow_each_parameter_as_the_settled_wall_does():
         changed = settled(case.model, stepped)
         expected = (values(case, changed) - values(case, state)) / step
         # How a traction turns with the wall is left out of its stiffness, which is worth some per cent.
-        assert np.abs(by[:, index] - expected.ravel()).max() < 0.06 * np.abs(expected).max(), index
+        assert np.abs(by[:, index] - expected.ravel()).max() < 0.05 * np.abs(expected).max(), index
 
 
 def unit(by, index, step):
