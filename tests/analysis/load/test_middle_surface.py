@@ -56,13 +56,15 @@ def test_the_open_liner_is_round_unstrained_and_as_tight_as_it_was_mounted(case)
 
 @pytest.mark.parametrize("outer_kpa", [16.0, 30.0])
 def test_curvature_and_strain_are_those_of_the_solid_also_beside_the_fold(case, outer_kpa):
-    found, true = case.middles.of(case.fitted(outer_kpa)), solved_middle(case.liner, outer_kpa)
-    outer = ~case.liner.inner
+    true, outer = solved_middle(case.liner, outer_kpa), ~case.liner.inner
+    found = [case.middles.of(case.fitted(outer_kpa, seed)) for seed in range(4)]
+    curvature_per_m = np.stack([one.curvature_per_m.value for one in found]) - true.curvature_per_m
+    strain = np.stack([one.strain.value for one in found]) - true.strain
     # What a smooth surface makes of the same points is wrong by 60 per m and 12 % in the outermost columns.
-    assert rms(found.curvature_per_m.value[outer, 0] - true.curvature_per_m[outer, 0]) < 12
-    assert rms(found.strain.value[outer, 1] - true.strain[outer, 1]) < 0.01
-    assert rms(found.curvature_per_m.value - true.curvature_per_m) < 8
-    assert rms(found.strain.value - true.strain) < 0.006
+    assert rms(curvature_per_m[:, outer, 0]) < 11
+    assert rms(strain[:, outer, 1]) < 0.01
+    assert rms(curvature_per_m) < 8
+    assert rms(strain) < 0.006
 
 
 def test_sigma_says_how_far_they_are_off(case):
