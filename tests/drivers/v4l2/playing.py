@@ -107,9 +107,9 @@ class Play:
             self._take(slot)
         return self
 
-    def _without_content_check(self, info):
+    def _without_content_check(self, info, since_ns=None):
         """The model's pictures are no camera's: what is the same in every line looks shifted."""
-        change = self._opened(info)
+        change = self._opened(info, since_ns)
         self._pipeline._content = None
         return change
 
