@@ -176,6 +176,22 @@ def test_a_program_that_is_stopped_loses_what_the_buffers_could_not_hold(play, c
 
 
 @EVERY_CARD
+@pytest.mark.parametrize("where", ["while it waits", "in a poll that is in vain", "at work on a field"])
+@pytest.mark.parametrize("begin_s", [2.001, 2.013])
+def test_a_short_stop_is_told_wherever_it_meets_the_program(play, card, where, begin_s):
+    one = play(card, buffers=8)
+    one.scheduler.stops = ((begin_s, begin_s + 0.6),)
+    one.scheduler.stopped_at_work = where == "at work on a field"
+    one.scheduler.polls_in_vain = where == "in a poll that is in vain"
+    one.run(SECONDS)
+    assert is_true(one)
+    assert len(one.missing) >= 10
+    assert one.causes == {"program stopped"}
+    assert one.board.now.losses == {"computer": len(one.missing)}
+    assert one.board.standstills.counts == {"program_stopped": 1}
+
+
+@EVERY_CARD
 def test_a_busy_computer_is_told_from_a_stopped_program(play, card):
     one = play(card, buffers=8)
     one.scheduler.waits_s = lambda passed_s: 1.2 if 2.0 < passed_s < 2.1 else 0.0
@@ -195,6 +211,32 @@ def test_a_program_that_starves_loses_to_a_busy_computer(play, card, seed):
     assert is_true(one)
     assert one.truly_missing
     assert one.causes == {"computer busy"}
+
+
+@EVERY_CARD
+@pytest.mark.parametrize("seed", range(3))
+def test_a_program_that_starves_at_work_loses_to_a_busy_computer(play, card, seed):
+    one, draw = play(card, buffers=8), random.Random(seed)
+    one.scheduler.waits_at_work_s = lambda passed_s: (
+        draw.expovariate(1 / 0.06) if 1.0 < passed_s < 4.0 else 0.0
+    )
+    one.run(SECONDS)
+    assert is_true(one)
+    assert one.truly_missing
+    assert one.causes == {"computer busy"}
+
+
+@EVERY_CARD
+@pytest.mark.parametrize("call", ["DQBUF", "QBUF", "G_STD"])
+def test_a_driver_that_hangs_in_a_call_is_where_to_look(play, card, call):
+    one = play(card, buffers=8)
+    one.scheduler.hangs = {2.0: (call, 1.2)}
+    one.run(SECONDS)
+    assert one.scheduler.hangs == {}
+    assert is_true(one)
+    assert one.causes == {"driver hung"}
+    assert one.board.now.losses == {"device": len(one.missing)}
+    assert one.board.standstills.counts == {"driver_hung": 1}
 
 
 def test_a_camera_that_goes_on_in_the_other_phase_is_followed_and_told(play):

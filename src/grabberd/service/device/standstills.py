@@ -12,6 +12,7 @@ SHOWN_S = 60.0
 _HINTS = {
     Cause.COMPUTER_BUSY: "end other programs on this computer, or give the driver more buffers",
     Cause.PROGRAM_STOPPED: "look for what stopped it: suspended, swapped out, a virtual machine that paused",
+    Cause.DRIVER_HUNG: "look into the kernel's log (dmesg); another port, cable or grabber may help",
 }
 
 
@@ -69,4 +70,6 @@ class Standstills:
 
 
 def _code_of(standstill: Standstill) -> Cause:
+    if standstill.is_hang:
+        return Cause.DRIVER_HUNG
     return Cause.PROGRAM_STOPPED if standstill.is_stop else Cause.COMPUTER_BUSY
