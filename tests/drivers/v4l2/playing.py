@@ -6,9 +6,11 @@ from simulated_time import SMALL, NoCaptures, Until
 
 from drivers.v4l2.bench import Bench
 from drivers.v4l2.fake_kernel import number_in
+from drivers.v4l2.fake_kernel.card import PERIOD_NS
 from grabberd.acquisition import Ledger
 from grabberd.config import RingConfig
 from grabberd.field import unpack
+from grabberd.service.capture.edges import Begin, cut
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.scheduling import ThreadTimes
@@ -110,6 +112,7 @@ class Play:
 
     def run(self, seconds):
         """Plays, and returns itself."""
+        self._start_ns = self.clock.now_ns()
         captures = NoCaptures(lambda _: None, lambda _: None)
         stopping = Until(self.clock, seconds)
         thread = CaptureThread(
@@ -168,6 +171,21 @@ class Play:
             for slot, number in zip(self.slots, numbers, strict=True)
         ]
         return list(lies_of(judged, numbers[0]))
+
+    def captured_from(self, begin_s):
+        """The account of a capture that begins then, and the camera's number and the time of each field."""
+        begin = Begin(self._start_ns + round(begin_s * 1e9), PERIOD_NS)
+        ledger, fields, first_n = Ledger(), [], None
+        for slot, number in zip(self.slots, self.camera_numbers, strict=True):
+            if not fields:
+                first_n = begin.first_n(slot)
+            if slot.n >= first_n:
+                lost = (
+                    one._replace(first_n=one.first_n - first_n) for one in cut(slot.lost_before, first_n)
+                )
+                ledger.enter(slot.n - first_n, slot.outcome, slot.reason, tuple(lost))
+                fields.append((number, slot.time_ns))
+        return ledger, fields
 
     @property
     def missing(self):

@@ -173,6 +173,28 @@ def test_a_program_that_is_stopped_loses_what_the_buffers_could_not_hold(play, c
     assert abs(len(one.missing) - (50 * seconds - one.board.now.stream.buffers)) <= 2
     assert one.causes == {"program stopped"}
     assert one.board.standstills.counts == {"program_stopped": 1}
+    # A capture that begins a second after the stop knows nothing of it.
+    ledger, fields = one.captured_from(3.0 + seconds)
+    assert ledger.complete
+    assert ledger.total == len(fields) >= 90
+    first = fields[0][0]
+    assert [number for number, _ in fields] == list(range(first, first + len(fields)))
+    assert all(abs(time_ns - number * 20_000_000) < 20_000_000 for number, time_ns in fields)
+
+
+@pytest.mark.parametrize("late_ms", [25, 35])
+def test_one_late_stamp_of_woven_frames_without_a_count_moves_nothing(play, late_ms):
+    one, stamped = play("frames of em28xx"), []
+
+    def stamp(due_ns):
+        stamped.append(due_ns)
+        return due_ns + (late_ms * 1_000_000 if len(stamped) == 50 else 0)
+
+    one.card.stamp = stamp
+    one.run(SECONDS)
+    assert not one.board.now.stream.counts_losses
+    assert is_true(one, lost=0)
+    assert one.ledger.complete
 
 
 @EVERY_CARD
