@@ -180,9 +180,7 @@ class Play:
             if not fields:
                 first_n = begin.first_n(slot)
             if slot.n >= first_n:
-                lost = (
-                    one._replace(first_n=one.first_n - first_n) for one in cut(slot.lost_before, first_n)
-                )
+                lost = (one._replace(first_n=one.first_n - first_n) for one in cut(slot.lost_before, first_n))
                 ledger.enter(slot.n - first_n, slot.outcome, slot.reason, tuple(lost))
                 fields.append((number, slot.time_ns))
         return ledger, fields
