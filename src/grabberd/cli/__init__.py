@@ -4,11 +4,16 @@ Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command li
 write to its disk, or a command its output; 78 invalid configuration.
 """
 
+from __future__ import annotations
+
 import errno
 import os
+import signal
 import sys
 
-from grabberd.errors import ConfigError, GrabberdError, StorageError
+TYPE_CHECKING = False  # that of `typing`, which takes a while to import
+if TYPE_CHECKING:
+    from grabberd.errors import GrabberdError
 
 # From sysexits.h. The systemd unit does not restart on 78: restarting cannot fix a bad configuration.
 EX_IOERR = 74
@@ -22,9 +27,15 @@ def main() -> None:
     """Entry point of the command `grabberd`."""
     # OpenBLAS threads cost more than they gain on matrices this small, and disturb the capture thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    try:
-        from grabberd.cli.app import app  # noqa: PLC0415 - `import grabberd.cli` stays cheap
+    # Importing takes a second. No exception: what is being imported may make another one of it.
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end_at_once)
+    from grabberd.cli.app import app  # noqa: PLC0415 - `import grabberd.cli` stays cheap
+    from grabberd.errors import ConfigError, GrabberdError, StorageError  # noqa: PLC0415
 
+    signal.signal(signal.SIGINT, before)
+    try:
         try:
             app()
         finally:
@@ -32,7 +43,7 @@ def main() -> None:
     except GrabberdError as error:
         complain(error)
         sys.exit(EX_CONFIG if isinstance(error, ConfigError) else 1)
-    except KeyboardInterrupt:  # before the command has begun: importing takes a second
+    except KeyboardInterrupt:  # where typer has not begun yet, or has ended
         print("grabberd: interrupted", file=sys.stderr)
         sys.exit(EX_INTERRUPTED)
     except BrokenPipeError:  # `| head` has seen enough
@@ -44,6 +55,12 @@ def main() -> None:
         _drop_output()
         complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
         sys.exit(EX_IOERR)
+
+
+def _end_at_once(*_: object) -> None:
+    """Handle an interrupt before anything has begun that would have to be ended."""
+    os.write(sys.stderr.fileno(), b"grabberd: interrupted\n")
+    os._exit(EX_INTERRUPTED)
 
 
 def _drop_output() -> None:
