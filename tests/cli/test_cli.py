@@ -341,6 +341,22 @@ def test_a_command_that_is_interrupted_before_it_has_begun_says_so_whatever_is_b
     assert interrupted_while_it_imports("default_int_handler") == (130, "", "grabberd: interrupted\n")
 
 
+def test_a_command_that_is_interrupted_at_work_says_so() -> None:
+    code = """
+import os, signal
+from grabberd.cli import main
+from grabberd.cli.app import app
+
+@app.command()
+def works():
+    os.kill(os.getpid(), signal.SIGINT)
+
+main()
+"""
+    ended = subprocess.run([sys.executable, "-c", code, "works"], check=False, capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr.strip()) == (130, "grabberd: interrupted")
+
+
 def test_a_command_that_was_started_with_interrupts_ignored_goes_on_ignoring_them() -> None:
     assert interrupted_while_it_imports("SIG_IGN") == (0, "done\n", "")
 
