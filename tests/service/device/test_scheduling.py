@@ -122,6 +122,38 @@ def test_a_stop_in_a_request_that_brings_nothing_is_told_again_with_the_next_fie
     assert thread.request() is None
 
 
+def test_a_wait_for_the_interpreter_on_a_busy_computer_is_no_sign_of_empty_buffers() -> None:
+    thread = Thread()
+    thread.request(idle_s=0.02)
+    found = [thread.request(waits_s=0.03, idle_s=0.03) for _ in range(10)]
+    assert found[-1]
+    assert found[-1].time_ns == pytest.approx(0.4e9, abs=2.1e7)
+    assert found[-1].reason == "computer busy (waited 0.3 s for a processor)"
+
+
+def test_delays_that_are_made_up_for_do_not_add_up() -> None:
+    thread = Thread()
+    thread.request(idle_s=0.02)
+    for _ in range(100):
+        found = thread.request(waits_s=0.03)
+        thread.request(waits_s=0.005)
+        thread.request(waits_s=0.005)
+        assert found is None or found.time_ns <= 30_000_000
+
+
+def test_a_cable_that_loses_every_other_field_is_no_standstill() -> None:
+    thread = Thread()
+    for _ in range(100):
+        assert thread.request(idle_s=0.038) is None
+        thread.spend(0.002, runs=True)
+
+
+def test_a_silent_camera_is_no_standstill_on_a_busy_computer_either() -> None:
+    thread = Thread()
+    found = [thread.request(waits_s=0.015, idle_s=TIMEOUT_S - 0.015, fields=0) for _ in range(100)]
+    assert max(one.time_ns for one in found if one) <= 15_000_000
+
+
 def test_a_stop_is_forgotten_when_the_buffers_are_found_empty() -> None:
     thread = Thread()
     thread.request(idle_s=0.018)

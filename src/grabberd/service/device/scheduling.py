@@ -140,13 +140,14 @@ class Scheduling:
         # A processor may have been waited for in the middle of the request, or something else after it.
         late_ns = max(_overrun(request_ns, timeout_s), min(waited_ns, request_ns))
         was_idle = request_ns - late_ns - ran_ns > _HAD_TO_WAIT_NS
-        if was_idle and not (fields and pause_ns > _PAUSE_NS):
+        # Where the processor is scarce, time off it may be a wait for the interpreter, not for a field.
+        if was_idle and not (fields and (late_ns >= _NOTABLE_NS or pause_ns > _PAUSE_NS)):
             self._begin(self._times_at_asking, self._called_ns_at_asking)
         else:
             # There was a field to take all the time since the last ones; those had their own time.
-            late_ns = max(0, now_ns - self._came_ns - self._fields * _FIELD_NS)
+            late_ns = now_ns - self._came_ns - self._fields * _FIELD_NS
         self._came_ns, self._fields = now_ns, fields
-        self._late_ns += late_ns
+        self._late_ns = max(0, self._late_ns + late_ns)
         self._untold |= late_ns >= _NOTABLE_NS
         if not self._untold:
             return None

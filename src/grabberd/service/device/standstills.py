@@ -52,7 +52,7 @@ class Standstills:
         if latest is not None and now_ns - standstill.time_ns < latest[0]:
             known_ns, code, goes_on = latest[1].time_ns, latest[2], True
         self.counts[code] += not goes_on
-        self.seconds[code] += (standstill.time_ns - known_ns) / 1e9
+        self.seconds[code] += max(0, standstill.time_ns - known_ns) / 1e9
         self._latest = now_ns, standstill, code, iso_utc(self._clock.utc_now())
         return shown is None or shown.code is not _code_of(standstill)
 
