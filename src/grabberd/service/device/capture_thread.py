@@ -116,7 +116,7 @@ class CaptureThread(threading.Thread):
         self._stopping = stopping or threading.Event()
         self._open = False
         self._flow = FieldFlow(clock.now_ns())
-        self._scheduling = Scheduling(clock, account or NoAccount())
+        self._scheduling = Scheduling(clock, account or NoAccount(), lambda: grabber.called_ns)
         self._signal_due_ns = 0
         self._signal = Signal.UNKNOWN
         self._last_fault: str | None = None
@@ -236,7 +236,7 @@ class CaptureThread(threading.Thread):
         asked_ns = self._scheduling.asks()
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
             now_ns = self._clock.now_ns()
-            standstill = self._scheduling.came(now_ns, DEQUEUE_TIMEOUT_S)
+            standstill = self._scheduling.came(now_ns, DEQUEUE_TIMEOUT_S, len(fields))
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question
             if standstill is not None and standstill.time_ns > info.buffered_ns:
@@ -244,7 +244,6 @@ class CaptureThread(threading.Thread):
             for grabbed in fields:
                 self._count(self._pipeline.take(grabbed, self._signal, now_ns, standstill))
                 standstill = None
-        self._scheduling.returned()
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
         if fields:
