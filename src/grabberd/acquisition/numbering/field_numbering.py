@@ -9,7 +9,6 @@ from typing import NamedTuple
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome
 from grabberd.acquisition.numbering.arrivals import Arrivals
-from grabberd.acquisition.numbering.beginning import Beginning
 from grabberd.acquisition.numbering.doubts import Doubts
 from grabberd.acquisition.numbering.losses import contradiction, doubtful, lost_before
 from grabberd.acquisition.numbering.paths import Paths, Step
@@ -17,6 +16,7 @@ from grabberd.acquisition.numbering.pending import Pending, outcome_of
 from grabberd.acquisition.numbering.sequence_steps import SequenceSteps
 from grabberd.acquisition.numbering.settling import Settling
 from grabberd.acquisition.numbering.stamps import Stamps
+from grabberd.acquisition.numbering.stream_start import StreamStart
 from grabberd.acquisition.numbering.timing import Timing
 from grabberd.acquisition.rebases import LedgerEvent, Rebase
 from grabberd.acquisition.standstill import COMPUTER_BUSY
@@ -79,7 +79,7 @@ class FieldNumbering:
         self._pending: deque[Pending] = deque()
         self._buffered = info.buffers
         self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
-        self._beginning = Beginning(info, self._arrivals, since_ns, self._most_pending)
+        self._start = StreamStart(info, self._arrivals, since_ns, self._most_pending)
         self._interruption: str | None = None
         self._standstill = COMPUTER_BUSY
         self._waited = 0
@@ -135,19 +135,19 @@ class FieldNumbering:
         self._interruption = None
         if self._paths is not None:
             return self._go_on(self._paths, pending)
-        self._beginning.add(pending)
-        return self._begin() if self._beginning.is_over else []
+        self._start.add(pending)
+        return self._begin() if self._start.is_over else []
 
     def settle(self) -> list[Numbered]:
         """Number the fields that are in doubt by what is known now."""
-        begun = self._begin() if self._paths is None and self._beginning.fields else []
+        begun = self._begin() if self._paths is None and self._start.fields else []
         return begun + [self._settle_oldest(self._paths) for _ in range(len(self._pending)) if self._paths]
 
     def _begin(self) -> list[Numbered]:
         """Number the first fields, now that it is known how late the first one was."""
-        first, *others = self._beginning.fields
-        time_ns, doubt = self._timing.begin(first, self._beginning.late_ns)
-        late_by = 0 if self._beginning.is_known else self._beginning.may_be_late_by
+        first, *others = self._start.fields
+        time_ns, doubt = self._timing.begin(first, self._start.late_ns)
+        late_by = 0 if self._start.is_known else self._start.may_be_late_by
         self._doubts.begin(time_ns, late_by)
         self._n, self._parity = 0, first.parity
         self._paths = Paths(first.phase, self._arrivals.way, exact=not self._live)

@@ -243,7 +243,7 @@ def _way(before: Way, periods: float) -> Way:
 
 
 def _exposed(path: Path, seen: Seen) -> float | None:
-    """When a field was exposed that came by the shortest way known on a path, or before."""
+    """Exposure of a field that has come by the shortest way known on a path."""
     if seen.arrival is None or math.isinf(path.way.periods):
         return None
     return seen.arrival - path.way.periods

@@ -47,7 +47,7 @@ class Pending:
         return self.count is not None and self.interruption is None and self.count > fields
 
     def seen(self, stamp: float | None, arrival: float | None) -> Seen:
-        """What it is evidence of, with its stamp and its arrival in periods."""
+        """Evidence that it brings, with its stamp and its arrival in periods."""
         return Seen(
             stamp,
             arrival,

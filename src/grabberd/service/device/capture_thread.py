@@ -247,11 +247,14 @@ class CaptureThread(threading.Thread):
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
         if fields:
-            self._flow.came(now_ns)
-            if self._pipeline.ring.newest is not None:  # the first fields of a stream wait for their numbers
-                self._show_state()
+            self._came(now_ns)
         elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
             self._nothing_came(asked_ns, now_ns)
+
+    def _came(self, now_ns: int) -> None:
+        self._flow.came(now_ns)
+        if self._pipeline.ring.newest is not None:  # the first fields of a stream wait for their numbers
+            self._show_state()
 
     def _nothing_came(self, asked_ns: int, now_ns: int) -> None:
         """Handles an empty dequeue.

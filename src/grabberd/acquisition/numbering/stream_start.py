@@ -1,4 +1,4 @@
-"""Beginning of a stream: how late its first field may have been, while there is nothing to compare it with."""
+"""Start of a stream: how late its first field may be, while there is nothing to compare it with."""
 
 import math
 from statistics import median
@@ -16,7 +16,7 @@ _MARGIN = 1
 """Fields that may be exposed while a stream begins, beside those in the driver's buffers."""
 
 
-class Beginning:
+class StreamStart:
     """Fields that a stream begins with, kept back until it is known how late the first one was.
 
     A stamp may be the time of an arrival, and on an overloaded computer every field waits. What shows it are
