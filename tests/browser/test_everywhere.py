@@ -45,7 +45,8 @@ SIZES = {
 WIDEST_LEGEND = """async () => {
     const root = document.querySelector('script[type=module]').src.replace(/main[.]js$/, '');
     const { createLegend } = await import(root + 'scene/legend.js');
-    const legend = createLegend((value, digits) => value.toLocaleString('nb', { minimumFractionDigits: digits }));
+    const number = (value, digits) => value.toLocaleString('nb', { minimumFractionDigits: digits });
+    const legend = createLegend(number);
     document.querySelector('.scene-legend').replaceWith(legend.element);
     legend.show('Trykk mot spenen, kPa', { low: -1000, high: 1000, map: 'signed' });
     return legend.element.lastElementChild.lastElementChild.textContent;

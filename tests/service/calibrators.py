@@ -34,6 +34,7 @@ def exact(
     calibration_frame: Mapping[str, Any],
     options: CalibrationOptions,
     note: str | None,
+    previous: Mapping[str, Any] | None = None,
 ) -> CalibrationOutput:
     """Knows the calibration without looking at the fields; its id ends as the calibration frame is called."""
     progress(0.5)
@@ -46,9 +47,7 @@ def exact(
         }
     document = calibration(f"of-{path.stem}", SHIFT_MM, details=details)
     # Without the numbers, which nobody looks at.
-    report = CalibrationReport.model_construct(
-        schema_="grabberd/calibration-report/1", id=document["id"], warnings=[]
-    )
+    report = CalibrationReport.model_construct(schema_="grabberd/calibration-report/1", id=document["id"])
     return CalibrationOutput(Calibration.from_document(document), report)
 
 

@@ -159,6 +159,7 @@ def test_the_list_says_what_an_operator_chooses_by(fast: TestClient) -> None:
         "stored_utc": None,
         "problem": None,
         "misfit": None,
+        "verdict": None,
         "rejected": None,
     }
 
