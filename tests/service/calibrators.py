@@ -27,6 +27,18 @@ def calibration(calibration_id: str, shift_mm: float = 0.0, **changes: Any) -> D
     return document | {"id": calibration_id} | changes
 
 
+def failed(calibration_id: str) -> Document:
+    """One whose acceptance failed, by its check length."""
+    reason = {
+        "code": "check_length",
+        "level": "failed",
+        "message": "the scale is off by +2 %",
+        "hint": "look",
+    }
+    acceptance = {"verdict": "failed", "reasons": [reason]}
+    return calibration(calibration_id, details={"acceptance": acceptance})
+
+
 def exact(
     progress: Progress,
     *,

@@ -8,7 +8,7 @@ from setups.cases import SETUPS, tried
 HEAD = """# What was wrong → what the user is told
 
 Written by `make setups`, from pictures of the calibration frame by OpenCV's camera model, without any formula
-of this program: every set-up below is calibrated as `grabberd calibrate` does it. *Refused* means that nothing
+of this program: every set-up below is calibrated as `grabberd calibrate` does it. *Refused* means: nothing
 is written; a calibration that *failed* is written, exits with 3, and needs an admin to be used. None of them
 passes without a word. What each reason means: [acceptance](acceptance.md).
 
