@@ -73,6 +73,7 @@ def measured_length(
         target=np.searchsorted(np.sort(wanted), chosen.target),
         target_mm=adjustment.xyz_mm[np.sort(wanted)],
         target_sigma_mm=np.full((2, 3), np.inf),
+        ids=None,
     )
     places = intersect_network(pair)
     along = places[1] - places[0]

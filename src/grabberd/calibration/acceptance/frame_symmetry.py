@@ -62,7 +62,7 @@ class Symmetry:
         if self.kind == "shift":
             which = f"its {self.along} are alike: " if self.along else ""
             return f"{which}a shift by {across:.1f} mm maps {self.matched} of {self.of} targets onto targets"
-        name = f"a turn by {self.turned_deg:.0f} degrees" if self.kind == "turn" else "its mirror image"
+        name = f"a turn by {abs(self.turned_deg):.0f} degrees" if self.kind == "turn" else "its mirror image"
         return f"{name} maps {self.matched} of {self.of} targets onto targets"
 
 
@@ -152,7 +152,7 @@ def _symmetry(
 
 
 def _along(frame: ObjectModel, origin: NDArray[np.intp], to: NDArray[np.intp]) -> str:
-    """What is alike where targets go from one to another: the rows, the columns, or neither."""
+    """Name what is alike where targets go from one to another: rows, columns, or neither."""
     same_column = (frame.column[origin] == frame.column[to]).all()
     same_row = (frame.row[origin] == frame.row[to]).all()
     return "rows" if same_column else "columns" if same_row else ""

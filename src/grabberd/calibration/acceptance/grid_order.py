@@ -1,4 +1,4 @@
-"""Whether the targets of a calibration frame's file lie in the order of its own rows and columns."""
+"""Check that the targets of a calibration frame's file lie in the order of its own rows and columns."""
 
 import numpy as np
 from numpy.typing import NDArray

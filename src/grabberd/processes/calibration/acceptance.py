@@ -82,7 +82,7 @@ class Acceptance:
 
 @dataclass(frozen=True, slots=True)
 class AcceptanceInputs:
-    """What is known from elsewhere.
+    """Knowledge from elsewhere.
 
     Attributes:
         previous: The calibration that was in use before.
@@ -116,7 +116,7 @@ def judge(result: CalibrateResult, known: AcceptanceInputs | None = None) -> Acc
 
 @dataclass(slots=True, eq=False)
 class _Evidence:
-    """Everything but the rig itself, and the reasons that follow from it."""
+    """Evidence from everything but the rig itself, and the reasons that follow from it."""
 
     result: CalibrateResult
     known: AcceptanceInputs
@@ -169,7 +169,7 @@ class _Evidence:
             )
 
     def _images(self) -> Iterator[Reason]:
-        """Whether the picture stood still and the right targets were found in it."""
+        """Check that the picture stood still and the right targets were found in it."""
         result = self.result
         moved = max(one.rms_px for one in result.stillness)
         yield from graded(moved, MOVED_PX).reason(
@@ -200,7 +200,7 @@ class _Evidence:
                 )
 
     def _frame(self) -> Iterator[Reason]:
-        """Whether the calibration frame's file can be trusted to name its targets."""
+        """Check that the calibration frame's file can be trusted to name its targets."""
         frame, identified = self.result.frame, self.result.identification
         seen = min(int((side.target >= 0).sum()) for side in (identified.left, identified.right))
         if len(wrong := out_of_order(frame)):
@@ -256,7 +256,7 @@ class _Evidence:
             )
 
     def _adjustment(self) -> Iterator[Reason]:
-        """What the residuals say."""
+        """Read the residuals."""
         result, adjustment = self.result, self.result.adjustment
         if result.blunders:
             ids = ", ".join(f"{one.view} {result.frame.target[one.target]}" for one in result.blunders)

@@ -13,7 +13,7 @@ Value = float | int | str
 
 @dataclass(frozen=True, slots=True)
 class Reason:
-    """What speaks against a calibration.
+    """One thing that speaks against a calibration.
 
     Attributes:
         code: Name of the reason, for programs and translations.

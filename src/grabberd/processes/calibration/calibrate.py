@@ -197,6 +197,7 @@ def network_of(
         sigma_px=sigma,
         target_mm=frame.xyz_mm,
         target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
+        ids=frame.target,
     )
 
 

@@ -1,4 +1,4 @@
-"""What the comparison of the rig with the nominal and the previous one says about a calibration."""
+"""Reasons from the comparison of the rig with the nominal and the previous one."""
 
 from collections.abc import Iterator, Sequence
 

@@ -71,7 +71,7 @@ def verdict_of(document: Document) -> str | None:
 
 
 def failure_of(document: Document) -> str | None:
-    """Why the acceptance of a calibration failed, in a sentence; None if it did not."""
+    """The reasons for which a calibration failed, in a sentence; None if it did not."""
     if verdict_of(document) != FAILED:
         return None
     reasons = (acceptance_of(document) or {}).get("reasons") or []
