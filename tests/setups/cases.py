@@ -9,12 +9,11 @@ from grabberd.calibration import CheckLength
 from grabberd.errors import MeasurementError
 from grabberd.field import NumberedField
 from grabberd.geometry import NominalRig
-from grabberd.processes.calibration.acceptance import AcceptanceInputs, judge
+from grabberd.processes.calibration.acceptance.verdict import AcceptanceInputs, judge
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateSettings
 from grabberd.reconstruction import ObjectModel
-from processes.pinhole_pictures import still
-from setups.pictures import covered, dimmed, exchanged, fields, frame, mirrored, moving, picture
+from setups.pictures import covered, dimmed, exchanged, fields, frame, mirrored, moving, picture, picture_of
 
 NOMINAL = NominalRig(720, 576, (0, 360), (360, 720), 240.0, 128.0, 30.0, 8.0, 0.0086, 0.0083)
 STATED = replace(NOMINAL, handedness=(1, 1))
@@ -96,6 +95,12 @@ def _rows_alike() -> ObjectModel:
     return replace(frame(), xyz_mm=np.column_stack([frame().xyz_mm[:, :2], depth[frame().column]]))
 
 
+def _upper_rows_differ() -> ObjectModel:
+    alike = _rows_alike()
+    depth = np.where(alike.row < 4, frame().xyz_mm[:, 2], alike.xyz_mm[:, 2])
+    return replace(alike, xyz_mm=np.column_stack([alike.xyz_mm[:, :2], depth]))
+
+
 def _half_turn() -> ObjectModel:
     """Depths that are the same after a turn by 180 degrees."""
     row, column = frame().row - 5.5, frame().column - 4.0
@@ -107,8 +112,12 @@ def _exchange(xyz: np.ndarray) -> None:
     xyz[[40, 41]] = xyz[[41, 40]]
 
 
-def _displace(xyz: np.ndarray) -> None:
-    xyz[40, 0] += 0.4
+def _exchange_z(xyz: np.ndarray) -> None:
+    xyz[[40, 41], 2] = xyz[[41, 40], 2]
+
+
+def _displace(xyz: np.ndarray, by_mm: float) -> None:
+    xyz[40, 0] += by_mm
 
 
 def _none() -> None:
@@ -134,12 +143,12 @@ SETUPS = (
     Setup(
         "both views through one mirror, rig states two",
         "mirrored",
-        lambda: fields(still(frame().xyz_mm, 1.5, mirrored=True)),
+        lambda: fields(picture(one_mirror=True)),
     ),
     Setup(
         "both views through one mirror, rig states nothing",
         "left_handed",
-        lambda: fields(still(frame().xyz_mm, 1.5, mirrored=True)),
+        lambda: fields(picture(one_mirror=True)),
         nominal=NOMINAL,
     ),
     Setup("frame's file 2 % too large, a check length", "check_length", model=_scaled(1.02)),
@@ -152,23 +161,29 @@ SETUPS = (
     Setup(
         "rows of the frame alike",
         "its rows are alike",
-        lambda: fields(still(_rows_alike().xyz_mm, 1.5)),
+        lambda: fields(picture_of(_rows_alike().xyz_mm)),
         model=_rows_alike,
     ),
     Setup(
         "frame that a half turn maps onto itself",
         "a turn by",
-        lambda: fields(still(_half_turn().xyz_mm, 1.5)),
+        lambda: fields(picture_of(_half_turn().xyz_mm)),
         model=_half_turn,
     ),
     Setup(
-        "rows alike, upper rows covered",
-        "its rows are alike",
-        lambda: fields(covered(still(_rows_alike().xyz_mm, 1.5), 150)),
-        model=_rows_alike,
+        "rows alike but for the upper four, and these covered",
+        "the same shifted by 1 row",
+        lambda: fields(covered(picture_of(_upper_rows_differ().xyz_mm), 260)),
+        model=_upper_rows_differ,
     ),
-    Setup("two targets of the file exchanged", "41, 42", model=placed(_exchange)),
-    Setup("a target displaced by .4 mm", "left 41, right 41", model=placed(_displace)),
+    Setup("two targets of the file exchanged", "targets 41 and 42 are exchanged", model=placed(_exchange)),
+    Setup(
+        "depths of two targets of the file exchanged",
+        "each has the z of the other",
+        model=placed(_exchange_z),
+    ),
+    Setup("a target displaced by .4 mm", "41 by 0.4", model=placed(lambda xyz: _displace(xyz, 0.4))),
+    Setup("a target displaced by 3 mm", "41 by 3.0", model=placed(lambda xyz: _displace(xyz, 3.0))),
     Setup(
         "focal length of the rig 9.5 mm instead of 7.7",
         "focal length",

@@ -25,12 +25,15 @@ def frame() -> ObjectModel:
 
 
 @cache
-def picture(spread_px: float = 0.75) -> np.ndarray:
+def picture(spread_px: float = 0.75, one_mirror: bool = False) -> np.ndarray:
     """The whole picture of the frame as it was made, its targets off by their σ."""
-    model = frame()
-    rng = np.random.default_rng(PLACES_SEED)
-    places = model.xyz_mm + rng.normal(0, model.sigma_mm, model.xyz_mm.shape)
-    return still(places, model.target_diameter_mm, spread_px=spread_px)
+    return picture_of(frame().xyz_mm, spread_px, one_mirror)
+
+
+def picture_of(xyz_mm: np.ndarray, spread_px: float = 0.75, one_mirror: bool = False) -> np.ndarray:
+    """The same of a frame with other places."""
+    made = xyz_mm + np.random.default_rng(PLACES_SEED).normal(0, frame().sigma_mm, xyz_mm.shape)
+    return still(made, frame().target_diameter_mm, one_mirror, spread_px)
 
 
 def halves(shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,8 +8,13 @@ parameters are free, held, shared or tied; `adjust` estimates them, for any numb
 """
 
 from grabberd.calibration.acceptance.check_length import CheckLength, MeasuredLength, measured_length
+from grabberd.calibration.acceptance.displaced_targets import (
+    DisplacedTarget,
+    displaced_targets,
+    exchanged_axes,
+)
 from grabberd.calibration.acceptance.frame_symmetry import Symmetry, symmetries, target_to_add, undecided
-from grabberd.calibration.acceptance.grid_order import out_of_order
+from grabberd.calibration.acceptance.grid_order import GridOrder, grid_order
 from grabberd.calibration.acceptance.residual_pattern import Pattern, residual_patterns
 from grabberd.calibration.acceptance.rig_quantities import (
     RigQuantity,
@@ -55,8 +60,10 @@ __all__ = [
     "Blunder",
     "CheckLength",
     "Difference",
+    "DisplacedTarget",
     "Elimination",
     "FieldImages",
+    "GridOrder",
     "Identification",
     "IdentificationSettings",
     "LocalFieldSettings",
@@ -82,9 +89,12 @@ __all__ = [
     "compared_rig",
     "convergence_deg",
     "cross_validate",
+    "displaced_targets",
     "distance_mm",
     "eliminate",
+    "exchanged_axes",
     "f_tests",
+    "grid_order",
     "handedness_hint",
     "identify_by_hand",
     "identify_frame",
@@ -92,7 +102,6 @@ __all__ = [
     "mean_images",
     "measured_length",
     "normality",
-    "out_of_order",
     "propagate",
     "resect",
     "residual_patterns",

@@ -13,7 +13,7 @@ from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.errors import InputError, MeasurementError, RankDeficient
 from grabberd.field import Field, NumberedField, quantise, split_frame
 from grabberd.geometry import Calibration, NominalRig, project
-from grabberd.processes.calibration.acceptance import judge
+from grabberd.processes.calibration.acceptance.verdict import judge
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document

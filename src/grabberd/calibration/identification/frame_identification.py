@@ -26,6 +26,7 @@ Indices = NDArray[np.intp]
 NAMES = ("left", "right")
 _SAME_SCALE = 1.35
 """Ratio of seen to expected spacing that the nominal rig's ten per cent explain."""
+_SAME_TURN_DEG = 20.0
 _UNITS = {"cm": 10.0, "inches": 25.4, "m": 1000.0, "µm": 0.001}
 WAY_OUT = "or identify some targets by hand"
 
@@ -279,5 +280,23 @@ def _check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: Ide
         f"the {half.view.name} view is ambiguous: {described(outcome.winner, half, frame)}; or "
         f"{described(outcome.runner_up, half, frame)} (margin {outcome.margin:.0f}, {settings.margin:g} "
         "needed)",
-        f"use a calibration frame with more depth or with a unique mark, let all of it be seen, {WAY_OUT}",
+        f"what is seen of the calibration frame looks the same {_ambiguity(half, outcome, frame)}: let all of it "
+        f"be seen, use one with more depth or with a unique mark, {WAY_OUT}",
     )
+
+
+def _ambiguity(half: Half, outcome: Outcome, frame: ObjectModel) -> str:
+    """Name the motion that leads from the winner to the runner-up."""
+    winner, other = outcome.winner, outcome.runner_up
+    assert other is not None
+    if winner.view.handedness != other.view.handedness:
+        return "mirrored"
+    turned_deg = abs((winner.turned_deg(half.view) - other.turned_deg(half.view) + 180) % 360 - 180)
+    if turned_deg > _SAME_TURN_DEG:
+        return f"turned by {turned_deg:.0f} degrees"
+    both = (winner.target >= 0) & (other.target >= 0)
+    one, another = winner.target[both], other.target[both]
+    steps = [np.abs(grid[one] - grid[another]) for grid in (frame.row, frame.column)]
+    rows, columns = (int(np.median(step)) if len(step) else 0 for step in steps)
+    said = [f"{count} {name}" for count, name in ((rows, "row(s)"), (columns, "column(s)")) if count]
+    return f"shifted by {' and '.join(said)}" if said else "in another way"

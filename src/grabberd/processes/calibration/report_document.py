@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from grabberd.calibration import Adjustment, Blunder, ViewIdentification
 from grabberd.geometry import PARAMETERS, View
-from grabberd.processes.calibration.acceptance import Acceptance, judge
-from grabberd.processes.calibration.acceptance_document import acceptance_document
+from grabberd.processes.calibration.acceptance.acceptance_document import acceptance_document
+from grabberd.processes.calibration.acceptance.verdict import Acceptance, judge
 from grabberd.processes.calibration.calibration_result import CalibrateResult
 from grabberd.processes.calibration.report_figures import (
     AXES,

@@ -19,7 +19,7 @@ from grabberd.documents.requests import CalibrationOptions, CertifiedLength
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.geometry import PARAMETERS, Calibration, NominalRig
-from grabberd.processes.calibration.acceptance import AcceptanceInputs, judge
+from grabberd.processes.calibration.acceptance.verdict import AcceptanceInputs, judge
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document

@@ -3,7 +3,7 @@
 from typing import Any
 
 from grabberd.calibration import MeasuredLength, RigQuantity
-from grabberd.processes.calibration.acceptance import Acceptance
+from grabberd.processes.calibration.acceptance.verdict import Acceptance
 from grabberd.processes.calibration.report_figures import number
 
 _MOST_SYMMETRIES = 5

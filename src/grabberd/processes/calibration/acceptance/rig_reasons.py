@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from grabberd.calibration import RigQuantity
-from grabberd.processes.calibration.acceptance_reason import FAILED, REMARK, Limits, Reason, Value, graded
+from grabberd.processes.calibration.acceptance.reason import FAILED, REMARK, Limits, Reason, Value, graded
 
 NOMINAL_Z = Limits(2.2, 3.0)
 """In σ of five per cent: eleven and fifteen per cent."""
@@ -45,8 +45,8 @@ def _handedness(rows: Sequence[RigQuantity]) -> Iterator[Reason]:
             yield Reason(
                 "mirrored",
                 FAILED,
-                f"the {one.view} view has handedness {one.found:+.0f}, its rig {built:+.0f}: that half of "
-                "the picture is mirrored",
+                f"the {one.view} view has handedness {one.found:+.0f}, but the rig states {built:+.0f}: that "
+                "half of the picture is mirrored",
                 "switch off the mirroring of camera or grabber, or count the mirrors of that view anew",
                 values,
             )
@@ -55,7 +55,7 @@ def _handedness(rows: Sequence[RigQuantity]) -> Iterator[Reason]:
                 "mirrored_since",
                 FAILED,
                 f"the {one.view} view has handedness {one.found:+.0f}, before it was {before:+.0f}",
-                "look whether camera or grabber mirror the picture since, or whether a mirror was added; "
+                "check whether camera or grabber mirror the picture now, or whether a mirror was added; "
                 "state the handedness in the rig's configuration if it is right",
                 values,
             )
@@ -84,8 +84,8 @@ def _nominal(one: RigQuantity) -> Iterator[Reason]:
         return
     yield from graded(abs(one.nominal_z), NOMINAL_Z).reason(
         "nominal",
-        f"the {_name(one)} comes out as {one.found:.2f} {one.unit}, nominal are {one.nominal:.2f}: "
-        f"{abs(one.nominal_z):.1f} σ apart",
+        f"the {_name(one)} comes out as {one.found:.2f} {one.unit}, {abs(one.nominal_z):.1f} σ from its "
+        f"nominal {one.nominal:.2f} {one.unit}",
         HINTS[one.name],
         _values(one, one.nominal, one.nominal_z),
     )
