@@ -55,9 +55,11 @@ def dimmed(shown: np.ndarray, share: float) -> np.ndarray:
     return np.hstack([first, share * second])
 
 
-def covered(shown: np.ndarray, lines: int) -> np.ndarray:
-    """Without its uppermost lines."""
-    return np.where(np.arange(len(shown))[:, np.newaxis] < lines, 0.0, shown)
+def covered(shown: np.ndarray, first: int, end: int | None = None) -> np.ndarray:
+    """The lines from the first one to the end alone."""
+    seen = np.zeros_like(shown)
+    seen[first:end] = shown[first:end]
+    return seen
 
 
 def fields(shown: np.ndarray, count: int = COUNT, seed: int = 0) -> Iterator[NumberedField]:

@@ -16,7 +16,7 @@ from grabberd.calibration.identification.acceptance import IdentificationSetting
 from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
 from grabberd.calibration.identification.hypothesis_growth import Half
 from grabberd.calibration.identification.hypothesis_ranking import Outcome, contest, settled
-from grabberd.errors import MeasurementError
+from grabberd.errors import AmbiguousView, MeasurementError
 from grabberd.geometry import NominalRig, View, project
 from grabberd.reconstruction import ObjectModel
 
@@ -105,6 +105,9 @@ def identify_frame(
         check_count(name, len(xy_px), "blobs", settings.least_targets)
     try:
         return _found(nominal, frame, (left_px, right_px), settings)
+    except AmbiguousView:
+        # Another rig would only make another of its hypotheses win.
+        raise
     except MeasurementError as error:
         # Tried only now, because it is another whole search.
         other_way = _exchanged(nominal, frame, (left_px, right_px), settings)
@@ -206,7 +209,8 @@ def identified(
     If a handedness is given, it is the only one allowed.
 
     Raises:
-        MeasurementError: The winner is ambiguous, or clearly not of the handedness allowed.
+        AmbiguousView: Another hypothesis explains the view nearly as well as the winner.
+        MeasurementError: The winner is clearly not of the handedness allowed.
     """
     outcome = settled(rivals)
     if handedness is not None:
@@ -276,12 +280,12 @@ def _check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: Ide
     """Check that nothing else explains a view nearly as well."""
     if outcome.runner_up is None or outcome.margin >= settings.margin:
         return
-    raise MeasurementError(
+    raise AmbiguousView(
         f"the {half.view.name} view is ambiguous: {described(outcome.winner, half, frame)}; or "
         f"{described(outcome.runner_up, half, frame)} (margin {outcome.margin:.0f}, {settings.margin:g} "
         "needed)",
-        f"what is seen of the calibration frame looks the same {_ambiguity(half, outcome, frame)}: let all of it "
-        f"be seen, use one with more depth or with a unique mark, {WAY_OUT}",
+        f"the part in view looks the same {_ambiguity(half, outcome, frame)}: let the whole calibration "
+        f"frame be seen, use one with more depth or with a unique mark, {WAY_OUT}",
     )
 
 
@@ -298,5 +302,5 @@ def _ambiguity(half: Half, outcome: Outcome, frame: ObjectModel) -> str:
     one, another = winner.target[both], other.target[both]
     steps = [np.abs(grid[one] - grid[another]) for grid in (frame.row, frame.column)]
     rows, columns = (int(np.median(step)) if len(step) else 0 for step in steps)
-    said = [f"{count} {name}" for count, name in ((rows, "row(s)"), (columns, "column(s)")) if count]
+    said = [f"{n} {name}{'s' if n > 1 else ''}" for n, name in ((rows, "row"), (columns, "column")) if n]
     return f"shifted by {' and '.join(said)}" if said else "in another way"

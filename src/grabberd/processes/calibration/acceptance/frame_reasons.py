@@ -100,11 +100,12 @@ def _displaced(frame: ObjectModel, displaced: Sequence[DisplacedTarget]) -> Iter
         "(x {:+.2f}, y {:+.2f}, z {:+.2f})".format(*one.shift_mm)
         for one in displaced
     )
+    short = ", ".join(f"{frame.target[one.target]} ({one.distance_mm:.2f} mm)" for one in displaced)
     yield from graded(len(displaced) / len(frame), DISPLACED_SHARE).reason(
         "displaced",
         f"targets stand elsewhere than the calibration frame's file has them: {said}",
         "measure these targets anew, correct the file, and calibrate again",
-        {"n": len(displaced), "ids": said},
+        {"n": len(displaced), "ids": short},
     )
 
 
