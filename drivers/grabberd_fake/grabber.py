@@ -92,6 +92,8 @@ class FakeGrabber:
     what it leaves out.
     """
 
+    called_ns = 0  # nothing here hangs as a kernel's driver may
+
     def __init__(self, *, clock: Clock | None = None, **options: Any) -> None:
         """Checks the options; nothing is opened.
 

@@ -50,6 +50,8 @@ class ReplayGrabber:
         ValueError: an option has a value that is not allowed.
     """
 
+    called_ns = 0  # nothing here hangs as a kernel's driver may
+
     def __init__(
         self,
         path: str | Path,

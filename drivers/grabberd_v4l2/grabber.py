@@ -60,6 +60,12 @@ class V4l2Grabber:
         self._node: Node | None = None
         self._running: _Running | None = None
         self._layout: Layout | None = None
+        self._called_ns = 0
+
+    @property
+    def called_ns(self) -> int:
+        """Time spent so far in calls to the device, without waiting for fields."""
+        return self._called_ns + (0 if self._node is None else self._node.called_ns)
 
     def open(self) -> StreamInfo:
         """Finds the device, sets it up and starts it.
@@ -143,6 +149,7 @@ class V4l2Grabber:
         self._stop()
         node, self._node = self._node, None
         if node is not None:
+            self._called_ns += node.called_ns
             with contextlib.suppress(OSError):
                 node.close()
 

@@ -27,11 +27,13 @@ class Node:
 
     Attributes:
         path: path of the node.
+        called_ns: time spent in its calls, without `poll`.
     """
 
     def __init__(self, kernel: Kernel, path: Path) -> None:
         self._kernel = kernel
         self.path = path
+        self.called_ns = 0
         self._fd: int | None = kernel.open(path)
 
     def close(self) -> None:
@@ -158,10 +160,13 @@ class Node:
 
     def _call(self, request: int, argument: T) -> T:
         """Make a call; returns its argument as the kernel filled it. An error names the call."""
+        begin_ns = self._kernel.now_ns()
         try:
             self._kernel.ioctl(self._open_fd(), request, argument)
         except OSError as error:
             raise OSError(error.errno, error.strerror, ioctls.NAMES[request]) from error
+        finally:
+            self.called_ns += self._kernel.now_ns() - begin_ns
         return argument
 
     def _open_fd(self) -> int:

@@ -101,6 +101,8 @@ class Cause(StrEnum):
     """The program waited for a processor, or was busy itself, and fields were lost."""
     PROGRAM_STOPPED = "program_stopped"
     """The program was stopped for a while, and fields were lost."""
+    DRIVER_HUNG = "driver_hung"
+    """The kernel's driver did not return from a call for a while, and fields were lost."""
     NO_SIGNAL = "no_signal"
     """The grabber reports that no camera is connected."""
     NO_PICTURE = "no_picture"

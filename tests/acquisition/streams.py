@@ -39,11 +39,17 @@ def grab(n, *, late_ns=0, time_ns=None, parity=None, sequence=None, damage=None)
 
 
 class Numbering:
-    """Numbers a stream field by field, and keeps what has been settled."""
+    """Numbers a stream that is asked for as it begins, field by field, and keeps what has been settled."""
 
     def __init__(self, stream=None):
-        self._numbering = FieldNumbering(stream or info())
+        self._stream = stream or info()
+        self._begun = None
         self.found = []
+
+    @property
+    def _numbering(self):
+        assert self._begun is not None, "no field has come yet"
+        return self._begun
 
     def number(self, grabbed, *args, **more):
         """The field itself, as later ones could still correct it."""
@@ -52,6 +58,8 @@ class Numbering:
 
     def see(self, grabbed, *args, **more):
         """Goes on to the next field, whose number may stay open."""
+        if self._begun is None:
+            self._begun = FieldNumbering(self._stream, grabbed.time_ns or START_NS)
         self.found += self._numbering.number(grabbed, *args, **more)
 
     def interrupt(self, reason):

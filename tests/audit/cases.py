@@ -74,6 +74,14 @@ KINDS: dict[str, Callable[[random.Random], Faults]] = {
     ],
     "no signal, told": _lasting("no_signal", 0.3, 1.0),
     "stamps late": lambda draw: [],
+    "computer overloaded from the beginning": lambda draw: [
+        {
+            "kind": "busy",
+            "at_s": 0.0,
+            "duration_s": round(draw.uniform(0.5, 6.0), 2),
+            "mean_ms": draw.choice([60, 150, 400]),
+        }
+    ],
 }
 
 

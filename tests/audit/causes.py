@@ -12,6 +12,7 @@ POSSIBLE: dict[str, set[LossCause]] = {
     "fields lost unseen by the driver": {_C.CABLE, _C.DEVICE},
     "program frozen": {_C.COMPUTER},
     "computer busy": {_C.COMPUTER},
+    "computer overloaded from the beginning": {_C.COMPUTER},
     "fields in a bunch": {_C.CABLE},
     "stall": {_C.DEVICE, _C.CABLE},
     "stream fails": {_C.DEVICE},

@@ -34,7 +34,11 @@ class Verdict(NamedTuple):
 
 def judged(seed: int) -> Verdict:
     """Runs the case of a seed, and audits its file."""
-    case = drawn(seed)
+    return judged_case(drawn(seed))
+
+
+def judged_case(case: Case) -> Verdict:
+    """Runs a case, and audits its file."""
     simulation = Simulation(case)
     simulation.run()
     assert simulation.recorder is not None

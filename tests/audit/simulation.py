@@ -158,7 +158,7 @@ class Simulation:
         self.start_ns = self.clock.ns
         ring = self.pipeline.ring
         reader = ring.reader(back=self.case.pre_fields)
-        begin = Begin(self.start_ns - self.case.pre_fields * PERIOD_NS, PERIOD_NS)
+        begin = Begin.of(reader, self.start_ns, self.case.pre_fields, PERIOD_NS)
         self.before = fields_before(reader, ring.newest, begin, self.start_ns)
         self._wait_in_simulated_time(reader)
         fields, pipeline = self.case.fields, self.pipeline

@@ -5,7 +5,8 @@ import pytest
 from grabberd_fake.audit import Judged, lies_of
 from grabberd_fake.faults import PERIOD_NS
 
-from .judging import judged
+from .cases import Case
+from .judging import judged, judged_case
 
 SEEDS = range(12)
 
@@ -13,6 +14,33 @@ SEEDS = range(12)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_account_lies(seed: int) -> None:
     assert judged(seed).lies == ()
+
+
+@pytest.mark.parametrize("counts", ["fields", "nothing"])
+@pytest.mark.parametrize("order", ["alternate", "top_first"])
+@pytest.mark.parametrize("freezes", [1, 2])
+@pytest.mark.parametrize("freeze_s", [0.6, 6.0])
+def test_a_capture_after_a_freeze_is_complete_with_its_numbers_and_times(
+    freeze_s: float, freezes: int, order: str, counts: str
+) -> None:
+    driver = {"order": order, "stamps": "exposure", "counts": counts, "jitter_ms": 2.0}
+    begins_s = [1.0 + (freeze_s + 1.0) * i for i in range(freezes)]
+    over_s = begins_s[-1] + freeze_s + 1.0
+    case = Case(
+        seed=3,
+        kinds=("program frozen",),
+        driver=driver,
+        buffers=16,
+        faults=[{"kind": "freeze", "at_s": at_s, "duration_s": freeze_s} for at_s in begins_s],
+        start_s=over_s,
+        stop_s=over_s + 3.0,
+        pre_fields=10,
+        fields=None,
+    )
+    found = judged_case(case)
+    assert found.lies == ()
+    assert found.complete
+    assert found.found.judged == found.found.fields >= 150
 
 
 def field(n: int, camera_n: int, late_ns: int = 0, reason: str | None = None) -> Judged:

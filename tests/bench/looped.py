@@ -38,6 +38,8 @@ class LoopedGrabber:
         begin: with which of them it begins.
     """
 
+    called_ns = 0
+
     def __init__(self, pictures: NDArray[np.uint8], begin: int) -> None:
         self._pictures = pictures
         self._begin = begin

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
-from types import ModuleType
 from typing import NamedTuple
 
 import pytest
@@ -314,15 +313,56 @@ def test_output_that_nobody_reads_ends_without_a_word() -> None:
     assert (ended.returncode, ended.stderr) == (1, "")
 
 
-def test_a_command_that_is_interrupted_before_it_has_begun_says_so(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    class Importing(ModuleType):
-        def __getattr__(self, name: str) -> object:
-            raise KeyboardInterrupt
+_INTERRUPTED_IMPORT = """
+import os, signal, sys, types
+from grabberd.cli import main
+signal.signal(signal.SIGINT, signal.{before})
 
-    monkeypatch.setitem(sys.modules, "grabberd.cli.app", Importing("grabberd.cli.app"))
-    with pytest.raises(SystemExit) as ended:
-        main()
-    assert ended.value.code == 130
-    assert capsys.readouterr().err == "grabberd: interrupted\n"
+class Importing(types.ModuleType):
+    def __getattr__(self, name):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ValueError("a library's own words for it")
+        return lambda: print("done")
+
+sys.modules["grabberd.cli.app"] = Importing("grabberd.cli.app")
+main()
+"""
+
+
+def interrupted_while_it_imports(before: str) -> tuple[int, str, str]:
+    command = [sys.executable, "-c", _INTERRUPTED_IMPORT.format(before=before)]
+    ended = subprocess.run(command, check=False, capture_output=True, text=True)
+    return ended.returncode, ended.stdout, ended.stderr
+
+
+def test_a_command_that_is_interrupted_before_it_has_begun_says_so_whatever_is_being_imported() -> None:
+    assert interrupted_while_it_imports("default_int_handler") == (130, "", "grabberd: interrupted\n")
+
+
+def test_a_command_that_is_interrupted_at_work_says_so() -> None:
+    code = """
+import os, signal
+from grabberd.cli import main
+from grabberd.cli.app import app
+
+@app.command()
+def works():
+    os.kill(os.getpid(), signal.SIGINT)
+
+main()
+"""
+    ended = subprocess.run([sys.executable, "-c", code, "works"], check=False, capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr.strip()) == (130, "grabberd: interrupted")
+
+
+def test_a_command_that_was_started_with_interrupts_ignored_goes_on_ignoring_them() -> None:
+    assert interrupted_while_it_imports("SIG_IGN") == (0, "done\n", "")
+
+
+def test_hardly_anything_is_imported_before_an_interrupt_is_a_line() -> None:
+    listed = "import sys; before = set(sys.modules); import grabberd.cli; print(*set(sys.modules) - before)"
+    ended = subprocess.run([sys.executable, "-c", listed], check=True, capture_output=True, text=True)
+    ours = {name for name in ended.stdout.split() if name.startswith("grabberd")}
+    assert ours == {"grabberd", "grabberd.cli"}

@@ -23,6 +23,8 @@ from grabberd.acquisition import FieldOrder, StreamInfo
 from grabberd.errors import DeviceRefused
 
 class Grabber:
+    called_ns = 0
+
     def __init__(self, what):
         self.what = what
 

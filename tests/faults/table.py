@@ -17,7 +17,8 @@ every field stands where the number in its picture says, and points are there or
 Noticed: from the fault's beginning until the event stream shows something of it, which it does five times a
 second. Recovered: from the fault's end, or from its beginning where only the daemon ends it, until fields
 come again. Wanted are 1 s and 3 s. A computer that has more to do than it can is slower, and loses fields by
-itself ("time gap"): this run had {load:.1f} programs waiting for {processors} processors.
+itself ("computer busy"; "time gap" where no evidence tells): this run
+had {load:.1f} programs waiting for {processors} processors.
 
 ## Of a grabber
 

@@ -30,6 +30,8 @@ class Scripted:
     After its script nothing comes. It keeps what it was asked.
     """
 
+    called_ns = 0
+
     def __init__(self, clock: SimulatedClock, *script: Exception | int, info: StreamInfo = INFO) -> None:
         self.clock = clock
         self.script = list(script)

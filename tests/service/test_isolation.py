@@ -28,6 +28,8 @@ PACED: dict[str, Any] = {"pace": "real"}
 class Grabber:
     """Does as it is told when it is opened or asked for fields."""
 
+    called_ns = 0
+
     def __init__(self, opening: Exception | None = None, hang: threading.Event | None = None) -> None:
         self._opening = opening
         self._hang = hang

@@ -17,7 +17,7 @@ class LossCause(StrEnum):
     CONTENT = "content"
     """The picture shows what nobody told: lines shifted, stale or repeated."""
     DEVICE = "device"
-    """The grabber was gone, or had stopped."""
+    """The grabber was gone, or had stopped, or its driver did not return from a call."""
     DISK = "disk"
     UNKNOWN = "unknown"
 
@@ -25,6 +25,7 @@ class LossCause(StrEnum):
 _BY_REASON = (
     ("computer busy", LossCause.COMPUTER),
     ("program stopped", LossCause.COMPUTER),
+    ("driver hung", LossCause.DEVICE),
     ("the program ended", LossCause.COMPUTER),
     ("ring overrun", LossCause.COMPUTER),
     ("disk too slow", LossCause.DISK),

@@ -99,6 +99,13 @@ class GrabbedField(NamedTuple):
 class Grabber(Protocol):
     """A frame grabber."""
 
+    @property
+    def called_ns(self) -> int:
+        """Time spent so far in calls to the device that should return at once, not in waiting for fields: a
+        driver that hangs is known by it. It never decreases; 0 for a simulated one.
+        """
+        ...
+
     def open(self) -> StreamInfo:
         """Open the device and start streaming.
 

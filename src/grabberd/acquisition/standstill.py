@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 COMPUTER_BUSY = "computer busy"
 PROGRAM_STOPPED = "program stopped"
+DRIVER_HUNG = "driver hung"
 _MOST_OF_IT = 0.5
 
 
@@ -15,15 +16,27 @@ class Standstill(NamedTuple):
         waited_ns: Time in it for which the capture thread could have run and waited for a processor; None
             where the kernel does not tell.
         used_ns: Processor time that the whole program used in it.
+        called_ns: Time in it that calls to the device took, which should return at once.
     """
 
     time_ns: int
     waited_ns: int | None
     used_ns: int
+    called_ns: int = 0
 
     @property
     def is_stop(self) -> bool:
-        """True if the program neither ran nor waited for a processor: something had stopped it."""
+        """True if the program neither ran nor waited for a processor nor for the device: it was stopped."""
+        return self._was_off and not self.is_hang
+
+    @property
+    def is_hang(self) -> bool:
+        """True if it waited for a call to the device that should have returned at once."""
+        return self._was_off and self.called_ns >= _MOST_OF_IT * self.time_ns
+
+    @property
+    def _was_off(self) -> bool:
+        """True if it did not run and did not want to."""
         return self.waited_ns is not None and self.waited_ns + self.used_ns < _MOST_OF_IT * self.time_ns
 
     @property
@@ -31,6 +44,8 @@ class Standstill(NamedTuple):
         """Cause in a few words, for fields that are lost meanwhile."""
         if self.waited_ns is None:
             return f"{COMPUTER_BUSY} (took no fields for {_seconds(self.time_ns)})"
+        if self.is_hang:
+            return f"{DRIVER_HUNG} (a call took {_seconds(self.called_ns)})"
         if self.is_stop:
             return f"{PROGRAM_STOPPED} (for {_seconds(self.time_ns)})"
         if self.waited_ns >= _MOST_OF_IT * self.time_ns:

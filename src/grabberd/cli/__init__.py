@@ -4,11 +4,18 @@ Exit codes: 0 success; 1 failure, explained by the message; 2 invalid command li
 write to its disk, or a command its output; 78 invalid configuration.
 """
 
+from __future__ import annotations
+
 import errno
 import os
+import signal
 import sys
 
-from grabberd.errors import ConfigError, GrabberdError, StorageError
+TYPE_CHECKING = False  # that of `typing`, which takes a while to import
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from grabberd.errors import GrabberdError
 
 # From sysexits.h. The systemd unit does not restart on 78: restarting cannot fix a bad configuration.
 EX_IOERR = 74
@@ -22,9 +29,10 @@ def main() -> None:
     """Entry point of the command `grabberd`."""
     # OpenBLAS threads cost more than they gain on matrices this small, and disturb the capture thread.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    try:
-        from grabberd.cli.app import app  # noqa: PLC0415 - `import grabberd.cli` stays cheap
+    app = _imported_app()
+    from grabberd.errors import ConfigError, GrabberdError, StorageError  # noqa: PLC0415 - imported by now
 
+    try:
         try:
             app()
         finally:
@@ -32,9 +40,13 @@ def main() -> None:
     except GrabberdError as error:
         complain(error)
         sys.exit(EX_CONFIG if isinstance(error, ConfigError) else 1)
-    except KeyboardInterrupt:  # before the command has begun: importing takes a second
-        print("grabberd: interrupted", file=sys.stderr)
+    except KeyboardInterrupt:  # where typer has not begun yet, or has ended
+        _say_interrupted()
         sys.exit(EX_INTERRUPTED)
+    except SystemExit as ended:  # typer has made it of whatever ended the command
+        if ended.code == EX_INTERRUPTED and _was_interrupted(ended):
+            _say_interrupted()
+        raise
     except BrokenPipeError:  # `| head` has seen enough
         _drop_output()
         sys.exit(1)
@@ -44,6 +56,35 @@ def main() -> None:
         _drop_output()
         complain(StorageError(f"the output cannot be written: {error.strerror}", "make room on its disk"))
         sys.exit(EX_IOERR)
+
+
+def _imported_app() -> Callable[[], None]:
+    """Import all commands, which takes half a second; `import grabberd.cli` stays cheap."""
+    # An interrupt ends it without an exception: what is being imported may make another one of it.
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _end_at_once)
+    from grabberd.cli.app import app  # noqa: PLC0415
+
+    signal.signal(signal.SIGINT, before)
+    return app
+
+
+def _end_at_once(*_: object) -> None:
+    """Handle an interrupt before anything has begun that would have to be ended."""
+    _say_interrupted()
+    os._exit(EX_INTERRUPTED)
+
+
+def _say_interrupted() -> None:
+    print("grabberd: interrupted", file=sys.stderr, flush=True)
+
+
+def _was_interrupted(error: BaseException | None) -> bool:
+    """Tell whether Ctrl-C is what an error comes from, and not the command's own words."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    return error is not None
 
 
 def _drop_output() -> None:

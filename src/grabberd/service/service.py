@@ -122,7 +122,9 @@ class Service:
             folder=self._captures_folder(directory / "captures"),
             faults=self.faults,
         )
-        self.unsealed = UnsealedCaptures(self.archive.check, self._entered, self.faults, self._clock)
+        self.unsealed = UnsealedCaptures(
+            self.archive.check, self._entered, self._count, self.faults, self._clock
+        )
         self.capture_control = CaptureControl(self._current, self.archive, store, self._clock)
         self.calibrations = CalibrationCatalog(directory / "calibrations", _configured(setups))
         self.access = Access(directory, self._clock, heal)
@@ -325,8 +327,12 @@ class Service:
 
     def _entered(self, recording: Recording) -> None:
         """Takes note of a capture that was sealed after all."""
+        self._count(recording)
         self._enter_in_index(recording)
         log.info("capture %s is sealed now, %s", recording.id, recording.verdict)
+
+    def _count(self, recording: Recording) -> None:
+        self.instrument(recording.meta.device["name"]).captures.count(recording)
 
     def _enter_in_index(self, recording: Recording) -> None:
         # The capture has ended all the same if the index cannot be written; it is entered later.

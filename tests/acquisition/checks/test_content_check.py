@@ -50,6 +50,15 @@ def test_a_damaged_field_is_no_measure_for_the_next(liner):
     assert [damage is not None for damage in damages(replaced(liner, 20, damaged))].count(True) == 1
 
 
+@pytest.mark.parametrize("before", ["the damaged one", "the good one"])
+def test_a_short_field_after_a_damaged_one_is_damaged_as_well(liner, before):
+    damaged = without_a_packet(liner[20], 150, 40)
+    short = liner[21].copy()
+    short[144:] = (damaged if before == "the damaged one" else liner[19])[144:]
+    found = damages([*liner[:20], damaged, short, *liner[22:]])
+    assert [n for n, damage in enumerate(found) if damage] == [20, 21]
+
+
 @pytest.mark.parametrize("count", [1, 2, 4, 7, 12])
 def test_shifted_fields_in_a_row_accuse_none_of_their_neighbours(liner, count):
     shifted = [without_a_packet(luma, 150, 40) for luma in liner[20 : 20 + count]]

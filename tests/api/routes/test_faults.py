@@ -5,9 +5,11 @@ from pathlib import Path
 import pytest
 from fastapi.testclient import TestClient
 
-from grabberd.errors import Cause, IndexRebuilding
+from grabberd.errors import Cause, IndexRebuilding, StorageError
 from grabberd.service.archive.index_keeper import IndexKeeper
+from grabberd.service.capture.capture_request import CaptureRequest
 from grabberd.service.service import Service
+from grabberd.storage.capture import writer
 
 
 @pytest.fixture
@@ -31,6 +33,32 @@ def test_the_state_and_the_readiness_say_what_is_lost_and_from_when_the_rest_is(
     assert "grabberd storage accept" in fault["hint"]
     assert fast.get("/readyz").json()["faults"] == [fault]
     assert fast.post("/api/v1/captures", json={"fields": 5}).status_code == 202
+
+
+@pytest.mark.parametrize("fate", ["sealed later", "given up"])
+def test_a_capture_is_counted_once_by_the_verdict_of_the_seal_that_holds(
+    fast: TestClient, service: Service, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fate: str
+) -> None:
+    def refuse(_: Path) -> Path:
+        raise StorageError("it cannot be renamed", "wait")
+
+    def counted() -> list[int]:
+        ended = service.instrument(None).captures.ended
+        return [ended["complete"], ended["incomplete"]]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(writer, "publish", refuse)
+        service.capture_control.start(None, CaptureRequest(fields=5))
+        recording = service.instrument(None).recording
+        assert recording
+        assert recording.sealed.wait(30)
+    assert counted() == [0, 0]
+    if fate == "given up":
+        recording.path.unlink()
+    service.unsealed._due_ns = 0
+    service.unsealed.retry()
+    assert service.unsealed.captures == ()
+    assert counted() == ([1, 0] if fate == "sealed later" else [0, 1])
 
 
 def test_a_folder_that_is_gone_is_a_problem_with_a_hint_on_every_route(

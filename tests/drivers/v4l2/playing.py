@@ -6,14 +6,17 @@ from simulated_time import SMALL, NoCaptures, Until
 
 from drivers.v4l2.bench import Bench
 from drivers.v4l2.fake_kernel import number_in
+from drivers.v4l2.fake_kernel.card import PERIOD_NS
 from grabberd.acquisition import Ledger
 from grabberd.config import RingConfig
 from grabberd.field import unpack
+from grabberd.service.capture.edges import Begin, cut
 from grabberd.service.device.capture_thread import CaptureThread
 from grabberd.service.device.field_pipeline import FieldPipeline
 from grabberd.service.device.scheduling import ThreadTimes
 from grabberd.service.device.status_board import StatusBoard
 from grabberd_fake.audit import Judged, lies_of
+from grabberd_v4l2 import ioctls
 
 
 class KernelClock:
@@ -40,8 +43,12 @@ class Scheduler:
     """Keeps the program from running, and the kernel's account of that.
 
     Attributes:
-        waits_s: how long a call of the program has to wait for a processor, by the time that has passed.
-        stops: from when to when it is stopped, in s.
+        waits_s: how long a call of the program has to wait for a processor, by the time that has passed;
+            `waits_at_work_s`: how long its work on a field has to.
+        hangs: at what time which call hangs, and for how long.
+        stops: from when to when it is stopped, in s; `stopped_at_work`: with a field in its hands, else while
+            it waits for one.
+        polls_in_vain: after a stop the poll says that nothing has come.
     """
 
     def __init__(self, clock):
@@ -49,6 +56,9 @@ class Scheduler:
         self._waited_ns = 0
         self.waits_s = lambda _passed_s: 0.0
         self.stops = ()
+        self.waits_at_work_s = lambda _passed_s: 0.0
+        self.hangs = {}
+        self.stopped_at_work = self.polls_in_vain = False
 
     def thread(self):
         return ThreadTimes(0, self._waited_ns)
@@ -56,14 +66,24 @@ class Scheduler:
     def program_ns(self):
         return 0
 
-    def hold(self):
-        """Lets the time pass for which the program does not run."""
-        wait_s = self.waits_s(self._clock.passed_s)
+    def hold(self, *, at_work=False):
+        """Lets the time pass for which the program does not run; returns whether it was stopped."""
+        wait_s = (self.waits_at_work_s if at_work else self.waits_s)(self._clock.passed_s)
         self._waited_ns += round(wait_s * 1e9)
         self._clock.sleep(wait_s)
-        for begin_s, end_s in self.stops:
+        stopped = False
+        for begin_s, end_s in self.stops if at_work == self.stopped_at_work else ():
             if begin_s <= self._clock.passed_s < end_s:
                 self._clock.sleep(end_s - self._clock.passed_s)
+                stopped = True
+        return stopped
+
+    def hang(self, call):
+        """Lets the time pass for which a call does not return."""
+        for at_s, (name, seconds) in list(self.hangs.items()):
+            if name == call and at_s <= self._clock.passed_s:
+                del self.hangs[at_s]
+                self._clock.sleep(seconds)
 
 
 class Play:
@@ -80,16 +100,19 @@ class Play:
         self.clock = KernelClock(kernel)
         self.scheduler = Scheduler(self.clock)
         self._poll = kernel.poll
-        kernel.poll = self._late_poll
+        self._ioctl = kernel.ioctl
+        kernel.poll, kernel.ioctl = self._late_poll, self._late_ioctl
         ring = RingConfig(bits=8, lines="field")
         self._pipeline = FieldPipeline(SMALL.model_copy(update={"ring": ring}))
         self._opened, self._pipeline.opened = self._pipeline.opened, self._without_content_check
+        self._work, self._pipeline.take = self._pipeline.take, self._late_work
         self.board = StatusBoard("cup", self.clock)
         self.slots, self.ledger = [], Ledger()
         self._count, self.board.count = self.board.count, self._take
 
     def run(self, seconds):
         """Plays, and returns itself."""
+        self._start_ns = self.clock.now_ns()
         captures = NoCaptures(lambda _: None, lambda _: None)
         stopping = Until(self.clock, seconds)
         thread = CaptureThread(
@@ -107,16 +130,26 @@ class Play:
             self._take(slot)
         return self
 
-    def _without_content_check(self, info):
+    def _without_content_check(self, info, since_ns=None):
         """The model's pictures are no camera's: what is the same in every line looks shifted."""
-        change = self._opened(info)
+        change = self._opened(info, since_ns)
         self._pipeline._content = None
         return change
 
     def _late_poll(self, fd, timeout_s):
         ready = self._poll(fd, timeout_s)
-        self.scheduler.hold()
+        if self.scheduler.hold() and self.scheduler.polls_in_vain:
+            return 0
         return ready or self._poll(fd, 0.0)
+
+    def _late_ioctl(self, fd, request, argument):
+        self._ioctl(fd, request, argument)
+        self.scheduler.hang(ioctls.NAMES[request])
+
+    def _late_work(self, *grabbed):
+        slots = self._work(*grabbed)
+        self.scheduler.hold(at_work=True)
+        return slots
 
     def _take(self, slot):
         self._count(slot)
@@ -138,6 +171,19 @@ class Play:
             for slot, number in zip(self.slots, numbers, strict=True)
         ]
         return list(lies_of(judged, numbers[0]))
+
+    def captured_from(self, begin_s):
+        """The account of a capture that begins then, and the camera's number and the time of each field."""
+        begin = Begin(self._start_ns + round(begin_s * 1e9), PERIOD_NS)
+        ledger, fields, first_n = Ledger(), [], None
+        for slot, number in zip(self.slots, self.camera_numbers, strict=True):
+            if not fields:
+                first_n = begin.first_n(slot)
+            if slot.n >= first_n:
+                lost = (one._replace(first_n=one.first_n - first_n) for one in cut(slot.lost_before, first_n))
+                ledger.enter(slot.n - first_n, slot.outcome, slot.reason, tuple(lost))
+                fields.append((number, slot.time_ns))
+        return ledger, fields
 
     @property
     def missing(self):

@@ -173,6 +173,44 @@ def test_a_program_that_is_stopped_loses_what_the_buffers_could_not_hold(play, c
     assert abs(len(one.missing) - (50 * seconds - one.board.now.stream.buffers)) <= 2
     assert one.causes == {"program stopped"}
     assert one.board.standstills.counts == {"program_stopped": 1}
+    # A capture that begins a second after the stop knows nothing of it.
+    ledger, fields = one.captured_from(3.0 + seconds)
+    assert ledger.complete
+    assert ledger.total == len(fields) >= 90
+    first = fields[0][0]
+    assert [number for number, _ in fields] == list(range(first, first + len(fields)))
+    assert all(abs(time_ns - number * 20_000_000) < 20_000_000 for number, time_ns in fields)
+
+
+@pytest.mark.parametrize("late_ms", [25, 35])
+def test_one_late_stamp_of_woven_frames_without_a_count_moves_nothing(play, late_ms):
+    one, stamped = play("frames of em28xx"), []
+
+    def stamp(due_ns):
+        stamped.append(due_ns)
+        return due_ns + (late_ms * 1_000_000 if len(stamped) == 50 else 0)
+
+    one.card.stamp = stamp
+    one.run(SECONDS)
+    assert not one.board.now.stream.counts_losses
+    assert is_true(one, lost=0)
+    assert one.ledger.complete
+
+
+@EVERY_CARD
+@pytest.mark.parametrize("where", ["while it waits", "in a poll that is in vain", "at work on a field"])
+@pytest.mark.parametrize("begin_s", [2.001, 2.013])
+def test_a_short_stop_is_told_wherever_it_meets_the_program(play, card, where, begin_s):
+    one = play(card, buffers=8)
+    one.scheduler.stops = ((begin_s, begin_s + 0.6),)
+    one.scheduler.stopped_at_work = where == "at work on a field"
+    one.scheduler.polls_in_vain = where == "in a poll that is in vain"
+    one.run(SECONDS)
+    assert is_true(one)
+    assert len(one.missing) >= 10
+    assert one.causes == {"program stopped"}
+    assert one.board.now.losses == {"computer": len(one.missing)}
+    assert one.board.standstills.counts == {"program_stopped": 1}
 
 
 @EVERY_CARD
@@ -195,6 +233,32 @@ def test_a_program_that_starves_loses_to_a_busy_computer(play, card, seed):
     assert is_true(one)
     assert one.truly_missing
     assert one.causes == {"computer busy"}
+
+
+@EVERY_CARD
+@pytest.mark.parametrize("seed", range(3))
+def test_a_program_that_starves_at_work_loses_to_a_busy_computer(play, card, seed):
+    one, draw = play(card, buffers=8), random.Random(seed)
+    one.scheduler.waits_at_work_s = lambda passed_s: (
+        draw.expovariate(1 / 0.06) if 1.0 < passed_s < 4.0 else 0.0
+    )
+    one.run(SECONDS)
+    assert is_true(one)
+    assert one.truly_missing
+    assert one.causes == {"computer busy"}
+
+
+@EVERY_CARD
+@pytest.mark.parametrize("call", ["DQBUF", "QBUF", "G_STD"])
+def test_a_driver_that_hangs_in_a_call_is_where_to_look(play, card, call):
+    one = play(card, buffers=8)
+    one.scheduler.hangs = {2.0: (call, 1.2)}
+    one.run(SECONDS)
+    assert one.scheduler.hangs == {}
+    assert is_true(one)
+    assert one.causes == {"driver hung"}
+    assert one.board.now.losses == {"device": len(one.missing)}
+    assert one.board.standstills.counts == {"driver_hung": 1}
 
 
 def test_a_camera_that_goes_on_in_the_other_phase_is_followed_and_told(play):

@@ -309,6 +309,18 @@ def test_buffers_that_a_driver_hands_back_when_it_gives_up_are_no_fields():
     assert all("number uncertain" in field.reason for field in found[11 : 11 + len(doubtful)])
 
 
+@pytest.mark.parametrize("back_at", [36, 38, 60, 200])
+def test_fields_that_come_a_while_after_a_driver_has_given_up_are_certain(back_at):
+    card = Card(Arrangement.ALTERNATE, "bttv")
+    card.buffers(range(10))
+    for _ in range(4):  # all at once
+        flags = MONOTONIC | abi.BUF_FLAG_ERROR
+        card.buffer(34, sequence=5, flags=flags)
+    found = card.buffers(range(back_at, back_at + 25))
+    assert numbers(found[11:]) == list(range(back_at, back_at + 25))
+    assert {field.outcome for field in found[11:]} == {Outcome.RECEIVED}
+
+
 @pytest.mark.parametrize("arrangement", [Arrangement.INTERLACED, Arrangement.ALTERNATE])
 def test_losses_are_found_where_the_bottom_field_is_the_older(arrangement):
     card = Card(arrangement, "usbtv", older=BOTTOM)

@@ -1,5 +1,7 @@
 """Where a capture's account begins and ends."""
 
+from dataclasses import replace
+
 from slots import PERIOD_NS, slot
 
 from grabberd.acquisition import LedgerEntry, Outcome, Ring
@@ -44,6 +46,14 @@ def test_the_fields_before_a_trigger_are_counted_up_to_its_instant() -> None:
     assert fields_before(ring.reader(back=8), ring.newest, begin_at(12 - 20), trigger_ns) == 10
     assert fields_before(ring.reader(), ring.newest, begin_at(12), trigger_ns) == 0
     assert fields_before(reader, ring.newest, Begin(None, PERIOD_NS), 0) == 5
+
+
+def test_a_ring_that_has_had_no_field_has_no_pre_trigger_either() -> None:
+    ring = Ring(8)
+    assert Begin.of(ring.reader(back=5), 12 * PERIOD_NS, 5, PERIOD_NS) == begin_at(12)
+    ring.put(slot(10))
+    assert Begin.of(ring.reader(back=5), 12 * PERIOD_NS, 5, PERIOD_NS) == replace(begin_at(7), n=10)
+    assert Begin.of(ring.reader(back=5), None, 5, PERIOD_NS).time_ns is None
 
 
 def test_entries_are_cut_at_both_edges() -> None:

@@ -77,6 +77,19 @@ def test_what_is_lost_between_the_request_and_the_first_field_is_the_captures() 
     assert recorded(backlog) == [30]
 
 
+def test_where_nothing_came_but_what_is_older_the_account_goes_from_the_request_to_the_stop() -> None:
+    clock, ring = ManualClock(10 * PERIOD_NS), Ring()
+    reader = ring.reader()
+    one, _ = recorder(clock=clock, reader=reader, begin=since(clock))
+    heard(clock, reader, {})
+    clock.ns = 40 * PERIOD_NS
+    one.take(slot(8))  # has waited for as long
+    clock.ns = 60 * PERIOD_NS
+    one.stop("stopped by the operator")
+    one.run()
+    assert one.ledger.entries == [LedgerEntry(0, 50, Outcome.LOST, "nothing came")]
+
+
 def test_a_stop_takes_what_was_exposed_before_it_and_nothing_later() -> None:
     clock, ring = ManualClock(0), Ring()
     reader = ring.reader()

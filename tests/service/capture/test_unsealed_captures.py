@@ -25,9 +25,12 @@ class Unsealed:
         self.patch, self.folder = monkeypatch, folder
         self.rig = Rig(folder, 5, 100, measured=False)
         self.sealed: list[Recording] = []
+        self.given_up: list[Recording] = []
         self.away: StorageError | None = None
         self.faults = FaultBoard(self.rig.clock)
-        self.unsealed = UnsealedCaptures(self._check, self.sealed.append, self.faults, self.rig.clock)
+        self.unsealed = UnsealedCaptures(
+            self._check, self.sealed.append, self.given_up.append, self.faults, self.rig.clock
+        )
         self.patch.setattr(writer, "publish", self._refuse)
         self.rig.recording.start()
         self.rig.put(*(slot(n) for n in range(5)))
@@ -138,6 +141,7 @@ def test_a_file_that_was_deleted_or_damaged_is_given_up(
     one.retry()
     assert one.unsealed.captures == ()
     assert one.sealed == []
+    assert one.given_up == [one.recording]
     assert one.faults.now == []
     assert "given up" in caplog.text
     assert part.exists() == damaged

@@ -24,7 +24,7 @@ def pipeline(*, bits: int = 1, threshold: int | None = 60) -> FieldPipeline:
             threshold=ThresholdConfig(kind=kind, value=threshold),  # type: ignore[arg-type]
         )
     )
-    one.opened(INFO)
+    one.opened(INFO, now_ns(0))
     return one
 
 
@@ -91,7 +91,7 @@ def test_the_threshold_in_force_is_kept_with_every_field() -> None:
 
 def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
     one = pipeline(threshold=None)
-    one.opened(replace(INFO, live=False))
+    one.opened(replace(INFO, driver="recording", live=False))
     numbered = take(one, grabbed(0, bright=100), Signal.PRESENT, now_ns(0)).numbered
     assert numbered
     assert 20 < numbered.packed.threshold < 100
@@ -100,7 +100,7 @@ def test_a_recordings_first_field_is_packed_with_its_own_threshold() -> None:
 
 def test_a_picture_without_signal_is_not_chosen_by() -> None:
     one = pipeline(threshold=None)
-    one.opened(replace(INFO, live=False))
+    one.opened(replace(INFO, driver="recording", live=False))
     take(one, grabbed(0, bright=100), Signal.ABSENT, now_ns(0))
     assert one.thresholds.in_force.level == UNDECIDED_THRESHOLD
 
@@ -196,7 +196,7 @@ def test_no_signal_is_seen_in_the_picture_whatever_the_driver_says(picture: str,
 
 def test_a_recording_is_not_looked_at() -> None:
     one = pipeline()
-    one.opened(replace(INFO, live=False))
+    one.opened(replace(INFO, driver="recording", live=False))
     outcomes = [take(one, grabbed(n, seed=5), Signal.UNKNOWN, now_ns(n)).outcome for n in range(4)]
     assert outcomes == [Outcome.RECEIVED] * 4
     assert one.no_picture is None

@@ -1,5 +1,6 @@
 """Arrivals of a stream's fields: when each came, with which others, and how long its way was."""
 
+import math
 from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder, StreamInfo
@@ -8,8 +9,46 @@ _BURST = 0.3
 """Periods between arrivals, below which fields have waited in the driver's buffers."""
 _VARIATIONS = 4
 """Changes of the time from stamp to arrival, after which it is no constant: a clock that is set makes one."""
-_WAY_GROWS_NS = 20_000
-"""Growth of the shortest way from field to field, so that it follows a computer that becomes slower."""
+_REGULAR, _ALIKE = 8, 0.25
+"""Number of fields by which those that come by the shortest way, within so many periods, outnumber the later
+ones once it is known. While a computer is overloaded every field waits, each for another time."""
+_GROWS = 0.001
+"""Growth of the shortest way from field to field, in periods: it follows a computer that becomes slower."""
+
+
+class Way(NamedTuple):
+    """Shortest way from a field's exposure to its arrival.
+
+    Attributes:
+        periods: Its length; infinite before the first field.
+        regular: Number of fields that have come by it, less those that have come later.
+    """
+
+    periods: float = math.inf
+    regular: int = 0
+
+    @property
+    def is_known(self) -> bool:
+        """True once fields have come regularly, so that none can come by a much shorter way."""
+        return self.regular >= _REGULAR
+
+    def longer_by(self, periods: float) -> "Way":
+        """The same, where all exposures turn out to have been so much earlier."""
+        return self._replace(periods=self.periods + periods)
+
+    def is_far_longer_than(self, periods: float) -> bool:
+        """True if a field has come by a way that is much shorter."""
+        return periods < self.periods - _ALIKE
+
+    def after(self, periods: float) -> "Way":
+        """The same after one more field, which has come by such a way."""
+        shortest = min(periods, self.periods + _GROWS)
+        if self.is_far_longer_than(periods):
+            return Way(shortest, 1)
+        if self.is_known:  # what comes late tells nothing new
+            return Way(shortest, self.regular)
+        in_time = periods < self.periods + _ALIKE
+        return Way(shortest, self.regular + 1 if in_time else max(self.regular - 1, 0))
 
 
 class Arrival(NamedTuple):
@@ -40,7 +79,7 @@ class Arrivals:
         self._waiting_parity = {FieldOrder.TOP_FIRST: 0, FieldOrder.BOTTOM_FIRST: 1}.get(info.field_order)
         self._before_ns: int | None = None
         self._dequeued_ns: int | None = None
-        self.way_ns: int | None = None
+        self.way = Way()
         self._stamped: tuple[int, int] | None = None
         self._variations = 0
 
@@ -49,17 +88,18 @@ class Arrivals:
         """True once stamps are known to come from somewhere else than the arrival: they vary against it."""
         return self._variations >= _VARIATIONS
 
-    def compare(self, arrival: Arrival, stamp_ns: int) -> None:
-        """Compare an arrival with its field's stamp, if that is believed."""
+    def may_be(self, arrival: Arrival, stamp_ns: int) -> bool:
+        """True if a believed stamp may be the time of its field's arrival, as those before it may."""
         if arrival.time_ns is None:
-            return
+            return False
+        varied = False
         if self._stamped is not None:
             before_ns, way_ns = self._stamped
-            # Stamps that stand still or run backward vary as well, and tell nothing.
-            runs_on = stamp_ns - before_ns > _BURST * self._period_ns
             varied = abs(arrival.time_ns - stamp_ns - way_ns) > _BURST * self._period_ns
-            self._variations += runs_on and varied
+            # Stamps that stand still or run backward vary as well, and tell nothing.
+            self._variations += varied and stamp_ns - before_ns > _BURST * self._period_ns
         self._stamped = stamp_ns, arrival.time_ns - stamp_ns
+        return not (varied or self.tells_of_stamps)
 
     def look(self, parity: int, now_ns: int | None) -> Arrival:
         """Take in the next field's arrival."""
@@ -76,17 +116,11 @@ class Arrivals:
 
     def exposed_ns(self, arrival: Arrival) -> int | None:
         """Exposure of a field that came by the shortest way; None while that is unknown."""
-        if arrival.time_ns is None or self.way_ns is None:
+        if arrival.time_ns is None or math.isinf(self.way.periods):
             return None
-        return arrival.time_ns - self.way_ns
-
-    def forget(self) -> None:
-        """Learn the way anew: the times were wrong that it was learned from."""
-        self.way_ns = None
+        return arrival.time_ns - round(self.way.periods * self._period_ns)
 
     def learn(self, arrival: Arrival, time_ns: int) -> None:
         """Learn the way from a field whose time is known."""
-        if arrival.time_ns is None:
-            return
-        way_ns = arrival.time_ns - time_ns
-        self.way_ns = way_ns if self.way_ns is None else min(way_ns, self.way_ns + _WAY_GROWS_NS)
+        if arrival.time_ns is not None:
+            self.way = self.way.after((arrival.time_ns - time_ns) / self._period_ns)

@@ -1,5 +1,7 @@
 """Doubts about numbers, from a field whose number is uncertain until one whose number is certain again."""
 
+import math
+
 from grabberd.acquisition.numbering.arrivals import Arrival, Arrivals
 from grabberd.acquisition.numbering.paths import Step
 
@@ -18,14 +20,22 @@ class Doubts:
     Args:
         arrivals: Those of the stream.
         period_ns: Nominal time from field to field.
+
+    Attributes:
+        open: True from a field whose number is uncertain up to one whose number is certain again.
     """
 
     def __init__(self, arrivals: Arrivals, period_ns: float) -> None:
         self._arrivals = arrivals
         self._period_ns = period_ns
         self._certain: tuple[int, int] | None = None
-        self._open = self._clock_is_new = False
+        self.open = self._clock_is_new = False
         self._fields = self._in_a_row = 0
+
+    def begin(self, time_ns: int, late_by: int) -> None:
+        """Note the time of the first field, and by how many fields it may be late."""
+        self._certain, self._fields = (-late_by, time_ns - round(late_by * self._period_ns)), 0
+        self.open = late_by > 0
 
     def of(
         self,
@@ -35,6 +45,7 @@ class Doubts:
         arrival: Arrival,
         uncertain_by: int,
         *,
+        way_is_known: bool,
         clock_is_new: bool = False,
     ) -> int:
         """Number of fields by which a field's number may be off.
@@ -45,16 +56,17 @@ class Doubts:
             step: How it was numbered.
             arrival: Its arrival.
             uncertain_by: Doubt about this field alone.
+            way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
             clock_is_new: True if the camera's clock begins again with its stamp: then stamps that fit tell
                 nothing more, until an arrival does.
         """
         self._fields += 1
-        regular = step.arrived_in_time and step.fields == 1
+        regular = way_is_known and step.arrived_in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
-        self._clock_is_new = clock_is_new or (self._clock_is_new and self._open)
-        self._open = uncertain_by > 0 or (self._open and not self._ends(step))
-        if self._open:
-            return max(uncertain_by, self._range(n, arrival), 1)
+        self._clock_is_new = clock_is_new or (self._clock_is_new and self.open)
+        self.open = uncertain_by > 0 or (self.open and not self._ends(step))
+        if self.open:
+            return max(uncertain_by, self._range(n, time_ns, arrival), 1)
         self._certain, self._fields = (n, time_ns), 0
         return 0
 
@@ -65,14 +77,17 @@ class Doubts:
 
     def _latest(self, arrival: Arrival) -> float | None:
         """Greatest number that an arrival allows, by the last certain field."""
-        exposed_ns = self._arrivals.exposed_ns(arrival)
+        exposed_ns = self._arrivals.exposed_ns(arrival) if self._arrivals.way.is_known else arrival.time_ns
         if exposed_ns is None or self._certain is None:
             return None
         certain_n, certain_ns = self._certain
         return certain_n + (exposed_ns - certain_ns) / self._period_ns
 
-    def _range(self, n: int, arrival: Arrival) -> int:
+    def _range(self, n: int, time_ns: int, arrival: Arrival) -> int:
+        """Number of fields by which number and time of a field may be off."""
         latest = self._latest(arrival)
         if latest is None or self._certain is None:
             return 0
-        return max(n - (self._certain[0] + self._fields), round(latest) - n)
+        certain_n, certain_ns = self._certain
+        late = (time_ns - certain_ns) / self._period_ns - self._fields
+        return max(n - (certain_n + self._fields), round(latest) - n, math.ceil(late))

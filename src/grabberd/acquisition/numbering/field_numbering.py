@@ -9,9 +9,10 @@ from typing import NamedTuple
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome
 from grabberd.acquisition.numbering.arrivals import Arrivals
+from grabberd.acquisition.numbering.beginning import Beginning
 from grabberd.acquisition.numbering.doubts import Doubts
-from grabberd.acquisition.numbering.losses import contradiction, lost_before
-from grabberd.acquisition.numbering.paths import Paths, Seen, Step
+from grabberd.acquisition.numbering.losses import contradiction, doubtful, lost_before
+from grabberd.acquisition.numbering.paths import Paths, Step
 from grabberd.acquisition.numbering.pending import Pending, outcome_of
 from grabberd.acquisition.numbering.sequence_steps import SequenceSteps
 from grabberd.acquisition.numbering.settling import Settling
@@ -56,9 +57,10 @@ class FieldNumbering:
 
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
+        since_ns: When the stream was asked for, on the clock of the arrivals; None if unknown.
     """
 
-    def __init__(self, info: StreamInfo) -> None:
+    def __init__(self, info: StreamInfo, since_ns: int | None = None) -> None:
         self._live = info.live
         self._has_parity = info.field_order is not FieldOrder.ONE_PARITY
         self._period_ns = 1e9 / info.rate_hz
@@ -77,6 +79,7 @@ class FieldNumbering:
         self._pending: deque[Pending] = deque()
         self._buffered = info.buffers
         self._most_pending = max(_MOST_PENDING, self._buffered + _CONFIRMING)
+        self._beginning = Beginning(info, self._arrivals, since_ns, self._most_pending)
         self._interruption: str | None = None
         self._standstill = COMPUTER_BUSY
         self._waited = 0
@@ -127,21 +130,41 @@ class FieldNumbering:
         """
         absent = NO_SIGNAL if signal is Signal.ABSENT else no_picture
         pending = self._look(grabbed, now_ns, *outcome_of(absent, grabbed.damage or damage))
-        self._pending.append(replace(pending, no_signal=signal is Signal.ABSENT))
+        pending = replace(pending, no_signal=signal is Signal.ABSENT)
         self._waited = max(self._waited - 1, 0)
         self._interruption = None
-        if self._paths is None:
-            self._paths = Paths(pending.parity if self._has_parity else None, exact=not self._live)
-            return [self._first(self._pending.popleft())]
-        self._paths.see(self._seen(pending))
-        settled: list[Numbered] = []
-        while self._pending and self._goes_on(self._paths):
-            settled.append(self._settle_oldest(self._paths))
-        return settled
+        if self._paths is not None:
+            return self._go_on(self._paths, pending)
+        self._beginning.add(pending)
+        return self._begin() if self._beginning.is_over else []
 
     def settle(self) -> list[Numbered]:
         """Number the fields that are in doubt by what is known now."""
-        return [self._settle_oldest(self._paths) for _ in range(len(self._pending)) if self._paths]
+        begun = self._begin() if self._paths is None and self._beginning.fields else []
+        return begun + [self._settle_oldest(self._paths) for _ in range(len(self._pending)) if self._paths]
+
+    def _begin(self) -> list[Numbered]:
+        """Number the first fields, now that it is known how late the first one was."""
+        first, *others = self._beginning.fields
+        time_ns, doubt = self._timing.begin(first, self._beginning.late_ns)
+        late_by = 0 if self._beginning.is_known else self._beginning.may_be_late_by
+        self._doubts.begin(time_ns, late_by)
+        self._n, self._parity = 0, first.parity
+        self._paths = Paths(first.phase, self._arrivals.way, exact=not self._live)
+        if late_by:
+            first = first.damaged(f"number uncertain by up to {late_by}")
+        settled = [self._numbered(first, time_ns, (), doubt)]
+        return settled + [one for pending in others for one in self._go_on(self._paths, pending)]
+
+    def _go_on(self, paths: Paths, pending: Pending) -> list[Numbered]:
+        self._pending.append(pending)
+        stamp = self._timing.steps_to(pending.time_ns)
+        arrival = self._timing.steps_to(pending.arrival.time_ns)
+        paths.see(pending.seen(stamp, arrival))
+        settled = []
+        while self._pending and self._goes_on(paths):
+            settled.append(self._settle_oldest(paths))
+        return settled
 
     def _goes_on(self, paths: Paths) -> bool:
         """True if the oldest field has its number, or has waited for it as long as it may."""
@@ -153,14 +176,15 @@ class FieldNumbering:
         parity = grabbed.field.parity
         time_ns, doubt = self._stamps.look(grabbed.time_ns, now_ns, interrupted=bool(self._interruption))
         arrival = self._arrivals.look(parity, now_ns)
-        if doubt is None:
-            self._arrivals.compare(arrival, grabbed.time_ns)
+        stamped_on_arrival = doubt is None and self._arrivals.may_be(arrival, grabbed.time_ns)
         return Pending(
             parity,
+            parity if self._has_parity else None,
             grabbed.time_ns,
             None if doubt else time_ns,
             doubt,
             arrival,
+            stamped_on_arrival,
             grabbed.sequence,
             # Of every field, also where time decides: it learns from each, and remembers the last count.
             self._sequence.step(grabbed.sequence, parity) if self._sequence else None,
@@ -172,22 +196,6 @@ class FieldNumbering:
             standstill=self._standstill if self._waited > 0 else None,
         )
 
-    def _seen(self, pending: Pending) -> Seen:
-        return Seen(
-            stamp=self._timing.steps_to(pending.time_ns),
-            arrival=self._timing.steps_to(self._arrivals.exposed_ns(pending.arrival)),
-            burst=pending.arrival.burst,
-            joined=pending.arrival.joined,
-            counted=pending.count,
-            parity=pending.parity if self._has_parity else None,
-            excused=pending.interruption is not None,
-        )
-
-    def _first(self, pending: Pending) -> Numbered:
-        self._n, self._parity = 0, pending.parity
-        time_ns, doubt = self._timing.begin(pending)
-        return self._numbered(pending, time_ns, (), doubt)
-
     def _settle_oldest(self, paths: Paths) -> Numbered:
         pending = self._pending.popleft()
         uncertain_by = self._settling.settle_next(paths)
@@ -195,18 +203,33 @@ class FieldNumbering:
         lost = lost_before(pending, step, self._n + 1)
         self._n += step.fields
         time_ns, doubt = self._timing.come_to(pending, step, self._n)
+        if late := self._timing.take_late():
+            self._arrivals.way = self._arrivals.way.longer_by(late)
+            paths.lengthen_way(late)
         rebases = self._rebases(pending, step)
         if step.wrong_parity:
             pending = pending.damaged("parity contradicts time")
         too_many = self._timing.take_too_many()
         uncertain_by = max(uncertain_by, step.doubt, too_many, contradiction(pending, step))
+        was_open = self._doubts.open
         uncertain_by = self._doubts.of(
-            self._n, time_ns, step, pending.arrival, uncertain_by, clock_is_new=too_many > 0
+            self._n,
+            time_ns,
+            step,
+            pending.arrival,
+            uncertain_by,
+            way_is_known=paths.best.way.is_known,
+            clock_is_new=too_many > 0,
         )
         if uncertain_by:
             pending = pending.damaged(f"number uncertain by up to {uncertain_by}")
+            if was_open or (pending.arrival.time_ns is not None and not paths.best.way.is_known):
+                lost = doubtful(lost, uncertain_by)
         else:
             self._arrivals.learn(pending.arrival, time_ns)
+            if paths.best.way.is_known and not self._arrivals.way.is_known:
+                self._arrivals.way = paths.best.way
+            paths.confirm_way(self._arrivals.way)
         return self._numbered(pending, time_ns, lost, doubt)._replace(rebases=rebases)
 
     def _rebases(self, pending: Pending, step: Step) -> tuple[LedgerEvent, ...]:

@@ -7,6 +7,7 @@ from grabberd.acquisition.numbering.pending import Pending
 TIME_GAP = "time gap"
 SEQUENCE_GAP = "sequence gap"
 REPEATED_PARITY = "repeated parity"
+GAPS = {TIME_GAP, SEQUENCE_GAP, REPEATED_PARITY}
 
 
 def lost_before(pending: Pending, step: Step, first_n: int) -> tuple[LedgerEntry, ...]:
@@ -25,6 +26,12 @@ def _gap(pending: Pending, step: Step) -> str:
     if pending.count == step.fields:
         return SEQUENCE_GAP
     return REPEATED_PARITY if pending.time_ns is None else TIME_GAP
+
+
+def doubtful(lost: tuple[LedgerEntry, ...], uncertain_by: int) -> tuple[LedgerEntry, ...]:
+    """The same entries, where it is uncertain whether the fields are missing at all."""
+    reason = f"number uncertain by up to {uncertain_by}"
+    return tuple(one._replace(reason=reason) if one.reason in GAPS else one for one in lost)
 
 
 def uncounted(pending: Pending, step: Step) -> int:

@@ -6,10 +6,13 @@ or an arrival may be late by any amount, and hardly early. So a path that claims
 the next field that is on time.
 """
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+
+from grabberd.acquisition.numbering.arrivals import Way
 
 _JITTER = 0.25
 """σ of a stamp in periods, where it is neither late nor wrong."""
@@ -17,6 +20,9 @@ _EXACT_JITTER = 0.1
 """The same, where the times were smoothed before they were recorded."""
 _EARLY_ARRIVAL = 0.6
 """Periods by which a field may arrive sooner than the quickest one did."""
+_SHORTER_WAY, _MORE = 2.0, 3.0
+"""Cost of a field that arrives sooner than any did, by any amount, while the shortest way is not known: the
+computer was overloaded until then; and more for each field that came regularly before."""
 _ARRIVAL = 0.5
 """Weight of an arrival's lateness beside a stamp's."""
 _COMPARED = 0.1
@@ -25,6 +31,9 @@ _LATE = 4.0
 """Cost of a field that falls behind: somebody was busy."""
 _STILL_LATE, _LATE_AGAIN = 0.7, 3.0
 """Cost of one that is still late: a queue drains; if nothing drains, the grid is more likely another one."""
+_LATE_UNKNOWN = 1.5
+"""Highest cost of both, while no way is known and stamps may be arrivals, and 1 more for each field that came
+regularly before: on an overloaded computer all are late."""
 _LOSS = 3.5
 """Cost of a loss; of one that the driver counts, `_COUNTED`."""
 _COUNTED = 1.0
@@ -54,7 +63,8 @@ class Seen(NamedTuple):
 
     Attributes:
         stamp: by its timestamp; None if that is not believed.
-        arrival: by its arrival and the shortest way known; None if unknown.
+        arrival: by its arrival, before its way is taken off; None if unknown.
+        stamped_on_arrival: true if the stamp may be the time of the arrival.
         counted: step by the driver's count; None if it cannot tell.
         parity: of the field; None if all have the same.
         burst: true if it arrived with the one before, and not a period after it.
@@ -64,6 +74,7 @@ class Seen(NamedTuple):
 
     stamp: float | None
     arrival: float | None
+    stamped_on_arrival: bool
     burst: bool
     joined: bool
     counted: int | None
@@ -103,12 +114,14 @@ class Path(NamedTuple):
         steps: of the pending fields, the oldest first.
         ahead: their sum.
         parity: of the newest field as expected; None before the first.
+        way: shortest one that a field has come by.
     """
 
     cost: float
     steps: tuple[Step, ...]
     ahead: int
     parity: int | None
+    way: Way
 
 
 class Paths:
@@ -116,12 +129,13 @@ class Paths:
 
     Args:
         parity: Of the first field; None if all have the same.
+        way: From its exposure to its arrival.
         exact: True for the times of a recording, none of which is late.
     """
 
-    def __init__(self, parity: int | None, *, exact: bool = False) -> None:
+    def __init__(self, parity: int | None, way: Way, *, exact: bool = False) -> None:
         self._exact = exact
-        self._paths = [Path(0.0, (), 0, parity)]
+        self._paths = [Path(0.0, (), 0, parity, way)]
         self._last = Step(1, 0.0, 0.0)
 
     @property
@@ -164,6 +178,17 @@ class Paths:
         ]
         return first
 
+    def lengthen_way(self, periods: float) -> None:
+        """Note that all exposures so far were so much earlier."""
+        self._paths = [path._replace(way=path.way.longer_by(periods)) for path in self._paths]
+
+    def confirm_way(self, way: Way) -> None:
+        """Note the shortest way of the fields whose numbers are certain."""
+        self._paths = [
+            path._replace(way=way) if path.way.is_far_longer_than(way.periods) else path
+            for path in self._paths
+        ]
+
     def _possible(self) -> Iterator[Path]:
         return (path for path in self._paths if path.cost < self.best.cost + CERTAIN)
 
@@ -171,17 +196,19 @@ class Paths:
         before = path.steps[-1] if path.steps else self._last
         for fields in _steps(path, seen):
             ahead = path.ahead + fields
-            late, arrived = _after(seen.stamp, ahead), _after(seen.arrival, ahead)
+            late, arrived = _after(seen.stamp, ahead), _after(_exposed(path, seen), ahead)
             step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
-            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen.excused)
+            time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen, path.way)
             cost = path.cost + _cost_of_loss(fields, seen) + time
+            way = path.way if seen.arrival is None else _way(path.way, seen.arrival - ahead)
             expected = None if path.parity is None else (path.parity + fields) % 2
             if seen.parity is None or expected in (None, seen.parity):
-                yield Path(cost, (*path.steps, step), ahead, seen.parity)
+                yield Path(cost, (*path.steps, step), ahead, seen.parity, way)
                 continue
             wrong = step._replace(wrong_parity=True)
-            yield Path(cost + _WRONG_PARITY, (*path.steps, wrong), ahead, expected)
-            yield Path(cost + (0.0 if seen.excused else _TURN), (*path.steps, step), ahead, seen.parity)
+            yield Path(cost + _WRONG_PARITY, (*path.steps, wrong), ahead, expected, way)
+            turned = cost + (0.0 if seen.excused else _TURN)
+            yield Path(turned, (*path.steps, step), ahead, seen.parity, way)
 
 
 def _merged(one: Path, other: Path) -> Path:
@@ -207,6 +234,21 @@ def _by_another_clock(late: float | None, before: Step) -> bool:
     return (in_time or before.other_clock) and abs(late - before.late) <= _JITTER
 
 
+def _way(before: Way, periods: float) -> Way:
+    """The shortest way of a path, after a field that has come by such a one on it.
+
+    A way that is known is not given up for a field whose number may be wrong.
+    """
+    return before if before.is_known and before.is_far_longer_than(periods) else before.after(periods)
+
+
+def _exposed(path: Path, seen: Seen) -> float | None:
+    """When a field was exposed that came by the shortest way known on a path, or before."""
+    if seen.arrival is None or math.isinf(path.way.periods):
+        return None
+    return seen.arrival - path.way.periods
+
+
 def _after(periods: float | None, ahead: int) -> float | None:
     return None if periods is None else periods - ahead
 
@@ -216,7 +258,7 @@ def _steps(path: Path, seen: Seen) -> set[int]:
     if seen.joined:
         return {1}
     steps = {1, 2}
-    for periods in (seen.stamp, seen.arrival):
+    for periods in (seen.stamp, _exposed(path, seen)):
         if periods is not None:
             nearest = round(periods - path.ahead)
             steps |= {nearest - 1, nearest, nearest + 1}
@@ -238,16 +280,34 @@ def _cost_of_exact_time(step: Step) -> float:
     return 0.0 if step.late is None else min(0.5 * (step.late / _EXACT_JITTER) ** 2, _FAR)
 
 
-def _cost_of_time(step: Step, before: Step, excused: bool) -> float:
+def _cost_of_a_shorter_way(way: Way, seen: Seen) -> float:
+    """Highest cost of a field that arrives sooner than any did before."""
+    if way.is_known:
+        return _FAR
+    # A queue that drains gives its fields one by one, each a period sooner than the one before.
+    return _STILL_LATE if seen.burst else _SHORTER_WAY + _MORE * way.regular
+
+
+def _cost_of_time(step: Step, before: Step, seen: Seen, way: Way) -> float:
     cost = 0.0
     if step.late is not None:
-        cost += _SAME_CLOCK if step.other_clock else _cost_of_stamp(step.late, before.late or 0.0)
+        stamp = _SAME_CLOCK if step.other_clock else _cost_of_stamp(step.late, before.late or 0.0)
+        if seen.stamped_on_arrival and not way.is_known:
+            # One that is early is so because those before it were late.
+            stamp = min(stamp, _LATE_UNKNOWN + way.regular) if step.late > 0 else 0.0
+        cost += stamp
     if step.arrived is not None:
         lateness = _cost_of_lateness(step.arrived, before.arrived or 0.0)
+        # No way is shorter than none.
+        if step.arrived < 0 and step.arrived + way.periods > -_JITTER:
+            lateness = min(lateness, _cost_of_a_shorter_way(way, seen))
         # A stream that has just begun again has no queue in which its first field could have become late.
-        if excused or step.late is None or step.arrived < -_EARLY_ARRIVAL:
+        if seen.excused or step.late is None or step.arrived < -_EARLY_ARRIVAL:
             cost += lateness
-        elif abs(step.arrived - step.late) > _EARLY_ARRIVAL:  # else both are late for the same reason
+        # Else both are late for the same reason. While no way is known, only those tell that fall behind.
+        elif abs(step.arrived - step.late) > _EARLY_ARRIVAL and (
+            way.is_known or step.arrived > (before.arrived or 0.0) + _COMPARED
+        ):
             cost += _ARRIVAL * lateness
     return min(cost, _FAR)
 

@@ -5,6 +5,7 @@ from typing import Self
 
 from grabberd.acquisition.ledger import NO_SIGNAL, Outcome
 from grabberd.acquisition.numbering.arrivals import Arrival
+from grabberd.acquisition.numbering.paths import Seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -12,10 +13,10 @@ class Pending:
     """A field that waits for more evidence.
 
     Attributes:
-        parity: Of the field.
+        parity: Of the field; `phase`: the same, or None if all have one parity.
         stamp_ns: Its timestamp; `time_ns`: the time that it means, or None if it is not believed.
         doubt: Why it is not believed, or None.
-        arrival: Its arrival.
+        arrival: Its arrival; `stamped_on_arrival`: true if the time may be that of the arrival.
         sequence: The driver's number of it, or None.
         count: Fields since the one before by the driver's count; None if that cannot tell.
         recounted: True if that count has restarted.
@@ -26,10 +27,12 @@ class Pending:
     """
 
     parity: int
+    phase: int | None
     stamp_ns: int
     time_ns: int | None
     doubt: str | None
     arrival: Arrival
+    stamped_on_arrival: bool
     sequence: int | None
     count: int | None
     recounted: bool
@@ -42,6 +45,19 @@ class Pending:
     def overcounts(self, fields: int) -> bool:
         """True if the driver counts more fields since the one before than there were."""
         return self.count is not None and self.interruption is None and self.count > fields
+
+    def seen(self, stamp: float | None, arrival: float | None) -> Seen:
+        """What it is evidence of, with its stamp and its arrival in periods."""
+        return Seen(
+            stamp,
+            arrival,
+            self.stamped_on_arrival,
+            self.arrival.burst,
+            self.arrival.joined,
+            self.count,
+            self.phase,
+            self.interruption is not None,
+        )
 
     def damaged(self, reason: str) -> Self:
         """The same, damaged for this reason, unless it is no good field anyway."""

@@ -4,7 +4,7 @@ from grabberd.acquisition.device import StreamInfo
 
 _BACKWARD = 1.5
 """Periods by which a stamp may lie before the last one: one of them was late."""
-_FUTURE_NS = 100_000_000
+FUTURE_NS = 100_000_000
 """Grace time: how far a stamp may be ahead of the arrival of its field before it is doubted."""
 _OLDEST_NS = 10_000_000_000
 """Age of a stream's first stamp, beyond which it is of another clock."""
@@ -51,7 +51,7 @@ class Stamps:
     def _doubt(self, stamp_ns: int, time_ns: int, now_ns: int | None, interrupted: bool) -> str | None:
         if self._live and stamp_ns <= 0:
             return "zero timestamp"
-        if self._keeps_pace and now_ns is not None and time_ns > now_ns + _FUTURE_NS:
+        if self._keeps_pace and now_ns is not None and time_ns > now_ns + FUTURE_NS:
             return "far-off timestamp"
         if self._last_ns is None:
             too_old = self._keeps_pace and now_ns is not None and time_ns < now_ns - _OLDEST_NS

@@ -7,7 +7,7 @@ from grabberd.acquisition.numbering.arrivals import Arrivals
 from grabberd.acquisition.numbering.field_clock import FieldClock
 from grabberd.acquisition.numbering.paths import Step
 from grabberd.acquisition.numbering.pending import Pending
-from grabberd.acquisition.numbering.stamps import Stamps
+from grabberd.acquisition.numbering.stamps import FUTURE_NS, Stamps
 from grabberd.acquisition.rebases import Rebase
 
 _LATE = 0.75
@@ -41,10 +41,12 @@ class Timing:
 
     def __init__(self, info: StreamInfo, stamps: Stamps, arrivals: Arrivals) -> None:
         self._live = info.live
+        self._period_ns = 1e9 / info.rate_hz
         self._clock = FieldClock(1e9 / info.rate_hz, exact=not info.live)
         self._stamps = stamps
         self._arrivals = arrivals
         self._early = self._too_many = self._doubted = 0
+        self._late = 0.0
         self.rebases: list[tuple[Rebase, str]] = []
 
     def steps_to(self, time_ns: int | None) -> float | None:
@@ -56,17 +58,32 @@ class Timing:
         too_many, self._too_many = self._too_many, 0
         return too_many
 
-    def begin(self, pending: Pending) -> tuple[int, str | None]:
-        """Begin with the first field; its time, and why that is predicted."""
+    def take_late(self) -> float:
+        """Periods by which all fields before the last one turned out to be late; 0 when asked again."""
+        late, self._late = self._late, 0.0
+        return late
+
+    def begin(self, pending: Pending, late_ns: int = 0) -> tuple[int, str | None]:
+        """Begin with the first field, whose stamp is late by so much; its time, and why that is predicted."""
         time_ns = pending.arrival.time_ns if pending.time_ns is None else pending.time_ns
         if time_ns is None:
             return pending.stamp_ns, pending.doubt
+        time_ns -= late_ns
         self._clock.lock(time_ns)
         self._arrivals.learn(pending.arrival, time_ns)
         return time_ns, pending.doubt
 
     def come_to(self, pending: Pending, step: Step, n: int) -> tuple[int, str | None]:
         """Advance the clock to field `n`; its time, and why that is predicted."""
+        time_ns, reason = self._come_to(pending, step, n)
+        arrived_ns = pending.arrival.time_ns
+        if arrived_ns is None or time_ns <= arrived_ns + FUTURE_NS:
+            return time_ns, reason
+        # A field of the future: the clock was set while nothing was known of the way, and passed for losses.
+        self._run_ahead((time_ns - arrived_ns) / self._period_ns, arrived_ns)
+        return arrived_ns, reason or "far-off timestamp"
+
+    def _come_to(self, pending: Pending, step: Step, n: int) -> tuple[int, str | None]:
         if pending.time_ns is None:
             predicted_ns = self._predicted_ns(pending, step)
             self._go_without(pending, predicted_ns)
@@ -83,9 +100,16 @@ class Timing:
             return self._clock.advance(step.fields, pending.time_ns), None
         if self._arrived_in_time(pending, step):
             return self._come_in_time(pending, step, late, n)
+        return self._come_off(pending, step, late, n)
+
+    def _come_off(self, pending: Pending, step: Step, late: float, n: int) -> tuple[int, str | None]:
+        """Advance to a field that is as late or early as its stamp, as far as its arrival tells."""
+        assert pending.time_ns is not None, "a stamp that is not believed is off in no way"
         self._stamps.fits()
         if late > 0:
             return self._clock.advance(step.fields), "late timestamp"
+        if pending.stamped_on_arrival and (n < _NEW_FOR or not self._arrivals.way.is_known):
+            return self._begin_again(pending.time_ns, step)
         return self._come_early(pending.time_ns, step, late), None
 
     def _come_in_time(self, pending: Pending, step: Step, late: float, n: int) -> tuple[int, str | None]:
@@ -101,10 +125,10 @@ class Timing:
         self._early += 1
         if self._early < _EARLY:
             return self._clock.advance(step.fields), "early timestamp"
-        off_ns = time_ns - self._clock.advance(step.fields)
-        self.rebases.append((Rebase.BEGIN, f"the first timestamps were late by {-off_ns / 1e6:.0f} ms"))
+        late_ns = self._clock.advance(step.fields) - time_ns
+        self.rebases.append((Rebase.BEGIN, f"the first timestamps were late by {late_ns / 1e6:.0f} ms"))
+        self._early, self._late = 0, late_ns / self._period_ns
         self._clock.lock(time_ns)
-        self._arrivals.forget()
         return time_ns, None
 
     def _come_early(self, time_ns: int, step: Step, late: float) -> int:
@@ -112,11 +136,15 @@ class Timing:
         self._early += 1
         if self._early < _EARLY:
             return self._clock.advance(step.fields, time_ns)
-        self.rebases.append((Rebase.NUMBERS, f"the numbers had run ahead by {round(-late)}"))
-        # The early fields before it have moved the clock by part of a period.
-        self._too_many = math.ceil(-late) + 1
-        self._clock.lock(time_ns)
+        self._run_ahead(-late, time_ns)
         return time_ns
+
+    def _run_ahead(self, periods: float, time_ns: int) -> None:
+        """Note that the numbers have run ahead of the camera, and go on from a time."""
+        self.rebases.append((Rebase.NUMBERS, f"the numbers had run ahead by {round(periods)}"))
+        # The early fields before it have moved the clock by part of a period.
+        self._too_many = math.ceil(periods) + 1
+        self._clock.lock(time_ns)
 
     def _go_without(self, pending: Pending, predicted_ns: int) -> None:
         """Note a stamp that is not believed."""

@@ -156,7 +156,9 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     )
     free = service.storage_document().free_bytes
     yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
-    yield _counter("grabberd_captures", "Captures that have ended.", ("device", "verdict"), ended)
+    yield _counter(
+        "grabberd_captures", "Captures that have been sealed or given up.", ("device", "verdict"), ended
+    )
     yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
 
 

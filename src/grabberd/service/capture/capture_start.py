@@ -109,8 +109,8 @@ class CaptureStart:
         reader = pipeline.ring.reader(request.overrun, back=request.pre_trigger_fields)
         period_ns = round(1e9 / stream.rate_hz)
         keeps_pace = stream.live and not stream.waits_for_reader
-        begin_ns = start.ns - request.pre_trigger_fields * period_ns if keeps_pace else None
-        begin = Begin(begin_ns, period_ns)
+        asked_ns = start.ns if keeps_pace else None
+        begin = Begin.of(reader, asked_ns, request.pre_trigger_fields, period_ns)
         self._back_fields = fields_before(reader, pipeline.ring.newest, begin, start.ns)
         backlog: Backlog[Slot] = Backlog(capacity=round(self.device.queue_s * stream.rate_hz))
         self._fields = request.fields

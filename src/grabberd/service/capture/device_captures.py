@@ -38,7 +38,7 @@ class DeviceCaptures:
         lock: Held by whoever starts, arms or disarms a capture, or changes what a capture relies on.
         recording: The running or the last capture, or None.
         armed: The capture that waits for its trigger, or None.
-        ended: Number of captures that have ended, by verdict.
+        ended: Number of captures that are sealed or given up, by verdict.
     """
 
     setup: DeviceSetup
@@ -53,6 +53,7 @@ class DeviceCaptures:
     recording: Recording | None = field(init=False, default=None)
     armed: ArmedCapture | None = field(init=False, default=None)
     ended: Counter[str] = field(init=False, default_factory=Counter)
+    _counting: threading.Lock = field(init=False, default_factory=threading.Lock)
 
     @property
     def name(self) -> str:
@@ -87,11 +88,17 @@ class DeviceCaptures:
             running.source_ended(error)
 
     def sealed(self, recording: Recording) -> None:
-        """Counts a recording whose file is closed, and frees the threshold that was held for it."""
+        """Counts a recording whose file is sealed, and frees the threshold that was held for it."""
         # Before the recording counts as sealed: from then on the next capture may hold the threshold.
         self.pipeline.thresholds.release()
-        self.ended[recording.verdict] += 1
+        if recording.seal_failure is None:
+            self.count(recording)  # else its verdict is that of the seal that holds, later
         self.on_sealed(recording)
+
+    def count(self, recording: Recording) -> None:
+        """Counts a capture by its verdict, once that will not change any more."""
+        with self._counting:  # a capture that is sealed later is counted by another thread
+            self.ended[recording.verdict] += 1
 
     @property
     def accepts(self) -> bool:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from grabberd.acquisition import LedgerEntry, RingReader, Slot
 
@@ -15,16 +15,33 @@ class Begin:
         time_ns: The instant of the request or trigger, less the pre-trigger; None for a source whose times
             are not those of the clock: its captures begin with the first field that comes.
         period_ns: Nominal time from field to field.
+        n: Number of the first field, if the ring has had one near it: by jitter each field tells another.
     """
 
     time_ns: int | None
     period_ns: int
+    n: int | None = None
+
+    @classmethod
+    def of(cls, reader: RingReader, asked_ns: int | None, pre_fields: int, period_ns: int) -> "Begin":
+        """Begin of a capture that was asked for, or triggered, at an instant.
+
+        Where the ring has had no field yet there is no pre-trigger either, whatever is still on its way.
+        """
+        if asked_ns is None:
+            return cls(None, period_ns)
+        if reader.oldest is None:
+            return cls(asked_ns, period_ns)
+        begin = cls(asked_ns - pre_fields * period_ns, period_ns)
+        return replace(begin, n=begin.first_n(reader.oldest))
 
     def first_n(self, slot: Slot) -> int:
         """Number of the first field that belongs to the capture, as told by a field near it.
 
         That may be a later one than `slot`, which is then too old, or one that was lost before it.
         """
+        if self.n is not None:
+            return self.n
         if self.time_ns is None:
             return slot.n
         # What was before the oldest slot of the ring is not missing: the ring has never had it, or no longer.

@@ -315,7 +315,9 @@ class Recorder:
         if reason is None or self._lossless or self._at_end:
             return
         assert self._end_ns is not None, "stop() comes first"
-        if self._newest is None or self.first_n is None or self._begin.time_ns is None:
+        if self.first_n is None and self._begin.time_ns is not None:
+            end_n = (self._end_ns - self._begin.time_ns) // self._period_ns
+        elif self._newest is None or self.first_n is None or self._begin.time_ns is None:
             end_n = (self.ledger.end_n or 0) + (self._end_ns - self._newest_ns) // self._period_ns
         else:
             end_n = number_at(self._newest, self._end_ns, self._period_ns) - self.first_n

@@ -21,6 +21,7 @@ class UnsealedCaptures:
     Args:
         check: Raises StorageError while the folder of captures is gone.
         sealed: Called with each capture once it is sealed.
+        given_up: Called with each one whose file is gone or damaged.
         faults: Where it is told.
         clock: Source of time.
 
@@ -33,6 +34,7 @@ class UnsealedCaptures:
         self,
         check: Callable[[], None],
         sealed: Callable[[Recording], None],
+        given_up: Callable[[Recording], None],
         faults: FaultBoard,
         clock: UtcClock,
     ) -> None:
@@ -40,6 +42,7 @@ class UnsealedCaptures:
         self.attempts = 0
         self._check = check
         self._sealed = sealed
+        self._given_up = given_up
         self._faults = faults
         self._clock = clock
         self._lock = threading.Lock()
@@ -77,6 +80,7 @@ class UnsealedCaptures:
             recording.seal_again()
         except CaptureFileError as error:
             log.error("capture %s is given up: %s; %s", recording.id, error.message, error.hint)
+            self._given_up(recording)
             self._drop(recording)
             return None
         except StorageError as error:

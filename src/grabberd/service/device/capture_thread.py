@@ -116,7 +116,7 @@ class CaptureThread(threading.Thread):
         self._stopping = stopping or threading.Event()
         self._open = False
         self._flow = FieldFlow(clock.now_ns())
-        self._scheduling = Scheduling(clock, account or NoAccount())
+        self._scheduling = Scheduling(clock, account or NoAccount(), lambda: grabber.called_ns)
         self._signal_due_ns = 0
         self._signal = Signal.UNKNOWN
         self._last_fault: str | None = None
@@ -146,11 +146,12 @@ class CaptureThread(threading.Thread):
 
     def _until_it_fails(self, rung: Rung) -> GrabberdError | None:
         """Takes a step, then fields; returns why no more come, or None when it is stopped."""
-        self._flow = FieldFlow(self._clock.now_ns())
+        asked_ns = self._clock.now_ns()
+        self._flow = FieldFlow(asked_ns)
         self._board.beat()
         try:
             if not self._stopping.is_set():
-                self._stream(self._take_step[rung]())
+                self._stream(self._take_step[rung](), asked_ns)
         except (StreamEnded, PictureError) as error:
             self._ended(error)
         except DeviceError as error:
@@ -205,14 +206,14 @@ class CaptureThread(threading.Thread):
             self._board.reset_refused(refusal)
         return self._reopen()
 
-    def _stream(self, info: StreamInfo) -> None:
-        self._opened(info)
+    def _stream(self, info: StreamInfo, asked_ns: int) -> None:
+        self._opened(info, asked_ns)
         while not self._stopping.is_set():
             self._take(info)
 
-    def _opened(self, info: StreamInfo) -> None:
+    def _opened(self, info: StreamInfo, asked_ns: int) -> None:
         self._board.enter(DeviceState.OPENING)
-        change = self._pipeline.opened(info)
+        change = self._pipeline.opened(info, asked_ns)
         self._board.opened(info)
         if change:
             log.warning("device %s: %s", self.name, change)
@@ -235,7 +236,7 @@ class CaptureThread(threading.Thread):
         asked_ns = self._scheduling.asks()
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
             now_ns = self._clock.now_ns()
-            standstill = self._scheduling.came(now_ns, DEQUEUE_TIMEOUT_S)
+            standstill = self._scheduling.came(now_ns, DEQUEUE_TIMEOUT_S, len(fields))
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question
             if standstill is not None and standstill.time_ns > info.buffered_ns:
@@ -243,12 +244,12 @@ class CaptureThread(threading.Thread):
             for grabbed in fields:
                 self._count(self._pipeline.take(grabbed, self._signal, now_ns, standstill))
                 standstill = None
-        self._scheduling.returned()
         if now_ns >= self._signal_due_ns:
             self._ask_signal()
         if fields:
             self._flow.came(now_ns)
-            self._show_state()
+            if self._pipeline.ring.newest is not None:  # the first fields of a stream wait for their numbers
+                self._show_state()
         elif info.live or info.waits_for_reader:  # a recording at its own pace may pause
             self._nothing_came(asked_ns, now_ns)
 

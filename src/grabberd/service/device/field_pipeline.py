@@ -82,14 +82,16 @@ class FieldPipeline:
                 self._exchange(bits, lines)
             return self.ring
 
-    def opened(self, info: StreamInfo) -> str | None:
+    def opened(self, info: StreamInfo, since_ns: int | None = None) -> str | None:
         """Notes that the device streams (again), and returns how its pictures differ from before, or None.
+
+        No field was exposed before `since_ns`, when the stream was asked for.
 
         Numbering goes on through the gap. If the pictures differ, it begins anew in a new ring.
         """
         change = _change(self._granted, info)
         if self._numbering is None or change:
-            self._numbering = FieldNumbering(info)
+            self._numbering = FieldNumbering(info, since_ns)
         if change:
             with self._configuring:
                 self._exchange(self.ring.bits, self.ring.lines)

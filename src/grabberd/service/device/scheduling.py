@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import NamedTuple, Protocol
 
@@ -14,6 +15,9 @@ _HAD_TO_WAIT_NS = 4_000_000
 interpreter, which other threads of the program have."""
 _NOTABLE_NS = 10_000_000
 """Half a field: a pause that is shorter is none."""
+_FIELD_NS = 20_000_000
+_PAUSE_NS = 2 * _FIELD_NS
+"""Time without a request, after which a frame waits in the driver's buffers if the grabber delivers any."""
 
 
 class ThreadTimes(NamedTuple):
@@ -83,7 +87,7 @@ class KernelAccount:
 
 
 class Scheduling:
-    """Adds up the time for which the capture thread took no fields.
+    """Adds up the time by which the capture thread has fallen behind the camera.
 
     It counts from when the driver's buffers were last found empty: a program that is a little late again and
     again fills them as one long pause does.
@@ -91,57 +95,84 @@ class Scheduling:
     Args:
         clock: Source of time.
         account: The kernel's account of the thread that uses this.
+        called_ns: Time spent so far in calls to the device that should return at once.
     """
 
-    def __init__(self, clock: UtcClock, account: ThreadAccount) -> None:
+    def __init__(
+        self, clock: UtcClock, account: ThreadAccount, called_ns: Callable[[], int] = lambda: 0
+    ) -> None:
         self._clock = clock
         self._account = account
-        self._asked_ns = self._returned_ns = clock.now_ns()
+        self._called_ns = called_ns
+        self._asked_ns = self._came_ns = clock.now_ns()
+        self._fields = 0
         self._times_at_asking: ThreadTimes | None = None
+        self._called_ns_at_asking = 0
         self._times_at_begin: ThreadTimes | None = None
-        self._late_ns = self._program_ns_at_begin = 0
+        self._late_ns = self._program_ns_at_begin = self._called_ns_at_begin = 0
+        self._untold = False
 
     def excuse(self) -> None:
         """Notes that nobody had to take fields until now."""
-        self._begin(self._account.thread())
-        self.returned()
+        self._begin(self._account.thread(), self._called_ns())
+        self._came_ns, self._fields = self._clock.now_ns(), 0
 
     def asks(self) -> int:
         """Notes that the thread asks for a field now; returns the time."""
         self._asked_ns = self._clock.now_ns()
-        self._times_at_asking = self._account.thread()
+        self._times_at_asking, self._called_ns_at_asking = self._account.thread(), self._called_ns()
         return self._asked_ns
 
-    def came(self, now_ns: int, timeout_s: float) -> Standstill | None:
+    def came(self, now_ns: int, timeout_s: float, fields: int) -> Standstill | None:
         """Tells what has kept the thread from taking fields, now that a request is over; None if nothing has.
+
+        What a request without a field has shown is told again with the next field, unless the driver's
+        buffers are found empty before.
 
         Args:
             now_ns: The present time.
             timeout_s: Longest time that the request should have taken.
+            fields: Number of fields that it has brought.
         """
         times = self._account.thread()
-        request_ns = now_ns - self._asked_ns
+        request_ns, pause_ns = now_ns - self._asked_ns, self._asked_ns - self._came_ns
         waited_ns, ran_ns = _between(self._times_at_asking, times)
         # A processor may have been waited for in the middle of the request, or something else after it.
-        late_ns = max(0, request_ns - round(timeout_s * 1e9), min(waited_ns, request_ns))
-        if request_ns - late_ns - ran_ns > _HAD_TO_WAIT_NS:
-            self._begin(self._times_at_asking)
+        late_ns = max(_overrun(request_ns, timeout_s), min(waited_ns, request_ns))
+        was_idle = request_ns - late_ns - ran_ns > _HAD_TO_WAIT_NS
+        # Where the processor is scarce, time off it may be a wait for the interpreter, not for a field.
+        if was_idle and not (fields and (late_ns >= _NOTABLE_NS or pause_ns > _PAUSE_NS)):
+            self._begin(self._times_at_asking, self._called_ns_at_asking)
         else:
-            late_ns = now_ns - self._returned_ns  # all of it: there was a field to take
-        self._late_ns += late_ns
-        if late_ns < _NOTABLE_NS:
+            # There was a field to take all the time since the last ones; those had their own time.
+            late_ns = now_ns - self._came_ns - self._fields * _FIELD_NS
+        self._came_ns, self._fields = now_ns, fields
+        self._late_ns = max(0, self._late_ns + late_ns)
+        self._untold |= late_ns >= _NOTABLE_NS
+        if not self._untold:
             return None
-        waited_in_all = None if times is None else _between(self._times_at_begin, times)[0]
-        used_ns = self._account.program_ns() - self._program_ns_at_begin
-        return Standstill(self._late_ns, waited_in_all, used_ns)
+        self._untold = not fields
+        return self._standstill(times)
 
-    def returned(self) -> None:
-        """Notes that the thread has given the driver's buffer back."""
-        self._returned_ns = self._clock.now_ns()
+    def _standstill(self, times: ThreadTimes | None) -> Standstill:
+        return Standstill(
+            self._late_ns,
+            None if times is None else _between(self._times_at_begin, times)[0],
+            self._account.program_ns() - self._program_ns_at_begin,
+            self._called_ns() - self._called_ns_at_begin,
+        )
 
-    def _begin(self, times: ThreadTimes | None) -> None:
-        self._late_ns, self._times_at_begin = 0, times
+    def _begin(self, times: ThreadTimes | None, called_ns: int) -> None:
+        self._late_ns, self._untold = 0, False
+        self._times_at_begin, self._called_ns_at_begin = times, called_ns
         self._program_ns_at_begin = self._account.program_ns()
+
+
+def _overrun(request_ns: int, timeout_s: float) -> int:
+    """Time by which a request took too long; if it was longer than it may, a field was due long before."""
+    if request_ns - round(timeout_s * 1e9) < _NOTABLE_NS:
+        return 0
+    return request_ns - _FIELD_NS
 
 
 def _between(before: ThreadTimes | None, after: ThreadTimes | None) -> tuple[int, int]:

@@ -12,6 +12,7 @@ SHOWN_S = 60.0
 _HINTS = {
     Cause.COMPUTER_BUSY: "end other programs on this computer, or give the driver more buffers",
     Cause.PROGRAM_STOPPED: "look for what stopped it: suspended, swapped out, a virtual machine that paused",
+    Cause.DRIVER_HUNG: "look into the kernel's log (dmesg); another port, cable or grabber may help",
 }
 
 
@@ -51,7 +52,7 @@ class Standstills:
         if latest is not None and now_ns - standstill.time_ns < latest[0]:
             known_ns, code, goes_on = latest[1].time_ns, latest[2], True
         self.counts[code] += not goes_on
-        self.seconds[code] += (standstill.time_ns - known_ns) / 1e9
+        self.seconds[code] += max(0, standstill.time_ns - known_ns) / 1e9
         self._latest = now_ns, standstill, code, iso_utc(self._clock.utc_now())
         return shown is None or shown.code is not _code_of(standstill)
 
@@ -69,4 +70,6 @@ class Standstills:
 
 
 def _code_of(standstill: Standstill) -> Cause:
+    if standstill.is_hang:
+        return Cause.DRIVER_HUNG
     return Cause.PROGRAM_STOPPED if standstill.is_stop else Cause.COMPUTER_BUSY

@@ -105,7 +105,8 @@ function ring(device) {
 function computer(device) {
   const { cause, hint, cause_code: code, since_utc: since } = device.computer;
   if (!cause) return { id: "computer", level: "good", word: "good" };
-  return { id: "computer", level: "warn", word: code === "program_stopped" ? "stopped" : "busy", code, since, said: knownOf([cause, hint]) };
+  const word = code === "program_stopped" ? "stopped" : code === "driver_hung" ? "hung" : "busy";
+  return { id: "computer", level: "warn", word, code, since, said: knownOf([cause, hint]) };
 }
 
 /** @param {Device} device @returns {Light} */
