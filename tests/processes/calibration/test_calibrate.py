@@ -117,8 +117,9 @@ def test_blunders_do_not_stay_in_the_weights(scene):
     result = calibrate(scene.packed(8, "field"), NOMINAL, replace(FRAME, xyz_mm=wrong))
     assert {int(FRAME.target[one.target]) for one in result.blunders} == {28, 57}
     assert result.adjustment.sigma0 == pytest.approx(1, abs=0.02)
-    left_out = next(one for one in judge(result).reasons if one.code == "left_out")
-    assert "28" in left_out.message
+    displaced = next(one for one in judge(result).reasons if one.code == "displaced")
+    assert "28 by 0.3" in displaced.message
+    assert "57 by 0.5" in displaced.message
     assert {one["target"] for one in report_of(result)["blunders"]} == {28, 57}
 
 

@@ -54,10 +54,10 @@ def displaced_targets(
         left_px: (L, 2) image points of the left view that belong to no target.
         right_px: (R, 2) likewise of the right view.
     """
-    stand = _left_over(views, frame, left_px, right_px)
-    if not len(missing) or not len(stand):
+    places = _left_over(views, frame, left_px, right_px)
+    if not len(missing) or not len(places):
         return ()
-    shift = stand - frame.xyz_mm[missing, np.newaxis]
+    shift = places - frame.xyz_mm[missing, np.newaxis]
     rows, columns = linear_sum_assignment(np.linalg.norm(shift, axis=2))
     return tuple(DisplacedTarget(int(missing[i]), shift[i, j]) for i, j in zip(rows, columns, strict=True))
 
