@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from grabberd.geometry import Rig, View
 from grabberd.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
@@ -57,6 +56,8 @@ def displaced_targets(
     places = _left_over(views, frame, left_px, right_px)
     if not len(missing) or not len(places):
         return ()
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy, and the daemon does without
+
     shift = places - frame.xyz_mm[missing, np.newaxis]
     rows, columns = linear_sum_assignment(np.linalg.norm(shift, axis=2))
     return tuple(DisplacedTarget(int(missing[i]), shift[i, j]) for i, j in zip(rows, columns, strict=True))
