@@ -18,7 +18,7 @@ PAGE_TYPES := src/grabberd/web/types/openapi.d.ts
 PAGE_SOURCES = $(shell find src/grabberd/web/static/js src/grabberd/web/types tests/web/types -type d -o -name '*.js' -o -name '*.ts')
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 
-.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults audit house walls docs format lock clean
+.PHONY: help run test check check-page types npm pytest test-affected test-browser browser mosquitto screenshots test-vm test-wheel test-install wheel check-units install uninstall bundle bench profile measured soak faults setups audit house walls docs format lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 20
@@ -113,6 +113,9 @@ soak: $(READY)  ## ten minutes (or DURATION=… seconds) at 50 Hz, clients comin
 
 faults: $(READY)  ## every fault of grabber, disk, clock and clients, done to the whole daemon, into docs/reference/faults.md
 	$(BIN)/python -m tests.faults --write docs/reference/faults.md
+
+setups: $(READY)  ## every wrong set-up of a calibration, and what the user is told, into docs/reference/wrong-setups.md
+	$(ONE_THREAD) PYTHONPATH=tests $(BIN)/python -m setups --write docs/reference/wrong-setups.md
 
 audit: $(READY)  ## the account of fields in a thousand (or SEEDS=…) runs and a daemon, both with everything going wrong, into docs/reference/audit.md
 	$(ONE_THREAD) PYTHONPATH=tests:tests/service $(BIN)/python -m tests.audit --seeds $(or $(SEEDS),1000) --real-time --write docs/reference/audit.md

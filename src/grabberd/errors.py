@@ -25,6 +25,7 @@
     │   └── IndexRebuilding       the list of captures is being made anew: worth trying again
     ├── ExtraMissing              an optional dependency is not installed: carries the extra's name
     └── MeasurementError          the data do not determine the result
+        ├── AmbiguousView         several hypotheses explain a view of the calibration frame
         ├── RankDeficient         some unknowns are determined only in combination: names them
         └── AnalysisError         the points do not determine the surface, strain, pressure or cycle
 
@@ -270,6 +271,10 @@ class ExtraMissing(GrabberdError):
 
 class MeasurementError(GrabberdError):
     """The data do not determine the result that was asked for."""
+
+
+class AmbiguousView(MeasurementError):
+    """More than one hypothesis explains a view of the calibration frame."""
 
 
 class RankDeficient(MeasurementError):

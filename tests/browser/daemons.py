@@ -102,12 +102,16 @@ class Daemon:
 
     def analyse(self, capture_id: str, **inputs: Any) -> None:
         """Analyses a capture, and returns once that is done."""
-        job = self.ask(f"/captures/{capture_id}/analysis", body={"inputs": inputs})["id"]
+        self.wait_until_done(self.ask(f"/captures/{capture_id}/analysis", body={"inputs": inputs})["id"])
+
+    def wait_until_done(self, job: str) -> Any:
+        """Waits for the end of a job and returns its result."""
         until_s = time.monotonic() + LONG_S
-        while (state := self.ask(f"/jobs/{job}")["state"]) in ("queued", "running"):
-            assert time.monotonic() < until_s, "the analysis does not end"
+        while (found := self.ask(f"/jobs/{job}"))["state"] in ("queued", "running"):
+            assert time.monotonic() < until_s, "the job does not end"
             time.sleep(LOOK_EVERY_S)
-        assert state == "done", self.ask(f"/jobs/{job}")
+        assert found["state"] == "done", found
+        return found["result"]
 
     def wait_until_it_streams(self, token: str | None = None) -> None:
         """Until a capture can begin."""

@@ -9,7 +9,7 @@ import yaml
 from playwright.sync_api import Page, expect
 
 from browser.axe import serious
-from browser.conftest import Guarded, Open, Start
+from browser.conftest import PHONE, Guarded, Open, Start
 from browser.daemons import Daemon
 from grabberd.config import shipped_configs
 
@@ -82,7 +82,8 @@ def test_from_the_calibration_frame_to_an_accepted_calibration(
     if page.get_by_role("link", name="Read the result").is_visible():
         page.get_by_role("link", name="Read the result").click()
 
-    expect(page.locator("[data-verdict]")).to_have_attribute("data-verdict", "accept")
+    expect(page.locator("[data-verdict]")).to_have_attribute("data-verdict", "passed_with_remarks")
+    expect(page.locator("[data-reason]")).to_have_attribute("data-reason", "no_check_length")
     expect(page.get_by_text("new mirrors")).to_be_visible()
     assert serious(page) == []
     page.get_by_role("button", name="Accept and use").click()
@@ -200,3 +201,34 @@ def test_computing_a_calibration_can_be_cancelled(at_the_frame: Daemon, open_pag
     expect(page.get_by_text("Cancelled.")).to_be_visible()
     expect(page.get_by_role("button", name="Compute")).to_be_enabled()
     assert len(daemon.ask("/calibrations")["calibrations"]) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize(
+    ("language", "said"), [("en", "Failed: do not use it"), ("nb", "Ikke bestått: ikke bruk den")]
+)
+def test_a_failed_calibration_says_why_and_is_not_offered_to_an_operator(
+    at_the_frame: Daemon, open_page: Open, language: str, said: str
+) -> None:
+    made = failed_calibration(at_the_frame)
+    page = open_page(f"{at_the_frame.url}/#calibration/review/{made}", size=PHONE, language=language).page
+    expect(page.locator("[data-verdict]")).to_have_attribute("data-verdict", "failed")
+    expect(page.locator("[data-verdict]")).to_contain_text(said)
+    expect(page.locator("[data-reason]").first).to_have_attribute("data-reason", "check_length")
+    expect(page.locator("[data-do=accept]")).to_be_disabled()
+    expect(page.locator("tbody tr")).to_have_count(11)
+    assert "{" not in page.locator("main").inner_text()
+    assert page.evaluate("document.scrollingElement.scrollWidth <= innerWidth")
+    assert serious(page) == []
+
+
+def failed_calibration(daemon: Daemon) -> str:
+    """One whose check length is two per cent off; made once."""
+    for row in daemon.ask("/calibrations")["calibrations"]:
+        if row["verdict"] == "failed":
+            return str(row["id"])
+    capture = daemon.capture(fields=50, bits=8)
+    options = {"check_length": {"between": [1, 108], "length_mm": 117.0}}
+    job = daemon.ask("/calibrations", body={"capture": capture, "options": options})["id"]
+    return str(daemon.wait_until_done(job)["calibration"])

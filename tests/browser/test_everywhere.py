@@ -42,6 +42,15 @@ SIZES = {
     "a tablet on its side": TABLET,
     "a screen": {"width": 1920, "height": 1080},
 }
+WIDEST_LEGEND = """async () => {
+    const root = document.querySelector('script[type=module]').src.replace(/main[.]js$/, '');
+    const { createLegend } = await import(root + 'scene/legend.js');
+    const number = (value, digits) => value.toLocaleString('nb', { minimumFractionDigits: digits });
+    const legend = createLegend(number);
+    document.querySelector('.scene-legend').replaceWith(legend.element);
+    legend.show('Trykk mot spenen, kPa', { low: -1000, high: 1000, map: 'signed' });
+    return legend.element.lastElementChild.lastElementChild.textContent;
+}"""
 TOO_SMALL = """(least) => [...document.querySelectorAll('button, select, summary, .button, .choices label')]
     .filter((one) => one.checkVisibility() && !one.classList.contains('skip'))
     .filter((one) => one.getBoundingClientRect().height > 0)
@@ -93,6 +102,16 @@ def test_every_panel_fits_from_a_small_phone_to_a_screen(
     page = open_page(at(daemon, PANELS[0]), size=size, language="nb").page
     for panel in every_panel(page, daemon):
         assert (panel, page.evaluate(OUT_OF_PLACE)) == (panel, [])
+
+
+def test_the_legend_fits_a_small_phone_with_a_long_number_at_its_very_end(
+    daemon: Daemon, open_page: Open
+) -> None:
+    """Which number stands there, and how near the end, follows what has been measured so far."""
+    size = SIZES["a small phone"]
+    page = open_page(at(daemon, "shape"), size=size, language="nb", ready=".scene-legend-marks > span").page
+    assert len(page.evaluate(WIDEST_LEGEND)) == len("1 000")
+    assert page.evaluate(OUT_OF_PLACE) == []
 
 
 def test_nothing_is_asked_of_a_device_that_is_not_there(start_daemon: Start, open_page: Open) -> None:

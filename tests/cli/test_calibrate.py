@@ -138,6 +138,29 @@ def test_measuring_something_else_says_so_and_adds_no_run(calibrated: Path, fram
         assert len(reader.runs) == before
 
 
+def test_without_a_check_length_it_passes_with_a_remark(calibrated: Path) -> None:
+    printed = calibrated.with_name("printed.txt").read_text()
+    assert "acceptance: passed with remarks" in printed
+    assert "no check length" in printed
+    acceptance = json.loads(calibrated.read_text())["details"]["acceptance"]
+    assert acceptance["verdict"] == "passed_with_remarks"
+
+
+def test_a_check_length_that_is_missed_fails_it_which_is_written_all_the_same(
+    frame: Path, calibrated: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "rig.json"
+    result = run(
+        "calibrate", frame, "--calibration-frame", FRAME, "--out", out, "--check-length", "1,108,117.0",
+        "--previous", calibrated,
+    )  # fmt: skip
+    assert result.exit_code == 3, result.output
+    printed = " ".join(result.output.split())
+    assert "acceptance: failed" in printed
+    assert "the scale is off by +2.05 %" in printed
+    assert json.loads(out.read_text())["details"]["acceptance"]["verdict"] == "failed"
+
+
 class TestBadInput:
     def refused(self, frame: Path, tmp_path: Path, *words: object) -> str:
         out = tmp_path / "rig.json"
@@ -173,6 +196,13 @@ class TestBadInput:
         marks = tmp_path / "marks.csv"
         marks.write_text(f"view,target,x_px,y_px\n{line}\n")
         assert "line 2" in self.refused(frame, tmp_path, "--identifications", marks)
+
+    @pytest.mark.parametrize(
+        ("length", "said"),
+        [("1,108", "two ids"), ("1,999,100", "999"), ("7,7,100", "two of"), ("1,2,-4", "length_mm")],
+    )
+    def test_a_check_length_that_is_none(self, frame: Path, tmp_path: Path, length: str, said: str) -> None:
+        assert said in self.refused(frame, tmp_path, "--check-length", length)
 
     def test_a_capture_of_something_else(self, tmp_path: Path) -> None:
         capture = taken(tmp_path, "blank", fields=4)

@@ -16,7 +16,7 @@ UNITS = (
 OPTIONAL = (
     *("capture", "calibration_frame", "image", "glass", "settings", "identification", "unknowns"),
     *("comparison", "tests", "dropped", "residuals", "blunders", "normality", "validation", "volume"),
-    *("distortion", "local_field", "geometry", "warnings"),
+    *("distortion", "local_field", "geometry", "acceptance"),
 )
 BLOCKS = 6
 CRITICAL = 3.85
@@ -78,7 +78,61 @@ def full(seed: int = 3) -> dict[str, Any]:
             "grids": [simulated.ripple_field(view) for view in adjustment.views],
         },
         "geometry": _geometry(adjustment, model),
-        "warnings": [f"{BLUNDER[0]}: target {BLUNDER[1]} is a blunder in x", "certificate: 14 months old"],
+        "acceptance": _acceptance(),
+    }
+
+
+def _acceptance() -> dict[str, Any]:
+    """Failed, by its check length, with a remark."""
+    return {
+        "verdict": "failed",
+        "reasons": [
+            {
+                "code": "check_length",
+                "level": "failed",
+                "message": "the check length from target 1 to 108 comes out as 121.763 mm",
+                "hint": "check the calibration frame's file",
+                "values": {"first": 1, "second": 108, "mm": 2.37, "percent": 1.98},
+            },
+            {
+                "code": "left_out",
+                "level": "remark",
+                "message": f"1 image point contradicts the others: {BLUNDER[0]} {BLUNDER[1]}",
+                "hint": "measure this target's place anew",
+                "values": {"n": 1, "ids": f"{BLUNDER[0]} {BLUNDER[1]}"},
+            },
+        ],
+        "rig": [
+            _compared("base", "", "mm", 128.0, None, 121.7),
+            _compared("focal_length", "left", "mm", 8.0, 8.01, 7.7),
+        ],
+        "check_length": {
+            "first": 1,
+            "second": 108,
+            "certified_mm": 119.397,
+            "measured_mm": 121.763,
+            "difference_mm": 2.366,
+            "sigma_mm": 0.021,
+        },
+        "symmetries": ["its mirror image maps 84 of 108 targets onto targets"],
+        "patterns": [{"view": "left", "correlation": 0.05, "statistic": 1.1}],
+        "movement": {view: {"rms_px": 0.013, "drift_px": 0.004} for view in ("left", "right")},
+    }
+
+
+def _compared(
+    quantity: str, view: str, unit: str, nominal: float, previous: float | None, found: float
+) -> dict[str, Any]:
+    return {
+        "quantity": quantity,
+        "view": view,
+        "unit": unit,
+        "nominal": nominal,
+        "previous": previous,
+        "found": found,
+        "sigma": 0.01,
+        "nominal_z": (found - nominal) / (0.05 * nominal),
+        "previous_z": None if previous is None else (found - previous) / 0.014,
     }
 
 

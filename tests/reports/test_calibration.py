@@ -55,8 +55,9 @@ def test_the_same_document_gives_the_same_page(document, text):
 
 
 def test_chapters_are_numbered(page):
-    assert page.headings[:3] == ["Calibration report", "Warnings", "1 Project data"]
-    assert [int(heading.split()[0]) for heading in page.headings[2:]] == [*range(1, 15)]
+    assert page.headings[:3] == ["Calibration report", "1 Acceptance", "Reasons of the verdict"]
+    chapters = [heading for heading in page.headings[1:] if heading != "Reasons of the verdict"]
+    assert [int(heading.split()[0]) for heading in chapters] == [*range(1, 16)]
 
 
 def test_figures_can_be_heard_and_tables_have_captions_and_heads(page):
@@ -74,7 +75,15 @@ def test_the_head_says_what_came_out(document, page):
     for said in (document["id"], document["version"], significant(result["sigma0"]), str(result["freedom"])):
         assert said in page.text
     assert f"{significant(result['sigma0_px'])} px" in page.text
-    assert all(warning in page.text for warning in document["warnings"])
+
+
+def test_the_verdict_stands_first_with_its_reasons_what_to_do_and_the_rig(document, page):
+    assert "Failed: this calibration must not be used" in page.text
+    for reason in document["acceptance"]["reasons"]:
+        assert reason["message"] in page.text
+        assert reason["hint"] in page.text
+    assert "certified 119.397 mm, measured 121.763 mm" in page.text
+    assert page.table("The rig: nominal, previous and found")[0][0] == "base"
 
 
 def test_parameters_are_given_with_their_sigma_at_the_same_place(document, page):
@@ -158,7 +167,16 @@ def test_how_each_view_was_identified_is_told(document):
     identification = {**document["identification"], "by": None, "description": told}
     page = Page(calibration_html(least() | {"identification": identification}))
     assert "left: target 5 at (10, 20) px." in page.text
-    assert page.table("Identification of 108 targets")[1] == ["right", "+1", "108", "2", "0.290", "5.20"]
+    assert page.table("Identification of 108 targets")[1] == [
+        "right",
+        "+1",
+        "108",
+        "2",
+        "0.290",
+        "5.20",
+        "–",
+        "–",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -205,7 +223,7 @@ def test_a_report_without_any_optional_part_says_so_of_each():
     assert not page.all("svg")
     assert set(page.tables) == {"Result at a glance"}
     absent = [attributes for tag, attributes in page.elements if attributes.get("class") == "absent"]
-    assert len(absent) == 18
+    assert len(absent) == 19
     assert "blunders were not sought" in page.text
 
 

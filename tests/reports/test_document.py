@@ -31,7 +31,7 @@ def test_the_order_of_keys_does_not_matter(document):
 def test_every_part_has_a_line_of_its_own():
     lines = document_json(least()).splitlines()
     assert len(lines) == len(least()) + 2
-    assert lines[1].startswith('"blunders": ')
+    assert lines[1].startswith('"acceptance": ')
 
 
 @pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])

@@ -27,6 +27,18 @@ def calibration(calibration_id: str, shift_mm: float = 0.0, **changes: Any) -> D
     return document | {"id": calibration_id} | changes
 
 
+def failed(calibration_id: str) -> Document:
+    """One whose acceptance failed, by its check length."""
+    reason = {
+        "code": "check_length",
+        "level": "failed",
+        "message": "the scale is off by +2 %",
+        "hint": "look",
+    }
+    acceptance = {"verdict": "failed", "reasons": [reason]}
+    return calibration(calibration_id, details={"acceptance": acceptance})
+
+
 def exact(
     progress: Progress,
     *,
@@ -34,6 +46,7 @@ def exact(
     calibration_frame: Mapping[str, Any],
     options: CalibrationOptions,
     note: str | None,
+    previous: Mapping[str, Any] | None = None,
 ) -> CalibrationOutput:
     """Knows the calibration without looking at the fields; its id ends as the calibration frame is called."""
     progress(0.5)
@@ -46,9 +59,7 @@ def exact(
         }
     document = calibration(f"of-{path.stem}", SHIFT_MM, details=details)
     # Without the numbers, which nobody looks at.
-    report = CalibrationReport.model_construct(
-        schema_="grabberd/calibration-report/1", id=document["id"], warnings=[]
-    )
+    report = CalibrationReport.model_construct(schema_="grabberd/calibration-report/1", id=document["id"])
     return CalibrationOutput(Calibration.from_document(document), report)
 
 

@@ -1,13 +1,17 @@
 """Both languages say the same things, and the page says nothing that there is no text for."""
 
+import ast
 import json
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
+from grabberd.config import shipped_configs
 from grabberd.errors import Cause
+from grabberd.processes.calibration import acceptance
 from grabberd.web.files import LANGUAGES, STATIC
 
 CALL = re.compile(r"""\bt[nl]?\(\s*(?P<quote>["'`])(?P<key>[a-z]\w*\.(?:(?!(?P=quote)).)+)(?P=quote)""")
@@ -39,6 +43,20 @@ CALLED = {key for source in SOURCES.values() for key in (match["key"] for match 
 MENTIONED = CALLED | {match["key"] for source in SOURCES.values() for match in NAMED.finditer(source)}
 
 
+def reason_codes() -> set[str]:
+    """The codes with which the acceptance of a calibration makes a `Reason`."""
+    modules = [Path(one) for folder in acceptance.__path__ for one in Path(folder).glob("*.py")]
+    calls = [node for one in modules for node in ast.walk(ast.parse(one.read_text("utf-8")))]
+    return {
+        str(call.args[0].value)
+        for call in calls
+        if isinstance(call, ast.Call)
+        and ast.unparse(call.func).lower().endswith("reason")
+        and call.args
+        and isinstance(call.args[0], ast.Constant)
+    }
+
+
 def as_pattern(key: str) -> re.Pattern[str]:
     parts = re.split(r"\$\{[^}]*\}", key)
     return re.compile(r"[\w -]*".join(map(re.escape, parts)) + r"(\.one|\.other)?")
@@ -63,6 +81,18 @@ def test_every_cause_of_the_daemon_has_what_it_is_why_it_may_be_and_what_to_try(
     known = catalogue(language)["causes"]
     assert sorted(known) == sorted(Cause)
     assert all(set(texts) == {"what", "why", "try"} for texts in known.values())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_reason_of_an_acceptance_has_what_it_is_and_what_to_do(language: str) -> None:
+    known = catalogue(language)["calibration"]["acceptance"]
+    assert sorted(known) == sorted(reason_codes())
+    assert all(set(texts) == {"what", "do"} for texts in known.values())
+
+
+def test_the_reference_explains_every_reason_of_an_acceptance() -> None:
+    page = (shipped_configs().parent / "docs" / "reference" / "acceptance.md").read_text("utf-8")
+    assert [code for code in reason_codes() if f"`{code}`" not in page] == []
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

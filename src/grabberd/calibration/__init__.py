@@ -3,10 +3,27 @@
 A `Network` states which blob is which target in which view, and their σ; `Unknowns` which of the views'
 parameters are free, held, shared or tied; `adjust` estimates them, for any number of views and targets.
 `mean_images` averages the pictures beforehand and `identification` names the targets in them; afterwards
-`statistics` judges the result, `local_field` describes what the model leaves, and `glass_transfer` carries a
-calibration over to a glass plate.
+`statistics` and `acceptance` judge the result, `local_field` describes what the model leaves, and
+`glass_transfer` carries a calibration over to a glass plate.
 """
 
+from grabberd.calibration.acceptance.check_length import CheckLength, MeasuredLength, measured_length
+from grabberd.calibration.acceptance.displaced_targets import (
+    DisplacedTarget,
+    displaced_targets,
+    exchanged_axes,
+)
+from grabberd.calibration.acceptance.frame_symmetry import Symmetry, symmetries, target_to_add, undecided
+from grabberd.calibration.acceptance.grid_order import GridOrder, grid_order
+from grabberd.calibration.acceptance.residual_pattern import Pattern, residual_patterns
+from grabberd.calibration.acceptance.rig_quantities import (
+    RigQuantity,
+    base_mm,
+    compared_rig,
+    convergence_deg,
+    distance_mm,
+)
+from grabberd.calibration.acceptance.stillness import Stillness, stillness
 from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
 from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
@@ -16,7 +33,7 @@ from grabberd.calibration.adjustment.resection import resect
 from grabberd.calibration.adjustment.unknowns import LENS, Unknowns
 from grabberd.calibration.adjustment.unmodelled import with_unmodelled
 from grabberd.calibration.glass_transfer import with_glass
-from grabberd.calibration.identification.acceptance import IdentificationSettings
+from grabberd.calibration.identification.acceptance import IdentificationSettings, handedness_hint
 from grabberd.calibration.identification.frame_identification import (
     Identification,
     ViewIdentification,
@@ -41,37 +58,59 @@ __all__ = [
     "Adjustment",
     "AdjustmentSettings",
     "Blunder",
+    "CheckLength",
     "Difference",
+    "DisplacedTarget",
     "Elimination",
     "FieldImages",
+    "GridOrder",
     "Identification",
     "IdentificationSettings",
     "LocalFieldSettings",
     "LocalFieldTrial",
     "Mark",
     "MeanImages",
+    "MeasuredLength",
     "Network",
     "Normality",
+    "Pattern",
+    "RigQuantity",
+    "Stillness",
+    "Symmetry",
     "Unknowns",
     "Validation",
     "ViewIdentification",
     "VolumeSigma",
     "adjust",
+    "base_mm",
     "check_depth",
     "check_rank",
     "compare",
+    "compared_rig",
+    "convergence_deg",
     "cross_validate",
+    "displaced_targets",
+    "distance_mm",
     "eliminate",
+    "exchanged_axes",
     "f_tests",
+    "grid_order",
+    "handedness_hint",
     "identify_by_hand",
     "identify_frame",
     "intersect_network",
     "mean_images",
+    "measured_length",
     "normality",
     "propagate",
     "resect",
+    "residual_patterns",
     "spatial_blocks",
+    "stillness",
+    "symmetries",
+    "target_to_add",
     "try_local_fields",
+    "undecided",
     "volume_sigma",
     "with_glass",
     "with_unmodelled",

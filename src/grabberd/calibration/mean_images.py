@@ -29,12 +29,14 @@ class FieldImages:
         sigma_px: (N, 2) standard deviation of location in one field, without line jitter.
         parity: Parity of the field.
         jitter_px: (N,) standard deviation in x from line jitter.
+        area_px: (N,) size in square frame pixels; None if not known.
     """
 
     xy_px: Array
     sigma_px: Array
     parity: int
     jitter_px: Array | float = 0.0
+    area_px: Array | None = None
 
     @property
     def jitter_px2(self) -> Array:

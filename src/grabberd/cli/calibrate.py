@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from pydantic import ValidationError
+from rich.markup import escape
 from rich.table import Table
 
 from grabberd.cli.options import (
@@ -23,9 +24,19 @@ from grabberd.config import RigConfig
 from grabberd.errors import InputError, StorageError
 
 if TYPE_CHECKING:
+    from grabberd.documents.calibration_acceptance import CalibrationAcceptance
     from grabberd.documents.calibration_reports import CalibrationReport
     from grabberd.documents.requests import CalibrationOptions
     from grabberd.service.jobs.calibration import CalibrationOutput
+
+
+FAILED = 3
+"""Exit code if the acceptance failed, distinct from 1 (failure) and 2 (invalid command line)."""
+VERDICTS = {
+    "passed": "[green]passed[/green]",
+    "passed_with_remarks": "[yellow]passed with remarks[/yellow]",
+    "failed": "[red]failed[/red]",
+}
 
 
 def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
@@ -65,12 +76,22 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
     identifications: Annotated[
         Path | None, typer.Option(help="Manual identifications, CSV: view, target, x_px, y_px.")
     ] = None,
+    check_length: Annotated[
+        str | None,
+        typer.Option(help="Certified distance of two targets: ID,ID,MM[,SIGMA_MM]; default: the file's."),
+    ] = None,
+    previous: Annotated[
+        Path | None, typer.Option(help="Earlier calibration of this rig (JSON) to compare with.")
+    ] = None,
     note: Annotated[str, typer.Option(help="Note stored with the calibration.")] = "",
     json: JsonOption = False,
 ) -> None:
     """Calibrate both virtual cameras from a capture of the calibration frame.
 
     The rig's nominal geometry is taken from the capture's configuration, or from --config.
+
+    Exit code 0: its acceptance passed, with remarks or without; 3: it failed, for the reasons printed. The
+    calibration is written in either case.
 
     Example: grabberd calibrate frame.grab --calibration-frame configs/calibration-frames/paper-108.yaml
     --out rig.calibration.json --report report.html
@@ -85,9 +106,10 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         alpha=alpha,
         local_field=local_field,
         handedness=None if handedness == "auto" else int(handedness),
+        check_length=_length(check_length),
     )
     rig = load(config).devices[only_device(load(config), device, config)].rig if config else None
-    made = _calibrated(capture, calibration_frame, options, note, rig, identifications)
+    made = _calibrated(capture, calibration_frame, options, note, rig, identifications, previous)
     _write(out, json_module.dumps(made.calibration.to_document(), indent=2))
     document = made.report.model_dump(mode="json", by_alias=True)
     if report:
@@ -96,6 +118,22 @@ def calibrate(  # noqa: PLR0913, PLR0917 - the options of a command
         print_json(document)
     else:
         _show(out, report, made.report)
+    if made.report.acceptance.verdict == "failed":
+        raise typer.Exit(FAILED)
+
+
+def _length(text: str | None) -> dict[str, Any] | None:
+    if text is None:
+        return None
+    parts = text.split(",")
+    try:
+        first, second, length, *sigma = parts
+        known: dict[str, Any] = {"between": (int(first), int(second)), "length_mm": float(length)}
+        return known | ({"sigma_mm": float(sigma[0])} if sigma else {})
+    except ValueError:
+        raise InputError(
+            f"--check-length {text}: not two ids and a length", "write --check-length 1,108,119.40,0.02"
+        ) from None
 
 
 def _options(**given: Any) -> "CalibrationOptions":
@@ -124,9 +162,10 @@ def _calibrated(
     note: str,
     rig: RigConfig | None,
     identifications: Path | None,
+    previous: Path | None,
 ) -> "CalibrationOutput":
     from grabberd.service.jobs.calibration import calibrate_file  # noqa: PLC0415
-    from grabberd.service.setup import read_yaml  # noqa: PLC0415
+    from grabberd.service.setup import read_documents, read_yaml  # noqa: PLC0415
     from grabberd.storage.input_files import read_identifications  # noqa: PLC0415
 
     by_hand = read_identifications(identifications) if identifications else None
@@ -137,6 +176,7 @@ def _calibrated(
             calibration_frame=read_yaml(calibration_frame),
             options=options,
             note=note,
+            previous=read_documents(previous, None)["calibration"] if previous else None,
             rig=rig,
             by_hand=by_hand,
         )
@@ -173,7 +213,37 @@ def _show(out: Path, path: Path | None, report: "CalibrationReport") -> None:
     console.print(f"sigma 0 {result.sigma0:.2f}, {result.freedom} degrees of freedom")
     if report.dropped:
         console.print(f"not significant, held at 0: {', '.join(report.dropped)}")
-    for warning in report.warnings:
-        console.print(f"[yellow]warning:[/yellow] {warning}")
+    _show_rig(report.acceptance)
+    _show_verdict(report.acceptance)
     if path:
         console.print(f"report: {path}")
+
+
+def _show_rig(acceptance: "CalibrationAcceptance") -> None:
+    table = Table(title="the rig")
+    table.add_column("")
+    for name in ("nominal", "previous", "found", "± σ", "from nominal", "from previous"):
+        table.add_column(name, justify="right")
+    for one in acceptance.rig:
+        name = " ".join(filter(None, (one.view, one.quantity.replace("_", " "), one.unit)))
+        digits = "+.0f" if one.quantity == "handedness" else ".2f"
+        values = (_number(value, digits) for value in (one.nominal, one.previous, one.found))
+        sigmas = (f"{z:+.1f} σ" if z is not None else "" for z in (one.nominal_z, one.previous_z))
+        table.add_row(name, *values, f"{one.sigma:.2f}" if one.sigma else "", *sigmas)
+    console.print(table)
+
+
+def _number(value: float | None, digits: str) -> str:
+    return "" if value is None else format(value, digits)
+
+
+def _show_verdict(acceptance: "CalibrationAcceptance") -> None:
+    if length := acceptance.check_length:
+        console.print(
+            f"check length {length.first} to {length.second}: {length.measured_mm:.3f} mm, certified "
+            f"{length.certified_mm:.3f}"
+        )
+    console.print(f"acceptance: {VERDICTS[acceptance.verdict]}")
+    for one in acceptance.reasons:
+        colour = "red" if one.level == "failed" else "yellow"
+        console.print(f"[{colour}]{one.level}:[/{colour}] {escape(one.message)} – {escape(one.hint)}")

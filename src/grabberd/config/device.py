@@ -18,6 +18,9 @@ class ViewColumns(Section):
 
     first_column: int = Field(ge=0)
     end_column: int = Field(gt=0)
+    handedness: Literal[-1, 1] | None = Field(
+        None, description="-1 for an odd number of mirrors, 1 for an even one; a calibration must agree"
+    )
 
 
 class Views(Section):

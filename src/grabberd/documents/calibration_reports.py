@@ -4,6 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from grabberd.documents.calibration_acceptance import CalibrationAcceptance
 from grabberd.documents.document import Document
 from grabberd.documents.named_types import Glass, ImageSize, Weights
 
@@ -58,6 +59,10 @@ class FrameIdentification(Document):
     handedness: dict[str, int]
     rms_px: dict[str, float | None]
     runner_up_rms_px: dict[str, float | None] = Field(description="The same of the second best assignment.")
+    runner_up_found: dict[str, int] = Field(description="Number of targets that it explains.")
+    margin: dict[str, float | None] = Field(
+        description="By how much −2 ln(likelihood) of the second best is worse; null if there is none."
+    )
     found: dict[str, int]
     of: int = Field(description="Number of targets on the calibration frame.")
     unmatched_blobs: dict[str, int]
@@ -309,4 +314,4 @@ class CalibrationReport(Document):
     distortion: list[ShiftGrid]
     local_field: LocalFieldTrial | None = Field(description="Null if none was requested.")
     geometry: ImagingGeometry
-    warnings: list[str]
+    acceptance: CalibrationAcceptance

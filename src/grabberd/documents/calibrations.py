@@ -5,7 +5,7 @@ from typing import Literal
 from pydantic import Field
 
 from grabberd.documents.document import Document, Next
-from grabberd.documents.named_types import CalibrationOrigin, Glass, ImageSize, JsonObject
+from grabberd.documents.named_types import AcceptanceVerdict, CalibrationOrigin, Glass, ImageSize, JsonObject
 
 
 class CalibrationRejection(Document):
@@ -32,6 +32,9 @@ class CalibrationRow(Document):
     stored_utc: str | None
     problem: str | None
     misfit: str | None = Field(description="Why it does not fit its device's present video format.")
+    verdict: AcceptanceVerdict | None = Field(
+        description="Verdict of its acceptance; null for one that was not made here."
+    )
     rejected: CalibrationRejection | None = Field(
         description="Its rejection, which activating the calibration takes back."
     )

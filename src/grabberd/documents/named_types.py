@@ -20,6 +20,7 @@ CaptureState = TypeAliasType(
     "CaptureState", Literal["armed", "recording", "sealing", "sealed", "unsealed", "damaged", "disarmed"]
 )
 Verdict = TypeAliasType("Verdict", Literal["complete", "incomplete"])
+AcceptanceVerdict = TypeAliasType("AcceptanceVerdict", Literal["passed", "passed_with_remarks", "failed"])
 Labels = TypeAliasType("Labels", Annotated[dict[Label, Label], Field(max_length=MOST_LABELS)])
 LabelChanges = TypeAliasType(
     "LabelChanges", Annotated[dict[Label, Label | None], Field(max_length=MOST_LABELS)]

@@ -165,6 +165,14 @@ class AnalysisRequest(Document):
     vacuum_log: str | None = Field(None, description="Text of a vacuum logger's CSV file.")
 
 
+class CertifiedLength(Document):
+    """A certified distance of two targets of the calibration frame, which the adjustment does not see."""
+
+    between: tuple[int, int] = Field(description="Ids of the two targets.")
+    length_mm: float = Field(gt=0, allow_inf_nan=False)
+    sigma_mm: float = Field(0.02, ge=0, allow_inf_nan=False, description="Its standard deviation.")
+
+
 class CalibrationOptions(Document):
     """Options of the adjustment; the defaults are those of `grabberd calibrate`."""
 
@@ -186,6 +194,9 @@ class CalibrationOptions(Document):
         None, description="True if a smooth field of residuals may be added to the model."
     )
     handedness: Handedness | None = Field(None, description="Handedness of both views; default: determined.")
+    check_length: CertifiedLength | None = Field(
+        None, description="A certified length; default: the one in the calibration frame's document."
+    )
 
 
 class CalibrationRequest(Document):
@@ -226,6 +237,9 @@ class CalibrationChoice(Document):
 
     id: str = Field(max_length=200)
     device: str | None = Field(None, description=_DEVICE)
+    despite_failure: bool = Field(
+        False, description="Use it although its acceptance failed; only an admin may say so."
+    )
 
 
 class MeasurementRequest(Document):

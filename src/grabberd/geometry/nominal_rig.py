@@ -28,6 +28,7 @@ class NominalRig:
         focal_length_mm: Focal length of the lens.
         pixel_x_mm: Pixel pitch along a line.
         pixel_y_mm: Pitch from frame line to frame line.
+        handedness: Of the left and the right view, +1 or −1 as their mirrors make it; None where not stated.
     """
 
     columns: int
@@ -40,6 +41,7 @@ class NominalRig:
     focal_length_mm: float
     pixel_x_mm: float
     pixel_y_mm: float
+    handedness: tuple[int | None, int | None] = (None, None)
 
     def views(self, handedness: tuple[int, int] = (1, 1)) -> tuple[View, View]:
         """Make the two virtual cameras, without distortion, with the principal point in the picture's centre.

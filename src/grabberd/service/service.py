@@ -253,13 +253,15 @@ class Service:
         stored_utc = iso_utc(self._clock.utc_now())
         return self.calibrations.add(document, CalibrationRecord(instrument.name, "import", stored_utc, note))
 
-    def activate_calibration(self, calibration_id: str, device: str | None) -> None:
+    def activate_calibration(
+        self, calibration_id: str, device: str | None, *, despite_failure: bool = False
+    ) -> None:
         """Makes a device measure with a calibration from the next field on.
 
         Raises:
-            NotFound, CalibrationMismatch, CaptureRunning: see `ActiveCalibrations.activate`.
+            NotFound, CalibrationMismatch, Conflict, CaptureRunning: see `ActiveCalibrations.activate`.
         """
-        self.active.activate(calibration_id, self.instrument(device))
+        self.active.activate(calibration_id, self.instrument(device), despite_failure=despite_failure)
 
     def state(self) -> StateDocument:
         """State of the devices, the disk and the daemon at a glance."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from calibrators import calibration, exact, without_result
+from calibrators import calibration, exact, failed, without_result
 from fastapi.testclient import TestClient
 from running import configuration, wait_until_it_accepts
 
@@ -15,6 +15,7 @@ from grabberd import reports
 from grabberd.api import create_app
 from grabberd.config import default_config_file
 from grabberd.documents.problems import JobProblem
+from grabberd.documents.roles import Role
 from grabberd.service.jobs.calibration import Calibrator
 from grabberd.service.service import Service
 from grabberd.service.setup import set_up
@@ -159,6 +160,7 @@ def test_the_list_says_what_an_operator_chooses_by(fast: TestClient) -> None:
         "stored_utc": None,
         "problem": None,
         "misfit": None,
+        "verdict": None,
         "rejected": None,
     }
 
@@ -330,3 +332,26 @@ def test_a_calibration_that_no_longer_fits_its_device_says_why(fast: TestClient)
     rows = {row["id"]: row for row in fast.get(CALIBRATIONS).json()["calibrations"]}
     assert "glass" in rows["rig-8"]["misfit"]
     assert rows["rig-7"]["misfit"] is None
+
+
+def test_a_failed_one_is_refused_and_an_operator_cannot_overrule_that(calibrating: TestClient) -> None:
+    assert calibrating.post(CALIBRATIONS, json={"document": failed("rig-7")}).status_code == 201
+    answer = calibrating.put(f"{CALIBRATIONS}/active", json={"id": "rig-7"})
+    assert is_problem(answer, 409)
+    assert "the scale is off" in answer.json()["detail"]
+    answer = calibrating.put(f"{CALIBRATIONS}/active", json={"id": "rig-7", "despite_failure": True})
+    assert is_problem(answer, 403)
+    assert calibrating.get(CALIBRATIONS).json()["calibrations"][0]["verdict"] == "failed"
+
+
+def test_an_admin_can_use_a_failed_one(tmp_path: Path) -> None:
+    setups = set_up(configuration({"pace": "free"}, object=None), default_config_file())
+    service = Service(setups, tmp_path, calibrator=exact)
+    service.access.open()
+    secret = service.access.add("chief", Role.ADMIN)
+    with TestClient(create_app(service), "http://localhost", raise_server_exceptions=False) as client:
+        wait_until_it_accepts(service)
+        client.headers["Authorization"] = f"Bearer {secret}"
+        assert client.post(CALIBRATIONS, json={"document": failed("rig-7")}).status_code == 201
+        answer = client.put(f"{CALIBRATIONS}/active", json={"id": "rig-7", "despite_failure": True})
+        assert (answer.status_code, answer.json()["active"]) == (200, True)

@@ -101,6 +101,7 @@ def test_a_planar_frame_of_which_the_ends_are_not_seen_is_ambiguous():
         MeasurementError, match=r"view is ambiguous: target \d+ at .*; or target \d+ at"
     ) as raised:
         identify([sight.within(150, 420) for sight in sights], frame=flat)
+    assert "looks the same" in raised.value.hint
     assert "more depth" in raised.value.hint
     assert "by hand" in raised.value.hint
 

@@ -62,6 +62,17 @@ def test_a_wrong_mark_is_named():
         identify(sights, marks)
 
 
+@pytest.mark.parametrize("pair", [(0, 1), (2, 7)])
+def test_two_marks_with_each_others_id_are_named_as_a_pair(pair):
+    sights = scene(3)
+    marks = marks_of(sights, 8)
+    one, other = (marks[index] for index in pair)
+    marks[pair[0]], marks[pair[1]] = replace(one, target=other.target), replace(other, target=one.target)
+    low, high = sorted((one.target, other.target))
+    with pytest.raises(InputError, match=f"marks of targets {low} and {high} in the left view are exchanged"):
+        identify(sights, marks)
+
+
 def test_too_few_marks_are_refused():
     sights = scene(4)
     with pytest.raises(InputError, match="3 targets are marked in the left view, 4 are needed"):

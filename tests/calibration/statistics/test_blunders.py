@@ -83,6 +83,13 @@ def test_too_many_are_refused():
     assert "which target is which" in refused.value.hint
 
 
+def test_a_refusal_names_targets_by_their_ids():
+    rng = np.random.default_rng(0)
+    given = spoiled(network(), rng.choice(216, 40, replace=False), rng.uniform(-10, 10, (40, 2)))
+    with pytest.raises(MeasurementError, match=r"starting with target \d{4} in view"):
+        without_blunders(replace(given, ids=np.arange(1001, 1109, dtype=np.int32)), tied())
+
+
 def test_a_target_of_unknown_place_goes_with_its_last_picture():
     places = frame()
     known = np.zeros(places.shape)

@@ -13,6 +13,7 @@ from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.errors import InputError, MeasurementError, RankDeficient
 from grabberd.field import Field, NumberedField, quantise, split_frame
 from grabberd.geometry import Calibration, NominalRig, project
+from grabberd.processes.calibration.acceptance.verdict import judge
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
@@ -116,7 +117,8 @@ def test_blunders_do_not_stay_in_the_weights(scene):
     result = calibrate(scene.packed(8, "field"), NOMINAL, replace(FRAME, xyz_mm=wrong))
     assert {int(FRAME.target[one.target]) for one in result.blunders} == {28, 57}
     assert result.adjustment.sigma0 == pytest.approx(1, abs=0.02)
-    assert "28" in result.warnings[0]
+    displaced = next(one for one in judge(result).reasons if one.code == "displaced")
+    assert displaced.values["ids"] == "28 (0.29 mm), 57 (0.45 mm)"
     assert {one["target"] for one in report_of(result)["blunders"]} == {28, 57}
 
 
@@ -192,8 +194,8 @@ def test_an_interior_parameter_that_is_not_adjusted_is_as_the_rig_was_built(scen
     left, right = result.views
     assert (right.f_mm, right.x0_px, right.b) == (8.0, 359.5, (0.0,) * 9)
     assert left.f_mm != 8.0
-    assert any("parameters that were held" in warning for warning in result.warnings)
-    assert report_of(result)["warnings"] == list(result.warnings)
+    reasons = report_of(result)["acceptance"]["reasons"]
+    assert any("parameters that were held" in reason["message"] for reason in reasons)
 
 
 def test_a_parameter_that_does_not_exist_is_named(scene):

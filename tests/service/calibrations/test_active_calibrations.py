@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from calibrators import SHIFT_MM, calibration, exact
+from calibrators import SHIFT_MM, calibration, exact, failed
 from running import PATIENCE_S, configuration, running, sealed, wait_until_it_accepts
 
 from grabberd.config import GlassConfig, default_config_file
@@ -92,6 +92,20 @@ def test_an_imported_one_waits_until_it_is_activated(tmp_path: Path) -> None:
         service.activate_calibration("rig-7", None)
         assert [row.active for row in service.active.rows()] == [True, False]
         assert service.active.row("rig-7").note == "mirrors"
+
+
+def test_a_failed_one_is_used_only_on_an_admins_word_and_the_device_then_warns(tmp_path: Path) -> None:
+    with at_rest(tmp_path) as service:
+        service.import_calibration(failed("rig-7"), None, "")
+        assert service.active.row("rig-7").verdict == "failed"
+        with pytest.raises(Conflict, match=r"failed: the scale is off by \+2 %"):
+            service.activate_calibration("rig-7", None)
+        assert in_force(service) == CONFIGURED
+        service.activate_calibration("rig-7", None, despite_failure=True)
+        assert in_force(service) == "rig-7"
+    with at_rest(tmp_path) as service:
+        assert in_force(service) == "rig-7"
+        assert any("the scale is off" in one for one in service.active.warnings(service.instrument(None)))
 
 
 def test_the_choice_survives_a_restart_and_can_be_taken_back(tmp_path: Path) -> None:

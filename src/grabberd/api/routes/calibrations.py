@@ -8,6 +8,8 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request, Response, status
 
 from grabberd.api.etags import NOT_MODIFIED, IfNoneMatch, tagged
+from grabberd.api.guard.authentication import IdentityOf
+from grabberd.api.guard.refusals import Refusal
 from grabberd.api.idempotency import TAKES_KEY, OnceRoute
 from grabberd.api.routes.dependencies import (
     PROBLEMS,
@@ -33,6 +35,7 @@ from grabberd.documents.requests import (
     IdentificationRequest,
     RejectionRequest,
 )
+from grabberd.documents.roles import Role
 from grabberd.service.calibrations.calibration_frames import (
     calibration_frame_document,
     calibration_frame_rows,
@@ -105,6 +108,7 @@ def make_calibration(
             device=service.instrument(device).name,
             calibrator=service.calibrator,
             note=new.note,
+            previous=service.instrument(device).setup.documents.get("calibration"),
         )
     )
     return accepted(job, request, response)
@@ -118,11 +122,20 @@ def list_calibrations(service: ServiceOf, limit: Limit = 100, cursor: Cursor = N
 
 
 @router.put("/calibrations/active", summary="Activate a calibration")
-def activate_calibration(choice: CalibrationChoice, service: ServiceOf) -> CalibrationRow:
+def activate_calibration(
+    choice: CalibrationChoice, service: ServiceOf, identity: IdentityOf
+) -> CalibrationRow:
     """Measure with this calibration from the next field on, and after every restart. 409 while a capture is
-    running.
+    running, and for one whose acceptance failed, unless an admin says `despite_failure`.
     """
-    service.activate_calibration(choice.id, choice.device)
+    if choice.despite_failure and not identity.covers(Role.ADMIN):
+        raise Refusal(
+            status.HTTP_403_FORBIDDEN,
+            "forbidden",
+            f"only an admin may use a calibration whose acceptance failed, not an {identity.role}",
+            "put the reasons right and calibrate again, or ask an admin",
+        )
+    service.activate_calibration(choice.id, choice.device, despite_failure=choice.despite_failure)
     return service.active.row(choice.id, choice.device)
 
 

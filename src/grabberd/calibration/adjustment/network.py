@@ -26,6 +26,7 @@ class Network:
         target_mm: (T, 3) float64, given positions of the targets, in the object's frame.
         target_sigma_mm: (T, 3) float64, their standard deviation: 0 if held, infinite if unknown (`target_mm`
             is then the start value).
+        ids: (T,) ids of the targets for messages; None: their indices.
 
     Raises:
         MeasurementError: Shapes, indices or standard deviations are inconsistent.
@@ -38,6 +39,7 @@ class Network:
     sigma_px: Array
     target_mm: Array
     target_sigma_mm: Array
+    ids: NDArray[np.int32] | None = None
 
     def __post_init__(self) -> None:
         count, targets = len(self.view), len(self.target_mm)
@@ -59,6 +61,10 @@ class Network:
 
     def __len__(self) -> int:
         return len(self.view)
+
+    def id_of(self, target: int) -> int:
+        """Id of a target by its index, as people know it."""
+        return target if self.ids is None else int(self.ids[target])
 
     @property
     def sightings(self) -> NDArray[np.intp]:

@@ -125,8 +125,9 @@ class Problem:
             MeasurementError: Some were not; the message names them.
         """
         if rare := np.flatnonzero(self.network.undetermined).tolist():
+            ids = ", ".join(str(self.network.id_of(one)) for one in rare)
             raise MeasurementError(
-                f"targets {', '.join(map(str, rare))} have too few image points for their unknown positions",
+                f"targets {ids} have too few image points for their unknown positions",
                 "leave out targets seen by a single view, or give their positions with a standard deviation",
             )
 

@@ -3,6 +3,7 @@ the nominal one.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,11 +57,29 @@ def check_pair(left: View, right: View, nominal: NominalRig, settings: Identific
         raise MeasurementError(
             f"the views are rotated against one another by {turned_deg:.0f} degrees from the nominal rig; "
             f"up to {settings.relative_deg:g} are allowed",
-            "check the rig's nominal geometry and that the file belongs to this calibration frame",
+            handedness_hint((left.handedness, right.handedness), nominal.handedness)
+            or "check the rig's nominal geometry and that the file belongs to this calibration frame",
         )
     _check_length("base", _length(base_mm), _length(nominal_mm), settings.relative)
     for found, stated in zip((left, right), wanted, strict=True):
         _check_length(f"distance of the {found.name} view", _far(found), _far(stated), settings.relative)
+
+
+def handedness_hint(found: Sequence[int], stated: Sequence[int | None]) -> str | None:
+    """Hint for pictures that fit no rig, where the handedness betrays mirrored halves; None where not."""
+    names = ("left", "right")
+    wrong = [name for name, one, built in zip(names, found, stated, strict=True) if one == -1 and built != -1]
+    if len(wrong) == 2:
+        return (
+            "both views are seen mirrored: switch off the mirroring of camera or grabber; only an odd number "
+            "of mirrors before each view explains it, state it as handedness: -1 then"
+        )
+    if wrong:
+        return (
+            f"the {wrong[0]} view is seen mirrored and the other is not: one half of the picture is "
+            "mirrored, or its path has another number of mirrors than is configured"
+        )
+    return None
 
 
 def _check_length(what: str, found_mm: float, nominal_mm: float, allowed: float) -> None:

@@ -16,14 +16,18 @@ from grabberd.calibration.identification.acceptance import IdentificationSetting
 from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
 from grabberd.calibration.identification.hypothesis_growth import Half
 from grabberd.calibration.identification.hypothesis_ranking import Outcome, contest, settled
-from grabberd.errors import MeasurementError
-from grabberd.geometry import NominalRig, View
+from grabberd.errors import AmbiguousView, MeasurementError
+from grabberd.geometry import NominalRig, View, project
 from grabberd.reconstruction import ObjectModel
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 NAMES = ("left", "right")
+_SAME_SCALE = 1.35
+"""Ratio of seen to expected spacing that the nominal rig's ten per cent explain."""
+_SAME_TURN_DEG = 20.0
+_UNITS = {"cm": 10.0, "inches": 25.4, "m": 1000.0, "µm": 0.001}
 WAY_OUT = "or identify some targets by hand"
 
 
@@ -101,14 +105,16 @@ def identify_frame(
         check_count(name, len(xy_px), "blobs", settings.least_targets)
     try:
         return _found(nominal, frame, (left_px, right_px), settings)
-    except MeasurementError:
+    except AmbiguousView:
+        # Another rig would only make another of its hypotheses win.
+        raise
+    except MeasurementError as error:
         # Tried only now, because it is another whole search.
-        if _swapped(nominal, frame, (left_px, right_px), settings):
-            raise MeasurementError(
-                "the views are swapped: the left one sees the calibration frame from the right, the "
-                "right one from the left",
-                "exchange the columns of the left and the right view in the rig's configuration",
-            ) from None
+        other_way = _exchanged(nominal, frame, (left_px, right_px), settings)
+        if other_way is not None:
+            raise _swapped(other_way, nominal) from None
+        if (hint := _scale_hint(nominal, frame, left_px)) is not None:
+            raise MeasurementError(error.message, hint) from error
         raise
 
 
@@ -122,15 +128,46 @@ def _found(
     return Identification(left, right)
 
 
-def _swapped(
+def _exchanged(
     nominal: NominalRig, frame: ObjectModel, blobs_px: tuple[Array, Array], settings: IdentificationSettings
-) -> bool:
-    """True if identification succeeds with the two cameras exchanged."""
+) -> Identification | None:
+    """The identification with the two cameras exchanged; None if it fails, too."""
     try:
-        _found(replace(nominal, base_mm=-nominal.base_mm), frame, blobs_px, settings)
+        return _found(replace(nominal, base_mm=-nominal.base_mm), frame, blobs_px, settings)
     except MeasurementError:
-        return False
-    return True
+        return None
+
+
+def _swapped(found: Identification, nominal: NominalRig) -> MeasurementError:
+    """Refusal of exchanged halves, or of a picture that is mirrored as a whole."""
+    if found.handedness == (-1, -1) and -1 not in nominal.handedness:
+        return MeasurementError(
+            "the picture is mirrored as a whole: the views are swapped, and each is seen mirrored",
+            "switch off the mirroring of camera or grabber; if an odd number of mirrors stands before each "
+            "view, exchange the columns of the views in the rig's configuration instead",
+        )
+    return MeasurementError(
+        "the views are swapped: the left one sees the calibration frame from the right, the right one from "
+        "the left",
+        "exchange the columns of the left and the right view in the rig's configuration",
+    )
+
+
+def _scale_hint(nominal: NominalRig, frame: ObjectModel, xy_px: Array) -> str | None:
+    """Hint for targets that lie much closer or wider than nominal rig and file let expect; None otherwise."""
+    view = nominal.views()[0]
+    if len(xy_px) < 2 or len(frame) < 2:
+        return None
+    wanted_px = Half.of(view, nominal.lines, project(view, frame.xyz_mm)).spacing_px
+    ratio = Half.of(view, nominal.lines, xy_px).spacing_px / wanted_px
+    if 1 / _SAME_SCALE < ratio < _SAME_SCALE:
+        return None
+    unit = next((name for name, mm in _UNITS.items() if 0.8 < ratio / mm < 1.25), None)
+    cause = f"is the file in {unit} instead of mm? " if unit else ""
+    return (
+        f"{cause}the targets lie {ratio:.2f} times as far apart in the picture as the file and the nominal "
+        "rig let expect: check the unit and pitch of the calibration frame's file, focal length and distance"
+    )
 
 
 def check_count(name: str, count: int, what: str, least: int) -> None:
@@ -172,7 +209,8 @@ def identified(
     If a handedness is given, it is the only one allowed.
 
     Raises:
-        MeasurementError: The winner is ambiguous, or clearly not of the handedness allowed.
+        AmbiguousView: Another hypothesis explains the view nearly as well as the winner.
+        MeasurementError: The winner is clearly not of the handedness allowed.
     """
     outcome = settled(rivals)
     if handedness is not None:
@@ -242,9 +280,27 @@ def _check_clear(half: Half, outcome: Outcome, frame: ObjectModel, settings: Ide
     """Check that nothing else explains a view nearly as well."""
     if outcome.runner_up is None or outcome.margin >= settings.margin:
         return
-    raise MeasurementError(
+    raise AmbiguousView(
         f"the {half.view.name} view is ambiguous: {described(outcome.winner, half, frame)}; or "
         f"{described(outcome.runner_up, half, frame)} (margin {outcome.margin:.0f}, {settings.margin:g} "
         "needed)",
-        f"use a calibration frame with more depth or with a unique mark, let all of it be seen, {WAY_OUT}",
+        f"the part in view looks the same {_ambiguity(half, outcome, frame)}: let the whole calibration "
+        f"frame be seen, use one with more depth or with a unique mark, {WAY_OUT}",
     )
+
+
+def _ambiguity(half: Half, outcome: Outcome, frame: ObjectModel) -> str:
+    """Name the motion that leads from the winner to the runner-up."""
+    winner, other = outcome.winner, outcome.runner_up
+    assert other is not None
+    if winner.view.handedness != other.view.handedness:
+        return "mirrored"
+    turned_deg = abs((winner.turned_deg(half.view) - other.turned_deg(half.view) + 180) % 360 - 180)
+    if turned_deg > _SAME_TURN_DEG:
+        return f"turned by {turned_deg:.0f} degrees"
+    both = (winner.target >= 0) & (other.target >= 0)
+    one, another = winner.target[both], other.target[both]
+    steps = [np.abs(grid[one] - grid[another]) for grid in (frame.row, frame.column)]
+    rows, columns = (int(np.median(step)) if len(step) else 0 for step in steps)
+    said = [f"{n} {name}{'s' if n > 1 else ''}" for n, name in ((rows, "row"), (columns, "column")) if n]
+    return f"shifted by {' and '.join(said)}" if said else "in another way"

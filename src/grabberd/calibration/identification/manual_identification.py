@@ -1,7 +1,8 @@
 """Manual identification: from targets marked by a person, if the picture alone is ambiguous."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from grabberd.calibration.identification.frame_identification import (
     check_count,
     identified,
 )
-from grabberd.calibration.identification.hypothesis import Explainer
+from grabberd.calibration.identification.hypothesis import Explainer, Hypothesis
 from grabberd.calibration.identification.hypothesis_growth import TURNS, Half
 from grabberd.calibration.identification.hypothesis_ranking import HANDEDNESS, settled
 from grabberd.calibration.identification.poses import Poses, improved, pixels
@@ -28,6 +29,8 @@ Array = NDArray[np.float64]
 LEAST_MARKS = 4
 """Marks needed in each view, of targets that are not all on one line."""
 _STEPS = 15
+_SUSPECTS = 6
+"""Number of the worst marks among which an exchanged pair is sought."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,9 +83,9 @@ def _by_marks(
     half = Half.of(nominal.views()[index], nominal.lines, xy_px)
     given = _given(half, frame, [mark for mark in marks if mark.view == NAMES[index]])
     explainer = Explainer(half, frame.xyz_mm, settings.sigma_px, given)
-    rivals = [explainer.explain(_seen(half.handed(one), frame, given)) for one in HANDEDNESS]
+    rivals = _explained(explainer, frame)
     winner = settled(rivals).winner
-    _check_marks(explainer, winner.view, frame)
+    _check_marks(explainer, winner.view, frame, settings.least_share)
     check_count(NAMES[index], winner.found, "targets that can be identified", settings.least_targets)
     return identified(half, rivals, frame, settings, settings.handedness[index])
 
@@ -141,16 +144,55 @@ def _seen(half: Half, frame: ObjectModel, given: Mapping[int, int]) -> View:
     return poses.view(half.view, int(np.nan_to_num(off, nan=np.inf).argmin()))
 
 
-def _check_marks(explainer: Explainer, view: View, frame: ObjectModel) -> None:
+def _explained(explainer: Explainer, frame: ObjectModel) -> list[Hypothesis]:
+    return [
+        explainer.explain(_seen(explainer.half.handed(one), frame, explainer.given)) for one in HANDEDNESS
+    ]
+
+
+def _check_marks(explainer: Explainer, view: View, frame: ObjectModel, least_share: float) -> None:
     """Check that each mark lies where the winner sees its target."""
-    blobs, targets = list(explainer.given), list(explainer.given.values())
-    predicted = project(view, explainer.xyz_mm[targets])
-    away = np.linalg.norm(explainer.half.xy_px[blobs] - predicted, axis=1)
-    worst = int(np.nan_to_num(away, nan=np.inf).argmax())
-    if not away[worst] <= 2 * explainer.gate_px:
-        x, y = explainer.half.xy_px[blobs[worst]]
+    away = _away(explainer, view)
+    worst = int(away.argmax())
+    if away[worst] <= 2 * explainer.gate_px:
+        return
+    suspects = [list(explainer.given)[index] for index in (-away).argsort()[:_SUSPECTS]]
+    if pair := _exchanged(explainer, frame, suspects, least_share):
+        first, second = sorted(frame.target[list(pair)].tolist())
         raise InputError(
-            f"the marks in the {view.name} view contradict each other: target {frame.target[targets[worst]]} "
-            f"at ({x:.0f}, {y:.0f}) lies {away[worst]:.1f} px from where the others have it",
-            "mark it again, or remove it",
+            f"the marks of targets {first} and {second} in the {view.name} view are exchanged: with each in "
+            "place of the other all marks agree",
+            "exchange these two ids, and identify again",
         )
+    blob, target = list(explainer.given.items())[worst]
+    x, y = explainer.half.xy_px[blob]
+    raise InputError(
+        f"the marks in the {view.name} view contradict each other: target {frame.target[target]} "
+        f"at ({x:.0f}, {y:.0f}) lies {away[worst]:.1f} px from where the others have it",
+        "mark it again, or remove it",
+    )
+
+
+def _away(explainer: Explainer, view: View) -> Array:
+    """Distances of the marked blobs in px from where a view has their targets."""
+    blobs, targets = list(explainer.given), list(explainer.given.values())
+    away = np.linalg.norm(explainer.half.xy_px[blobs] - project(view, explainer.xyz_mm[targets]), axis=1)
+    finite: Array = np.nan_to_num(away, nan=np.inf)
+    return finite
+
+
+def _exchanged(
+    explainer: Explainer, frame: ObjectModel, suspects: Sequence[int], least_share: float
+) -> tuple[int, int] | None:
+    """The two targets whose exchange makes all marks agree; None unless there is one such pair.
+
+    Sought among the targets of the suspected blobs.
+    """
+    given, pairs = explainer.given, []
+    for first, second in combinations(suspects, 2):
+        other_way = replace(explainer, given={**given, first: given[second], second: given[first]})
+        winner = settled(_explained(other_way, frame)).winner
+        enough = winner.found >= least_share * len(explainer.half.xy_px)
+        if enough and (_away(other_way, winner.view) <= 2 * explainer.gate_px).all():
+            pairs.append((given[first], given[second]))
+    return pairs[0] if len(pairs) == 1 else None

@@ -96,7 +96,7 @@ def without_blunders(
                 break
             blunders.append(blunder)
             if len(blunders) > most:
-                raise _too_many(blunders, most)
+                raise _too_many(network, blunders, most)
             network = _determined(network.select(kept))
     return adjusted, tuple(blunders)
 
@@ -140,8 +140,8 @@ def _pair(values: Array) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-def _too_many(blunders: list[Blunder], most: float) -> MeasurementError:
-    some = ", ".join(f"target {one.target} in view {one.view}" for one in blunders[:5])
+def _too_many(network: Network, blunders: list[Blunder], most: float) -> MeasurementError:
+    some = ", ".join(f"target {network.id_of(one.target)} in view {one.view}" for one in blunders[:5])
     return MeasurementError(
         f"more than {most:.0f} image points contradict the others, starting with {some}",
         "this many cannot be blunders: check the calibration frame's file, which target is which, and the "

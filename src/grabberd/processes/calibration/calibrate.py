@@ -25,16 +25,21 @@ from grabberd.calibration import (
     compare,
     cross_validate,
     eliminate,
+    handedness_hint,
     identify_by_hand,
     identify_frame,
     mean_images,
     normality,
+    stillness,
+    symmetries,
+    target_to_add,
     try_local_fields,
+    undecided,
     volume_sigma,
     with_unmodelled,
     without_blunders,
 )
-from grabberd.errors import MeasurementError
+from grabberd.errors import MeasurementError, RankDeficient
 from grabberd.field import NumberedField
 from grabberd.geometry import PARAMETERS, NominalRig, View
 from grabberd.measurement import LocationSettings, measure
@@ -46,13 +51,9 @@ Array = NDArray[np.float64]
 
 # f, x0, y0: a planar target field does not separate them from the camera's position.
 INTERIOR = PARAMETERS[:3]
-ENOUGH_SEEN = 0.9
-ENOUGH_FIELDS = 16
 MOST_BLUNDERS = 0.1
 # An image point off by a pixel is a wrong identity or a wrong certificate, not an uneven mirror.
 MOST_UNMODELLED_PX = 1.0
-MUCH_UNMODELLED_PX = 0.15
-"""Warning limit, well above the .06 px of uneven mirrors."""
 BLOCKS = 6
 """Blocks of targets that cross-validation holds out in turn."""
 
@@ -79,14 +80,16 @@ def calibrate(
     """
     settings = settings or CalibrateSettings()
     _check_depth(frame, settings)
+    if by_hand is None:
+        _check_symmetry(frame, settings, IdentificationSettings().margin)
     seen, bits, y_step = located(fields, nominal, settings.location)
     images = (mean_images(seen[0]), mean_images(seen[1]))
     identification = _identify(nominal, frame, images, settings, by_hand)
     network = network_of(images, identification, frame, settings)
     network = network.starting_from([*_held_as_built(network.views, nominal, settings)])
-    done = _adjusted(network, settings)
-    local = _local(done, nominal, settings)
+    done, local = _explained(network, settings, nominal)
     validation, unvalidated = _validated(done.adjustment)
+    still_left, still_right = (stillness(*one) for one in zip(seen, images, strict=True))
     pointing_px = _pointing_px(images)
     return CalibrateResult(
         frame=frame,
@@ -106,7 +109,25 @@ def calibrate(
         validation=validation,
         volume=_volume(done, local, pointing_px),
         pointing_px=pointing_px,
-        warnings=(*_warnings(images, done, frame), *unvalidated),
+        unvalidated=unvalidated,
+        stillness=(still_left, still_right),
+        disc_share=_disc_share(seen, done.adjustment.views, frame),
+        view_sigma_px=_view_sigma_px(seen),
+    )
+
+
+def _check_symmetry(frame: ObjectModel, settings: CalibrateSettings, margin: float) -> None:
+    """Check that a view of the whole frame has one explanation only."""
+    alike = undecided(frame, margin, handed=settings.handedness is not None)
+    if not alike:
+        return
+    nearly = [one for one in symmetries(frame) if one.kind == "shift" and one.cost < 4 * margin]
+    said = dict.fromkeys(map(str, (*alike, *nearly[:2])))
+    x, y, z = target_to_add(frame, alike)
+    raise MeasurementError(
+        f"calibration frame {frame.name} cannot be told from itself: {'; '.join(said)}",
+        f"add a target at x {x:.1f}, y {y:.1f}, z {z:.1f} mm to the frame and to its file, or identify some "
+        "targets by hand",
     )
 
 
@@ -128,7 +149,13 @@ def located(
         for side, half in zip(sides, (nominal.left, nominal.right), strict=True):
             own = whole(blobs, *half)
             side.append(
-                FieldImages(blobs.xy_px[own], blobs.sigma_px[own], packed.parity, blobs.common_px[own])
+                FieldImages(
+                    blobs.xy_px[own],
+                    blobs.sigma_px[own],
+                    packed.parity,
+                    blobs.common_px[own],
+                    blobs.area_px[own],
+                )
             )
     if packed is None:
         raise MeasurementError("the capture has no field to calibrate from", "take the capture again")
@@ -170,6 +197,7 @@ def network_of(
         sigma_px=sigma,
         target_mm=frame.xyz_mm,
         target_sigma_mm=np.full_like(frame.xyz_mm, place_sigma),
+        ids=frame.target,
     )
 
 
@@ -194,6 +222,20 @@ class _Adjusted:
     blunders: tuple[Blunder, ...]
     elimination: Elimination | None
     unmodelled_px: float
+
+
+def _explained(
+    network: Network, settings: CalibrateSettings, nominal: NominalRig
+) -> tuple[_Adjusted, LocalFieldTrial | None]:
+    """Adjust and try local fields; if nothing fits, say whether mirrored halves are the reason."""
+    try:
+        done = _adjusted(network, settings)
+        return done, _local(done, nominal, settings)
+    except MeasurementError as error:
+        hint = handedness_hint([view.handedness for view in network.views], nominal.handedness)
+        if hint is None or isinstance(error, RankDeficient):
+            raise
+        raise MeasurementError(error.message, hint) from error
 
 
 def _adjusted(network: Network, settings: CalibrateSettings) -> _Adjusted:
@@ -256,28 +298,34 @@ def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:
     return x, y
 
 
-def _validated(adjustment: Adjustment) -> tuple[Validation | None, tuple[str, ...]]:
+def _view_sigma_px(seen: tuple[list[FieldImages], list[FieldImages]]) -> tuple[float, float]:
+    """Median pointing σ of one field in each view."""
+    left, right = (float(np.median(np.concatenate([one.sigma_px for one in side]))) for side in seen)
+    return left, right
+
+
+def _disc_share(
+    seen: tuple[list[FieldImages], list[FieldImages]], views: tuple[View, ...], frame: ObjectModel
+) -> tuple[float, float]:
+    """Median area of the targets in each view, over that of a disc's geometric image."""
+    left, right = (
+        float(np.median(np.concatenate([one.area_px for one in side if one.area_px is not None])))
+        / _disc_area_px(view, frame)
+        for side, view in zip(seen, views, strict=True)
+    )
+    return left, right
+
+
+def _disc_area_px(view: View, frame: ObjectModel) -> float:
+    away_mm = float(np.linalg.norm(view.center_mm - frame.xyz_mm.mean(axis=0)))
+    diameter_mm = frame.target_diameter_mm * view.f_mm / away_mm
+    return float(np.pi / 4 * diameter_mm**2 / (view.pixel_x_mm * view.pixel_y_mm))
+
+
+def _validated(adjustment: Adjustment) -> tuple[Validation | None, str]:
     """Cross-validation of the global model, or the reason why too few targets are left for it."""
     network = adjustment.network.starting_from(adjustment.views)
     try:
-        return cross_validate(network, adjustment.unknowns, BLOCKS), ()
+        return cross_validate(network, adjustment.unknowns, BLOCKS), ""
     except MeasurementError as error:
-        return None, (f"the calibration could not be cross-validated: {error.message}",)
-
-
-def _warnings(images: tuple[MeanImages, MeanImages], done: _Adjusted, frame: ObjectModel) -> Iterable[str]:
-    adjustment = done.adjustment
-    if done.blunders:
-        which = ", ".join(f"{one.view} {frame.target[one.target]}" for one in done.blunders)
-        yield f"{len(done.blunders)} image points contradict the others and were left out: {which}"
-    for index, view in enumerate(adjustment.views):
-        found = int((adjustment.network.view == index).sum())
-        if found < ENOUGH_SEEN * len(frame):
-            yield f"the {view.name} view shows {found} of {len(frame)} targets"
-    if (count := images[0].of_fields) < ENOUGH_FIELDS:
-        yield f"only {count} fields: too few to average out noise and line jitter"
-    if done.unmodelled_px > MUCH_UNMODELLED_PX:
-        yield (
-            f"the image points are off by {done.unmodelled_px:.2f} px beyond their own σ: dirty or bent "
-            "mirrors, a calibration frame that differs from its file, or parameters that were held"
-        )
+        return None, error.message

@@ -17,6 +17,7 @@ from grabberd.calibration import (
     LocalFieldTrial,
     MeanImages,
     Normality,
+    Stillness,
     Validation,
     VolumeSigma,
 )
@@ -80,7 +81,10 @@ class CalibrateResult:
         volume: expected σ over the volume, for one field's `pointing_px`.
         validation: cross-validation of the model without local fields; None with too few targets for it.
         pointing_px: σ of one field's image coordinates in x and y.
-        warnings: warnings for the operator, as sentences.
+        unvalidated: why there is no cross-validation; empty if there is one.
+        stillness: movement of the picture during the capture, left then right.
+        disc_share: median area of a target in each view, over that of its geometric image.
+        view_sigma_px: median pointing σ of one field in each view.
     """
 
     frame: ObjectModel
@@ -100,7 +104,10 @@ class CalibrateResult:
     validation: Validation | None
     volume: VolumeSigma
     pointing_px: tuple[float, float]
-    warnings: tuple[str, ...]
+    unvalidated: str
+    stillness: tuple[Stillness, Stillness]
+    disc_share: tuple[float, float]
+    view_sigma_px: tuple[float, float]
 
     @property
     def final(self) -> Adjustment:

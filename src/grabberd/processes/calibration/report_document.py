@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from grabberd.calibration import Adjustment, Blunder, ViewIdentification
 from grabberd.geometry import PARAMETERS, View
+from grabberd.processes.calibration.acceptance.acceptance_document import acceptance_document
+from grabberd.processes.calibration.acceptance.verdict import Acceptance, judge
 from grabberd.processes.calibration.calibration_result import CalibrateResult
 from grabberd.processes.calibration.report_figures import (
     AXES,
@@ -27,13 +29,16 @@ UNITS = {"mm": "mm", "px": "px", "rad": "rad"}
 DISTORTION_UNITS = ("1", "1", "mm⁻²", "mm⁻⁴", "mm⁻⁶", "mm⁻¹", "mm⁻¹", "mm⁻²", "mm⁻²")
 
 
-def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[str, Any]:
+def report_document(
+    result: CalibrateResult, about: Mapping[str, Any], acceptance: Acceptance | None = None
+) -> dict[str, Any]:
     """The document.
 
     Args:
         result: result of `calibrate`.
         about: origin of the calibration: id, created_utc, version, capture, glass, note,
             certificate, temperature_C and fields (their number); missing keys become null.
+        acceptance: its verdict; None: judged here, without a previous calibration or a check length.
     """
     adjustment = result.adjustment
     return {
@@ -65,7 +70,7 @@ def report_document(result: CalibrateResult, about: Mapping[str, Any]) -> dict[s
         "distortion": [distortion_document(view, result.nominal.lines) for view in result.views],
         "local_field": local_field_document(result),
         "geometry": geometry_document(result),
-        "warnings": list(result.warnings),
+        "acceptance": acceptance_document(acceptance or judge(result)),
     }
 
 
@@ -109,6 +114,8 @@ def _identification(result: CalibrateResult) -> dict[str, Any]:
         "handedness": of_each(lambda side: side.view.handedness),
         "rms_px": of_each(lambda side: number(side.rms_px)),
         "runner_up_rms_px": of_each(lambda side: number(side.runner_up_rms_px)),
+        "runner_up_found": of_each(lambda side: side.runner_up_targets),
+        "margin": of_each(lambda side: number(side.margin)),
         "found": of_each(found),
         "of": len(result.frame),
         "unmatched_blobs": of_each(lambda side: len(side.unmatched)),

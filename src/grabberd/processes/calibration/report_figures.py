@@ -1,12 +1,12 @@
 """Data of the calibration report's figures: σ over the volume, distortion, local fields, imaging geometry."""
 
-import math
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from grabberd.calibration import base_mm, convergence_deg, distance_mm
 from grabberd.geometry import LocalField, Rig, View, correct_all, directions_all, distortion
 from grabberd.processes.calibration.calibration_result import CalibrateResult
 
@@ -102,7 +102,6 @@ def geometry_document(result: CalibrateResult) -> dict[str, Any]:
     views = result.views
     rig = Rig.of_views(views)
     centers, axes = rig.center_mm[:, :, 0], -rig.rotation[:, 2]
-    middles = [_rays(rig, index, _middle(view, result.nominal.lines))[0] for index, view in enumerate(views)]
     base = centers[1] - centers[0]
     return {
         "cameras": [
@@ -115,9 +114,9 @@ def geometry_document(result: CalibrateResult) -> dict[str, Any]:
             for index, view in enumerate(views)
         ],
         "targets_mm": result.adjustment.xyz_mm.tolist(),
-        "base_mm": float(np.linalg.norm(base)),
-        "distance_mm": float(np.linalg.norm(centers.mean(axis=0) - result.frame.xyz_mm.mean(axis=0))),
-        "convergence_deg": math.degrees(math.acos(float(np.clip(middles[0] @ middles[1], -1, 1)))),
+        "base_mm": base_mm(views),
+        "distance_mm": distance_mm(views, result.frame.xyz_mm.mean(axis=0)),
+        "convergence_deg": convergence_deg(views, result.nominal.lines),
         "planar_motion_mm": _planar_motion(rig, base),
     }
 
@@ -139,10 +138,6 @@ def _rays(rig: Rig, index: int, xy_px: Array) -> Array:
     every = np.repeat(xy_px.T[:, np.newaxis], len(rig.views), axis=1)
     rays: Array = directions_all(rig, correct_all(rig, every))[index].T
     return rays
-
-
-def _middle(view: View, lines: int) -> Array:
-    return np.array([[0.5 * (view.first_column + view.end_column - 1), 0.5 * (lines - 1)]])
 
 
 def _corners(view: View, lines: int) -> Array:

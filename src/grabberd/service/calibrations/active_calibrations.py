@@ -10,7 +10,7 @@ from grabberd.documents.calibrations import ActiveCalibration, CalibrationReject
 from grabberd.errors import CalibrationMismatch, Conflict, InputError, NotFound, StorageError
 from grabberd.geometry import Calibration
 from grabberd.service.calibrations.calibration_catalog import CalibrationCatalog
-from grabberd.service.calibrations.calibration_documents import active_calibration
+from grabberd.service.calibrations.calibration_documents import active_calibration, failure_of
 from grabberd.service.instrument import Instrument
 from grabberd.storage.state.state_store import StateStore
 
@@ -72,17 +72,27 @@ class ActiveCalibrations:
         for device, chosen in self._chosen.items():
             self._state.put({_key(device): {"id": chosen.id, "activated_utc": chosen.activated_utc}})
 
-    def activate(self, calibration_id: str, instrument: Instrument) -> None:
+    def activate(self, calibration_id: str, instrument: Instrument, *, despite_failure: bool = False) -> None:
         """Has a device measure with a calibration from the next field on, and after every restart.
+
+        Args:
+            calibration_id: Its id.
+            instrument: The device.
+            despite_failure: True if an admin wants it although its acceptance failed.
 
         Raises:
             NotFound: No calibration has that id.
             StorageError: The calibration is damaged.
             CalibrationMismatch: The calibration does not fit the device.
+            Conflict: Its acceptance failed.
             CaptureRunning: A capture is made with one calibration from its first field to its last.
         """
         document = self._calibrations.find(calibration_id)
         self._check_owner(calibration_id, instrument)
+        if not despite_failure and (failure := failure_of(document)) is not None:
+            raise Conflict(
+                failure, "put the reasons right and calibrate again; an admin may use it with despite_failure"
+            )
         with instrument.between_captures():
             instrument.check_fits(Calibration.from_document(document))
             setup = instrument.setup.with_calibration(document)
@@ -158,6 +168,7 @@ class ActiveCalibrations:
             chosen.problem if chosen else None,
             None if documents.get("calibration") else NO_CALIBRATION,
             None if documents.get("object") else NO_OBJECT,
+            failure_of(documents["calibration"]) if documents.get("calibration") else None,
             instrument.misfit,
         ]
         return [reason for reason in reasons if reason]

@@ -11,6 +11,8 @@ from grabberd.storage.state.calibration_store import StoredCalibration, moment_o
 Document = Mapping[str, Any]
 """A calibration as its file has it."""
 CONFIGURATION = "configuration"
+FAILED = "failed"
+_VERDICTS = ("passed", "passed_with_remarks", FAILED)
 SECONDS_A_DAY = 86400.0
 _OF_THE_DOCUMENT = ("created_utc", "source", "sigma0_px", "glass", "image")
 
@@ -56,9 +58,31 @@ def age_days(created_utc: str, now: datetime) -> float:
     return (now - moment_of(created_utc)).total_seconds() / SECONDS_A_DAY
 
 
+def acceptance_of(document: Document) -> JsonObject | None:
+    """The acceptance in a calibration's document; None for one that was not judged."""
+    details = document.get("details")
+    found = details.get("acceptance") if isinstance(details, Mapping) else None
+    return dict(found) if isinstance(found, Mapping) and found.get("verdict") in _VERDICTS else None
+
+
+def verdict_of(document: Document) -> str | None:
+    """The verdict in a calibration's document; None for one that was not judged."""
+    return (acceptance_of(document) or {}).get("verdict")
+
+
+def failure_of(document: Document) -> str | None:
+    """The reasons for which a calibration failed, in a sentence; None if it did not."""
+    if verdict_of(document) != FAILED:
+        return None
+    reasons = (acceptance_of(document) or {}).get("reasons") or []
+    said = [str(one.get("message")) for one in reasons if one.get("level") == FAILED]
+    return f"the acceptance of calibration {document.get('id')} failed: {'; '.join(said) or 'see its report'}"
+
+
 def _row(calibration_id: str, document: Document, **known: str | None) -> CalibrationRow:
     """A row of what its document and its record tell; `active`, `misfit` and `rejected` are entered later."""
     row: JsonObject = dict.fromkeys(CalibrationRow.model_fields)
     row |= {"id": calibration_id, "device": "", "note": "", "active": False}
     row |= {key: document.get(key) for key in _OF_THE_DOCUMENT}
+    row["verdict"] = verdict_of(document)
     return CalibrationRow.model_validate(row | known)

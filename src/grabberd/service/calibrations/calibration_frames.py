@@ -11,7 +11,7 @@ from grabberd.errors import NotFound
 from grabberd.reconstruction import ObjectModel
 from grabberd.service.setup import read_yaml
 
-CALIBRATION_FRAME_KEYS = ("certificate", "temperature_C")
+CALIBRATION_FRAME_KEYS = ("certificate", "temperature_C", "check_length")
 """Keys of a calibration frame's document beside those of an object model."""
 
 

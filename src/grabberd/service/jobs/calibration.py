@@ -11,17 +11,19 @@ from pydantic import ValidationError
 
 from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, iso_utc
-from grabberd.calibration import LENS, Mark
+from grabberd.calibration import LENS, CheckLength, Mark
 from grabberd.config import RigConfig
 from grabberd.documents.calibration_reports import CalibrationReport
 from grabberd.documents.named_types import JsonObject
-from grabberd.documents.requests import CalibrationOptions
+from grabberd.documents.requests import CalibrationOptions, CertifiedLength
 from grabberd.documents.results import CalibrationResult
 from grabberd.errors import ExtraMissing, InputError
 from grabberd.geometry import PARAMETERS, Calibration, NominalRig
+from grabberd.processes.calibration.acceptance.verdict import AcceptanceInputs, judge
 from grabberd.processes.calibration.calibrate import calibrate
 from grabberd.processes.calibration.calibration_result import CalibrateResult, CalibrateSettings
 from grabberd.processes.calibration.report_document import report_document
+from grabberd.reconstruction import ObjectModel
 from grabberd.service.calibrations.calibration_frames import (
     CALIBRATION_FRAME_KEYS,
     calibration_frame_model,
@@ -55,6 +57,7 @@ class Calibrator(Protocol):
         calibration_frame: JsonObject,
         options: CalibrationOptions,
         note: str | None,
+        previous: JsonObject | None,
     ) -> CalibrationOutput:
         """Calibrates; nothing is written."""
         ...
@@ -70,6 +73,7 @@ class CalibrationJob(JobSpec):
         device: Name of the device the calibration will belong to.
         note: Free text, kept with the calibration.
         calibrator: Function that calibrates.
+        previous: Document of the calibration that the device measures with; None if it has none.
     """
 
     kind = "calibrate"
@@ -80,6 +84,7 @@ class CalibrationJob(JobSpec):
     device: str
     calibrator: Calibrator
     note: str = ""
+    previous: JsonObject | None = None
 
     def run(self, progress: Progress) -> CalibrationResult:
         """Calibrates and stores.
@@ -94,6 +99,7 @@ class CalibrationJob(JobSpec):
             calibration_frame=self.calibration_frame,
             options=self.options,
             note=self.note or None,
+            previous=self.previous,
         )
         report = made.report.model_dump(mode="json", by_alias=True)
         page, record = _drawn(
@@ -127,6 +133,7 @@ def calibrate_file(
     calibration_frame: JsonObject,
     options: CalibrationOptions,
     note: str | None = None,
+    previous: JsonObject | None = None,
     rig: RigConfig | None = None,
     by_hand: Sequence[Mark] | None = None,
 ) -> CalibrationOutput:
@@ -138,6 +145,7 @@ def calibrate_file(
         calibration_frame: Document of the calibration frame.
         options: Options of the adjustment; those that are None default as in `CalibrateSettings`.
         note: Free text, kept with the calibration.
+        previous: Document of the calibration to compare with.
         rig: The nominal rig; None for the one in the capture's own configuration.
         by_hand: Identifications made by hand.
 
@@ -151,9 +159,13 @@ def calibrate_file(
         rig = rig or recorded_rig(reader)
         settings = _settings(options, settings_of_capture(reader.meta.config))
         fields = counted(reader.received(), reader.field_count, portion(progress, 0.0, _LOCATED))
+        known = AcceptanceInputs(
+            None if previous is None else Calibration.from_document(previous),
+            _check_length(options, calibration_frame, model),
+        )
         result = calibrate(fields, nominal_rig(rig), model, settings, by_hand)
         about = _about(reader, calibration_frame, note, rig)
-    report = CalibrationReport.model_validate(report_document(result, about))
+    report = CalibrationReport.model_validate(report_document(result, about, judge(result, known)))
     return CalibrationOutput(_calibration(result, about, report), report)
 
 
@@ -170,6 +182,7 @@ def nominal_rig(rig: RigConfig) -> NominalRig:
         focal_length_mm=rig.focal_length_mm,
         pixel_x_mm=rig.pixel_x_mm,
         pixel_y_mm=rig.pixel_y_mm,
+        handedness=(rig.views.left.handedness, rig.views.right.handedness),
     )
 
 
@@ -202,6 +215,40 @@ def _settings(options: CalibrationOptions, measured: JsonObject) -> CalibrateSet
         handedness=options.handedness,
         location=location_settings(measured),
     )
+
+
+def _check_length(
+    options: CalibrationOptions, calibration_frame: JsonObject, model: ObjectModel
+) -> CheckLength | None:
+    """Reads the check length from the options or, by default, from the calibration frame's document.
+
+    Raises:
+        InputError: It is invalid, or is between targets that the frame does not have.
+    """
+    try:
+        given = options.check_length or (
+            CertifiedLength.model_validate(document)
+            if (document := calibration_frame.get("check_length")) is not None
+            else None
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, ("check_length", *first["loc"])))
+        raise InputError(
+            f"the calibration frame's {where}: {first['msg']}",
+            "write check_length: {between: [1, 108], length_mm: …, sigma_mm: …}",
+        ) from error
+    if given is None:
+        return None
+    first_id, second_id = given.between
+    unknown = [one for one in given.between if one not in model.target]
+    if unknown or first_id == second_id:
+        raise InputError(
+            f"the check length is between targets {first_id} and {second_id}, which must be two of "
+            f"calibration frame {model.name}",
+            "name two targets by their ids in the calibration frame's file",
+        )
+    return CheckLength(first_id, second_id, given.length_mm, given.sigma_mm)
 
 
 def _shared(given: bool | Sequence[str]) -> tuple[str, ...]:
@@ -250,7 +297,8 @@ def _calibration(result: CalibrateResult, about: JsonObject, report: Calibration
         "note": about["note"],
         "version": about["version"],
         "sigma0": result.adjustment.sigma0,
-        **report.model_dump(mode="json", include={"settings", "tests", "dropped", "warnings"}),
+        **report.model_dump(mode="json", include={"settings", "tests", "dropped"}),
+        "acceptance": report.acceptance.model_dump(mode="json", include={"verdict", "reasons"}),
     }
     source = f"capture {about['capture']['id']} of calibration frame {frame.name}"
     return result.calibration(about["id"], about["created_utc"], source, about["glass"], details)

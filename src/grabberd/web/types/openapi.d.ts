@@ -547,7 +547,7 @@ export interface paths {
         /**
          * Activate a calibration
          * @description Measure with this calibration from the next field on, and after every restart. 409 while a capture is
-         *     running.
+         *     running, and for one whose acceptance failed, unless an admin says `despite_failure`.
          */
         put: operations["activate_calibration"];
         post?: never;
@@ -1064,6 +1064,35 @@ export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
         /**
+         * AcceptanceReason
+         * @description A reason of the verdict.
+         */
+        AcceptanceReason: {
+            /**
+             * Code
+             * @description Name of the reason, see docs/reference/acceptance.md.
+             */
+            code: string;
+            /**
+             * Level
+             * @enum {string}
+             */
+            level: "failed" | "remark";
+            /** Message */
+            message: string;
+            /** Hint */
+            hint: string;
+            /**
+             * Values
+             * @description The values in the message, by name.
+             */
+            values: {
+                [key: string]: number | string;
+            };
+        };
+        /** @enum {string} */
+        AcceptanceVerdict: "passed" | "passed_with_remarks" | "failed";
+        /**
          * ActiveCalibration
          * @description The calibration that a device measures with.
          */
@@ -1490,6 +1519,35 @@ export interface components {
             local_field?: components["schemas"]["LocalFieldDocument"] | null;
         };
         /**
+         * CalibrationAcceptance
+         * @description Verdict on a calibration.
+         */
+        CalibrationAcceptance: {
+            verdict: components["schemas"]["AcceptanceVerdict"];
+            /**
+             * Reasons
+             * @description The gravest first.
+             */
+            reasons: components["schemas"]["AcceptanceReason"][];
+            /** Rig */
+            rig: components["schemas"]["RigComparison"][];
+            check_length: components["schemas"]["CheckLengthResult"] | null;
+            /**
+             * Symmetries
+             * @description Motions that map most of the calibration frame onto itself, in words.
+             */
+            symmetries: string[];
+            /** Patterns */
+            patterns: components["schemas"]["ResidualPattern"][];
+            /**
+             * Movement
+             * @description By view.
+             */
+            movement: {
+                [key: string]: components["schemas"]["PictureMovement"];
+            };
+        };
+        /**
          * CalibrationChoice
          * @description The calibration that a device shall measure with.
          * @example {
@@ -1504,6 +1562,12 @@ export interface components {
              * @description Name of the device; not needed if there is only one.
              */
             device?: string | null;
+            /**
+             * Despite Failure
+             * @description Use it although its acceptance failed; only an admin may say so.
+             * @default false
+             */
+            despite_failure?: boolean;
         };
         /**
          * CalibrationDocument
@@ -1623,6 +1687,8 @@ export interface components {
             local_field?: boolean | null;
             /** @description Handedness of both views; default: determined. */
             handedness?: components["schemas"]["Handedness"] | null;
+            /** @description A certified length; default: the one in the calibration frame's document. */
+            check_length?: components["schemas"]["CertifiedLength"] | null;
         };
         /** @enum {string} */
         CalibrationOrigin: "capture" | "import" | "configuration";
@@ -1686,8 +1752,7 @@ export interface components {
             /** @description Null if none was requested. */
             local_field: components["schemas"]["LocalFieldTrial"] | null;
             geometry: components["schemas"]["ImagingGeometry"];
-            /** Warnings */
-            warnings: string[];
+            acceptance: components["schemas"]["CalibrationAcceptance"];
         };
         /**
          * CalibrationRequest
@@ -1774,6 +1839,8 @@ export interface components {
              * @description Why it does not fit its device's present video format.
              */
             misfit: string | null;
+            /** @description Verdict of its acceptance; null for one that was not made here. */
+            verdict: components["schemas"]["AcceptanceVerdict"] | null;
             /** @description Its rejection, which activating the calibration takes back. */
             rejected: components["schemas"]["CalibrationRejection"] | null;
         };
@@ -2105,6 +2172,52 @@ export interface components {
          * @enum {string}
          */
         Cause: "not_opened" | "driver_missing" | "device_absent" | "device_lost" | "stream_failed" | "device_busy" | "no_rights" | "no_bandwidth" | "wrong_standard" | "several_devices" | "device_refused" | "recording_ended" | "recording_damaged" | "fault" | "capture_stuck" | "computer_busy" | "program_stopped" | "driver_hung" | "no_signal" | "no_picture" | "no_calibration" | "no_object" | "calibration_misfit" | "disk_missing" | "disk_read_only" | "disk_failed" | "captures_missing" | "captures_replaced" | "index_rebuilding" | "index_failed" | "capture_unsealed" | "settings_restored" | "settings_lost" | "settings_unreadable";
+        /**
+         * CertifiedLength
+         * @description A certified distance of two targets of the calibration frame, which the adjustment does not see.
+         */
+        CertifiedLength: {
+            /**
+             * Between
+             * @description Ids of the two targets.
+             */
+            between: [
+                number,
+                number
+            ];
+            /** Length Mm */
+            length_mm: number;
+            /**
+             * Sigma Mm
+             * @description Its standard deviation.
+             * @default 0.02
+             */
+            sigma_mm?: number;
+        };
+        /**
+         * CheckLengthResult
+         * @description The check length, certified and as measured.
+         */
+        CheckLengthResult: {
+            /**
+             * First
+             * @description Id of its first target.
+             */
+            first: number;
+            /** Second */
+            second: number;
+            /** Certified Mm */
+            certified_mm: number;
+            /** Measured Mm */
+            measured_mm: number;
+            /** Difference Mm */
+            difference_mm: number;
+            /**
+             * Sigma Mm
+             * @description σ of the difference.
+             */
+            sigma_mm: number;
+        };
         /**
          * CheckRequest
          * @description Options of a check; all of them can be left out.
@@ -2483,6 +2596,20 @@ export interface components {
              * @description The same of the second best assignment.
              */
             runner_up_rms_px: {
+                [key: string]: number | null;
+            };
+            /**
+             * Runner Up Found
+             * @description Number of targets that it explains.
+             */
+            runner_up_found: {
+                [key: string]: number;
+            };
+            /**
+             * Margin
+             * @description By how much −2 ln(likelihood) of the second best is worse; null if there is none.
+             */
+            margin: {
                 [key: string]: number | null;
             };
             /** Found */
@@ -3404,6 +3531,16 @@ export interface components {
             unknown: string | null;
         };
         /**
+         * PictureMovement
+         * @description Movement of a view's picture during the capture, in frame pixels.
+         */
+        PictureMovement: {
+            /** Rms Px */
+            rms_px: number;
+            /** Drift Px */
+            drift_px: number;
+        };
+        /**
          * PixelAxes
          * @description A length in the picture along each axis, in frame pixels.
          */
@@ -3612,6 +3749,21 @@ export interface components {
             parameters: components["schemas"]["ParameterRow"][];
         };
         /**
+         * ResidualPattern
+         * @description Agreement of neighbouring residuals in one view.
+         */
+        ResidualPattern: {
+            /** View */
+            view: string;
+            /** Correlation */
+            correlation: number;
+            /**
+             * Statistic
+             * @description The correlation in σ of that of noise.
+             */
+            statistic: number;
+        };
+        /**
          * ResidualRow
          * @description A target's image in one view: position, residual, σ, redundancy and standardised residual.
          */
@@ -3642,6 +3794,39 @@ export interface components {
             tau_x: number | null;
             /** Tau Y */
             tau_y: number | null;
+        };
+        /**
+         * RigComparison
+         * @description A property of the rig: nominal, previous and found, with the differences in σ.
+         */
+        RigComparison: {
+            /** Quantity */
+            quantity: string;
+            /**
+             * View
+             * @description Its view; empty for the rig as a whole.
+             */
+            view: string;
+            /** Unit */
+            unit: string;
+            /** Nominal */
+            nominal: number | null;
+            /**
+             * Previous
+             * @description Null without a previous calibration.
+             */
+            previous: number | null;
+            /** Found */
+            found: number;
+            /** Sigma */
+            sigma: number;
+            /**
+             * Nominal Z
+             * @description Found minus nominal, in σ of the difference.
+             */
+            nominal_z: number | null;
+            /** Previous Z */
+            previous_z: number | null;
         };
         /**
          * RigDocument

@@ -1,62 +1,20 @@
-// The verdict on a calibration, from its report. Nothing here touches the page.
+// What a calibration's report says, in the page's terms. Nothing here touches the page.
 
-/** @import { CalibrationReport, PerAxis } from "types/documents" */
+/** @import { CalibrationAcceptance, CalibrationReport, PerAxis } from "types/documents" */
 
-const SEEN = 0.9;
-const DROPPED = 0.03;
-const UNMODELLED_PX = 0.15;
-const SIGMA_MM = 0.15;
-const FIELDS = 16;
-const SIGMA0 = [0.5, 2];
 /** @type {(keyof PerAxis)[]} */
 const AXES = ["x", "y", "z"];
+/** @type {Record<CalibrationAcceptance["verdict"], "good" | "warn" | "bad">} */
+export const LEVELS = { passed: "good", passed_with_remarks: "warn", failed: "bad" };
 
 /**
- * @typedef {object} Verdict
- * @property {boolean} accept
- * @property {Reason[]} reasons
- *
- * @typedef {object} Reason
+ * @typedef {object} InFavour
  * @property {string} key of calibration.reasons
- * @property {{mm?: number, px?: number, sigma0?: number, view?: string, n?: number, of?: number, left?: number, right?: number}} values
+ * @property {{mm?: number, left?: number, right?: number, of?: number}} values
  */
 
-/** @param {CalibrationReport} report @returns {Verdict} what speaks against it; where nothing does, what speaks for it */
-export function judge(report) {
-  const against = [...seen(report), ...dropped(report), ...precision(report), ...model(report)];
-  return against.length ? { accept: false, reasons: against } : { accept: true, reasons: inFavour(report) };
-}
-
-/** @param {CalibrationReport} report @returns {Reason[]} */
-function seen({ identification, capture }) {
-  const few = Object.entries(identification.found).filter(([, found]) => found < SEEN * identification.of);
-  const reasons = few.map(([view, found]) => ({ key: "few", values: { view, n: found, of: identification.of } }));
-  return capture && capture.fields < FIELDS ? [...reasons, { key: "short", values: { n: capture.fields } }] : reasons;
-}
-
-/** @param {CalibrationReport} report @returns {Reason[]} */
-function dropped({ blunders, result }) {
-  const all = result.image_points + blunders.length;
-  return blunders.length > DROPPED * all ? [{ key: "dropped", values: { n: blunders.length, of: all } }] : [];
-}
-
-/** @param {CalibrationReport} report @returns {Reason[]} */
-function precision(report) {
-  const mm = sigma(report).typical.xyz;
-  const heldOut = report.validation?.rmse_mm.xyz;
-  const coarse = mm > SIGMA_MM ? [{ key: "coarse", values: { mm } }] : [];
-  return heldOut !== undefined && heldOut > SIGMA_MM ? [...coarse, { key: "missed", values: { mm: heldOut } }] : coarse;
-}
-
-/** @param {CalibrationReport} report @returns {Reason[]} */
-function model({ result }) {
-  const off = result.unmodelled_px > UNMODELLED_PX ? [{ key: "unmodelled", values: { px: result.unmodelled_px } }] : [];
-  const isOdd = result.sigma0 < SIGMA0[0] || result.sigma0 > SIGMA0[1];
-  return isOdd ? [...off, { key: "sigma0", values: { sigma0: result.sigma0 } }] : off;
-}
-
-/** @param {CalibrationReport} report @returns {Reason[]} */
-function inFavour(report) {
+/** What speaks for it, where nothing speaks against it. @param {CalibrationReport} report @returns {InFavour[]} */
+export function inFavour(report) {
   const { found, of } = report.identification;
   const heldOut = report.validation?.rmse_mm.xyz;
   return [

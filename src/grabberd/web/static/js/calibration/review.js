@@ -3,11 +3,11 @@ import { statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { badges, madeOf } from "./words.js";
 import { activate } from "./activate.js";
-import { judge, sigma } from "./judge.js";
+import { sigma } from "./judge.js";
 import { addressOf, forget, note, way } from "./steps.js";
+import { rigTable, verdictCard } from "./verdict.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Reason } from "./judge.js" */
 /** @import { CalibrationReport, CalibrationRow, PerAxis } from "types/documents" */
 
 /** @param {Context} context @param {string} id of the calibration */
@@ -23,7 +23,7 @@ export function createReview(context, id) {
     const report = row?.capture ? await reportOf() : null;
     if (ended) return;
     if (!row) return fill(element, note("bad", t("calibration.review.gone")), way("#calibration", t("calibration.overview")));
-    fill(element, report ? verdictOf(report) : note("idle", t("calibration.review.noReport")), factsOf(row, report), decide(row, report));
+    fill(element, report?.acceptance ? verdictCard(context, report) : note("idle", t("calibration.review.noReport")), factsOf(row, report), report?.acceptance && rigTable(context, report.acceptance), decide(row));
   }
 
   /** One that was made here has a report, as long as nobody has taken it away. */
@@ -37,19 +37,6 @@ export function createReview(context, id) {
     }
   }
 
-  /** @param {CalibrationReport} report */
-  function verdictOf(report) {
-    const { accept, reasons } = judge(report);
-    const words = accept ? "accept" : "lookAgain";
-    return el("section", { class: `verdict is-${accept ? "good" : "warn"}`, data: { verdict: words } }, symbol(accept ? "ok" : "warn"),
-      el("div", { class: "stack grow" }, el("h2", {}, t(`calibration.review.${words}`)), el("ul", {}, reasons.map(({ key, values }) => el("li", {}, t(`calibration.reasons.${key}`, shown(values)))))));
-  }
-
-  /** @param {Reason["values"]} values */
-  function shown({ mm, px, sigma0, view, ...others }) {
-    return { ...others, mm: format.number(mm, 3), px: format.number(px, 2), sigma0: format.number(sigma0, 2), view: view ? t(`live.view.${view}`) : "" };
-  }
-
   /** @param {CalibrationRow} row @param {CalibrationReport | null} report */
   function factsOf(row, report) {
     return el("section", { class: "card stack" }, el("div", { class: "row between" }, el("h2", {}, row.created_utc ? format.moment(row.created_utc) : id), el("div", { class: "row" }, badges(context, row))),
@@ -57,7 +44,6 @@ export function createReview(context, id) {
       row.rejected && note("idle", t("calibration.review.rejected", { when: format.moment(row.rejected.rejected_utc) }), row.rejected.note && ` ${row.rejected.note}`),
       row.misfit && note("bad", row.misfit),
       report && el("dl", { class: "facts number" }, numbersOf(report).map(([name, value]) => [el("dt", {}, name), el("dd", {}, value)])),
-      report?.warnings.length ? note("warn", el("strong", {}, t("lights.said")), el("ul", {}, report.warnings.map((one) => el("li", {}, one)))) : null,
       el("div", { class: "row" }, report && el("a", { class: "button", href: api.url(`${path}/report`), target: "_blank", rel: "noopener" }, t("calibration.review.whole")),
         el("a", { class: "button", href: api.url(path), download: `${id}.json` }, symbol("download"), t("calibration.review.file"))));
   }
@@ -80,16 +66,17 @@ export function createReview(context, id) {
     ];
   }
 
-  /** @param {CalibrationRow} row @param {CalibrationReport | null} report */
-  function decide(row, report) {
+  /** @param {CalibrationRow} row */
+  function decide(row) {
     const overview = way("#calibration", t("calibration.overview"));
     if (row.active) return el("div", { class: "stack" }, note("good", t("calibration.review.isActive")), el("div", { class: "row" }, overview));
     if (!may("operator")) return el("div", { class: "stack" }, note("idle", t("calibration.viewer")), el("div", { class: "row" }, overview));
-    const accepts = !report || judge(report).accept;
-    const accept = el("button", { class: `button ${accepts ? "good" : ""}`, type: "button", data: { do: "accept" }, disabled: Boolean(row.problem || row.misfit), on: { click: () => take(row) } }, symbol("ok"), t("calibration.review.doAccept"));
+    const accepts = row.verdict !== "failed";
+    const accept = el("button", { class: `button ${accepts ? "good" : ""}`, type: "button", data: { do: "accept" }, disabled: Boolean(row.problem || row.misfit || (!accepts && !may("admin"))), on: { click: () => take(row) } }, symbol("ok"), t("calibration.review.doAccept"));
     const again = row.capture ? way(addressOf("take"), t("calibration.again"), accepts ? "" : "primary") : null;
     const reject = row.rejected ? null : el("button", { class: "button", type: "button", data: { do: "reject" }, on: { click: refuse } }, symbol("close"), t("calibration.review.doReject"));
-    return el("div", { class: "row between" }, el("div", { class: "row" }, overview, again), el("div", { class: "row" }, reject, accept));
+    const ways = el("div", { class: "row between" }, el("div", { class: "row" }, overview, again), el("div", { class: "row" }, reject, accept));
+    return accepts || may("admin") ? ways : el("div", { class: "stack" }, note("idle", t("calibration.verdict.adminOnly")), ways);
   }
 
   /** @param {CalibrationRow} row */

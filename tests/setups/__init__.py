@@ -1,0 +1,1 @@
+"""Wrong set-ups for a calibration, and what the user is told of each: `make setups` writes the table."""
