@@ -3,13 +3,12 @@
 #include "grey.h"
 
 enum { TRIED = 7, REFINED = 5, ASKED_BESIDE = 8 };
-static const double LEAN_SIGMA = 0.1, APART = 2.0, UNSURE = 2.0, MEDIAN_OF_SQUARES = 0.455, OUTLYING = 4.0;
+static const double ANY_LEAN = 0.5, LEAN_SIGMA = 0.1, WIDER = 2.5, APART = 2.0, UNSURE = 2.0, OUTLYING = 4.0;
 static const double TINY = 2.2250738585072014e-308;
 
 /* The normal equations in the shifts of those lines that touch a blob; what they are made from and solved in. */
 typedef struct {
     const Chords *chords;
-    double lean;
     int64_t *at;                          /* (count, height): the equation of each chord */
     double *beside, *tilt_x, *tilt_lean;  /* likewise: Δy, and what gives x and lean from the chords' middles */
     double *weight, *centre, *residual;   /* likewise; weights as they are trusted, middles from the surest one's */
@@ -74,14 +73,14 @@ static void number_lines(int64_t lines, System *system) {
 }
 
 /* Least squares for a straight line of slope near 0; zero where all weights are. */
-static void tilts_of(System *system, int64_t from) {
+static void tilts_of(System *system, int64_t from, double lean) {
     const double *weight = system->weight + from, *beside = system->beside + from;
     double a = 0, b = 0, c = 0;
     for (int64_t k = 0; k < system->chords->height; k++) {
         double tilted = weight[k] * beside[k];
         a += weight[k], b += tilted, c += tilted * beside[k];
     }
-    c += 1.0 / (system->lean * system->lean);
+    c += 1.0 / (lean * lean);
     double scale = 1.0 / larger(a * c - b * b, TINY);
     for (int64_t k = 0; k < system->chords->height; k++) {
         double tilted = weight[k] * beside[k];
@@ -97,11 +96,11 @@ static void straight_line(const System *system, int64_t from, const double *cent
         *x += system->tilt_x[from + k] * centre[k], *lean += system->tilt_lean[from + k] * centre[k];
 }
 
-static void add_blob(System *system, int64_t from) {
+static void add_blob(System *system, int64_t from, double lean_sigma) {
     const double *weight = system->weight + from, *beside = system->beside + from, *centre = system->centre + from;
     const int64_t *at = system->at + from;
     double x, lean;
-    tilts_of(system, from);
+    tilts_of(system, from, lean_sigma);
     straight_line(system, from, centre, &x, &lean);
     for (int64_t row = 0; row < system->chords->height; row++) {
         if (!(weight[row] > 0)) continue;
@@ -115,10 +114,9 @@ static void add_blob(System *system, int64_t from) {
 
 static void set_up(System *system, double lean) {
     int64_t height = system->chords->height;
-    system->lean = lean;
     memset(system->right, 0, (size_t)system->band.count * sizeof *system->right);
     memset(system->band.values, 0, (size_t)(system->band.count * height) * sizeof *system->right);
-    for (int64_t i = 0; i < system->chords->count; i++) add_blob(system, i * height);
+    for (int64_t i = 0; i < system->chords->count; i++) add_blob(system, i * height, lean);
 }
 
 static void solve_shifts(System *system, double jitter_px) {
@@ -127,38 +125,31 @@ static void solve_shifts(System *system, double jitter_px) {
     solve_up(&system->lower, system->shift);
 }
 
-/* Of the chords, in units of their σ; the largest of them, and the σ of the blobs' leans. */
-static void residuals(System *system, double jitter_px, double *most, double *lean_sigma) {
+/* Of the chords, in units of their σ; yields the root mean square of the blobs' leans. */
+static double residuals(System *system, double jitter_px) {
     int64_t count = system->chords->count, height = system->chords->height;
-    double unsure = 0, *square = system->scratch;
+    double squares = 0;
     solve_shifts(system, jitter_px);
-    *most = 0;
     for (int64_t i = 0; i < count; i++) {
         int64_t from = i * height;
-        double *own = system->residual + from, x, lean, explained = 0;
+        double *own = system->residual + from, x, lean;
         for (int64_t k = 0; k < height; k++) own[k] = system->centre[from + k] - system->shift[system->at[from + k]];
         straight_line(system, from, own, &x, &lean);
-        for (int64_t k = 0; k < height; k++) {
+        for (int64_t k = 0; k < height; k++)
             own[k] = (own[k] - x - lean * system->beside[from + k]) * sqrt(system->weight[from + k]);
-            explained += system->tilt_lean[from + k] * system->beside[from + k];
-            *most = larger(fabs(own[k]), *most);
-        }
-        square[i] = lean * lean;
-        unsure += system->lean * system->lean * (1.0 - explained);
+        squares += lean * lean;
     }
-    *lean_sigma = sqrt(median_of(square, count) / MEDIAN_OF_SQUARES + unsure / (double)count);
+    return sqrt(squares / (double)count);
 }
 
-/* Weights outlying chords down. */
+/* Weights outlying chords down, and allows for the leans there are. */
 static void distrust(System *system, double jitter_px) {
-    double most, lean;
-    residuals(system, jitter_px, &most, &lean);
-    if (!(lean > LEAN_SIGMA || most > OUTLYING)) return;
+    double lean = residuals(system, jitter_px);
     for (int64_t k = 0; k < system->chords->count * system->chords->height; k++) {
         double trust = OUTLYING / larger(fabs(system->residual[k]), OUTLYING);
         system->weight[k] *= trust * trust;
     }
-    set_up(system, larger(lean, LEAN_SIGMA));
+    set_up(system, larger(WIDER * lean, LEAN_SIGMA));
 }
 
 /* Of the data, with x, lean and shifts integrated out, and of this jitter beforehand. */
@@ -236,7 +227,7 @@ int line_shifts(const Chords *chords, const GreySettings *settings, int64_t line
     if (!make_system(chords, lines, &system, &memory)) return NO_MEMORY;
     from_the_surest(chords, &system);
     number_lines(lines, &system);
-    set_up(&system, LEAN_SIGMA);
+    set_up(&system, ANY_LEAN);
     distrust(&system, settings->line_jitter_px);
     double jitter_px = settings->jitter_known ? settings->line_jitter_px : likeliest_px(&system, settings->line_jitter_px);
     correct(&system, jitter_px, found);

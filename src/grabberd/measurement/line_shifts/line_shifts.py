@@ -16,18 +16,19 @@ from scipy.linalg import lapack
 from grabberd.measurement.locators.locator import Chords
 from grabberd.measurement.locators.windows import LINES_APART
 
-LEAN = 0.1
-"""Least standard deviation of a_i, columns per frame line. Estimated from the data alone it came out too
-small, and leans leaked into the shifts: .019 px of error in x that no averaging removed
-(docs/decisions/0006)."""
+ANY_LEAN = 0.5
+"""Standard deviation of a_i, columns per frame line, before anything is known of the leans: wide enough not to
+draw any disc upright."""
+LEAN, WIDER = 0.1, 2.5
+"""Least standard deviation of a_i afterwards, and its ratio to the root mean square of the leans found. Any
+tighter, leans that a row has in common leak into its shifts, and no averaging removes them
+(docs/decisions/0027)."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))
 """Multiples of the expected line jitter whose likelihood is computed first; `REFINED`: of the best of
 these."""
 REFINED = np.exp2(np.arange(-2.0, 3.0) / 4.0)
 UNSURE = 2.0
 """Prior standard deviation of the logarithm of the expected line jitter."""
-MEDIAN_OF_SQUARES = 0.455
-"""Median of the squares of standard normal numbers, which outliers do not move."""
 OUTLYING = 4.0
 """Residual in standard deviations beyond which a chord is weighted down."""
 TINY = float(np.finfo(np.float64).tiny)
@@ -66,13 +67,10 @@ def line_shifts(
         known: True if the line jitter is known and not to be estimated.
     """
     chords = chords._replace(centre=_from_the_surest(chords))
-    system = _System.of(chords, centre, lines, LEAN)
-    residual, lean = system.residuals(expected_px)
-    # Outliers bend the shifts of whole lines, and a prior too tight for the discs' leans leaks them into the
-    # shifts (docs/decisions/0006); both show in the residuals, and one repetition cures them.
-    if lean > LEAN or np.abs(residual).max() > OUTLYING:
-        trusted = chords._replace(weight=chords.weight * _trust(residual))
-        system = _System.of(trusted, centre, lines, max(lean, LEAN))
+    residual, lean = _System.of(chords, centre, lines, ANY_LEAN).residuals(expected_px)
+    # Outliers bend the shifts of whole lines.
+    trusted = chords._replace(weight=chords.weight * _trust(residual))
+    system = _System.of(trusted, centre, lines, max(WIDER * lean, LEAN))
     jitter_px = expected_px if known else system.likeliest_px(expected_px)
     common, beside = system.common_variance(jitter_px)
     x_px = (chords.share * system.shifts(jitter_px)[system.at]).sum(axis=1)
@@ -111,7 +109,6 @@ class _System(NamedTuple):
         chords: Chords of N blobs.
         at: (N, h) int64, equation of each chord.
         beside: (N, h) float64, Δy of each chord, frame lines.
-        lean: Standard deviation of the blobs' leans.
         solver: (N, 2, h), yields x and lean from the chords' middles.
         band: (h, L) normal matrix without σj, its diagonals from the main one down.
         right: (L,) right side.
@@ -120,7 +117,6 @@ class _System(NamedTuple):
     chords: Chords
     at: NDArray[np.int64]
     beside: Array
-    lean: float
     solver: Array
     band: Array
     right: Array
@@ -141,7 +137,7 @@ class _System(NamedTuple):
         weighted = chords.weight * (chords.centre - x - beside * lean_of)
         right: Array = np.bincount(at.ravel(), weighted.ravel(), count).astype(np.float64)
         band = band_of(at[:, row], at[:, column], matrix, (line.shape[1], count))
-        return cls(chords, at, beside, lean, solver, band, right)
+        return cls(chords, at, beside, solver, band, right)
 
     def likeliest_px(self, expected_px: float) -> float:
         """Find the most likely jitter among a few values, then among a few around the best."""
@@ -175,14 +171,13 @@ class _System(NamedTuple):
         return (own * own).sum(axis=1), (own[some] * below).sum(axis=1)
 
     def residuals(self, jitter_px: float) -> tuple[Array, float]:
-        """(N, h) residuals of the chords in units of σ, 0 where there is none; and the σ of the blobs'
-        leans.
+        """(N, h) residuals of the chords in units of σ, 0 where there is none; and the root mean square of
+        the blobs' leans.
         """
         straight = self.chords.centre - self.shifts(jitter_px)[self.at]
         x, lean = (self.solver @ straight[:, :, np.newaxis]).transpose(1, 0, 2)
         residual = (straight - x - lean * self.beside) * np.sqrt(self.chords.weight)
-        unsure = self.lean**2 * (1.0 - (self.solver[:, 1] * self.beside).sum(axis=1))
-        return residual, float(np.sqrt(np.median(lean**2) / MEDIAN_OF_SQUARES + unsure.mean()))
+        return residual, float(np.sqrt((lean * lean).mean()))
 
     def _log_likelihood(self, jitter_px: float) -> float:
         lower = band_factor(self.band, jitter_px**-2)
