@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from grabberd.field import Field, NumberedField, quantise
-from processes.pinhole_pictures import COLUMNS, FINE, HALF, LINES, WINDOW, Camera
+from tests.processes.pinhole_pictures import COLUMNS, FINE, HALF, LINES, WINDOW, Camera
 
 VIEWS = ("left", "right")
 RIM = 96

@@ -3,7 +3,7 @@
 #include "grey.h"
 
 enum { TRIED = 7, REFINED = 5, ASKED_BESIDE = 8 };
-static const double ANY_LEAN = 0.5, LEAN_SIGMA = 0.1, WIDER = 2.5, APART = 2.0, UNSURE = 2.0, OUTLYING = 4.0;
+static const double ANY_LEAN = 0.5, LEAN_SIGMA = 0.06, WIDER = 2.0, APART = 2.0, UNSURE = 2.0, OUTLYING = 4.0;
 static const double TINY = 2.2250738585072014e-308;
 
 /* The normal equations in the shifts of those lines that touch a blob; what they are made from and solved in. */
@@ -13,6 +13,7 @@ typedef struct {
     double *beside, *tilt_x, *tilt_lean;  /* likewise: Δy, and what gives x and lean from the chords' middles */
     double *weight, *centre, *residual;   /* likewise; weights as they are trusted, middles from the surest one's */
     double *right, *shift, *scratch;      /* (equations,); `scratch` also (count,) */
+    double *column, *lean, *smooth;       /* (count,): where blobs are, their leans, and those of discs at such places */
     Band band, lower, inverse;
 } System;
 
@@ -24,7 +25,7 @@ static double *carve(double **from, int64_t count) {
 
 static bool make_system(const Chords *chords, int64_t lines, System *system, void **memory) {
     int64_t cells = chords->count * chords->height, height = chords->height;
-    size_t numbers = (size_t)(7 * cells + 2 * lines + lines + chords->count + (3 * height + 1) * lines);
+    size_t numbers = (size_t)(7 * cells + 2 * lines + lines + 4 * chords->count + (3 * height + 1) * lines);
     double *from = *memory = malloc(numbers * sizeof *from);
     if (!from) return false;
     *system = (System){.chords = chords};
@@ -33,6 +34,8 @@ static bool make_system(const Chords *chords, int64_t lines, System *system, voi
     system->weight = carve(&from, cells), system->centre = carve(&from, cells), system->residual = carve(&from, cells);
     system->right = carve(&from, lines), system->shift = carve(&from, lines);
     system->scratch = carve(&from, lines + chords->count);
+    system->column = carve(&from, chords->count), system->lean = carve(&from, chords->count);
+    system->smooth = carve(&from, chords->count);
     system->band = (Band){0, height, carve(&from, height * lines)};
     system->lower = (Band){0, height, carve(&from, height * lines)};
     system->inverse = (Band){0, height + 1, carve(&from, (height + 1) * lines)};
@@ -46,6 +49,7 @@ static void from_the_surest(const Chords *chords, System *system) {
         int64_t surest = 0;
         for (int64_t k = 1; k < chords->height; k++)
             if (weight[k] > weight[surest]) surest = k;
+        system->column[i] = centre[surest];
         for (int64_t k = 0; k < chords->height; k++) system->centre[i * chords->height + k] = centre[k] - centre[surest];
     }
     memcpy(system->weight, chords->weight, (size_t)(chords->count * chords->height) * sizeof *system->weight);
@@ -125,31 +129,36 @@ static void solve_shifts(System *system, double jitter_px) {
     solve_up(&system->lower, system->shift);
 }
 
-/* Of the chords, in units of their σ; yields the root mean square of the blobs' leans. */
-static double residuals(System *system, double jitter_px) {
-    int64_t count = system->chords->count, height = system->chords->height;
-    double squares = 0;
+/* Of the chords, in units of their σ, and the blobs' leans. */
+static void residuals(System *system, double jitter_px) {
+    int64_t height = system->chords->height;
     solve_shifts(system, jitter_px);
-    for (int64_t i = 0; i < count; i++) {
+    for (int64_t i = 0; i < system->chords->count; i++) {
         int64_t from = i * height;
-        double *own = system->residual + from, x, lean;
+        double *own = system->residual + from, x;
         for (int64_t k = 0; k < height; k++) own[k] = system->centre[from + k] - system->shift[system->at[from + k]];
-        straight_line(system, from, own, &x, &lean);
+        straight_line(system, from, own, &x, system->lean + i);
         for (int64_t k = 0; k < height; k++)
-            own[k] = (own[k] - x - lean * system->beside[from + k]) * sqrt(system->weight[from + k]);
-        squares += lean * lean;
+            own[k] = (own[k] - x - system->lean[i] * system->beside[from + k]) * sqrt(system->weight[from + k]);
     }
-    return sqrt(squares / (double)count);
 }
 
-/* Weights outlying chords down, and allows for the leans there are. */
-static void distrust(System *system, double jitter_px) {
-    double lean = residuals(system, jitter_px);
-    for (int64_t k = 0; k < system->chords->count * system->chords->height; k++) {
-        double trust = OUTLYING / larger(fabs(system->residual[k]), OUTLYING);
-        system->weight[k] *= trust * trust;
+/* Weights outlying chords down, and draws the blobs upright by the leans of discs at their places. */
+static void straighten(System *system, const double size[2], double jitter_px) {
+    int64_t count = system->chords->count, height = system->chords->height;
+    double squares = 0;
+    residuals(system, jitter_px);
+    leans_by_place(system->lean, system->column, system->chords->middle, count, size, system->smooth);
+    for (int64_t i = 0; i < count; i++) {
+        double left = system->lean[i] - system->smooth[i];
+        squares += left * left;
+        for (int64_t k = i * height; k < (i + 1) * height; k++) {
+            double trust = OUTLYING / larger(fabs(system->residual[k]), OUTLYING);
+            system->weight[k] *= trust * trust;
+            system->centre[k] -= system->smooth[i] * system->beside[k];
+        }
     }
-    set_up(system, larger(WIDER * lean, LEAN_SIGMA));
+    set_up(system, larger(WIDER * sqrt(squares / (double)count), LEAN_SIGMA));
 }
 
 /* Of the data, with x, lean and shifts integrated out, and of this jitter beforehand. */
@@ -221,14 +230,15 @@ static void correct(System *system, double jitter_px, LineShifts *found) {
 }
 
 /* One blob at least, one chord that weighs at least. */
-int line_shifts(const Chords *chords, const GreySettings *settings, int64_t lines, LineShifts *found) {
+int line_shifts(const Chords *chords, const GreySettings *settings, int64_t lines, int64_t columns, LineShifts *found) {
+    const double size[2] = {(double)lines, (double)columns};
     System system;
     void *memory;
     if (!make_system(chords, lines, &system, &memory)) return NO_MEMORY;
     from_the_surest(chords, &system);
     number_lines(lines, &system);
     set_up(&system, ANY_LEAN);
-    distrust(&system, settings->line_jitter_px);
+    straighten(&system, size, settings->line_jitter_px);
     double jitter_px = settings->jitter_known ? settings->line_jitter_px : likeliest_px(&system, settings->line_jitter_px);
     correct(&system, jitter_px, found);
     found->jitter_px = settings->jitter_known ? NAN : jitter_px;

@@ -35,12 +35,12 @@ class LocalFieldSettings:
 
     Attributes:
         significance: Least decrease of the squared held-out errors, in standard errors.
-        relevance: Least relative decrease of their root mean square, because correlated noise is significant
-            too.
+        relevance: Least relative decrease of their root mean square. A held-out target's own place in the
+            certificate is most of its error, so that a field that matters may decrease it by a few per cent.
     """
 
     significance: float = 2.0
-    relevance: float = 0.1
+    relevance: float = 0.01
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,7 @@
 """Line shifts: the shift of each field line, common to all blobs of both views, solved for jointly.
 
 The middle of blob i on field line k is c_ik = x_i + a_i Δy + s_k + noise, with one shift s_k ~ N(0, σj²) a
-line and a small lean a_i of a tilted disc. x_i and a_i are eliminated, which leaves normal equations in the
+line and the lean a_i of a tilted disc, which resembles that of the discs around it (`leans`). x_i and a_i are eliminated, which leaves normal equations in the
 shifts whose bandwidth is the height of a blob. σj maximises the likelihood of the data. A shift common to all
 lines of a group of blobs moves them alike and cannot be observed: its variance remains.
 """
@@ -13,16 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
+from grabberd.measurement.line_shifts.leans import leans_by_place
 from grabberd.measurement.locators.locator import Chords
 from grabberd.measurement.locators.windows import LINES_APART
 
 ANY_LEAN = 0.5
 """Standard deviation of a_i, columns per frame line, before anything is known of the leans: wide enough not to
 draw any disc upright."""
-LEAN, WIDER = 0.1, 2.5
-"""Least standard deviation of a_i afterwards, and its ratio to the root mean square of the leans found. Any
-tighter, leans that a row has in common leak into its shifts, and no averaging removes them
-(docs/decisions/0027)."""
+LEAN, WIDER = 0.06, 2.0
+"""Least standard deviation of a_i about the leans of discs at such places, and its ratio to the root mean
+square of what is seen of that. Any tighter, leans that a row has in common leak into its shifts, and no
+averaging removes them; any wider, the views' shifts are known less well (docs/decisions/0027)."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))
 """Multiples of the expected line jitter whose likelihood is computed first; `REFINED`: of the best of
 these."""
@@ -55,32 +56,37 @@ class LineShifts(NamedTuple):
 
 
 def line_shifts(
-    chords: Chords, centre: Array, lines: int, expected_px: float, *, known: bool = False
+    chords: Chords, centre: Array, size: tuple[int, int], expected_px: float, *, known: bool = False
 ) -> LineShifts:
     """Solve for the shifts of a field's lines.
 
     Args:
         chords: Chords of N blobs of both views, at least one.
         centre: (N,) float64, field line of each blob's centre, fractions included.
-        lines: Number of lines in the field.
+        size: Lines and columns of the field.
         expected_px: Line jitter expected; a weak prior beside the data.
         known: True if the line jitter is known and not to be estimated.
     """
-    chords = chords._replace(centre=_from_the_surest(chords))
-    residual, lean = _System.of(chords, centre, lines, ANY_LEAN).residuals(expected_px)
+    column = _surest(chords)
+    chords = chords._replace(centre=chords.centre - column)
+    first = _System.of(chords, centre, size[0], ANY_LEAN)
+    residual, lean = first.residuals(expected_px)
+    smooth = leans_by_place(lean, column[:, 0], centre, size)
     # Outliers bend the shifts of whole lines.
-    trusted = chords._replace(weight=chords.weight * _trust(residual))
-    system = _System.of(trusted, centre, lines, max(WIDER * lean, LEAN))
+    trusted = chords._replace(
+        weight=chords.weight * _trust(residual), centre=chords.centre - smooth[:, np.newaxis] * first.beside
+    )
+    spread = float(np.sqrt(np.mean((lean - smooth) ** 2)))
+    system = _System.of(trusted, centre, size[0], max(WIDER * spread, LEAN))
     jitter_px = expected_px if known else system.likeliest_px(expected_px)
     common, beside = system.common_variance(jitter_px)
     x_px = (chords.share * system.shifts(jitter_px)[system.at]).sum(axis=1)
     return LineShifts(x_px, np.sqrt(common), _reach_px(common[::ASKED_BESIDE], beside), jitter_px)
 
 
-def _from_the_surest(chords: Chords) -> Array:
-    """(N, h) middles of the chords relative to each blob's best one: small numbers round less."""
-    surest = chords.weight.argmax(axis=1)[:, np.newaxis]
-    return chords.centre - np.take_along_axis(chords.centre, surest, axis=1)
+def _surest(chords: Chords) -> Array:
+    """(N, 1) middle of each blob's best chord: relative to it numbers are small and round less."""
+    return np.take_along_axis(chords.centre, chords.weight.argmax(axis=1)[:, np.newaxis], axis=1)
 
 
 def unsolved(share: Array, jitter_px: float) -> LineShifts:
@@ -170,14 +176,11 @@ class _System(NamedTuple):
         own, below = halves[: len(self.at)], halves[len(self.at) :]
         return (own * own).sum(axis=1), (own[some] * below).sum(axis=1)
 
-    def residuals(self, jitter_px: float) -> tuple[Array, float]:
-        """(N, h) residuals of the chords in units of σ, 0 where there is none; and the root mean square of
-        the blobs' leans.
-        """
+    def residuals(self, jitter_px: float) -> tuple[Array, Array]:
+        """(N, h) residuals of the chords in units of σ, 0 where there is none; and the blobs' leans (N,)."""
         straight = self.chords.centre - self.shifts(jitter_px)[self.at]
         x, lean = (self.solver @ straight[:, :, np.newaxis]).transpose(1, 0, 2)
-        residual = (straight - x - lean * self.beside) * np.sqrt(self.chords.weight)
-        return residual, float(np.sqrt((lean * lean).mean()))
+        return (straight - x - lean * self.beside) * np.sqrt(self.chords.weight), lean[:, 0]
 
     def _log_likelihood(self, jitter_px: float) -> float:
         lower = band_factor(self.band, jitter_px**-2)

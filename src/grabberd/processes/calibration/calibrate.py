@@ -19,7 +19,6 @@ from grabberd.calibration import (
     Network,
     Unknowns,
     Validation,
-    VolumeSigma,
     check_depth,
     check_rank,
     compare,
@@ -31,6 +30,7 @@ from grabberd.calibration import (
     normality,
     try_local_fields,
     volume_sigma,
+    with_stated_covariance,
     with_unmodelled,
     without_blunders,
 )
@@ -86,6 +86,7 @@ def calibrate(
     network = network.starting_from([*_held_as_built(network.views, nominal, settings)])
     done = _adjusted(network, settings)
     local = _local(done, nominal, settings)
+    final = _final(done, local, settings)
     validation, unvalidated = _validated(done.adjustment)
     pointing_px = _pointing_px(images)
     return CalibrateResult(
@@ -101,10 +102,11 @@ def calibrate(
         blunders=done.blunders,
         unmodelled_px=done.unmodelled_px,
         local=local,
+        final=final,
         differences=compare(done.adjustment),
         normality=normality(done.adjustment),
         validation=validation,
-        volume=_volume(done, local, pointing_px),
+        volume=volume_sigma(final, pointing_px, local_fields=local.fields if local else ()),
         pointing_px=pointing_px,
         warnings=(*_warnings(images, done, frame), *unvalidated),
     )
@@ -242,11 +244,11 @@ def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) ->
     return try_local_fields(done.adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
 
 
-def _volume(done: _Adjusted, local: LocalFieldTrial | None, pointing_px: tuple[float, float]) -> VolumeSigma:
-    """Expected σ of the final calibration over the volume."""
-    if local is None:
-        return volume_sigma(done.adjustment, pointing_px)
-    return volume_sigma(local.adjustment, pointing_px, local_fields=local.fields)
+def _final(done: _Adjusted, local: LocalFieldTrial | None, settings: CalibrateSettings) -> Adjustment:
+    """The calibration's own adjustment, with all that is not known of it."""
+    adjustment = local.adjustment if local else done.adjustment
+    unknowns = Unknowns.of(adjustment.views, settings.free, shared=settings.shared, tied=settings.tied)
+    return with_stated_covariance(adjustment, unknowns)
 
 
 def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:
