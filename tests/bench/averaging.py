@@ -1,4 +1,4 @@
-"""Means of static fields of leaning discs behind uneven mirrors, against the truth of an independent renderer."""
+"""Means of static fields of leaning discs behind uneven mirrors, beside the truth of another renderer."""
 
 from collections.abc import Iterator
 

@@ -1,8 +1,8 @@
-"""Static fields of leaning discs behind uneven mirrors, drawn by nothing that the program itself computes with.
+"""Static fields of leaning discs behind uneven mirrors, drawn without a formula of the program.
 
 OpenCV's camera model projects the rims of the discs. Each view has a mirror of its own brightness, which
-falls off across it, and of its own displacements, smooth over the picture. Every field has its own line jitter
-and noise.
+falls off across it, and of its own displacements, smooth over the picture. Every field has its own noise and
+line jitter.
 """
 
 import math
@@ -11,9 +11,9 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from tests.processes.pinhole_pictures import COLUMNS, FINE, HALF, LINES, WINDOW, Camera
 
 from grabberd.field import Field, NumberedField, quantise
-from tests.processes.pinhole_pictures import COLUMNS, FINE, HALF, LINES, WINDOW, Camera
 
 VIEWS = ("left", "right")
 RIM = 96

@@ -1,4 +1,4 @@
-"""Leans of a field's discs: how far the chords of each shift from line to line, and what that owes to its place.
+"""Leans of a field's discs: how far the chords of each move from line to line, as its place has it.
 
 Discs lie on a surface, so that their leans change slowly over either half of the picture.
 """

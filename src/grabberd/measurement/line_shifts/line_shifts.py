@@ -1,9 +1,10 @@
 """Line shifts: the shift of each field line, common to all blobs of both views, solved for jointly.
 
 The middle of blob i on field line k is c_ik = x_i + a_i Δy + s_k + noise, with one shift s_k ~ N(0, σj²) a
-line and the lean a_i of a tilted disc, which resembles that of the discs around it (`leans`). x_i and a_i are eliminated, which leaves normal equations in the
-shifts whose bandwidth is the height of a blob. σj maximises the likelihood of the data. A shift common to all
-lines of a group of blobs moves them alike and cannot be observed: its variance remains.
+line and the lean a_i of a tilted disc, which resembles that of the discs around it (`leans`). x_i and a_i are
+eliminated, which leaves normal equations in the shifts whose bandwidth is the height of a blob. σj maximises
+the likelihood of the data. A shift common to all lines of a group of blobs moves them alike and cannot be
+observed: its variance remains.
 """
 
 import math
@@ -18,8 +19,8 @@ from grabberd.measurement.locators.locator import Chords
 from grabberd.measurement.locators.windows import LINES_APART
 
 ANY_LEAN = 0.5
-"""Standard deviation of a_i, columns per frame line, before anything is known of the leans: wide enough not to
-draw any disc upright."""
+"""Standard deviation of a_i, columns per frame line, before anything is known of them: wide enough not to draw
+any disc upright."""
 LEAN, WIDER = 0.06, 2.0
 """Least standard deviation of a_i about the leans of discs at such places, and its ratio to the root mean
 square of what is seen of that. Any tighter, leans that a row has in common leak into its shifts, and no
