@@ -17,28 +17,28 @@ from tests.processes.leaning_scene import BACKGROUND, CONTRAST, FIELD_NS, Leanin
 from grabberd.field import Field, NumberedField, quantise
 from grabberd.measurement import LocationSettings, measure
 
-SEED = 301
-"""None of the seeds that the constants of line shifts were chosen with."""
+SEED = 102
+"""One of many: `tests/bench/averaging.py` has those that nothing was chosen with."""
 
 
 @pytest.fixture(scope="module")
 def rig():
-    return calibrated(SEED, 0.02)
+    return calibrated(SEED, 0.0)
 
 
 @pytest.mark.parametrize("axis", [DOWN, ACROSS])
 def test_the_mean_of_32_fields_is_known_to_a_hundredth_of_a_millimetre(rig, axis):
     found = averaged(*rig, axis, SEED)
-    assert found.mean_mm < 0.0125
-    assert found.chi2 < 1.6
-    assert found.single_mm < 0.042
+    assert found.mean_mm < 0.010
+    assert 0.5 < found.chi2 < 1.5
+    assert found.single_mm < 0.037
     assert 0.7 < found.single_chi2 < 1.4
 
 
-def test_a_calibration_is_as_good_as_it_says_where_it_is_given_exact_places(rig):
-    error, covariance = at_exact_places(*rig)
-    assert rms_mm(error) < 0.012
-    assert 0.4 < chi2(error, covariance) < 1.6
+def test_a_calibration_behind_slightly_uneven_mirrors_is_as_good_as_it_says():
+    error, covariance = at_exact_places(*calibrated(SEED, 0.02))
+    assert rms_mm(error) < 0.010
+    assert 0.5 < chi2(error, covariance) < 1.5
 
 
 def test_leaning_discs_move_no_line():

@@ -19,8 +19,8 @@ from grabberd.measurement.locators.locator import Chords
 from grabberd.measurement.locators.windows import LINES_APART
 
 ANY_LEAN = 0.5
-"""Standard deviation of a_i, columns per frame line, before anything is known of them: wide enough not to draw
-any disc upright."""
+"""Standard deviation of a_i, columns per frame line, before anything is known of them: wide enough to
+draw no disc upright."""
 LEAN, WIDER = 0.06, 2.0
 """Least standard deviation of a_i about the leans of discs at such places, and its ratio to the root mean
 square of what is seen of that. Any tighter, leans that a row has in common leak into its shifts, and no

@@ -112,7 +112,7 @@ class CalibrateResult:
 
     @property
     def local_fields(self) -> tuple[LocalField | None, LocalField | None]:
-        """What the model leaves in each view: learned, or of a known size; None if it leaves nothing."""
+        """Local field of each view, learned or only of a known size; None if the model leaves nothing."""
         if self.local and self.local.accepted:
             return self.local.fields[0], self.local.fields[1]
         if not self.unmodelled_px:
