@@ -98,9 +98,10 @@ INLINE void look_up(const GreySettings *settings, Lanes distance, Lanes *inside,
     WholeLanes at = __builtin_convertvector(entry, WholeLanes);
     Pairs left = {settings->edge[at[0]], settings->edge[at[1]], settings->edge[at[2]], settings->edge[at[3]]};
     Pairs right = {settings->edge[at[4]], settings->edge[at[5]], settings->edge[at[6]], settings->edge[at[7]]};
-    Lanes beyond = (entry - __builtin_convertvector(at, Lanes) - 0.5f) * (1.0f / 512.0f);
-    *density = PICK((Lanes)left, (Lanes)right, 1, 3, 5, 7, 9, 11, 13, 15);
-    *inside = PICK((Lanes)left, (Lanes)right, 0, 2, 4, 6, 8, 10, 12, 14) - *density * beyond;
+    const Lanes whole = __builtin_convertvector(at, Lanes), z = whole * (1.0f / 512.0f) - 5.0f;
+    Lanes beyond = (entry - whole - 0.5f) * (1.0f / 512.0f), steep = PICK((Lanes)left, (Lanes)right, 1, 3, 5, 7, 9, 11, 13, 15);
+    *inside = PICK((Lanes)left, (Lanes)right, 0, 2, 4, 6, 8, 10, 12, 14) - steep * beyond * (1.0f - 0.5f * z * beyond);
+    *density = steep * (1.0f - z * beyond);
 }
 
 /* Eight pixels of a disc: what is left of their grey values, and slopes by the eight numbers. */

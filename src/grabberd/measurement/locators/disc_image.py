@@ -58,15 +58,17 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
 def _looked_up(distance: Array) -> tuple[Array, Array]:
     """Look up an edge's profile and its slope at distances in σ.
 
-    The profile is continued by its slope between entries: otherwise it would jump by a tenth of a grey value.
+    Both are continued by their slopes between entries: otherwise rounding would decide between two entries.
     """
     profile, slope = edge_table()
     place = (distance + np.float32(REACH)) * np.float32(PER_SIGMA) + np.float32(0.5)
     place = place.clip(0, len(profile) - 1)
     entry = place.astype(np.intp)
     beyond = (place - entry.astype(np.float32) - np.float32(0.5)) * np.float32(1 / PER_SIGMA)
+    z = entry.astype(np.float32) * np.float32(1 / PER_SIGMA) - np.float32(REACH)
     density = slope.take(entry, mode="clip")
-    return profile.take(entry, mode="clip") - density * beyond, density
+    inside = profile.take(entry, mode="clip") - density * beyond * (1 - np.float32(0.5) * z * beyond)
+    return inside, density * (1 - z * beyond)
 
 
 @cache
