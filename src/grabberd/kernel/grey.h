@@ -59,8 +59,6 @@ void free_windows(Windows *);
 /* Places (count,) of the blobs in columns and rows, and their chords with room for all of a window's lines. */
 int fit_discs(const GreyPicture *, const GreySettings *, const Windows *, double noise, Place *places, Chords *);
 int line_shifts(const Chords *, const GreySettings *, int64_t lines, int64_t columns, LineShifts *);
-/* Leans (count,) of discs at columns and field lines, as smooth in these; `size`: lines, columns. */
-void leans_by_place(const double *lean, const double *column, const double *line, int64_t count, const double size[2], double *smooth);
 void shifts_unsolved(const Chords *, double jitter_px, LineShifts *);
 
 INLINE int64_t lines_of(const GreyPicture *picture) { return picture->rows * picture->y_step / LINES_APART; }

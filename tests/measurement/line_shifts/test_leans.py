@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grabberd.measurement.line_shifts.leans import leans_by_place
+from grabberd.measurement.line_shifts.leans import smoothed, terms_of
 from grabberd.measurement.line_shifts.line_shifts import line_shifts
 from grabberd.measurement.locators.locator import Chords
 
@@ -19,20 +19,20 @@ def test_a_quadratic_over_either_half_is_found():
     column, line = places()
     u, v = column % 360 / 180 - 1, line / 144 - 1
     lean = np.where(column < 360, 0.3 * v + 0.1 * u * v, -0.2 * v + 0.1 * v * v + 0.05)
-    np.testing.assert_allclose(leans_by_place(lean, column, line, SIZE), lean, atol=1e-3)
+    np.testing.assert_allclose(smoothed(lean, terms_of(column, line, SIZE)), lean, atol=1e-3)
 
 
 def test_leans_without_order_are_left_as_they_are():
     column, line = places(400)
     lean = np.random.default_rng(2).normal(0, 0.1, 400)
-    assert np.std(leans_by_place(lean, column, line, SIZE)) < 0.03
+    assert np.std(smoothed(lean, terms_of(column, line, SIZE))) < 0.03
 
 
 def test_a_half_with_few_discs_has_no_leans_of_its_own():
     column, line = places(40)
     column[:29] %= 360
     column[29:] = 360 + column[29:] % 360
-    smooth = leans_by_place(np.ones(40), column, line, SIZE)
+    smooth = smoothed(np.ones(40), terms_of(column, line, SIZE))
     np.testing.assert_allclose(smooth[:29], 1, atol=0.01)
     assert not smooth[29:].any()
 

@@ -1,9 +1,9 @@
 """Line shifts: the shift of each field line, common to all blobs of both views, solved for jointly.
 
-The middle of blob i on field line k is c_ik = x_i + a_i Δy + s_k + noise, with one shift s_k ~ N(0, σj²) a
-line and the lean a_i of a tilted disc, which resembles that of the discs around it (`leans`). x_i and a_i are
-eliminated, which leaves normal equations in the shifts whose bandwidth is the height of a blob. σj maximises
-the likelihood of the data. A shift common to all lines of a group of blobs moves them alike and cannot be
+The middle of blob i on field line k is c_ik = x_i + (a_i + t_i β) Δy + s_k + noise, with one shift
+s_k ~ N(0, σj²) a line, leans by place t_i β (`leans`) and the rest a_i of a tilted disc's lean. x_i and a_i are
+eliminated, which leaves normal equations in the shifts whose bandwidth is the height of a blob, bordered by
+those in β. σj maximises the likelihood of the data. A shift common to all lines of a group of blobs moves them alike and cannot be
 observed: its variance remains.
 """
 
@@ -12,19 +12,15 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
-from grabberd.measurement.line_shifts.leans import leans_by_place
+from grabberd.measurement.line_shifts.bands import band_factor, band_half_solve, band_of, band_solve
+from grabberd.measurement.line_shifts.leans import ANY_LEAN, Leans, smoothed, terms_of
 from grabberd.measurement.locators.locator import Chords
 from grabberd.measurement.locators.windows import LINES_APART
 
-ANY_LEAN = 0.5
-"""Standard deviation of a_i, columns per frame line, before anything is known of them: wide enough to
-draw no disc upright."""
-LEAN, WIDER = 0.06, 2.0
-"""Least standard deviation of a_i about the leans of discs at such places, and its ratio to the root mean
-square of what is seen of that. Any tighter, leans that a row has in common leak into its shifts, and no
-averaging removes them; any wider, the views' shifts are known less well (docs/decisions/0027)."""
+LEAN = 0.03
+"""Least standard deviation of a_i about the leans of discs at such places, otherwise the root mean square of
+what is seen of that."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))
 """Multiples of the expected line jitter whose likelihood is computed first; `REFINED`: of the best of
 these."""
@@ -70,15 +66,16 @@ def line_shifts(
     """
     column = _surest(chords)
     chords = chords._replace(centre=chords.centre - column)
+    terms = terms_of(column[:, 0], centre, size)
     first = _System.of(chords, centre, size[0], ANY_LEAN)
     residual, lean = first.residuals(expected_px)
-    smooth = leans_by_place(lean, column[:, 0], centre, size)
+    smooth = smoothed(lean, terms)
     # Outliers bend the shifts of whole lines.
     trusted = chords._replace(
         weight=chords.weight * _trust(residual), centre=chords.centre - smooth[:, np.newaxis] * first.beside
     )
     spread = float(np.sqrt(np.mean((lean - smooth) ** 2)))
-    system = _System.of(trusted, centre, size[0], max(WIDER * spread, LEAN))
+    system = _System.of(trusted, centre, size[0], max(spread, LEAN), terms)
     jitter_px = expected_px if known else system.likeliest_px(expected_px)
     common, beside = system.common_variance(jitter_px)
     x_px = (chords.share * system.shifts(jitter_px)[system.at]).sum(axis=1)
@@ -119,6 +116,7 @@ class _System(NamedTuple):
         solver: (N, 2, h), yields x and lean from the chords' middles.
         band: (h, L) normal matrix without σj, its diagonals from the main one down.
         right: (L,) right side.
+        leans: Leans by place, if they are unknowns too.
     """
 
     chords: Chords
@@ -127,9 +125,12 @@ class _System(NamedTuple):
     solver: Array
     band: Array
     right: Array
+    leans: Leans | None = None
 
     @classmethod
-    def of(cls, chords: Chords, centre: Array, lines: int, lean: float) -> "_System":
+    def of(
+        cls, chords: Chords, centre: Array, lines: int, lean: float, terms: Array | None = None
+    ) -> "_System":
         line = chords.line[:, np.newaxis] + np.arange(chords.centre.shape[1])
         beside = LINES_APART * (line - centre[:, np.newaxis])
         line = line.clip(0, lines - 1)
@@ -144,12 +145,21 @@ class _System(NamedTuple):
         weighted = chords.weight * (chords.centre - x - beside * lean_of)
         right: Array = np.bincount(at.ravel(), weighted.ravel(), count).astype(np.float64)
         band = band_of(at[:, row], at[:, column], matrix, (line.shape[1], count))
-        return cls(chords, at, beside, solver, band, right)
+        system = cls(chords, at, beside, solver, band, right)
+        return system if terms is None else system._replace(leans=system._bordering(terms))
+
+    def _bordering(self, terms: Array) -> Leans:
+        """Leans by place as unknowns beside the shifts."""
+        x, lean = (self.solver @ self.beside[:, :, np.newaxis]).transpose(1, 0, 2)
+        steep = self.chords.weight * (self.beside - x - lean * self.beside)
+        return Leans.of(terms, self.at, steep, self.beside, self.chords.centre, len(self.right))
 
     def likeliest_px(self, expected_px: float) -> float:
         """Find the most likely jitter among a few values, then among a few around the best."""
         tried_px = expected_px * TRIED
-        roughly_px = tried_px[np.argmax(self.log_likelihoods(tried_px, expected_px))]
+        # Leans by place are taken as they were found until then: these values are octaves apart.
+        roughly = self._replace(leans=None).log_likelihoods(tried_px, expected_px)
+        roughly_px = tried_px[np.argmax(roughly)]
         tried_px = roughly_px * REFINED
         return _peak(tried_px, self.log_likelihoods(tried_px, expected_px))
 
@@ -162,7 +172,11 @@ class _System(NamedTuple):
 
     def shifts(self, jitter_px: float) -> Array:
         """(L,) most likely shifts."""
-        return band_solve(band_factor(self.band, jitter_px**-2), self.right)
+        lower = band_factor(self.band, jitter_px**-2)
+        right = self.right
+        if self.leans is not None:
+            right = right - self.leans.shifts @ self.leans.left(lower, right).solution()
+        return band_solve(lower, right)
 
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
         """(N,) variance of x from errors of the shifts; for some, its covariance with x one line down."""
@@ -174,6 +188,9 @@ class _System(NamedTuple):
         shares = np.bincount(flat.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
         lower = band_factor(self.band, jitter_px**-2)
         halves = band_half_solve(lower, shares.reshape(len(both), -1).T).T
+        if self.leans is not None:
+            by_leans = self.leans.left(lower, self.right).half_solve(halves.T)
+            halves = np.concatenate([halves, by_leans.T], axis=1)
         own, below = halves[: len(self.at)], halves[len(self.at) :]
         return (own * own).sum(axis=1), (own[some] * below).sum(axis=1)
 
@@ -186,7 +203,11 @@ class _System(NamedTuple):
     def _log_likelihood(self, jitter_px: float) -> float:
         lower = band_factor(self.band, jitter_px**-2)
         fit = float(self.right @ band_solve(lower, self.right))
-        return 0.5 * fit - float(np.log(lower[0]).sum() + len(self.right) * np.log(jitter_px))
+        logs = float(np.log(lower[0]).sum() + len(self.right) * np.log(jitter_px))
+        if self.leans is not None:
+            left = self.leans.left(lower, self.right)
+            fit, logs = fit + float(left.rest @ left.rest), logs + float(np.log(np.diag(left.root)).sum())
+        return 0.5 * fit - logs
 
 
 def _solver(weight: Array, beside: Array, lean: float) -> Array:
@@ -209,37 +230,3 @@ def _peak(tried: Array, value: list[float]) -> float:
         return float(tried[int(np.argmax(value))])
     steps = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
     return float(tried[best] * (tried[1] / tried[0]) ** steps)
-
-
-def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, shape: tuple[int, int]) -> Array:
-    """Sum elements into a symmetric band matrix (h, count), its diagonals from the main one down.
-
-    Args:
-        row: Row of each element.
-        column: Column of each element, at most h − 1 less than its row.
-        value: The elements, of the same shape.
-        shape: h and the number of equations.
-    """
-    height, count = shape
-    flat = (row - column) * count + column
-    return np.bincount(flat.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
-
-
-def band_factor(band: Array, more: float) -> Array:
-    """(h, count) lower Cholesky factor of a band with `more` added to its main diagonal."""
-    own = band.copy(order="F")
-    own[0] += more
-    lower: Array = lapack.dpbtrf(own, lower=1, overwrite_ab=1)[0]
-    return lower
-
-
-def band_solve(lower: Array, right: Array) -> Array:
-    """Solve for right sides (count,) or (count, M), given the Cholesky factor."""
-    solution: Array = lapack.dpbtrs(lower, right, lower=1)[0]
-    return solution
-
-
-def band_half_solve(lower: Array, right: Array) -> Array:
-    """Apply L⁻¹ to right sides (count, M): products of the results are quadratic forms of the inverse."""
-    solution: Array = lapack.dtbtrs(lower, right, uplo="L")[0]
-    return solution
