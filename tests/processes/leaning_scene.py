@@ -136,12 +136,13 @@ def _draw(picture, rim, bright, spread_px):
     if (corner < 0).any() or corner[0] + WINDOW > COLUMNS or corner[1] + WINDOW > LINES:
         return
     at = (np.arange(WINDOW * FINE) + 0.5) / FINE - 0.5
-    place = np.stack(np.meshgrid(at + corner[0] - centre[0], at + corner[1] - centre[1]), axis=-1)
+    x, y = (at + corner[0] - centre[0])[np.newaxis], (at + corner[1] - centre[1])[:, np.newaxis]
     inverse = np.linalg.inv(axes)
-    round_place = place @ inverse.T
-    radius = np.linalg.norm(round_place, axis=-1)
-    steep = np.linalg.norm(round_place @ inverse, axis=-1) / np.maximum(radius, 1e-6)
-    fine = np.clip(0.5 - (radius - 1.0) / steep * FINE, 0.0, 1.0).astype(np.float32)
+    u, v = ((row[0] * x + row[1] * y).astype(np.float32) for row in inverse)
+    radius = np.sqrt(u * u + v * v)
+    along, across = (u * np.float32(one) + v * np.float32(other) for one, other in inverse.T)
+    steep = np.sqrt(along * along + across * across) / np.maximum(radius, np.float32(1e-6))
+    fine = np.clip(0.5 - (radius - 1.0) / steep * FINE, 0.0, 1.0)
     soft = cv2.GaussianBlur(fine, (0, 0), spread_px * FINE)
     coarse = soft.reshape(WINDOW, FINE, WINDOW, FINE).mean(axis=(1, 3))
     picture[corner[1] : corner[1] + WINDOW, corner[0] : corner[0] + WINDOW] += bright * coarse

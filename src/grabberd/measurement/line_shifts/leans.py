@@ -36,9 +36,7 @@ def terms_of(column: Array, line: Array, size: tuple[int, int]) -> Array:
     u = 4.0 * column / columns - np.where(right, 3.0, 1.0)
     v = 2.0 * line / lines - 1.0
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=1)
-    halves = [
-        np.where(half[:, np.newaxis] & (half.sum() >= ENOUGH), terms, 0.0) for half in (~right, right)
-    ]
+    halves = [np.where(half[:, np.newaxis] & (half.sum() >= ENOUGH), terms, 0.0) for half in (~right, right)]
     return np.concatenate(halves, axis=1)
 
 
@@ -110,6 +108,6 @@ class Leans(NamedTuple):
     def left(self, lower: Array, right: Array) -> Left:
         """Eliminate the shifts, given their band's Cholesky factor and right side (L,)."""
         half = band_half_solve(lower, self.shifts)
-        root = np.linalg.cholesky(self.own - half.T @ half)
+        root: Array = np.asarray(np.linalg.cholesky(self.own - half.T @ half), np.float64)
         rest: Array = solve_triangular(root, self.right - half.T @ band_half_solve(lower, right), lower=True)
         return Left(half, root, rest)

@@ -1,10 +1,10 @@
 """Line shifts: the shift of each field line, common to all blobs of both views, solved for jointly.
 
 The middle of blob i on field line k is c_ik = x_i + (a_i + t_i β) Δy + s_k + noise, with one shift
-s_k ~ N(0, σj²) a line, leans by place t_i β (`leans`) and the rest a_i of a tilted disc's lean. x_i and a_i are
-eliminated, which leaves normal equations in the shifts whose bandwidth is the height of a blob, bordered by
-those in β. σj maximises the likelihood of the data. A shift common to all lines of a group of blobs moves them alike and cannot be
-observed: its variance remains.
+s_k ~ N(0, σj²) a line, leans by place t_i β (`leans`) and the rest a_i of a tilted disc's lean. x_i and a_i
+are eliminated, which leaves normal equations in the shifts whose bandwidth is the height of a blob, bordered
+by those in β. σj maximises the likelihood of the data. A shift common to all lines of a group of blobs moves
+them alike and cannot be observed: its variance remains.
 """
 
 import math
