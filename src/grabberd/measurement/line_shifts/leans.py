@@ -48,7 +48,7 @@ def smoothed(lean: Array, terms: Array) -> Array:
 
 
 class Left(NamedTuple):
-    """What the shifts leave of the leans' equations, whose band matrix is L·Lᵀ.
+    """Rest of the leans' equations after eliminating the shifts, whose band matrix is L·Lᵀ.
 
     Attributes:
         half: (L, K) L⁻¹ of what ties the leans to the shifts.
