@@ -2905,6 +2905,11 @@ export interface components {
             /** Gain */
             gain: number | null;
             /**
+             * Evidence
+             * @description Log likelihood of the field over that of errors without any pattern.
+             */
+            evidence?: number | null;
+            /**
              * Length Px
              * @description Length of correlation, by view.
              */
