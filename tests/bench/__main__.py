@@ -10,6 +10,7 @@ from tests.bench import (
     accuracy,
     adjustment,
     analysis,
+    averaging,
     calibrated,
     content,
     content_found,
@@ -39,6 +40,7 @@ SOAK = "Soak: 50 Hz, clients that come and go, captures of all kinds"
 
 PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
+    "averaging": {"Static fields averaged: leaning discs, uneven mirrors": averaging.table},
     "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
     "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
     "analysis": {"From points to tension, against the simulated ellipse's truth": analysis.table},

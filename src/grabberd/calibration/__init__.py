@@ -50,6 +50,7 @@ from grabberd.calibration.statistics.blunders import Blunder, without_blunders
 from grabberd.calibration.statistics.cross_validation import Validation, cross_validate, spatial_blocks
 from grabberd.calibration.statistics.normality import Normality, normality
 from grabberd.calibration.statistics.significance import Elimination, eliminate, f_tests
+from grabberd.calibration.statistics.stated_covariance import with_stated_covariance
 from grabberd.calibration.statistics.view_comparison import Difference, compare
 from grabberd.calibration.statistics.volume_sigma import VolumeSigma, volume_sigma
 
@@ -113,6 +114,7 @@ __all__ = [
     "undecided",
     "volume_sigma",
     "with_glass",
+    "with_stated_covariance",
     "with_unmodelled",
     "without_blunders",
 ]

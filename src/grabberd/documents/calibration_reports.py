@@ -259,6 +259,9 @@ class LocalFieldTrial(Document):
         description="Root mean square of the residuals of held-out targets without and with it, by view."
     )
     gain: float | None
+    evidence: float | None = Field(
+        default=None, description="Log likelihood of the field over that of errors without any pattern."
+    )
     length_px: dict[str, float | None] = Field(description="Length of correlation, by view.")
     signal_px: dict[str, float | None] = Field(description="σ of the field, by view.")
     grids: list[ShiftGrid]

@@ -60,6 +60,13 @@ class LocalField:
             origin_px, step_px, _interpolating(_interpolating(shift).swapaxes(0, 1)).swapaxes(0, 1), edges
         )
 
+    @classmethod
+    def unknown(cls, first_column: int, end_column: int, lines: int, sigma_px: float) -> "LocalField":
+        """Make one of which only the size is known, the same everywhere."""
+        step = max(end_column - first_column, lines) / (_LEAST_NODES - 1)
+        nowhere = np.zeros((_LEAST_NODES, _LEAST_NODES, 2))
+        return cls.through((first_column - 0.5, -0.5), step, nowhere, nowhere + sigma_px)
+
     def at(self, xy_px: Array) -> Array:
         """(N, 2) float64 displacements in frame pixels at observed positions (N, 2)."""
         return self._value(self.shift_px, xy_px)

@@ -58,7 +58,7 @@ int windows_of(const GreyPicture *, const Seen *, double background, Windows *);
 void free_windows(Windows *);
 /* Places (count,) of the blobs in columns and rows, and their chords with room for all of a window's lines. */
 int fit_discs(const GreyPicture *, const GreySettings *, const Windows *, double noise, Place *places, Chords *);
-int line_shifts(const Chords *, const GreySettings *, int64_t lines, LineShifts *);
+int line_shifts(const Chords *, const GreySettings *, int64_t lines, int64_t columns, LineShifts *);
 void shifts_unsolved(const Chords *, double jitter_px, LineShifts *);
 
 INLINE int64_t lines_of(const GreyPicture *picture) { return picture->rows * picture->y_step / LINES_APART; }

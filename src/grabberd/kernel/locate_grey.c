@@ -53,7 +53,7 @@ static int steady(const GreyPicture *picture, const GreySettings *settings, cons
     found->reach_px = LINES_APART, found->jitter_px = NAN;
     if (settings->line_jitter_px == 0) return DONE;
     if (!settings->shifts_solved) shifts_unsolved(chords, settings->line_jitter_px, found);
-    else if (weighs(chords)) return line_shifts(chords, settings, lines_of(picture), found);
+    else if (weighs(chords)) return line_shifts(chords, settings, lines_of(picture), picture->columns, found);
     return DONE;
 }
 

@@ -1,4 +1,4 @@
-/* One Gauss–Newton step from the moments to the image of a disc (as template.py, disc_image.py). */
+/* One Gauss–Newton step from the moments to the image of a disc, and chords against that (as template.py, disc_image.py). */
 #include "grey.h"
 #include "lanes.h"
 
@@ -94,18 +94,22 @@ INLINE Lanes root_of(Lanes value) {
 INLINE void look_up(const GreySettings *settings, Lanes distance, Lanes *inside, Lanes *density) {
     Lanes entry = (distance + 5.0f) * 512.0f + 0.5f;
     entry = choose(entry > 0.0f, entry, all(0.0f));
-    WholeLanes at = __builtin_convertvector(choose(entry < EDGE_VALUES - 1.0f, entry, all(EDGE_VALUES - 1.0f)), WholeLanes);
+    entry = choose(entry < EDGE_VALUES - 1.0f, entry, all(EDGE_VALUES - 1.0f));
+    WholeLanes at = __builtin_convertvector(entry, WholeLanes);
     Pairs left = {settings->edge[at[0]], settings->edge[at[1]], settings->edge[at[2]], settings->edge[at[3]]};
     Pairs right = {settings->edge[at[4]], settings->edge[at[5]], settings->edge[at[6]], settings->edge[at[7]]};
-    *inside = PICK((Lanes)left, (Lanes)right, 0, 2, 4, 6, 8, 10, 12, 14);
-    *density = PICK((Lanes)left, (Lanes)right, 1, 3, 5, 7, 9, 11, 13, 15);
+    const Lanes whole = __builtin_convertvector(at, Lanes), z = whole * (1.0f / 512.0f) - 5.0f;
+    Lanes beyond = (entry - whole - 0.5f) * (1.0f / 512.0f), steep = PICK((Lanes)left, (Lanes)right, 1, 3, 5, 7, 9, 11, 13, 15);
+    *inside = PICK((Lanes)left, (Lanes)right, 0, 2, 4, 6, 8, 10, 12, 14) - steep * beyond * (1.0f - 0.5f * z * beyond);
+    *density = steep * (1.0f - z * beyond);
 }
 
-/* Eight pixels of a disc that does not lean: what is left of their grey values, and slopes by the eight numbers. */
+/* Eight pixels of a disc: what is left of their grey values, and slopes by the eight numbers. */
 INLINE void eight_pixels(const float disc[NUMBERS], float blurring_x, const GreySettings *settings, const Lanes pixel[3], Lanes slope[ROWS]) {
     const float narrow = 1.0f / disc[HALF_WIDTH], low = 1.0f / disc[HALF_HEIGHT];
-    const Lanes v = pixel[1] - disc[Y], u = (pixel[0] - disc[X]) * narrow, down = v * low;
-    Lanes radius2 = u * u + down * down + 1e-6f, across = u * narrow, along = down * low, along2 = along * along;
+    const Lanes v = pixel[1] - disc[Y], u = (pixel[0] - disc[X] - disc[LEAN] * v) * narrow, down = v * low;
+    Lanes radius2 = u * u + down * down + 1e-6f, across = u * narrow;
+    Lanes along = down * low - disc[LEAN] * u * narrow, along2 = along * along;
     Lanes sharp = 1.0f / root_of(blurring_x * (across * across) + disc[BLURRING] * along2 + 1e-6f);
     Lanes distance = (radius2 - root_of(radius2)) * sharp, density;
     look_up(settings, distance, slope + CONTRAST, &density);
@@ -174,20 +178,10 @@ WIDE static void solve(Quad normal[NUMBERS][ROWS], Quad step[NUMBERS], Quad *var
     *variance_x = inverse[X] + lower[Y][X] * lower[Y][X] * inverse[Y];
 }
 
-/* The disc after a step; what is left of the grey values is less. */
-WIDE static void improve(const double step[NUMBERS], Sheet *sheet, float disc[NUMBERS]) {
-    float *rest = sheet->design + REST * sheet->padded, own[NUMBERS];
-    for (int k = 0; k < NUMBERS; k++) {
-        own[k] = (float)smaller(larger(step[k], -LONGEST_STEP[k]), LONGEST_STEP[k]);
-        disc[k] += own[k];
-    }
+/* The disc after a step. */
+static void improve(const double step[NUMBERS], float disc[NUMBERS]) {
+    for (int k = 0; k < NUMBERS; k++) disc[k] += (float)smaller(larger(step[k], -LONGEST_STEP[k]), LONGEST_STEP[k]);
     for (int k = HALF_WIDTH; k <= HALF_HEIGHT; k++) disc[k] = disc[k] > SMALLEST_PX ? disc[k] : SMALLEST_PX;
-    for (int64_t i = 0; i < sheet->padded; i += EIGHT) {
-        Lanes sum = own[0] * lanes_at(sheet->design + i);
-        for (int k = 1; k < NUMBERS; k++) sum += own[k] * lanes_at(sheet->design + k * sheet->padded + i);
-        sum = lanes_at(rest + i) - sum;
-        memcpy(rest + i, &sum, sizeof sum);
-    }
 }
 
 /* Each line's own shift against the disc (as template._chords). */
@@ -245,20 +239,21 @@ static void fit_abreast(const GreyPicture *picture, const GreySettings *settings
                         int64_t first, int count, Sheet sheets[ABREAST], Place *places, Chords *chords) {
     float disc[ABREAST][NUMBERS];
     Quad normal[ROWS][ROWS] = {{{0}}}, steps[NUMBERS], variance_x, variance_y;
+    const float blurring_x = (float)(settings->spread_px * settings->spread_px + PIXEL);
     /* One kind of work after the other: what was just written is not read at once in other pieces. */
     for (int k = 0; k < count; k++) read_window(picture, windows, first + k, sheets + k);
     for (int k = 0; k < count; k++) start_of(sheets + k, settings->spread_px, disc[k]);
-    for (int k = 0; k < count; k++)
-        picture_disc(disc[k], (float)(settings->spread_px * settings->spread_px + PIXEL), settings, sheets + k);
+    for (int k = 0; k < count; k++) picture_disc(disc[k], blurring_x, settings, sheets + k);
     for (int k = 0; k < count; k++) products_of(sheets + k, k, normal);
     for (int k = 0; k < NUMBERS; k++) normal[k][k] += noise / PRIOR_SIGMA[k] * (noise / PRIOR_SIGMA[k]);
     solve(normal, steps, &variance_x, &variance_y);
     for (int k = 0; k < count; k++) {
         double step[NUMBERS];
         for (int i = 0; i < NUMBERS; i++) step[i] = steps[i][k];
-        improve(step, sheets + k, disc[k]);
+        improve(step, disc[k]);
         places[first + k].sigma_x = noise * sqrt(variance_x[k]), places[first + k].sigma_y = noise * sqrt(variance_y[k]);
     }
+    for (int k = 0; k < count; k++) picture_disc(disc[k], blurring_x, settings, sheets + k);
     for (int k = 0; k < count; k++) write_down(picture, windows, first + k, sheets + k, disc[k], noise, places, chords);
 }
 

@@ -81,7 +81,7 @@ def test_even_mirrors_have_no_local_field():
 
 
 def test_the_settings_say_what_is_accepted():
-    strict = LocalFieldSettings(significance=1e6)
+    strict = LocalFieldSettings(evidence=1e6)
     assert not try_local_fields(adjusted(uneven_network()), 576, strict).accepted
 
 

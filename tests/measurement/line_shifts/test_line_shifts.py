@@ -7,6 +7,7 @@ from grabberd.measurement.line_shifts.line_shifts import line_shifts, unsolved
 from grabberd.measurement.locators.locator import Chords
 
 LINES = 288
+SIZE = LINES, 720
 HEIGHT = 4
 
 
@@ -29,7 +30,7 @@ def made_up(seed, *, jitter=0.12, sigma=0.04, lean=0.08, rows=25, columns=12, wi
 
 def left_over(chords, centre, shift, expected=0.12):
     """What the shifts leave in x, and the estimate."""
-    found = line_shifts(chords, centre, LINES, expected)
+    found = line_shifts(chords, centre, SIZE, expected)
     line = chords.line[:, None] + np.arange(HEIGHT)
     return (chords.share * shift[line]).sum(axis=1) - found.x_px, found
 
@@ -38,6 +39,7 @@ def left_over(chords, centre, shift, expected=0.12):
 @pytest.mark.parametrize("expected", [0.06, 0.2])
 def test_the_line_jitter_comes_out_of_the_data(jitter, expected):
     found = [left_over(*made_up(seed, jitter=jitter), expected)[1].line_jitter_px for seed in range(40)]
+
     assert np.mean(found) == pytest.approx(jitter, rel=0.06)
 
 
@@ -70,7 +72,7 @@ def test_a_few_wild_blobs_do_no_harm_to_the_others():
 
 def test_a_lonely_blob_learns_nothing_and_says_so():
     chords, centre, _ = made_up(5, rows=1, columns=1)
-    found = line_shifts(chords, centre, LINES, 0.12)
+    found = line_shifts(chords, centre, SIZE, 0.12)
     assert abs(found.x_px[0]) < 0.05
     np.testing.assert_allclose(
         found.common_px, unsolved(chords.share, found.line_jitter_px).common_px, rtol=0.05
@@ -80,13 +82,13 @@ def test_a_lonely_blob_learns_nothing_and_says_so():
 def test_the_shifts_do_not_depend_on_the_order_of_the_blobs():
     chords, centre, _ = made_up(6)
     turned = Chords(*(values[::-1] for values in chords))
-    one, other = line_shifts(chords, centre, LINES, 0.12), line_shifts(turned, centre[::-1], LINES, 0.12)
+    one, other = line_shifts(chords, centre, SIZE, 0.12), line_shifts(turned, centre[::-1], SIZE, 0.12)
     np.testing.assert_allclose(one.x_px, other.x_px[::-1], atol=1e-9)
 
 
 def test_shares_without_chords_keep_the_whole_jitter():
     chords, centre, _ = made_up(7, rows=1)
     empty = chords._replace(weight=np.zeros_like(chords.weight))
-    found = line_shifts(empty, centre, LINES, 0.12)
+    found = line_shifts(empty, centre, SIZE, 0.12)
     assert not found.x_px.any()
     np.testing.assert_allclose(found.common_px, unsolved(chords.share, 0.12).common_px, rtol=1e-6)

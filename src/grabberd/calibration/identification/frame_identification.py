@@ -253,11 +253,12 @@ def _check_explained(
     if winner.found >= settings.least_share * count:
         check_count(name, winner.found, "targets that can be identified", settings.least_targets)
     if winner.found < settings.least_share * count or winner.rms_px > settings.most_rms_px:
+        explained = f"{winner.found} to {winner.rms_px:.2f} px" if winner.found else "none"
         raise MeasurementError(
             f"the {name} view does not show the calibration frame {frame.name}: of its {count} blobs the "
-            f"best hypothesis explains {winner.found} to {winner.rms_px:.2f} px, but "
-            f"{settings.least_share:.0%} to {settings.most_rms_px:g} px are needed "
-            f"({described(winner, half, frame)})",
+            f"best hypothesis explains {explained}, but "
+            f"{settings.least_share:.0%} to {settings.most_rms_px:g} px are needed"
+            + (f" ({described(winner, half, frame)})" if winner.found else ""),
             "check that the file belongs to this calibration frame, the rig's nominal geometry, and that "
             "nothing else reflects",
         )

@@ -1,5 +1,6 @@
 """Component search: restricted maximum likelihood over a grid that is refined step by step."""
 
+import math
 from collections.abc import Iterable
 from itertools import product
 from typing import TypeAlias
@@ -10,6 +11,7 @@ from grabberd.calibration.local_field.collocation import Collocation, Components
 
 Logs: TypeAlias = tuple[float, ...]
 
+_LENGTH, _NOISE, _PLACE = 1, 2, 3
 _START = ((-2.0, 0.0), (-0.5, 0.5, 1.5), (-1.0, 0.0), (-6.0, 0.0))
 _LIMITS = ((-10.0, 2.0), (-1.0, 3.0), (-5.0, 5.0), (-6.0, 4.0))
 """Binary logarithms: of the signal relative to what the trend leaves, of the length relative to the targets'
@@ -25,33 +27,47 @@ def most_likely(collocation: Collocation) -> Components:
     worse than stated, and only with its true σ can its errors be told from the signal.
     """
     search = _Search(collocation)
-    logs = max(search.grid(), key=search.value)
-    step = 0.5
-    while step >= _FINEST:
-        best = max(search.around(logs, step), key=search.value)
-        if search.value(best) > search.value(logs):
-            logs = best
-        else:
-            step /= 2
-    return search.components(logs)
+    return search.components(search.best())
+
+
+def evidence_of(collocation: Collocation, components: Components) -> float:
+    """Log likelihood of the most likely components over that of the best signal without any correlation."""
+    search = _Search(collocation)
+    alone = _Search(collocation, alone=True)
+    return search.value_of(components) - alone.value(alone.best())
 
 
 class _Search:
-    """Likelihoods by binary logarithms of the components, each computed once."""
+    """Likelihoods by binary logarithms of the components, each computed once; `alone`: of a signal that no
+    two image points share, which stands for all noise.
+    """
 
-    def __init__(self, collocation: Collocation) -> None:
+    def __init__(self, collocation: Collocation, *, alone: bool = False) -> None:
         self._collocation = collocation
         self._units = _left_px(collocation), _spacing_px(collocation), 1.0, 1.0
-        self._axes = 4 if collocation.by_places.any() else 3
+        axes = range(4 if collocation.by_places.any() else 3)
+        self._axes = [axis for axis in axes if not (alone and axis in (_LENGTH, _NOISE))]
+        self._alone = alone
         self._known: dict[Logs, float] = {}
+
+    def best(self) -> Logs:
+        """The best of the start values, improved until no neighbour is better."""
+        logs, step = max(self.grid(), key=self.value), 0.5
+        while step >= _FINEST:
+            best = max(self.around(logs, step), key=self.value)
+            if self.value(best) > self.value(logs):
+                logs = best
+            else:
+                step /= 2
+        return logs
 
     def grid(self) -> Iterable[Logs]:
         """Start values."""
-        return product(*_START[: self._axes])
+        return product(*(start if axis in self._axes else (0.0,) for axis, start in enumerate(_START)))
 
     def around(self, logs: Logs, step: float) -> Iterable[Logs]:
         """Neighbours along each axis, within the limits."""
-        for axis, sign in product(range(self._axes), (-1, 1)):
+        for axis, sign in product(self._axes, (-1, 1)):
             low, high = _LIMITS[axis]
             moved = min(max(logs[axis] + sign * step, low), high)
             yield (*logs[:axis], moved, *logs[axis + 1 :])
@@ -59,14 +75,18 @@ class _Search:
     def value(self, logs: Logs) -> float:
         """Log likelihood, with a prior that the given σ of noise is right to a factor of about two."""
         if logs not in self._known:
-            doubt = 0.5 * logs[2] ** 2
-            self._known[logs] = self._collocation.likelihood(self.components(logs)) - doubt
+            self._known[logs] = self.value_of(self.components(logs))
         return self._known[logs]
+
+    def value_of(self, components: Components) -> float:
+        """The same of components."""
+        return self._collocation.likelihood(components) - 0.5 * math.log2(components.noise) ** 2
 
     def components(self, logs: Logs) -> Components:
         """Convert the logarithms to components; held positions have no errors."""
         sizes = [unit * 2.0**log for unit, log in zip(self._units, logs, strict=False)]
-        return Components(sizes[0], sizes[1], sizes[2], sizes[3] if self._axes == 4 else 0.0)
+        found = Components(sizes[0], sizes[1], sizes[2], sizes[3] if _PLACE in self._axes else 0.0)
+        return found.uncorrelated if self._alone else found
 
 
 def _left_px(collocation: Collocation) -> float:

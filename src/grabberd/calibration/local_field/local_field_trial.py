@@ -1,8 +1,8 @@
-"""Trial of local fields: estimated from an adjustment's residuals, accepted only if they predict better.
+"""Trial of local fields: estimated from an adjustment's residuals, accepted only if they are there.
 
 Collocation separates them from the trend and from errors of the calibration frame; the views are then
-adjusted again to image points less the fields. They are accepted only if held-out targets are predicted
-better.
+adjusted again to image points less the fields. They are accepted only if errors of this pattern are far more
+likely than errors without any, and held-out targets are predicted better.
 """
 
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
 from grabberd.calibration.adjustment.levenberg_marquardt import AdjustmentSettings
 from grabberd.calibration.adjustment.network import Network
 from grabberd.calibration.local_field.collocation import Collocation, Components, Solution
-from grabberd.calibration.local_field.component_search import most_likely
+from grabberd.calibration.local_field.component_search import evidence_of, most_likely
 from grabberd.geometry import LocalField, parameter_derivatives, rays
 
 Array = NDArray[np.float64]
@@ -34,13 +34,12 @@ class LocalFieldSettings:
     """Criteria for accepting local fields.
 
     Attributes:
-        significance: Least decrease of the squared held-out errors, in standard errors.
-        relevance: Least relative decrease of their root mean square, because correlated noise is significant
-            too.
+        evidence: Least log likelihood of a smooth signal over that of errors without any pattern. What each
+            target's place in the certificate adds to its images hides a signal from the prediction of single
+            targets, but not from all of them together.
     """
 
-    significance: float = 2.0
-    relevance: float = 0.1
+    evidence: float = 6.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,7 +47,7 @@ class LocalFieldTrial:
     """Result of trying local fields.
 
     Attributes:
-        accepted: True if they predict held-out targets better by the margins of the settings.
+        accepted: True if the evidence is that of the settings, and held-out targets are predicted better.
         fields: One per view; None if nothing was accepted.
         adjustment: The views that belong to the fields, adjusted to image points less the fields; its σ are
             those estimated and taken as true, so σ0 is 1, since the fields have absorbed part of the
@@ -57,6 +56,7 @@ class LocalFieldTrial:
         held_out_px: (V, 2) RMS error per coordinate in each view of predicting a target left out: without
             field, with it.
         gain: Decrease of their squares in standard errors.
+        evidence: Log likelihood of the signal over that of errors without any pattern.
     """
 
     accepted: bool
@@ -65,6 +65,7 @@ class LocalFieldTrial:
     components: Components
     held_out_px: Array
     gain: float
+    evidence: float
 
 
 def try_local_fields(
@@ -92,17 +93,13 @@ def try_local_fields(
     rough = Solution(collocation, components.uncorrelated).held_out()
     gain = _gain(adjustment.network, rough, smooth)
     held_out_px = _rms(adjustment.network, rough, smooth)
-    if not _acceptable(rough, smooth, gain, settings or LocalFieldSettings()):
+    evidence = evidence_of(collocation, components)
+    if not (gain > 0 and evidence > (settings or LocalFieldSettings()).evidence):
         nothing = (None,) * len(adjustment.views)
-        return LocalFieldTrial(False, nothing, adjustment, components, held_out_px, gain)
+        return LocalFieldTrial(False, nothing, adjustment, components, held_out_px, gain, evidence)
     refined, solution = _refined(adjustment, located, components)
     fields = tuple(_field(solution, refined, view, lines) for view in range(len(refined.views)))
-    return LocalFieldTrial(True, fields, refined, components, held_out_px, gain)
-
-
-def _acceptable(rough: Array, smooth: Array, gain: float, settings: LocalFieldSettings) -> bool:
-    share = float(np.sqrt((smooth**2).sum() / (rough**2).sum()))
-    return gain > settings.significance and share < 1 - settings.relevance
+    return LocalFieldTrial(True, fields, refined, components, held_out_px, gain, evidence)
 
 
 def _located(network: Network, unmodelled_px: float) -> Network:

@@ -43,7 +43,8 @@ def steadied(seen: Seen, located: Located) -> Steadied:
         return Steadied(located.centres, np.full(len(seen.shapes), expected_px), LINES_APART, None)
     line = line_of_row(seen.packed, located.centres[chords.blob, 1])
     known = seen.settings.line_jitter_known
-    shifts = line_shifts(chords, line, lines_of(seen.packed), expected_px, known=known)
+    size = lines_of(seen.packed), seen.packed.columns
+    shifts = line_shifts(chords, line, size, expected_px, known=known)
     steady = _corrected(located.centres, chords.blob, shifts)
     return steady._replace(line_jitter_px=None) if known else steady
 

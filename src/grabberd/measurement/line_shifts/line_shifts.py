@@ -1,9 +1,10 @@
 """Line shifts: the shift of each field line, common to all blobs of both views, solved for jointly.
 
-The middle of blob i on field line k is c_ik = x_i + a_i Δy + s_k + noise, with one shift s_k ~ N(0, σj²) a
-line and a small lean a_i of a tilted disc. x_i and a_i are eliminated, which leaves normal equations in the
-shifts whose bandwidth is the height of a blob. σj maximises the likelihood of the data. A shift common to all
-lines of a group of blobs moves them alike and cannot be observed: its variance remains.
+The middle of blob i on field line k is c_ik = x_i + (a_i + t_i β) Δy + s_k + noise, with one shift
+s_k ~ N(0, σj²) a line, leans by place t_i β (`leans`) and the rest a_i of a tilted disc's lean. x_i and a_i
+are eliminated, which leaves normal equations in the shifts whose bandwidth is the height of a blob, bordered
+by those in β. σj maximises the likelihood of the data. A shift common to all lines of a group of blobs moves
+them alike and cannot be observed: its variance remains.
 """
 
 import math
@@ -11,23 +12,21 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lapack
 
+from grabberd.measurement.line_shifts.bands import band_factor, band_half_solve, band_of, band_solve
+from grabberd.measurement.line_shifts.leans import ANY_LEAN, Leans, smoothed, terms_of
 from grabberd.measurement.locators.locator import Chords
 from grabberd.measurement.locators.windows import LINES_APART
 
-LEAN = 0.1
-"""Least standard deviation of a_i, columns per frame line. Estimated from the data alone it came out too
-small, and leans leaked into the shifts: .019 px of error in x that no averaging removed
-(docs/decisions/0006)."""
+LEAN = 0.03
+"""Least standard deviation of a_i about the leans of discs at such places, otherwise the root mean square of
+what is seen of that."""
 TRIED = np.exp2(np.arange(-4.0, 3.0))
 """Multiples of the expected line jitter whose likelihood is computed first; `REFINED`: of the best of
 these."""
 REFINED = np.exp2(np.arange(-2.0, 3.0) / 4.0)
 UNSURE = 2.0
 """Prior standard deviation of the logarithm of the expected line jitter."""
-MEDIAN_OF_SQUARES = 0.455
-"""Median of the squares of standard normal numbers, which outliers do not move."""
 OUTLYING = 4.0
 """Residual in standard deviations beyond which a chord is weighted down."""
 TINY = float(np.finfo(np.float64).tiny)
@@ -54,35 +53,38 @@ class LineShifts(NamedTuple):
 
 
 def line_shifts(
-    chords: Chords, centre: Array, lines: int, expected_px: float, *, known: bool = False
+    chords: Chords, centre: Array, size: tuple[int, int], expected_px: float, *, known: bool = False
 ) -> LineShifts:
     """Solve for the shifts of a field's lines.
 
     Args:
         chords: Chords of N blobs of both views, at least one.
         centre: (N,) float64, field line of each blob's centre, fractions included.
-        lines: Number of lines in the field.
+        size: Lines and columns of the field.
         expected_px: Line jitter expected; a weak prior beside the data.
         known: True if the line jitter is known and not to be estimated.
     """
-    chords = chords._replace(centre=_from_the_surest(chords))
-    system = _System.of(chords, centre, lines, LEAN)
-    residual, lean = system.residuals(expected_px)
-    # Outliers bend the shifts of whole lines, and a prior too tight for the discs' leans leaks them into the
-    # shifts (docs/decisions/0006); both show in the residuals, and one repetition cures them.
-    if lean > LEAN or np.abs(residual).max() > OUTLYING:
-        trusted = chords._replace(weight=chords.weight * _trust(residual))
-        system = _System.of(trusted, centre, lines, max(lean, LEAN))
+    column = _surest(chords)
+    chords = chords._replace(centre=chords.centre - column)
+    terms = terms_of(column[:, 0], centre, size)
+    first = _System.of(chords, centre, size[0], ANY_LEAN)
+    residual, lean = first.residuals(expected_px)
+    smooth = smoothed(lean, terms)
+    # Outliers bend the shifts of whole lines.
+    trusted = chords._replace(
+        weight=chords.weight * _trust(residual), centre=chords.centre - smooth[:, np.newaxis] * first.beside
+    )
+    spread = float(np.sqrt(np.mean((lean - smooth) ** 2)))
+    system = _System.of(trusted, centre, size[0], max(spread, LEAN), terms)
     jitter_px = expected_px if known else system.likeliest_px(expected_px)
     common, beside = system.common_variance(jitter_px)
     x_px = (chords.share * system.shifts(jitter_px)[system.at]).sum(axis=1)
     return LineShifts(x_px, np.sqrt(common), _reach_px(common[::ASKED_BESIDE], beside), jitter_px)
 
 
-def _from_the_surest(chords: Chords) -> Array:
-    """(N, h) middles of the chords relative to each blob's best one: small numbers round less."""
-    surest = chords.weight.argmax(axis=1)[:, np.newaxis]
-    return chords.centre - np.take_along_axis(chords.centre, surest, axis=1)
+def _surest(chords: Chords) -> Array:
+    """(N, 1) middle of each blob's best chord: relative to it numbers are small and round less."""
+    return np.take_along_axis(chords.centre, chords.weight.argmax(axis=1)[:, np.newaxis], axis=1)
 
 
 def unsolved(share: Array, jitter_px: float) -> LineShifts:
@@ -111,22 +113,24 @@ class _System(NamedTuple):
         chords: Chords of N blobs.
         at: (N, h) int64, equation of each chord.
         beside: (N, h) float64, Δy of each chord, frame lines.
-        lean: Standard deviation of the blobs' leans.
         solver: (N, 2, h), yields x and lean from the chords' middles.
         band: (h, L) normal matrix without σj, its diagonals from the main one down.
         right: (L,) right side.
+        leans: Leans by place, if they are unknowns too.
     """
 
     chords: Chords
     at: NDArray[np.int64]
     beside: Array
-    lean: float
     solver: Array
     band: Array
     right: Array
+    leans: Leans | None = None
 
     @classmethod
-    def of(cls, chords: Chords, centre: Array, lines: int, lean: float) -> "_System":
+    def of(
+        cls, chords: Chords, centre: Array, lines: int, lean: float, terms: Array | None = None
+    ) -> "_System":
         line = chords.line[:, np.newaxis] + np.arange(chords.centre.shape[1])
         beside = LINES_APART * (line - centre[:, np.newaxis])
         line = line.clip(0, lines - 1)
@@ -141,12 +145,21 @@ class _System(NamedTuple):
         weighted = chords.weight * (chords.centre - x - beside * lean_of)
         right: Array = np.bincount(at.ravel(), weighted.ravel(), count).astype(np.float64)
         band = band_of(at[:, row], at[:, column], matrix, (line.shape[1], count))
-        return cls(chords, at, beside, lean, solver, band, right)
+        system = cls(chords, at, beside, solver, band, right)
+        return system if terms is None else system._replace(leans=system._bordering(terms))
+
+    def _bordering(self, terms: Array) -> Leans:
+        """Leans by place as unknowns beside the shifts."""
+        x, lean = (self.solver @ self.beside[:, :, np.newaxis]).transpose(1, 0, 2)
+        steep = self.chords.weight * (self.beside - x - lean * self.beside)
+        return Leans.of(terms, self.at, steep, self.beside, self.chords.centre, len(self.right))
 
     def likeliest_px(self, expected_px: float) -> float:
         """Find the most likely jitter among a few values, then among a few around the best."""
         tried_px = expected_px * TRIED
-        roughly_px = tried_px[np.argmax(self.log_likelihoods(tried_px, expected_px))]
+        # Leans by place are taken as they were found until then: these values are octaves apart.
+        roughly = self._replace(leans=None).log_likelihoods(tried_px, expected_px)
+        roughly_px = tried_px[np.argmax(roughly)]
         tried_px = roughly_px * REFINED
         return _peak(tried_px, self.log_likelihoods(tried_px, expected_px))
 
@@ -159,7 +172,11 @@ class _System(NamedTuple):
 
     def shifts(self, jitter_px: float) -> Array:
         """(L,) most likely shifts."""
-        return band_solve(band_factor(self.band, jitter_px**-2), self.right)
+        lower = band_factor(self.band, jitter_px**-2)
+        right = self.right
+        if self.leans is not None:
+            right = right - self.leans.shifts @ self.leans.left(lower, right).solution()
+        return band_solve(lower, right)
 
     def common_variance(self, jitter_px: float) -> tuple[Array, Array]:
         """(N,) variance of x from errors of the shifts; for some, its covariance with x one line down."""
@@ -171,23 +188,26 @@ class _System(NamedTuple):
         shares = np.bincount(flat.ravel(), share.ravel(), len(both) * len(self.right)).astype(np.float64)
         lower = band_factor(self.band, jitter_px**-2)
         halves = band_half_solve(lower, shares.reshape(len(both), -1).T).T
+        if self.leans is not None:
+            by_leans = self.leans.left(lower, self.right).half_solve(halves.T)
+            halves = np.concatenate([halves, by_leans.T], axis=1)
         own, below = halves[: len(self.at)], halves[len(self.at) :]
         return (own * own).sum(axis=1), (own[some] * below).sum(axis=1)
 
-    def residuals(self, jitter_px: float) -> tuple[Array, float]:
-        """(N, h) residuals of the chords in units of σ, 0 where there is none; and the σ of the blobs'
-        leans.
-        """
+    def residuals(self, jitter_px: float) -> tuple[Array, Array]:
+        """(N, h) residuals of the chords in units of σ, 0 where there is none; and the blobs' leans (N,)."""
         straight = self.chords.centre - self.shifts(jitter_px)[self.at]
         x, lean = (self.solver @ straight[:, :, np.newaxis]).transpose(1, 0, 2)
-        residual = (straight - x - lean * self.beside) * np.sqrt(self.chords.weight)
-        unsure = self.lean**2 * (1.0 - (self.solver[:, 1] * self.beside).sum(axis=1))
-        return residual, float(np.sqrt(np.median(lean**2) / MEDIAN_OF_SQUARES + unsure.mean()))
+        return (straight - x - lean * self.beside) * np.sqrt(self.chords.weight), lean[:, 0]
 
     def _log_likelihood(self, jitter_px: float) -> float:
         lower = band_factor(self.band, jitter_px**-2)
         fit = float(self.right @ band_solve(lower, self.right))
-        return 0.5 * fit - float(np.log(lower[0]).sum() + len(self.right) * np.log(jitter_px))
+        logs = float(np.log(lower[0]).sum() + len(self.right) * np.log(jitter_px))
+        if self.leans is not None:
+            left = self.leans.left(lower, self.right)
+            fit, logs = fit + float(left.rest @ left.rest), logs + float(np.log(np.diag(left.root)).sum())
+        return 0.5 * fit - logs
 
 
 def _solver(weight: Array, beside: Array, lean: float) -> Array:
@@ -210,37 +230,3 @@ def _peak(tried: Array, value: list[float]) -> float:
         return float(tried[int(np.argmax(value))])
     steps = min(max(0.5 * (before - after) / bend, -1.0), 1.0)
     return float(tried[best] * (tried[1] / tried[0]) ** steps)
-
-
-def band_of(row: NDArray[np.int64], column: NDArray[np.int64], value: Array, shape: tuple[int, int]) -> Array:
-    """Sum elements into a symmetric band matrix (h, count), its diagonals from the main one down.
-
-    Args:
-        row: Row of each element.
-        column: Column of each element, at most h − 1 less than its row.
-        value: The elements, of the same shape.
-        shape: h and the number of equations.
-    """
-    height, count = shape
-    flat = (row - column) * count + column
-    return np.bincount(flat.ravel(), value.ravel(), height * count).reshape(shape).astype(np.float64)
-
-
-def band_factor(band: Array, more: float) -> Array:
-    """(h, count) lower Cholesky factor of a band with `more` added to its main diagonal."""
-    own = band.copy(order="F")
-    own[0] += more
-    lower: Array = lapack.dpbtrf(own, lower=1, overwrite_ab=1)[0]
-    return lower
-
-
-def band_solve(lower: Array, right: Array) -> Array:
-    """Solve for right sides (count,) or (count, M), given the Cholesky factor."""
-    solution: Array = lapack.dpbtrs(lower, right, lower=1)[0]
-    return solution
-
-
-def band_half_solve(lower: Array, right: Array) -> Array:
-    """Apply L⁻¹ to right sides (count, M): products of the results are quadratic forms of the inverse."""
-    solution: Array = lapack.dtbtrs(lower, right, uplo="L")[0]
-    return solution

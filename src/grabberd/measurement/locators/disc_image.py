@@ -56,10 +56,19 @@ def disc_images(discs: Array, x_px: Array, y_px: Array, blurring_x: float) -> tu
 
 
 def _looked_up(distance: Array) -> tuple[Array, Array]:
-    """Look up an edge's profile and its slope at distances in σ."""
-    entry = ((distance + np.float32(REACH)) * np.float32(PER_SIGMA) + np.float32(0.5)).astype(np.intp)
-    inside, density = edge_table()
-    return inside.take(entry, mode="clip"), density.take(entry, mode="clip")
+    """Look up an edge's profile and its slope at distances in σ.
+
+    Both are continued by their slopes between entries: otherwise rounding would decide between two entries.
+    """
+    profile, slope = edge_table()
+    place = (distance + np.float32(REACH)) * np.float32(PER_SIGMA) + np.float32(0.5)
+    place = place.clip(0, len(profile) - 1)
+    entry = place.astype(np.intp)
+    beyond = (place - entry.astype(np.float32) - np.float32(0.5)) * np.float32(1 / PER_SIGMA)
+    z = entry.astype(np.float32) * np.float32(1 / PER_SIGMA) - np.float32(REACH)
+    density = slope.take(entry, mode="clip")
+    inside = profile.take(entry, mode="clip") - density * beyond * (1 - np.float32(0.5) * z * beyond)
+    return inside, density * (1 - z * beyond)
 
 
 @cache

@@ -19,7 +19,6 @@ from grabberd.calibration import (
     Network,
     Unknowns,
     Validation,
-    VolumeSigma,
     check_depth,
     check_rank,
     compare,
@@ -36,6 +35,7 @@ from grabberd.calibration import (
     try_local_fields,
     undecided,
     volume_sigma,
+    with_stated_covariance,
     with_unmodelled,
     without_blunders,
 )
@@ -88,6 +88,7 @@ def calibrate(
     network = network_of(images, identification, frame, settings)
     network = network.starting_from([*_held_as_built(network.views, nominal, settings)])
     done, local = _explained(network, settings, nominal)
+    final = _final(done, local, settings)
     validation, unvalidated = _validated(done.adjustment)
     still_left, still_right = (stillness(*one) for one in zip(seen, images, strict=True))
     pointing_px = _pointing_px(images)
@@ -104,10 +105,11 @@ def calibrate(
         blunders=done.blunders,
         unmodelled_px=done.unmodelled_px,
         local=local,
+        final=final,
         differences=compare(done.adjustment),
         normality=normality(done.adjustment),
         validation=validation,
-        volume=_volume(done, local, pointing_px),
+        volume=volume_sigma(final, pointing_px, local_fields=local.fields if local else ()),
         pointing_px=pointing_px,
         unvalidated=unvalidated,
         stillness=(still_left, still_right),
@@ -284,11 +286,11 @@ def _local(done: _Adjusted, nominal: NominalRig, settings: CalibrateSettings) ->
     return try_local_fields(done.adjustment, nominal.lines, unmodelled_px=done.unmodelled_px)
 
 
-def _volume(done: _Adjusted, local: LocalFieldTrial | None, pointing_px: tuple[float, float]) -> VolumeSigma:
-    """Expected σ of the final calibration over the volume."""
-    if local is None:
-        return volume_sigma(done.adjustment, pointing_px)
-    return volume_sigma(local.adjustment, pointing_px, local_fields=local.fields)
+def _final(done: _Adjusted, local: LocalFieldTrial | None, settings: CalibrateSettings) -> Adjustment:
+    """The calibration's own adjustment, with all that is not known of it."""
+    adjustment = local.adjustment if local else done.adjustment
+    unknowns = Unknowns.of(adjustment.views, settings.free, shared=settings.shared, tied=settings.tied)
+    return with_stated_covariance(adjustment, unknowns)
 
 
 def _pointing_px(images: tuple[MeanImages, MeanImages]) -> tuple[float, float]:

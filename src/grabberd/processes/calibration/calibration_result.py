@@ -22,7 +22,7 @@ from grabberd.calibration import (
     VolumeSigma,
 )
 from grabberd.errors import InputError, MeasurementError
-from grabberd.geometry import PARAMETERS, Calibration, NominalRig, Rig, View, project_all
+from grabberd.geometry import PARAMETERS, Calibration, LocalField, NominalRig, Rig, View, project_all
 from grabberd.measurement import LocationSettings
 from grabberd.reconstruction import ImageNoise, ObjectModel, ViewBlobs, intersect
 
@@ -76,6 +76,8 @@ class CalibrateResult:
         blunders: image points left out.
         unmodelled_px: σ added to every image point so that σ0 is 1.
         local: trial of local fields, None if not requested; if accepted, the final views are its views.
+        final: adjustment of which the calibration has its views and their covariance, dropped parameters
+            included.
         differences: comparison of the two views' parameters.
         normality: tests of the residuals for normality.
         volume: expected σ over the volume, for one field's `pointing_px`.
@@ -99,6 +101,7 @@ class CalibrateResult:
     blunders: tuple[Blunder, ...]
     unmodelled_px: float
     local: LocalFieldTrial | None
+    final: Adjustment
     differences: tuple[Difference, ...]
     normality: tuple[Normality, ...]
     validation: Validation | None
@@ -110,14 +113,22 @@ class CalibrateResult:
     view_sigma_px: tuple[float, float]
 
     @property
-    def final(self) -> Adjustment:
-        """The adjustment from which the calibration's views and covariance are taken."""
-        return self.local.adjustment if self.local else self.adjustment
-
-    @property
     def views(self) -> tuple[View, ...]:
         """The views as calibrated."""
         return self.final.views
+
+    @property
+    def local_fields(self) -> tuple[LocalField | None, LocalField | None]:
+        """Local field of each view, learned or only of a known size; None if the model leaves nothing."""
+        if self.local and self.local.accepted:
+            return self.local.fields[0], self.local.fields[1]
+        if not self.unmodelled_px:
+            return None, None
+        left, right = (
+            LocalField.unknown(*half, self.nominal.lines, self.unmodelled_px)
+            for half in (self.nominal.left, self.nominal.right)
+        )
+        return left, right
 
     def calibration(
         self,
@@ -132,7 +143,6 @@ class CalibrateResult:
         Raises:
             MeasurementError: it cannot be read back from its document, or not be used.
         """
-        trial = self.local
         left, right = self.views
         calibration = Calibration(
             id=name,
@@ -145,7 +155,7 @@ class CalibrateResult:
             covariance=self.final.parameter_covariance,
             sigma0_px=self.adjustment.sigma0_px,
             glass=glass,
-            local_fields=(trial.fields[0], trial.fields[1]) if trial else (None, None),
+            local_fields=self.local_fields,
             details=details,
         )
         return read_back(calibration, self.frame.xyz_mm)

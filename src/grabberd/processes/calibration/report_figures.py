@@ -65,6 +65,7 @@ def local_field_document(result: CalibrateResult) -> dict[str, Any] | None:
         "accepted": trial.accepted,
         "held_out_rms_px": held_out,
         "gain": number(trial.gain),
+        "evidence": number(trial.evidence),
         "length_px": {view.name: number(trial.components.length_px) for view in views},
         "signal_px": {view.name: number(trial.components.signal_px) for view in views},
         "grids": grids,

@@ -3032,6 +3032,11 @@ export interface components {
             /** Gain */
             gain: number | null;
             /**
+             * Evidence
+             * @description Log likelihood of the field over that of errors without any pattern.
+             */
+            evidence?: number | null;
+            /**
              * Length Px
              * @description Length of correlation, by view.
              */

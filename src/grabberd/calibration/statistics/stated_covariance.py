@@ -1,0 +1,33 @@
+"""Stated covariance: what is not known of the views, whatever the tests and the weights made of it."""
+
+from dataclasses import replace
+
+from grabberd.calibration.adjustment.adjustment import Adjustment, adjust
+from grabberd.calibration.adjustment.unknowns import Unknowns
+
+
+def with_stated_covariance(adjusted: Adjustment, unknowns: Unknowns) -> Adjustment:
+    """Copy with the covariance of all unknowns, those included that tests have dropped.
+
+    A term that is not significant is not known to be zero: without it the covariance of the others came out
+    too small. Nor do residuals smaller than the given σ make these smaller, since positions of targets hardly
+    have any redundancy: a σ0 below 1 is no reason to trust the calibration frame's certificate more.
+
+    Args:
+        adjusted: The solution, whose views and positions stay as they are.
+        unknowns: All unknowns before any test.
+
+    Raises:
+        MeasurementError: As `adjust`.
+    """
+    whole = adjust(adjusted.network.starting_from(adjusted.views), unknowns)
+    trusted = min(whole.sigma0, 1.0) ** 2
+    return replace(
+        whole,
+        views=adjusted.views,
+        xyz_mm=adjusted.xyz_mm,
+        covariance=whole.covariance / trusted,
+        place_covariance_mm2=whole.place_covariance_mm2 / trusted,
+        place_coupling=whole.place_coupling / trusted,
+        sigma0=max(whole.sigma0, 1.0),
+    )
