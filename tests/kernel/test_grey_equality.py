@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from grabberd.field import Field, double_lines, quantise
@@ -42,6 +42,7 @@ def assert_jitter_is_same(expected, found, relative):
         assert found.line_jitter_px == pytest.approx(expected.line_jitter_px, rel=relative)
 
 
+@example(2, "holes", (18, 2), 6, False, 0.0, None)
 @settings(max_examples=120, deadline=None)
 @given(
     st.integers(0, 2**31),
@@ -58,7 +59,9 @@ def test_of_any_picture(seed, kind, size, bits, doubled, jitter_px, shifts):
     packed = quantise(double_lines(field) if doubled else field, bits, 80)
     wanted = LocationSettings(min_diameter_px=0.5, line_jitter_px=jitter_px, line_shifts=shifts)
     expected, found = both(packed, wanted)
-    assert (np.abs(found.xy_px - expected.xy_px) <= SHARE_OF_SIGMA * expected.sigma_px + SINGLE_PX).all()
+    # Solving multiplies what rounding does to the normal equations by the variance: 9 px² if 2 px wide.
+    undetermined = expected.sigma_px * np.maximum(expected.sigma_px, 1)
+    assert (np.abs(found.xy_px - expected.xy_px) <= SHARE_OF_SIGMA * undetermined + SINGLE_PX).all()
     assert np.allclose(found.sigma_px, expected.sigma_px, rtol=SHARE_OF_SIGMA)
     assert np.allclose(found.common_px, expected.common_px, rtol=1e-3, atol=1e-4)
     assert_jitter_is_same(expected, found, 1e-3)
