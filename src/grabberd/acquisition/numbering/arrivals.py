@@ -37,7 +37,7 @@ class Way(NamedTuple):
         return self._replace(periods=self.periods + periods)
 
     def is_far_longer_than(self, periods: float) -> bool:
-        """True if a field has come by a way that is much shorter."""
+        """True if a way of so many periods is much shorter."""
         return periods < self.periods - _ALIKE
 
     def after(self, periods: float) -> "Way":
@@ -88,8 +88,12 @@ class Arrivals:
         """True once stamps are known to come from somewhere else than the arrival: they vary against it."""
         return self._variations >= _VARIATIONS
 
-    def may_be(self, arrival: Arrival, stamp_ns: int) -> bool:
-        """True if a believed stamp may be the time of its field's arrival, as those before it may."""
+    def compare(self, arrival: Arrival, stamp_ns: int) -> bool:
+        """Compare an arrival with its field's stamp, if that is believed.
+
+        Returns:
+            True if the stamp may be the time of the arrival, as those before it may.
+        """
         if arrival.time_ns is None:
             return False
         varied = False

@@ -176,7 +176,7 @@ class FieldNumbering:
         parity = grabbed.field.parity
         time_ns, doubt = self._stamps.look(grabbed.time_ns, now_ns, interrupted=bool(self._interruption))
         arrival = self._arrivals.look(parity, now_ns)
-        stamped_on_arrival = doubt is None and self._arrivals.may_be(arrival, grabbed.time_ns)
+        stamped_on_arrival = doubt is None and self._arrivals.compare(arrival, grabbed.time_ns)
         return Pending(
             parity,
             parity if self._has_parity else None,
