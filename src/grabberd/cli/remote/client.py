@@ -7,17 +7,18 @@ read. It is sent only to the given address and never follows a redirect.
 import http.client
 import json
 import os
-import shutil
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from grabberd.errors import GrabberdError, InputError, NotReady
+from grabberd.storage.disk import scratch_folder, storage_errors
 
 TIMEOUT_S = 15.0
+_PART_BYTES = 1 << 16
 TOKEN_VARIABLE = "GRABBERD_TOKEN"  # noqa: S105 - its name
 HINT = "it must hold one line, as printed by 'grabberd token add'"
 
@@ -37,10 +38,26 @@ class Daemon(NamedTuple):
         with self._open(path, method, None if body is None else json.dumps(body).encode()) as answer:
             return json.load(answer)
 
-    def download(self, path: str, out: Path) -> None:
-        """Save the daemon's answer to a file."""
-        with self._open(path, "GET", None) as answer, out.open("wb") as file:
-            shutil.copyfileobj(answer, file)
+    def download(self, path: str, out: Path, check: Callable[[Path], None] | None = None) -> None:
+        """Save the daemon's answer to a file, which has its name only once it is whole.
+
+        Args:
+            path: What to ask for.
+            out: The file.
+            check: Reads the whole file and raises an error if it is not what was asked for.
+
+        Raises:
+            NotReady: The answer broke off.
+            StorageError: The file cannot be written.
+        """
+        with scratch_folder(out.parent) as folder:
+            whole = folder / out.name
+            with self._open(path, "GET", None) as answer:
+                _save(answer, whole, self.url)
+            if check is not None:
+                check(whole)
+            with storage_errors(out):
+                whole.rename(out)
 
     @contextmanager
     def _open(self, path: str, method: str, data: bytes | None) -> Iterator[http.client.HTTPResponse]:
@@ -56,6 +73,21 @@ class Daemon(NamedTuple):
             raise _refusal(error) from None
         except (OSError, ValueError) as error:
             raise NotReady(f"no daemon answers at {self.url}: {error}", "start one: grabberd serve") from None
+
+
+def _save(answer: http.client.HTTPResponse, out: Path, url: str) -> None:
+    expected, saved = answer.length, 0
+    with storage_errors(out):
+        file = out.open("wb")
+    with file:
+        # An error of the connection is not one of the disk: only writing stands inside `storage_errors`.
+        while part := answer.read(_PART_BYTES):
+            saved += len(part)
+            with storage_errors(out):
+                file.write(part)
+    if expected is not None and saved != expected:
+        hint = "try again; the daemon still has all of it"
+        raise NotReady(f"the answer of {url} broke off after {saved} of {expected} bytes", hint)
 
 
 class _NoRedirects(urllib.request.HTTPRedirectHandler):

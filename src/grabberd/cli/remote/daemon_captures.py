@@ -9,7 +9,8 @@ from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
 from grabberd.cli.options import check_absent, end_as_ctrl_c_does, group_file, progress_console, warn
 from grabberd.cli.remote.client import Daemon
-from grabberd.errors import Conflict
+from grabberd.errors import CaptureFileError, Conflict
+from grabberd.storage import CaptureReader
 
 POLL_S = 0.2
 GOING_ON = ("armed", "recording", "sealing")
@@ -29,7 +30,7 @@ def capture_through(daemon: Daemon, device: str | None, request: JsonObject, out
     """
     end_as_ctrl_c_does()
     ended = _ended(daemon, CAPTURES, {**request, "device": device})
-    daemon.download(f"{CAPTURES}/{ended['id']}/file", out)
+    _fetch(daemon, ended, out)
     return ended
 
 
@@ -53,8 +54,24 @@ def capture_group_through(
     check_absent(*(group_file(out, name) for name in names))
     ended = _ended(daemon, GROUPS, {**request, "devices": names})
     for one in ended["captures"]:
-        daemon.download(f"{CAPTURES}/{one['id']}/file", group_file(out, one["device"]))
+        _fetch(daemon, one, group_file(out, one["device"]))
     return ended
+
+
+def _fetch(daemon: Daemon, capture: JsonObject, out: Path) -> None:
+    """Download a capture's file, and read it before it is given its name."""
+
+    def check(file: Path) -> None:
+        with CaptureReader(file) as reader:
+            counts = {str(outcome): count for outcome, count in reader.ledger.counts().items()}
+            if (reader.meta.id, counts) != (capture["id"], capture["ledger"]["counts"]):
+                raise CaptureFileError(
+                    f"the file of {reader.meta.id} has {counts}, not {capture['ledger']['counts']} of "
+                    f"{capture['id']} as the daemon says",
+                    "download it again from the daemon's page",
+                )
+
+    daemon.download(f"{CAPTURES}/{capture['id']}/file", out, check)
 
 
 def trigger(daemon: Daemon, capture_id: str) -> JsonObject:

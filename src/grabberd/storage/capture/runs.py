@@ -14,6 +14,7 @@ from typing import IO, Any
 from grabberd.errors import StorageError
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_points
+from grabberd.storage.capture.read_back import check_staged
 from grabberd.storage.capture.schema import connect
 from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
 from grabberd.storage.disk import storage_errors
@@ -47,7 +48,8 @@ def append_run(
 
     Raises:
         CaptureFileError: The file is no capture, or damaged.
-        StorageError: It cannot be written, or another program is adding a run to it.
+        StorageError: It cannot be written, does not read back as it was written, or another program is
+            adding a run to it.
     """
     # Staged before the lock is taken: measuring may take minutes, copying what was measured seconds.
     with (
@@ -61,6 +63,8 @@ def append_run(
         run: int = connection.execute("SELECT coalesce(max(run), 0) + 1 FROM runs").fetchone()[0]
         try:
             _copy(staged, connection, run)
+            staged.seek(0)
+            check_staged(path, connection, run, _rows(staged))
             with _transaction(connection):
                 connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, DONE, made_with))
         except BaseException:

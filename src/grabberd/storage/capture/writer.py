@@ -13,6 +13,7 @@ from grabberd.errors import StorageError
 from grabberd.field import NumberedField
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_field, encode_points
+from grabberd.storage.capture.read_back import Uncommitted, check_sealed
 from grabberd.storage.capture.rebases import with_rebases
 from grabberd.storage.capture.rows import RunInfo
 from grabberd.storage.capture.schema import (
@@ -52,6 +53,7 @@ class CaptureWriter:
         self.runs: list[RunInfo] = []
         self._uncommitted_runs: list[RunInfo] = []
         self._rebases: list[LedgerEvent] = []
+        self._uncommitted = Uncommitted()
         self._connection = connection
 
     @classmethod
@@ -102,16 +104,23 @@ class CaptureWriter:
         """Adds one field's points, with the next commit."""
         with storage_errors(self.path):
             self._begin()
-            self._connection.execute(INSERT_POINTS, (run, n, len(points), encode_points(points)))
+            row = (run, int(n), len(points), encode_points(points))
+            self._connection.execute(INSERT_POINTS, row)
+        self._uncommitted.add_points(row, points)
 
     def commit(self) -> None:
-        """Commits everything added so far, which survives a crash from here on."""
+        """Commits everything added so far, which survives a crash from here on, and reads it back.
+
+        Raises:
+            StorageError: It cannot be written, or does not read back as it was written.
+        """
         if self._connection.in_transaction:
             with storage_errors(self.path):
                 self._connection.execute("COMMIT")
             # Rebound rather than extended: another thread may be reading the list.
             self.runs = [*self.runs, *self._uncommitted_runs]
             self._uncommitted_runs = []
+            self._uncommitted.read_back(self.path, self._connection)
 
     def seal(
         self,
@@ -122,7 +131,7 @@ class CaptureWriter:
         measuring_failure: str | None = None,
         findings: Mapping[str, Any] | None = None,
     ) -> Path:
-        """Writes ledger and verdict, closes the file and gives it its final name.
+        """Writes ledger and verdict, closes the file, reads it back and gives it its final name.
 
         What was added and cannot be committed any more (a full disk) is entered as lost; the rest is kept.
 
@@ -134,14 +143,15 @@ class CaptureWriter:
             findings: Additions to the metadata's `extra`.
 
         Raises:
-            StorageError: Not even that is possible; the file stays as `.grab.part` and is sealed at the
-                next start.
+            StorageError: Not even that is possible, or the file does not read back as it was written; it
+                stays as `.grab.part` and is sealed at the next start.
         """
         self._commit_what_fits()
         with storage_errors(self.path):
             self._connection.execute("BEGIN IMMEDIATE")
             self._connection.execute("DELETE FROM reserve")  # first: its pages hold what follows
-            write_ledger(self._connection, _as_far_as_written(self._connection, ledger))
+            written = _as_far_as_written(self._connection, ledger)
+            write_ledger(self._connection, written)
             state, reason = (FAILED, measuring_failure) if measuring_failure else (DONE, None)
             self._connection.execute(
                 "UPDATE runs SET state = ?, reason = ? WHERE state = ?", (state, reason, RUNNING)
@@ -154,6 +164,7 @@ class CaptureWriter:
             # finds a journal by the name of the database: so after the commit and before the renaming.
             self._connection.execute("PRAGMA journal_mode = DELETE")
             self._connection.close()
+            check_sealed(self.path, written, complete=complete, runs=[run.run for run in self.runs])
             self.path = publish(self.path)
         return self.path
 
@@ -175,8 +186,10 @@ class CaptureWriter:
         try:
             self.commit()
         except StorageError:
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
+            if not self._connection.in_transaction:
+                raise  # committed, but not as it was meant
+            self._connection.execute("ROLLBACK")
+            self._uncommitted.forget()
 
     def _append(self, slot: Slot) -> None:
         for entry in slot.lost_before:
@@ -185,7 +198,9 @@ class CaptureWriter:
             self._rebases += slot.rebases
             write_meta(self._connection, {"extra": with_rebases(self.meta.extra, self._rebases)})
         if slot.numbered is not None:
-            self._connection.execute(_FIELD, _field_row(slot.numbered, str(slot.outcome), slot.reason))
+            row = _field_row(slot.numbered, str(slot.outcome), slot.reason)
+            self._connection.execute(_FIELD, row)
+            self._uncommitted.add_field(row, slot.numbered.packed)
         else:
             insert_entry(
                 self._connection, LedgerEntry(slot.n, 1, slot.outcome, slot.reason or str(slot.outcome))
