@@ -11,6 +11,7 @@ from grabberd.analysis.load.load_fit import MISFIT_ALARM, Posterior, Response, f
 from grabberd.analysis.load.load_prior import Difference
 from grabberd.analysis.load.mounted.sights import Sights
 from grabberd.analysis.load.wall_model import WallModel
+from grabberd.errors import AnalysisError
 
 REACH_MM = 0.8
 """Movement of the wall within which a linearised model holds: at 1 mm contact pressures err by up to .2 σ."""
@@ -36,7 +37,7 @@ class LoadSeries:
         Raises:
             AnalysisError: the wall does not settle.
         """
-        found = self._near_known(sights, difference) if self._known else None
+        found = self._near_known(sights, difference)
         if found is None or found.j > MISFIT_ALARM:
             begun = self._begun(sights, difference)
             if found is None or begun.j < found.j:
@@ -45,13 +46,17 @@ class LoadSeries:
             self._known = [*self._known[1 - _MOST :], found.response]
         return found
 
-    def _near_known(self, sights: Sights, difference: Difference) -> Posterior:
-        """The load, sought from the nearest state that is known."""
-        nearest = self._nearest(sights)
-        found = posterior(nearest, sights, difference)
-        if found.longest_mm < REACH_MM:
-            return found
-        return fit_load(self.model, sights, difference, found.moved(REACH_MM / found.longest_mm))[0]
+    def _near_known(self, sights: Sights, difference: Difference) -> Posterior | None:
+        """The load, sought from the nearest state that is known; None if it is not found from there."""
+        if not self._known:
+            return None
+        try:
+            found = posterior(self._nearest(sights), sights, difference)
+            if found.longest_mm < REACH_MM:
+                return found
+            return fit_load(self.model, sights, difference, found.moved(REACH_MM / found.longest_mm))[0]
+        except AnalysisError:
+            return None  # the open wall is a safer start, and decides whether there is a load at all
 
     def _begun(self, sights: Sights, difference: Difference) -> Posterior:
         """The load, sought from the open wall; first by the targets that both views see.
