@@ -114,6 +114,7 @@ class FakeGrabber:
         self._stream: Stream | None = None
         self._origin: int | None = None
         self._chance = np.random.default_rng(self.options.seed)
+        self.found_empty = False
 
     def open(self) -> StreamInfo:
         """Starts streaming with the next top field.
@@ -254,6 +255,7 @@ class FakeGrabber:
         if self._stream is None:
             raise DeviceLost("the simulated grabber is not open", "open it first")
         deadline_ns = self._clock.now_ns() + round(timeout_s * 1e9)
+        self.found_empty = False
         while True:
             now_ns = self._clock.now_ns()
             self._check_stream()
@@ -263,6 +265,7 @@ class FakeGrabber:
                 return None
             if self._stream.has_field():
                 return self._stream
+            self.found_empty = True
             if now_ns >= deadline_ns:
                 return None
             self._clock.sleep_until_ns(min(self._stream.next_arrival_ns(), deadline_ns))

@@ -77,6 +77,7 @@ class ReplayGrabber:
         self._next: Batch | None = None
         self._failure: GrabberdError | None = None
         self._shift_ns: int | None = None
+        self.found_empty = False
 
     def open(self) -> StreamInfo:
         """Opens the recording from its beginning.
@@ -209,6 +210,7 @@ class ReplayGrabber:
         if self._shift_ns is None:
             self._shift_ns = now_ns - last_ns
         wait_s = (last_ns + self._shift_ns - now_ns) / 1e9
+        self.found_empty = wait_s > 0
         self._clock.sleep(min(wait_s, timeout_s))
         return wait_s <= timeout_s
 

@@ -67,6 +67,11 @@ class V4l2Grabber:
         """Time spent so far in calls to the device, without waiting for fields."""
         return self._called_ns + (0 if self._node is None else self._node.called_ns)
 
+    @property
+    def found_empty(self) -> bool:
+        """True if no buffer was filled when the last `dequeue` began."""
+        return self._running is not None and self._running.stream.found_empty
+
     def open(self) -> StreamInfo:
         """Finds the device, sets it up and starts it.
 

@@ -49,6 +49,7 @@ class Stream:
 
     Attributes:
         buffers: number of buffers.
+        found_empty: True if no buffer was filled when the last `dequeue` began.
     """
 
     def __init__(self, node: Node, count: int, picture_bytes: int) -> None:
@@ -59,6 +60,7 @@ class Stream:
             OSError: a call failed; everything is released again.
         """
         self._node = node
+        self.found_empty = False
         self._io_errors = 0
         self._source_changed = False
         self._buffers = Buffers(node, count, picture_bytes)
@@ -108,14 +110,16 @@ class Stream:
     def _wait(self, timeout_s: float) -> tuple[int, Filled] | None:
         deadline_ns = self._node.now_ns() + round(timeout_s * 1e9)
         self._keep_queue_filled()
+        self.found_empty, left_s = False, 0.0  # at first without waiting, to see whether one is there
         while True:
-            left_s = max(deadline_ns - self._node.now_ns(), 0) / 1e9
             ready = self._poll(left_s)
             taken = self._take() if ready & POLL_IN else None
-            if taken is not None or self._node.now_ns() >= deadline_ns:
+            now_ns = self._node.now_ns()
+            if taken is not None or (self.found_empty and now_ns >= deadline_ns):
                 return taken
             if ready:  # woken for nothing, which such a driver may do again and again
                 self._node.pause(_PAUSE_S)
+            self.found_empty, left_s = True, max(deadline_ns - now_ns, 0) / 1e9
 
     def _keep_queue_filled(self) -> None:
         refusal = self._buffers.queue_idle()

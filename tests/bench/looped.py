@@ -45,6 +45,7 @@ class LoopedGrabber:
         self._begin = begin
         self._next = 0
         self.lost = 0
+        self.found_empty = False
 
     def open(self) -> StreamInfo:
         self._next = 2 * (time.monotonic_ns() // (2 * PERIOD_NS)) + 2
@@ -57,6 +58,7 @@ class LoopedGrabber:
     @contextmanager
     def dequeue(self, timeout_s: float) -> Iterator[Sequence[GrabbedField]]:
         wait_s = self._next * PERIOD_NS / 1e9 - time.monotonic()
+        self.found_empty = wait_s > 0
         if wait_s > timeout_s:
             time.sleep(timeout_s)
             yield ()

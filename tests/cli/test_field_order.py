@@ -24,6 +24,7 @@ from grabberd.errors import DeviceRefused
 
 class Grabber:
     called_ns = 0
+    found_empty = True
 
     def __init__(self, what):
         self.what = what

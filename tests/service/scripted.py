@@ -31,6 +31,7 @@ class Scripted:
     """
 
     called_ns = 0
+    found_empty = True
 
     def __init__(self, clock: SimulatedClock, *script: Exception | int, info: StreamInfo = INFO) -> None:
         self.clock = clock

@@ -29,6 +29,7 @@ class Grabber:
     """Does as it is told when it is opened or asked for fields."""
 
     called_ns = 0
+    found_empty = True
 
     def __init__(self, opening: Exception | None = None, hang: threading.Event | None = None) -> None:
         self._opening = opening

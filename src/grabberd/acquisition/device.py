@@ -106,6 +106,13 @@ class Grabber(Protocol):
         """
         ...
 
+    @property
+    def found_empty(self) -> bool:
+        """True if no field was waiting when the last `dequeue` began: by this, the program knows that it
+        takes fields as fast as they come, whatever the computer does besides.
+        """
+        ...
+
     def open(self) -> StreamInfo:
         """Open the device and start streaming.
 

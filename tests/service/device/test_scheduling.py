@@ -49,15 +49,20 @@ class Thread:
         self.account.ran_s += seconds * runs
         self.account.program_s += seconds * (runs or others)
 
-    def request(self, idle_s: float = 0.0, fields: int = 1, **late: float) -> Standstill | None:
-        """Asks for a field, which comes after a while; `waits_s`, `stops_s`: what happens besides."""
+    def request(
+        self, idle_s: float = 0.0, fields: int = 1, *, empty: bool | None = None, **late: float
+    ) -> Standstill | None:
+        """Asks for a field, which is there unless it is waited for; `waits_s`, `stops_s`: what happens
+        besides.
+        """
         self.scheduling.asks()
         self.spend(idle_s)
         self.spend(late.get("waits_s", 0.0), waits=True)
         self.spend(late.get("stops_s", 0.0))
         self.spend(late.get("runs_s", 0.0), runs=True)
         self.spend(late.get("calls_s", 0.0), calls=True)
-        return self.scheduling.came(self.clock.now_ns(), TIMEOUT_S, fields)
+        found_empty = idle_s > 0 if empty is None else empty
+        return self.scheduling.came(self.clock.now_ns(), TIMEOUT_S, fields, found_empty=found_empty)
 
 
 def test_a_thread_that_waits_for_the_camera_stands_still_never() -> None:
@@ -106,7 +111,7 @@ def test_a_stop_is_told_though_the_interpreter_has_to_be_waited_for_afterwards()
     thread = Thread()
     thread.request(idle_s=0.018)
     thread.spend(0.6)
-    found = thread.request(idle_s=0.008)
+    found = thread.request(idle_s=0.008, empty=False)
     assert found
     assert found.time_ns == pytest.approx(0.6e9, abs=2.1e7)
 
@@ -125,7 +130,7 @@ def test_a_stop_in_a_request_that_brings_nothing_is_told_again_with_the_next_fie
 def test_a_wait_for_the_interpreter_on_a_busy_computer_is_no_sign_of_empty_buffers() -> None:
     thread = Thread()
     thread.request(idle_s=0.02)
-    found = [thread.request(waits_s=0.03, idle_s=0.03) for _ in range(10)]
+    found = [thread.request(waits_s=0.03, idle_s=0.03, empty=False) for _ in range(10)]
     assert found[-1]
     assert found[-1].time_ns == pytest.approx(0.4e9, abs=2.1e7)
     assert found[-1].reason == "computer busy (waited 0.3 s for a processor)"

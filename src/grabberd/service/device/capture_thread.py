@@ -236,7 +236,9 @@ class CaptureThread(threading.Thread):
         asked_ns = self._scheduling.asks()
         with self._grabber.dequeue(DEQUEUE_TIMEOUT_S) as fields:
             now_ns = self._clock.now_ns()
-            standstill = self._scheduling.came(now_ns, DEQUEUE_TIMEOUT_S, len(fields))
+            standstill = self._scheduling.came(
+                now_ns, DEQUEUE_TIMEOUT_S, len(fields), found_empty=self._grabber.found_empty
+            )
             if fields and self._signal is Signal.ABSENT:
                 self._ask_signal()  # what came back may be half a second older than the next question
             if standstill is not None and standstill.time_ns > info.buffered_ns:

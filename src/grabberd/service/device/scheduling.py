@@ -10,14 +10,9 @@ from typing import NamedTuple, Protocol
 from grabberd.acquisition import Standstill
 from grabberd.acquisition.clock import UtcClock
 
-_HAD_TO_WAIT_NS = 4_000_000
-"""A request that was idle for longer has found the driver's buffers empty. Less may be a wait for the
-interpreter, which other threads of the program have."""
 _NOTABLE_NS = 10_000_000
 """Half a field: a pause that is shorter is none."""
 _FIELD_NS = 20_000_000
-_PAUSE_NS = 2 * _FIELD_NS
-"""Time without a request, after which a frame waits in the driver's buffers if the grabber delivers any."""
 
 
 class ThreadTimes(NamedTuple):
@@ -123,7 +118,7 @@ class Scheduling:
         self._times_at_asking, self._called_ns_at_asking = self._account.thread(), self._called_ns()
         return self._asked_ns
 
-    def came(self, now_ns: int, timeout_s: float, fields: int) -> Standstill | None:
+    def came(self, now_ns: int, timeout_s: float, fields: int, *, found_empty: bool) -> Standstill | None:
         """Tells what has kept the thread from taking fields, now that a request is over; None if nothing has.
 
         What a request without a field has shown is told again with the next field, unless the driver's
@@ -133,16 +128,14 @@ class Scheduling:
             now_ns: The present time.
             timeout_s: Longest time that the request should have taken.
             fields: Number of fields that it has brought.
+            found_empty: True if no field was waiting when it began.
         """
-        times = self._account.thread()
-        request_ns, pause_ns = now_ns - self._asked_ns, self._asked_ns - self._came_ns
-        waited_ns, ran_ns = _between(self._times_at_asking, times)
-        # A processor may have been waited for in the middle of the request, or something else after it.
-        late_ns = max(_overrun(request_ns, timeout_s), min(waited_ns, request_ns))
-        was_idle = request_ns - late_ns - ran_ns > _HAD_TO_WAIT_NS
-        # Where the processor is scarce, time off it may be a wait for the interpreter, not for a field.
-        if was_idle and not (fields and (late_ns >= _NOTABLE_NS or pause_ns > _PAUSE_NS)):
+        times, request_ns = self._account.thread(), now_ns - self._asked_ns
+        if found_empty:
             self._begin(self._times_at_asking, self._called_ns_at_asking)
+            # A processor may have been waited for after a field had come, or something else.
+            waited_ns = _waited_ns(self._times_at_asking, times)
+            late_ns = max(_overrun(request_ns, timeout_s), min(waited_ns, request_ns))
         else:
             # There was a field to take all the time since the last ones; those had their own time.
             late_ns = now_ns - self._came_ns - self._fields * _FIELD_NS
@@ -157,7 +150,7 @@ class Scheduling:
     def _standstill(self, times: ThreadTimes | None) -> Standstill:
         return Standstill(
             self._late_ns,
-            None if times is None else _between(self._times_at_begin, times)[0],
+            None if times is None else _waited_ns(self._times_at_begin, times),
             self._account.program_ns() - self._program_ns_at_begin,
             self._called_ns() - self._called_ns_at_begin,
         )
@@ -175,8 +168,6 @@ def _overrun(request_ns: int, timeout_s: float) -> int:
     return request_ns - _FIELD_NS
 
 
-def _between(before: ThreadTimes | None, after: ThreadTimes | None) -> tuple[int, int]:
-    """Time waited and run between two readings; none where they are unknown."""
-    if before is None or after is None:
-        return 0, 0
-    return after.waited_ns - before.waited_ns, after.ran_ns - before.ran_ns
+def _waited_ns(before: ThreadTimes | None, after: ThreadTimes | None) -> int:
+    """Time waited for a processor between two readings; none where they are unknown."""
+    return 0 if before is None or after is None else after.waited_ns - before.waited_ns
