@@ -2,12 +2,13 @@
 
 Every picture of the simulated grabber has the camera's own number in its corner, and camera field n is
 exposed at n times 20 ms of the clock. So each number and time in a capture file can be checked, and a wrong
-one is a lie, unless the file says that the number is uncertain by as much.
+one is a lie, unless the file says of this very field that its number is uncertain by as much, or of one
+before it that the numbers from there on are off by as many.
 """
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from grabberd_fake.faults import PERIOD_NS
 from grabberd_fake.stamp import read_stamp
 
 _UNCERTAIN = re.compile(r"number uncertain by up to (\d+)")
+_OFF = re.compile(r"numbers from here on are (\d+) too (high|low)")
 _AT_THE_BEGIN = 1
 """Fields by which the begin may be off: where it lies between two of them, times decide, and they jitter."""
 
@@ -77,29 +79,42 @@ def audit(path: Path) -> Audit:
         begin_ns = meta.start_ns - meta.extra.get("trigger", {}).get("n", 0) * PERIOD_NS
         begin_n = math.ceil(begin_ns / PERIOD_NS)
     uncertain = sum(_stated(one.reason) > 0 for one in judged)
-    return Audit(ledger.total, len(judged), uncertain, tuple(lies_of(judged, begin_n)))
+    too_high = [(event.n, _too_high_by(event.reason)) for event in ledger.events]
+    return Audit(ledger.total, len(judged), uncertain, tuple(lies_of(judged, begin_n, too_high)))
 
 
-def lies_of(fields: Iterable[Judged], begin_n: int | None) -> Iterator[str]:
+def lies_of(
+    fields: Iterable[Judged], begin_n: int | None, too_high: Sequence[tuple[int, int]] = ()
+) -> Iterator[str]:
     """Sentences about fields whose number or time is another one than the camera's.
 
     Args:
         fields: In the order of the file.
         begin_n: Camera field that the capture was to begin with; None where nobody knows.
+        too_high: Fields from which on the file says that numbers are too high, and by how many.
     """
-    known, stated = None, 0
+    fields = list(fields)
+
+    def places(one: Judged) -> int:
+        return one.n - one.camera_n - sum(by for n, by in too_high if n <= one.n)
+
+    certain = next((one for one in fields if not _stated(one.reason)), fields[0] if fields else None)
+    known = 0 if certain is None else -places(certain)
+    if begin_n is not None and abs(known - begin_n) > _AT_THE_BEGIN:
+        known = begin_n
     for one in fields:
-        stated = max(stated, _stated(one.reason))
-        if known is None:
-            known = one.camera_n - one.n
-            if begin_n is not None and abs(known - begin_n) > _AT_THE_BEGIN:
-                known = begin_n
-        off = one.n - (one.camera_n - known)
+        stated = _stated(one.reason)
+        off = places(one) + known
         if abs(off) > stated:
             yield f"field {one.n} is the camera's {one.camera_n}, {abs(off)} places from where it is entered"
         late_ns = one.time_ns - one.camera_n * PERIOD_NS
         if begin_n is not None and abs(late_ns) > PERIOD_NS * (1 + stated):
             yield f"field {one.n} was exposed {-late_ns / 1e6:+.0f} ms from the time that is entered"
+
+
+def _too_high_by(reason: str) -> int:
+    found = _OFF.search(reason)
+    return 0 if found is None else int(found[1]) * (1 if found[2] == "high" else -1)
 
 
 def _stated(reason: str | None) -> int:

@@ -39,10 +39,16 @@ def grab(n, *, late_ns=0, time_ns=None, parity=None, sequence=None, damage=None)
 
 
 class Numbering:
-    """Numbers a stream that is asked for as it begins, field by field, and keeps what has been settled."""
+    """Numbers a stream that is asked for as it begins, field by field, and keeps what has been settled.
 
-    def __init__(self, stream=None):
+    Args:
+        stream: As the driver grants it.
+        asked_ns: Time before its first field at which it is asked for.
+    """
+
+    def __init__(self, stream=None, asked_ns=0):
         self._stream = stream or info()
+        self._asked_ns = asked_ns
         self._begun = None
         self.found = []
 
@@ -59,7 +65,7 @@ class Numbering:
     def see(self, grabbed, *args, **more):
         """Goes on to the next field, whose number may stay open."""
         if self._begun is None:
-            self._begun = FieldNumbering(self._stream, grabbed.time_ns or START_NS)
+            self._begun = FieldNumbering(self._stream, (grabbed.time_ns or START_NS) - self._asked_ns)
         self.found += self._numbering.number(grabbed, *args, **more)
 
     def interrupt(self, reason):

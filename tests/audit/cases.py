@@ -52,6 +52,18 @@ def _lasting(kind: str, *lengths_s: float, **more: Any) -> Callable[[random.Rand
     return drawn
 
 
+SET_BY_S = [-3600.0, 3600.0, 0.5, -0.5, 0.06, -0.03, -0.04, -0.06, -0.08, -0.1, 0.02, 0.04, 0.1]
+"""By how much a clock is set: by hours, and by a few fields, which pass for fields lost or numbered twice."""
+
+
+def _set_while_frozen(draw: random.Random) -> Faults:
+    at_s, length_s = _at(draw), draw.choice([0.1, 0.2, 0.3, 0.5])
+    return [
+        {"kind": "freeze", "at_s": at_s, "duration_s": length_s},
+        {"kind": "clock_step", "at_s": round(at_s + length_s / 2, 2), "by_s": draw.choice(SET_BY_S)},
+    ]
+
+
 KINDS: dict[str, Callable[[random.Random], Faults]] = {
     "fields lost on the bus": lambda draw: _losses(draw, "lose"),
     "fields lost unseen by the driver": lambda draw: _losses(draw, "lose_silently"),
@@ -61,8 +73,9 @@ KINDS: dict[str, Callable[[random.Random], Faults]] = {
     ],
     "fields in a bunch": _lasting("bunch", 0.06, 0.1, 0.2, 0.5),
     "clock of the stamps set": lambda draw: [
-        {"kind": "clock_step", "at_s": _at(draw), "by_s": draw.choice([-3600.0, 3600.0, 0.5, -0.5, 0.06])}
+        {"kind": "clock_step", "at_s": _at(draw), "by_s": draw.choice(SET_BY_S)}
     ],
+    "clock of the stamps set while the program is frozen": _set_while_frozen,
     "stamps zero": _lasting("timestamp", 0.02, 0.1, 2.0, says="zero"),
     "stamps backward": _lasting("timestamp", 0.02, 0.1, 0.5, says="backward"),
     "camera in the other phase": lambda draw: [{"kind": "turn", "at_s": _at(draw)}],

@@ -11,6 +11,7 @@ POSSIBLE: dict[str, set[LossCause]] = {
     "fields lost on the bus": {_C.CABLE, _C.DEVICE},
     "fields lost unseen by the driver": {_C.CABLE, _C.DEVICE},
     "program frozen": {_C.COMPUTER},
+    "clock of the stamps set while the program is frozen": {_C.COMPUTER},
     "computer busy": {_C.COMPUTER},
     "computer overloaded from the beginning": {_C.COMPUTER},
     "fields in a bunch": {_C.CABLE},

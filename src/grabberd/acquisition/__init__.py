@@ -14,14 +14,15 @@ from grabberd.acquisition.checks.content_check import Content, ContentCheck
 from grabberd.acquisition.clock import Clock, SystemClock
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Grabber, Signal, StreamInfo
 from grabberd.acquisition.discovery import FoundDevice, Verdict, discover
-from grabberd.acquisition.ledger import Ledger, LedgerEntry, Outcome
+from grabberd.acquisition.ledger import UNCERTAIN, Ledger, LedgerEntry, Outcome
 from grabberd.acquisition.numbering import FieldNumbering, Numbered
-from grabberd.acquisition.rebases import LedgerEvent, Rebase
+from grabberd.acquisition.rebases import LedgerEvent, Rebase, numbers_off, too_high_by
 from grabberd.acquisition.registry import available, create
 from grabberd.acquisition.ring import Policy, Ring, RingReader, Slot
 from grabberd.acquisition.standstill import Standstill
 
 __all__ = [
+    "UNCERTAIN",
     "Clock",
     "Content",
     "ContentCheck",
@@ -50,4 +51,6 @@ __all__ = [
     "cause_of_loss",
     "create",
     "discover",
+    "numbers_off",
+    "too_high_by",
 ]

@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 
-from grabberd.acquisition.ledger import NO_SIGNAL, UNACCOUNTED, Outcome
+from grabberd.acquisition.ledger import NO_SIGNAL, UNACCOUNTED, UNCERTAIN, Outcome
 
 
 class LossCause(StrEnum):
@@ -36,7 +36,7 @@ _BY_REASON = (
     ("the driver flags an error", LossCause.CABLE),
     ("short:", LossCause.CABLE),
     ("parity contradicts time", LossCause.CAMERA),
-    ("number uncertain", LossCause.UNKNOWN),
+    (UNCERTAIN, LossCause.UNKNOWN),
     ("nothing came", LossCause.UNKNOWN),
     (NO_SIGNAL, LossCause.CAMERA),
     (UNACCOUNTED, LossCause.UNKNOWN),

@@ -43,6 +43,9 @@ class LedgerEntry(NamedTuple):
 NO_SIGNAL = "no signal"
 """Reason for fields that are empty or missing because no camera was connected."""
 
+UNCERTAIN = "number uncertain by up to"
+"""Reason for fields whose number may be wrong, before the number of fields that it may be off by."""
+
 UNACCOUNTED = "not accounted for"
 """Reason for fields between two entries for which none was given."""
 
@@ -157,7 +160,7 @@ class Ledger:
         words = words or ["complete" if self.complete else "no fields"]
         events = [f"{event.reason} at {self._seconds(event.n, rate_hz)}" for event in self.events[:_LISTED]]
         if others := len(self.events[_LISTED:]):
-            events.append(f"and {others} changes more")
+            events.append(f"and {others} more {'change' if others == 1 else 'changes'}")
         return "; ".join(words + events)
 
     @classmethod

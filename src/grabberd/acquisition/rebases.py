@@ -1,7 +1,10 @@
 """Rebases: changes of what the numbers and times of fields go by."""
 
+import re
 from enum import StrEnum
 from typing import NamedTuple
+
+_NUMBERS_OFF = re.compile(r"numbers from here on are (\d+) too (high|low)")
 
 
 class Rebase(StrEnum):
@@ -20,7 +23,7 @@ class Rebase(StrEnum):
     PHASE = "phase"
     """The camera goes on in the other phase: its top fields have odd numbers now, or even ones again."""
     NUMBERS = "numbers"
-    """The numbers had run ahead of the camera."""
+    """A doubt about numbers has ended, and what was numbered in it was not as many as the camera's fields."""
 
 
 class LedgerEvent(NamedTuple):
@@ -35,3 +38,17 @@ class LedgerEvent(NamedTuple):
     n: int
     kind: Rebase
     reason: str
+
+
+def numbers_off(n: int, too_high_by: int) -> LedgerEvent:
+    """The event that numbers are too high from a field on by so many, or too low where that is negative."""
+    what = (
+        "high: as many fields entered as lost were not" if too_high_by > 0 else "low: as many more were lost"
+    )
+    return LedgerEvent(n, Rebase.NUMBERS, f"the numbers from here on are {abs(too_high_by)} too {what}")
+
+
+def too_high_by(event: LedgerEvent) -> int:
+    """Number of fields that an event of `numbers_off` tells; 0 for any other."""
+    found = _NUMBERS_OFF.search(event.reason)
+    return 0 if found is None else int(found[1]) * (1 if found[2] == "high" else -1)

@@ -3,7 +3,7 @@
 import pytest
 
 from acquisition.streams import PERIOD_NS, Numbering, grab, info, numbers_in_time
-from grabberd.acquisition import FieldOrder, Rebase
+from grabberd.acquisition import UNCERTAIN, FieldOrder, Outcome, Rebase, too_high_by
 from grabberd.acquisition.numbering import FieldNumbering
 
 WAY_NS = 2 * PERIOD_NS
@@ -92,13 +92,40 @@ def test_a_camera_in_the_other_phase_is_told():
 
 
 def test_first_stamps_that_were_late_are_told():
-    numbering, late_ns = Numbering(), 60_000_000
+    late_ns = 60_000_000
+    numbering = Numbering(asked_ns=late_ns)
     for n in range(60):
         grabbed = grab(n, late_ns=late_ns if n < 20 else 0)
         numbering.see(grabbed, now_ns=grabbed.time_ns + WAY_NS)
     fields = numbering.settled()
     assert [kind for _, kind in rebases(fields)] == [Rebase.BEGIN]
     assert reasons(fields) == ["the first timestamps were late by 60 ms"]
+
+
+@pytest.mark.parametrize("by_ms", [-30, -40, -60, -80, -100, 40, 60])
+@pytest.mark.parametrize("set_at", [40, 90, 150])
+def test_a_clock_that_is_set_by_a_few_fields_is_told_as_such_also_in_a_new_stream(by_ms, set_at):
+    fields = in_time((n, grab(n, late_ns=by_ms * 1_000_000 if n >= set_at else 0)) for n in range(300))
+    assert [field.n for field in fields] == list(range(300))
+    assert [kind for _, kind in rebases(fields)] == [Rebase.CLOCK]
+    late_ms = [(field.time_ns - grab(field.n).time_ns) / 1e6 for field in fields]
+    assert max(map(abs, late_ms)) < 31
+
+
+@pytest.mark.parametrize("by_ms", [-80, -60, -40])
+@pytest.mark.parametrize("pause", [5, 6, 15])
+def test_a_clock_that_is_set_back_while_fields_wait_spoils_few_of_them(by_ms, pause):
+    stream = info()
+    numbering = Numbering(stream)
+    lost = range(400 + stream.buffers, 400 + pause)
+    for n in (one for one in range(1500) if one not in lost):
+        grabbed = grab(n, late_ns=by_ms * 1_000_000 if n >= 401 else 0)
+        due_ns = grab(400 + pause).time_ns if 400 <= n < 400 + pause else grab(n).time_ns
+        numbering.see(grabbed, now_ns=due_ns + WAY_NS)
+    fields = numbering.settled()
+    assert sum(field.outcome is Outcome.DAMAGED for field in fields) < 40
+    assert [kind for _, kind in rebases(fields)] == [Rebase.CLOCK]
+    assert fields[-1].time_ns == pytest.approx(grab(1499).time_ns, abs=5_000_000)
 
 
 def test_a_restarted_stream_counts_anew_and_that_is_none():
@@ -110,3 +137,28 @@ def test_a_restarted_stream_counts_anew_and_that_is_none():
     for n in range(200, 260):
         found += numbering.number(grab(n, sequence=n - 200), now_ns=grab(n).time_ns + WAY_NS)
     assert rebases(found + numbering.settle()) == []
+
+
+def test_a_doubt_that_ends_tells_by_how_many_the_numbers_are_off():
+    """Stamps of arrivals that are late by as many fields pass for lost ones; arrivals in time tell later."""
+    numbering, late = Numbering(), {60 + i: 6 for i in range(4)}
+    for n in range(200):
+        behind_ns = late.get(n, 0) * PERIOD_NS if n < 64 else 0
+        behind_ns = behind_ns or (max(0, 6 - 0.5 * (n - 64)) * PERIOD_NS if 64 <= n < 76 else 0)
+        grabbed = grab(n, late_ns=round(behind_ns))
+        numbering.see(grabbed, now_ns=grabbed.time_ns + WAY_NS)
+    fields = numbering.settled()
+    off = fields[-1].n - 199
+    told = sum(too_high_by(event) for field in fields for event in field.rebases)
+    assert off == told
+    assert fields[-1].outcome is Outcome.RECEIVED
+
+
+def test_a_field_that_is_damaged_for_another_reason_says_that_its_number_is_uncertain_too():
+    numbering = Numbering()
+    numbering.number(grab(0))
+    found = numbering.number(grab(25, damage="short: 3 lines"))
+    assert (found.outcome, found.reason) == (
+        Outcome.DAMAGED,
+        f"{UNCERTAIN} 24; short: 3 lines",
+    )

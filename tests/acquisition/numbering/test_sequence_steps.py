@@ -65,3 +65,8 @@ def test_after_an_interruption_the_count_may_begin_anew():
     sequence.forget()
     assert sequence.step(103, 1) is None
     assert sequence.step(104, 0) == 1
+
+
+def test_a_number_that_is_repeated_once_is_forgotten():
+    counts = [*range(10), 9, *range(10, 30)]
+    assert steps(counts)[-15:] == [1] * 15

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from slots import PERIOD_NS, slot
 
-from grabberd.acquisition import LedgerEntry, Outcome, Ring
-from grabberd.service.capture.edges import Begin, cut, fields_before, number_at
+from grabberd.acquisition import LedgerEntry, LedgerEvent, Outcome, Ring, Slot, numbers_off
+from grabberd.service.capture.edges import Begin, NumbersFromBegin, cut, fields_before, number_at
 
 
 def begin_at(fields: float) -> Begin:
@@ -61,3 +61,41 @@ def test_entries_are_cut_at_both_edges() -> None:
     assert cut([lost], 15) == (lost._replace(first_n=15, count=5),)
     assert cut([lost], 0, 12) == (lost._replace(count=2),)
     assert cut([lost], 20) == cut([lost], 0, 10) == ()
+
+
+def uncertain(n: int) -> Slot:
+    return slot(n)._replace(outcome=Outcome.DAMAGED, reason="number uncertain by up to 9")
+
+
+def off(n: int, too_high_by: int) -> tuple[LedgerEvent, ...]:
+    return (numbers_off(n, too_high_by),)
+
+
+def test_what_the_stream_tells_of_its_numbers_is_told_of_a_capture_that_began_before() -> None:
+    numbers = NumbersFromBegin(begin_at(0.0))
+    assert numbers.events(slot(0)) == ()
+    assert numbers.events(uncertain(1)) == ()
+    assert numbers.events(slot(2)._replace(rebases=off(2, 3))) == off(2, 3)
+
+
+def test_a_capture_that_begins_in_a_doubt_compares_its_numbers_with_the_time() -> None:
+    numbers = NumbersFromBegin(begin_at(0.0))
+    assert numbers.events(uncertain(0)) == ()
+    assert numbers.events(uncertain(1)._replace(rebases=off(1, 40))) == ()
+    late = slot(7)._replace(time_ns=5 * PERIOD_NS)
+    assert numbers.events(late._replace(rebases=off(7, 40))) == off(7, 2)
+
+
+def test_a_capture_whose_numbers_turn_out_to_be_right_is_told_nothing() -> None:
+    numbers = NumbersFromBegin(begin_at(0.0))
+    numbers.events(uncertain(0))
+    assert numbers.events(slot(1)._replace(rebases=off(1, 40))) == ()
+
+
+def test_what_an_overrun_has_taken_with_it_is_told_with_the_next_certain_field() -> None:
+    numbers = NumbersFromBegin(begin_at(0.0))
+    numbers.events(slot(0))
+    numbers.events(uncertain(1)._replace(rebases=off(1, 1)))
+    overrun = (LedgerEntry(2, 5, Outcome.OVERRUN, "ring overrun"),)
+    assert numbers.events(uncertain(7)._replace(lost_before=overrun)) == ()
+    assert numbers.events(slot(10)._replace(time_ns=6 * PERIOD_NS)) == off(10, 3)

@@ -40,12 +40,15 @@ class Way(NamedTuple):
         """True if a way of so many periods is much shorter."""
         return periods < self.periods - _ALIKE
 
-    def after(self, periods: float) -> "Way":
-        """The same after one more field, which has come by such a way."""
+    def after(self, periods: float, *, joined: bool = False) -> "Way":
+        """The same after one more field, which has come by such a way.
+
+        Fields that were joined in one buffer tell as much as one alone.
+        """
         shortest = min(periods, self.periods + _GROWS)
         if self.is_far_longer_than(periods):
             return Way(shortest, 1)
-        if self.is_known:  # what comes late tells nothing new
+        if self.is_known or joined:  # a known one learns nothing of what comes late
             return Way(shortest, self.regular)
         in_time = periods < self.periods + _ALIKE
         return Way(shortest, self.regular + 1 if in_time else max(self.regular - 1, 0))
@@ -127,4 +130,5 @@ class Arrivals:
     def learn(self, arrival: Arrival, time_ns: int) -> None:
         """Learn the way from a field whose time is known."""
         if arrival.time_ns is not None:
-            self.way = self.way.after((arrival.time_ns - time_ns) / self._period_ns)
+            periods = (arrival.time_ns - time_ns) / self._period_ns
+            self.way = self.way.after(periods, joined=arrival.joined)

@@ -1,6 +1,7 @@
 """Doubts about numbers, from a field whose number is uncertain until one whose number is certain again."""
 
 import math
+from typing import NamedTuple
 
 from grabberd.acquisition.numbering.arrivals import Arrival, Arrivals
 from grabberd.acquisition.numbering.paths import Step
@@ -8,6 +9,28 @@ from grabberd.acquisition.numbering.paths import Step
 _REGULAR = 12
 """Fields in a row without a loss that arrive in time, after which their numbers are certain: fields that were
 late come in a burst, or ever earlier."""
+
+
+class Evidence(NamedTuple):
+    """What is known of a field's number, besides how it was numbered.
+
+    Attributes:
+        uncertain_by: Doubt about this field alone.
+        way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
+        ahead_by: Fields by which numbers have run ahead of the camera, whose clock begins again with this
+            one: then stamps that fit tell nothing more, until an arrival does.
+        of_loss: True if it is in doubt whether fields are missing before it, which stamps that fit do not
+            tell either.
+        of_place: True if the doubt is only which of the fields beside it was lost.
+        interrupted: True if the stream has begun again with it, so that nothing has waited before it.
+    """
+
+    uncertain_by: int
+    way_is_known: bool
+    ahead_by: int = 0
+    of_loss: bool = False
+    of_place: bool = False
+    interrupted: bool = False
 
 
 class Doubts:
@@ -23,13 +46,16 @@ class Doubts:
 
     Attributes:
         open: True from a field whose number is uncertain up to one whose number is certain again.
+        too_high_by: Fields by which numbers turn out to be too high from the last field on; negative if they
+            are too low, 0 if that tells nothing new.
     """
 
     def __init__(self, arrivals: Arrivals, period_ns: float) -> None:
         self._arrivals = arrivals
         self._period_ns = period_ns
         self._certain: tuple[int, int] | None = None
-        self.open = self._clock_is_new = False
+        self.open = self._arrival_decides = self._of_place = False
+        self.too_high_by = self._known_too_high = 0
         self._fields = self._in_a_row = 0
 
     def begin(self, time_ns: int, late_by: int) -> None:
@@ -37,17 +63,12 @@ class Doubts:
         self._certain, self._fields = (-late_by, time_ns - round(late_by * self._period_ns)), 0
         self.open = late_by > 0
 
-    def of(
-        self,
-        n: int,
-        time_ns: int,
-        step: Step,
-        arrival: Arrival,
-        uncertain_by: int,
-        *,
-        way_is_known: bool,
-        clock_is_new: bool = False,
-    ) -> int:
+    def shift(self, late_ns: int) -> None:
+        """Note that all times so far were late by so much."""
+        if self._certain is not None:
+            self._certain = self._certain[0], self._certain[1] - late_ns
+
+    def of(self, n: int, time_ns: int, step: Step, arrival: Arrival, evidence: Evidence) -> int:
         """Number of fields by which a field's number may be off.
 
         Args:
@@ -55,25 +76,47 @@ class Doubts:
             time_ns: Its time.
             step: How it was numbered.
             arrival: Its arrival.
-            uncertain_by: Doubt about this field alone.
-            way_is_known: False if none has come by the shortest way yet: then nothing arrives in time.
-            clock_is_new: True if the camera's clock begins again with its stamp: then stamps that fit tell
-                nothing more, until an arrival does.
+            evidence: What is known of its number besides.
         """
+        uncertain_by, way_is_known = evidence.uncertain_by, evidence.way_is_known
+        self.too_high_by = evidence.ahead_by
+        self._known_too_high += evidence.ahead_by
         self._fields += 1
         regular = way_is_known and step.arrived_in_time and step.fields == 1
         self._in_a_row = self._in_a_row + 1 if regular else 0
-        self._clock_is_new = clock_is_new or (self._clock_is_new and self.open)
-        self.open = uncertain_by > 0 or (self.open and not self._ends(step))
+        told_by_arrivals = evidence.ahead_by > 0 or evidence.of_loss
+        self._arrival_decides = told_by_arrivals or (self._arrival_decides and self.open)
+        if uncertain_by:
+            self._of_place = evidence.of_place and (self._of_place or not self.open)
+        in_place = way_is_known and step.arrived_in_time and self._is_where_it_arrived(n, arrival)
+        ends = self._ends(step) or (in_place and (evidence.interrupted or self._of_place))
+        was_open, self.open = self.open, uncertain_by > 0 or (self.open and not ends)
         if self.open:
             return max(uncertain_by, self._range(n, time_ns, arrival), 1)
-        self._certain, self._fields = (n, time_ns), 0
+        if was_open:
+            self.too_high_by += n - self._true_n(n, time_ns, step, arrival) - self._known_too_high
+        self._certain, self._fields, self._known_too_high = (n, time_ns), 0, 0
         return 0
 
     def _ends(self, step: Step) -> bool:
         told = self._arrivals.tells_of_stamps and step.late is not None and abs(step.late) < 0.5
-        told = told and (step.arrived_in_time or not self._clock_is_new)
+        told = told and (step.arrived_in_time or not self._arrival_decides)
         return told or self._in_a_row >= _REGULAR or step.arrived is None
+
+    def _true_n(self, n: int, time_ns: int, step: Step, arrival: Arrival) -> int:
+        """Number of a field that ends a doubt, counted from the last certain one."""
+        if self._certain is None:
+            return n
+        # By its arrival rather than by the time: that may have followed stamps which are not better.
+        latest = self._latest(arrival)
+        if latest is not None and step.arrived_in_time and self._arrivals.way.is_known:
+            return round(latest)
+        certain_n, certain_ns = self._certain
+        return certain_n + round((time_ns - certain_ns) / self._period_ns)
+
+    def _is_where_it_arrived(self, n: int, arrival: Arrival) -> bool:
+        latest = self._latest(arrival)
+        return latest is not None and round(latest) == n
 
     def _latest(self, arrival: Arrival) -> float | None:
         """Greatest number that an arrival allows, by the last certain field."""

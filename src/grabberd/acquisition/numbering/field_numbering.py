@@ -2,6 +2,7 @@
 it.
 """
 
+import math
 from collections import deque
 from dataclasses import replace
 from typing import NamedTuple
@@ -9,7 +10,7 @@ from typing import NamedTuple
 from grabberd.acquisition.device import FieldOrder, GrabbedField, Signal, StreamInfo
 from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, Outcome
 from grabberd.acquisition.numbering.arrivals import Arrivals
-from grabberd.acquisition.numbering.doubts import Doubts
+from grabberd.acquisition.numbering.doubts import Doubts, Evidence
 from grabberd.acquisition.numbering.losses import contradiction, doubtful, lost_before
 from grabberd.acquisition.numbering.paths import Paths, Step
 from grabberd.acquisition.numbering.pending import Pending, outcome_of
@@ -18,7 +19,7 @@ from grabberd.acquisition.numbering.settling import Settling
 from grabberd.acquisition.numbering.stamps import Stamps
 from grabberd.acquisition.numbering.stream_start import StreamStart
 from grabberd.acquisition.numbering.timing import Timing
-from grabberd.acquisition.rebases import LedgerEvent, Rebase
+from grabberd.acquisition.rebases import LedgerEvent, Rebase, numbers_off
 from grabberd.acquisition.standstill import COMPUTER_BUSY
 
 _MOST_PENDING = 16
@@ -70,7 +71,7 @@ class FieldNumbering:
             SequenceSteps(info.field_order is FieldOrder.ALTERNATE) if info.counts_losses else None
         )
         self._settling = Settling(self._arrivals, info.field_order)
-        self._timing = Timing(info, self._stamps, self._arrivals)
+        self._timing = Timing(info, self._stamps, self._arrivals, since_ns)
         self._doubts = Doubts(self._arrivals, self._period_ns)
         self._n = -1
         self._parity = 0
@@ -152,7 +153,7 @@ class FieldNumbering:
         self._n, self._parity = 0, first.parity
         self._paths = Paths(first.phase, self._arrivals.way, exact=not self._live)
         if late_by:
-            first = first.damaged(f"number uncertain by up to {late_by}")
+            first = first.uncertain(late_by)
         settled = [self._numbered(first, time_ns, (), doubt)]
         return settled + [one for pending in others for one in self._go_on(self._paths, pending)]
 
@@ -198,7 +199,7 @@ class FieldNumbering:
 
     def _settle_oldest(self, paths: Paths) -> Numbered:
         pending = self._pending.popleft()
-        uncertain_by = self._settling.settle_next(paths)
+        doubt_of_number = self._settling.settle_next(paths)
         step = paths.settle()
         lost = lost_before(pending, step, self._n + 1)
         self._n += step.fields
@@ -206,25 +207,29 @@ class FieldNumbering:
         if late := self._timing.take_late():
             self._arrivals.way = self._arrivals.way.longer_by(late)
             paths.lengthen_way(late)
-        rebases = self._rebases(pending, step)
+            self._doubts.shift(round(late * self._period_ns))
         if step.wrong_parity:
             pending = pending.damaged("parity contradicts time")
-        too_many = self._timing.take_too_many()
-        uncertain_by = max(uncertain_by, step.doubt, too_many, contradiction(pending, step))
+        ahead = self._timing.take_ahead()
+        # The early fields before it have moved the clock by part of a period.
+        too_many = math.ceil(ahead) + 1 if ahead else 0
+        of_itself = max(step.doubt, too_many, contradiction(pending, step))
         was_open = self._doubts.open
-        uncertain_by = self._doubts.of(
-            self._n,
-            time_ns,
-            step,
-            pending.arrival,
-            uncertain_by,
+        evidence = Evidence(
+            max(doubt_of_number.fields, of_itself),
             way_is_known=paths.best.way.is_known,
-            clock_is_new=too_many > 0,
+            ahead_by=round(ahead),
+            of_loss=doubt_of_number.of_loss,
+            of_place=doubt_of_number.of_place and not of_itself,
+            interrupted=pending.interruption is not None,
         )
+        uncertain_by = self._doubts.of(self._n, time_ns, step, pending.arrival, evidence)
+        rebases = self._rebases(pending, step)
         if uncertain_by:
-            pending = pending.damaged(f"number uncertain by up to {uncertain_by}")
-            if was_open or (pending.arrival.time_ns is not None and not paths.best.way.is_known):
-                lost = doubtful(lost, uncertain_by)
+            known = pending.arrival.time_ns is None or paths.best.way.is_known
+            if was_open or not known or doubt_of_number.of_loss or too_many:
+                lost = doubtful(lost, pending, uncertain_by)
+            pending = pending.uncertain(uncertain_by)
         else:
             self._arrivals.learn(pending.arrival, time_ns)
             if paths.best.way.is_known and not self._arrivals.way.is_known:
@@ -243,7 +248,9 @@ class FieldNumbering:
         self._parity = due if step.wrong_parity else pending.parity
         if self._has_parity and self._parity != due:
             found.append((Rebase.PHASE, "the camera has gone on in the other phase"))
-        return tuple(LedgerEvent(self._n, *one) for one in found)
+        events = tuple(LedgerEvent(self._n, *one) for one in found)
+        too_high_by = self._doubts.too_high_by
+        return (*events, numbers_off(self._n, too_high_by)) if too_high_by else events
 
     def _numbered(
         self, pending: Pending, time_ns: int, lost: tuple[LedgerEntry, ...], doubt: str | None

@@ -1,6 +1,6 @@
 """Losses before a field: how many, and what tells of them."""
 
-from grabberd.acquisition.ledger import NO_SIGNAL, LedgerEntry, never_came
+from grabberd.acquisition.ledger import NO_SIGNAL, UNCERTAIN, LedgerEntry, never_came
 from grabberd.acquisition.numbering.paths import Step
 from grabberd.acquisition.numbering.pending import Pending
 
@@ -28,10 +28,14 @@ def _gap(pending: Pending, step: Step) -> str:
     return REPEATED_PARITY if pending.time_ns is None else TIME_GAP
 
 
-def doubtful(lost: tuple[LedgerEntry, ...], uncertain_by: int) -> tuple[LedgerEntry, ...]:
-    """The same entries, where it is uncertain whether the fields are missing at all."""
-    reason = f"number uncertain by up to {uncertain_by}"
-    return tuple(one._replace(reason=reason) if one.reason in GAPS else one for one in lost)
+def doubtful(lost: tuple[LedgerEntry, ...], pending: Pending, uncertain_by: int) -> tuple[LedgerEntry, ...]:
+    """The same entries, where it is uncertain whether the fields are missing at all: then nothing has cost
+    them. What an interruption has cost is missing for that reason, however many they are.
+    """
+    if pending.interruption:
+        return lost
+    reason, in_doubt = f"{UNCERTAIN} {uncertain_by}", {*GAPS, pending.standstill}
+    return tuple(one._replace(reason=reason) if one.reason in in_doubt else one for one in lost)
 
 
 def uncounted(pending: Pending, step: Step) -> int:

@@ -200,7 +200,7 @@ class Paths:
             step = Step(fields, late, arrived, other_clock=_by_another_clock(late, before))
             time = _cost_of_exact_time(step) if self._exact else _cost_of_time(step, before, seen, path.way)
             cost = path.cost + _cost_of_loss(fields, seen) + time
-            way = path.way if seen.arrival is None else _way(path.way, seen.arrival - ahead)
+            way = path.way if seen.arrival is None else _way(path.way, seen.arrival - ahead, seen.joined)
             expected = None if path.parity is None else (path.parity + fields) % 2
             if seen.parity is None or expected in (None, seen.parity):
                 yield Path(cost, (*path.steps, step), ahead, seen.parity, way)
@@ -234,12 +234,16 @@ def _by_another_clock(late: float | None, before: Step) -> bool:
     return (in_time or before.other_clock) and abs(late - before.late) <= _JITTER
 
 
-def _way(before: Way, periods: float) -> Way:
+def _way(before: Way, periods: float, joined: bool) -> Way:
     """The shortest way of a path, after a field that has come by such a one on it.
 
     A way that is known is not given up for a field whose number may be wrong.
     """
-    return before if before.is_known and before.is_far_longer_than(periods) else before.after(periods)
+    return (
+        before
+        if before.is_known and before.is_far_longer_than(periods)
+        else before.after(periods, joined=joined)
+    )
 
 
 def _exposed(path: Path, seen: Seen) -> float | None:

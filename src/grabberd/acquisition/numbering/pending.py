@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Self
 
-from grabberd.acquisition.ledger import NO_SIGNAL, Outcome
+from grabberd.acquisition.ledger import NO_SIGNAL, UNCERTAIN, Outcome
 from grabberd.acquisition.numbering.arrivals import Arrival
 from grabberd.acquisition.numbering.paths import Seen
 
@@ -64,6 +64,12 @@ class Pending:
         if self.outcome is not Outcome.RECEIVED:
             return self
         return replace(self, outcome=Outcome.DAMAGED, reason=reason)
+
+    def uncertain(self, fields: int) -> Self:
+        """The same with a number that may be off by so many; whatever else is wrong with it is said after."""
+        reason = f"{UNCERTAIN} {fields}"
+        outcome = Outcome.DAMAGED if self.outcome is Outcome.RECEIVED else self.outcome
+        return replace(self, outcome=outcome, reason=f"{reason}; {self.reason}" if self.reason else reason)
 
 
 def outcome_of(no_signal: str | None, damage: str | None) -> tuple[Outcome, str | None]:

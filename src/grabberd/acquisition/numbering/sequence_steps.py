@@ -25,6 +25,7 @@ class SequenceSteps:
         self._alternate = alternate
         self._newer: int | None = None
         self._single_steps = 0
+        self._counts_fields = False
         self._last: tuple[int, int] | None = None
         self.restarted = False
 
@@ -46,17 +47,18 @@ class SequenceSteps:
 
     @property
     def _known(self) -> bool:
-        return not self._alternate or self._newer is not None or self._single_steps >= _SURE
+        return not self._alternate or self._newer is not None or self._counts_fields
 
     @property
     def _modulus(self) -> int:
         return _WRAP if self._newer is None else 2 * _WRAP
 
     def _learn(self, difference: int, parity: int, *, turned: bool) -> None:
+        self._single_steps = self._single_steps + 1 if difference == 1 and turned else 0
+        if self._single_steps >= _SURE:
+            self._counts_fields, self._newer = True, None  # what was the same number twice was a repetition
         if self._alternate and difference == 0:
             self._newer = parity
-        if self._single_steps < _SURE:
-            self._single_steps = self._single_steps + 1 if difference == 1 and turned else 0
 
     def _index(self, sequence: int, parity: int) -> int:
         return sequence if self._newer is None else 2 * sequence + (parity == self._newer)

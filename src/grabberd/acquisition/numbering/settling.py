@@ -1,8 +1,9 @@
 """Settling: when the oldest pending field has its number, and how much doubt is left then."""
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from itertools import islice
+from typing import NamedTuple
 
 from grabberd.acquisition.device import FieldOrder
 from grabberd.acquisition.numbering.arrivals import Arrivals
@@ -16,6 +17,20 @@ _AS_MANY = 0.6
 """Periods within which a field is late by a number of fields."""
 _TELLING = 6
 """Buffers that have to arrive in time after a loss that nobody counts: else the program may be late."""
+
+
+class Doubt(NamedTuple):
+    """Doubt about the number of one field.
+
+    Attributes:
+        fields: Number of fields that it may be off by.
+        of_loss: True if it is in doubt whether any are missing at all.
+        of_place: True if as many are missing in any case, and only their place is in doubt.
+    """
+
+    fields: int
+    of_loss: bool = False
+    of_place: bool = False
 
 
 class Settling:
@@ -35,6 +50,7 @@ class Settling:
         self._latest = 0.5 if order is FieldOrder.ONE_PARITY else _LATE
         self._telling = _TELLING * (2 if order in (FieldOrder.TOP_FIRST, FieldOrder.BOTTOM_FIRST) else 1)
         self._linked = self._doubt_linked = self._doubt_of_anchor = 0
+        self._of_place = False
 
     def is_settled(self, pending: Collection[Pending], paths: Paths) -> bool:
         """True if the oldest field's number will not change any more."""
@@ -46,29 +62,39 @@ class Settling:
             return True
         steps = paths.best.steps
         anchor = next((i for i, step in enumerate(steps) if self._in_time(step)), None)
-        if anchor is None or not paths.settled(anchor + 1):
+        return anchor is not None and paths.settled(anchor + 1) and self._links(pending, paths, anchor)
+
+    def _links(self, pending: Collection[Pending], paths: Paths, anchor: int) -> bool:
+        """True if the oldest field and those up to its anchor are settled together; notes their doubt."""
+        steps, in_turn = paths.best.steps, list(islice(pending, len(paths.best.steps)))
+        lost = sum(uncounted(one, step) for one, step in zip(in_turn[: anchor + 1], steps, strict=False))
+        if lost and paths.best.way.is_known and not _is_met(in_turn[anchor:], steps[anchor:]):
             return False
-        in_turn = zip(islice(pending, anchor + 1), steps, strict=False)
-        lost = sum(uncounted(one, step) for one, step in in_turn)
-        after = steps[anchor + 1 : anchor + 1 + self._telling]
+        if lost and self._arrivals.tells_of_stamps and not _is_there(steps[anchor]):
+            self._doubt_of_anchor = (
+                lost  # its stamp alone tells of a loss: that of another clock would as well
+            )
+        after = range(anchor + 1, min(anchor + 1 + self._telling, len(steps)))
         if lost and not self._arrivals.tells_of_stamps:
             if len(after) < self._telling:
                 return False
-            self._doubt_of_anchor = 0 if all(one.arrived_in_time for one in after) else lost
+            told = all(steps[i].arrived_in_time and not uncounted(in_turn[i], steps[i]) for i in after)
+            self._doubt_of_anchor = 0 if told else lost
         self._linked = anchor + 1
-        exchanged = _exchanged(tuple(islice(pending, anchor)), steps[: anchor + 1])
+        exchanged = _exchanged(in_turn[:anchor], steps[: anchor + 1])
         self._doubt_linked = max(lost if anchor else 0, exchanged, self._doubt_of_anchor)
+        self._of_place = not self._doubt_of_anchor
         return True
 
-    def settle_next(self, paths: Paths) -> int:
-        """Note that the oldest field is about to be settled; returns the fields that it may be off by."""
+    def settle_next(self, paths: Paths) -> Doubt:
+        """Note that the oldest field is about to be settled; returns the doubt about it."""
         if not self._linked:
-            return self._spread(paths)
+            return Doubt(self._spread(paths))
         self._linked -= 1
         if self._linked:
-            return self._doubt_linked
+            return Doubt(self._doubt_linked, not self._of_place, self._of_place)
         doubt, self._doubt_of_anchor = self._doubt_of_anchor, 0
-        return doubt
+        return Doubt(doubt, of_loss=doubt > 0)
 
     def _spread(self, paths: Paths) -> int:
         """Number of fields by which one may be off whose number is settled before it is certain."""
@@ -79,6 +105,20 @@ class Settling:
 
     def _in_time(self, step: Step) -> bool:
         return step.arrived_in_time or (step.late is not None and abs(step.late) <= self._latest)
+
+
+def _is_there(step: Step) -> bool:
+    """True if a field has arrived in time, or its arrival tells nothing."""
+    return step.arrived is None or step.arrived_in_time
+
+
+def _is_met(pending: Iterable[Pending], steps: Sequence[Step]) -> bool:
+    """True if one of the fields has come in time by itself: those of a queue that is being emptied agree with
+    one another, and with a clock that was set meanwhile.
+    """
+    return any(
+        step.arrived_in_time and not one.arrival.burst for one, step in zip(pending, steps, strict=False)
+    )
 
 
 def _exchanged(late: Sequence[Pending], steps: Sequence[Step]) -> int:

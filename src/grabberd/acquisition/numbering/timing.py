@@ -1,7 +1,5 @@
 """Times of the fields: the camera's clock, led by the stamps that deserve it."""
 
-import math
-
 from grabberd.acquisition.device import StreamInfo
 from grabberd.acquisition.numbering.arrivals import Arrivals
 from grabberd.acquisition.numbering.field_clock import FieldClock
@@ -33,30 +31,35 @@ class Timing:
     Args:
         info: The stream as granted. The times of a recording are taken as they are.
         stamps, arrivals: Those of the stream.
+        since_ns: When the stream was asked for, before which nothing was exposed; None if unknown.
 
     Attributes:
         rebases: What times go by from the last field on and did not before, each with its reason; whoever
             takes them clears them.
     """
 
-    def __init__(self, info: StreamInfo, stamps: Stamps, arrivals: Arrivals) -> None:
+    def __init__(
+        self, info: StreamInfo, stamps: Stamps, arrivals: Arrivals, since_ns: int | None = None
+    ) -> None:
         self._live = info.live
         self._period_ns = 1e9 / info.rate_hz
         self._clock = FieldClock(1e9 / info.rate_hz, exact=not info.live)
         self._stamps = stamps
         self._arrivals = arrivals
-        self._early = self._too_many = self._doubted = 0
-        self._late = 0.0
+        self._since_ns = since_ns
+        self._first_ns: int | None = None
+        self._early = self._doubted = 0
+        self._late = self._ahead = 0.0
         self.rebases: list[tuple[Rebase, str]] = []
 
     def steps_to(self, time_ns: int | None) -> float | None:
         """Periods from the field that was settled last to a time; None if either is unknown."""
         return self._clock.steps_to(time_ns) if time_ns is not None and self._clock.locked else None
 
-    def take_too_many(self) -> int:
-        """Number of fields that turned out to be too many with the last field; 0 when asked again."""
-        too_many, self._too_many = self._too_many, 0
-        return too_many
+    def take_ahead(self) -> float:
+        """Periods by which numbers turned out with the last field to have run ahead; 0 when asked again."""
+        ahead, self._ahead = self._ahead, 0.0
+        return ahead
 
     def take_late(self) -> float:
         """Periods by which all fields before the last one turned out to be late; 0 when asked again."""
@@ -69,6 +72,7 @@ class Timing:
         if time_ns is None:
             return pending.stamp_ns, pending.doubt
         time_ns -= late_ns
+        self._first_ns = time_ns
         self._clock.lock(time_ns)
         self._arrivals.learn(pending.arrival, time_ns)
         return time_ns, pending.doubt
@@ -77,11 +81,17 @@ class Timing:
         """Advance the clock to field `n`; its time, and why that is predicted."""
         time_ns, reason = self._come_to(pending, step, n)
         arrived_ns = pending.arrival.time_ns
-        if arrived_ns is None or time_ns <= arrived_ns + FUTURE_NS:
+        if arrived_ns is None:
             return time_ns, reason
-        # A field of the future: the clock was set while nothing was known of the way, and passed for losses.
-        self._run_ahead((time_ns - arrived_ns) / self._period_ns, arrived_ns)
-        return arrived_ns, reason or "far-off timestamp"
+        exposed_ns, grace_ns = arrived_ns, FUTURE_NS
+        if self._arrivals.way.is_known and n >= _NEW_FOR:  # before that, the first ones may have been late
+            exposed_ns = self._arrivals.exposed_ns(pending.arrival) or arrived_ns
+            grace_ns = round(_IN_TIME * self._period_ns)
+        if time_ns <= exposed_ns + grace_ns:
+            return time_ns, reason
+        # A field of the future: a clock that was set while fields waited has passed for losses.
+        self._run_ahead((time_ns - exposed_ns) / self._period_ns, exposed_ns)
+        return exposed_ns, reason or "far-off timestamp"
 
     def _come_to(self, pending: Pending, step: Step, n: int) -> tuple[int, str | None]:
         if pending.time_ns is None:
@@ -108,20 +118,28 @@ class Timing:
         self._stamps.fits()
         if late > 0:
             return self._clock.advance(step.fields), "late timestamp"
+        if self._arrivals.way.is_known and self._arrived_late(pending, step):
+            # It has waited, so its arrival tells nothing: one that is in time will tell of the clock.
+            return self._clock.advance(step.fields), "early timestamp"
         if pending.stamped_on_arrival and (n < _NEW_FOR or not self._arrivals.way.is_known):
-            return self._begin_again(pending.time_ns, step)
+            return self._begin_again(pending, step)
         return self._come_early(pending.time_ns, step, late), None
 
     def _come_in_time(self, pending: Pending, step: Step, late: float, n: int) -> tuple[int, str | None]:
         """Advance to a field that arrived in time, although its stamp is off."""
-        if late < 0 and n < _NEW_FOR:
-            return self._begin_again(pending.time_ns or 0, step)
+        if late < 0 and n < _NEW_FOR and not self._arrivals.way.is_known:
+            return self._begin_again(pending, step)
         predicted_ns = self._clock.advance(step.fields)
         self._note_set_by(self._stamps.off(pending.stamp_ns, predicted_ns))
         return predicted_ns, "late timestamp" if late > 0 else "early timestamp"
 
-    def _begin_again(self, time_ns: int, step: Step) -> tuple[int, str | None]:
+    def _begin_again(self, pending: Pending, step: Step) -> tuple[int, str | None]:
         """Advance to a field of a new stream that is early; after some of them the first stamps were late."""
+        time_ns = pending.time_ns or pending.stamp_ns
+        if self._is_before_request(time_ns, step):
+            predicted_ns = self._clock.advance(step.fields)
+            self._note_set_by(self._stamps.off(pending.stamp_ns, predicted_ns))
+            return predicted_ns, "early timestamp"
         self._early += 1
         if self._early < _EARLY:
             return self._clock.advance(step.fields), "early timestamp"
@@ -130,6 +148,13 @@ class Timing:
         self._early, self._late = 0, late_ns / self._period_ns
         self._clock.lock(time_ns)
         return time_ns, None
+
+    def _is_before_request(self, time_ns: int, step: Step) -> bool:
+        """True if the stream would have begun before it was asked for, had its first stamps been so late."""
+        if self._since_ns is None or self._first_ns is None:
+            return False
+        late_ns = (self._clock.steps_to(time_ns) - step.fields) * self._period_ns
+        return self._first_ns + late_ns < self._since_ns - self._period_ns / 2
 
     def _come_early(self, time_ns: int, step: Step, late: float) -> int:
         """Advance to a field that is early; after some of them the numbers have run ahead of the camera."""
@@ -141,9 +166,7 @@ class Timing:
 
     def _run_ahead(self, periods: float, time_ns: int) -> None:
         """Note that the numbers have run ahead of the camera, and go on from a time."""
-        self.rebases.append((Rebase.NUMBERS, f"the numbers had run ahead by {round(periods)}"))
-        # The early fields before it have moved the clock by part of a period.
-        self._too_many = math.ceil(periods) + 1
+        self._ahead = periods
         self._clock.lock(time_ns)
 
     def _go_without(self, pending: Pending, predicted_ns: int) -> None:
@@ -165,6 +188,10 @@ class Timing:
         if set_by_ns:
             reason = f"the clock of the timestamps was set by {set_by_ns / 1e9:+.3f} s"
             self.rebases.append((Rebase.CLOCK, reason))
+
+    def _arrived_late(self, pending: Pending, step: Step) -> bool:
+        steps = self.steps_to(self._arrivals.exposed_ns(pending.arrival))
+        return steps is not None and steps - step.fields > _IN_TIME
 
     def _arrived_in_time(self, pending: Pending, step: Step) -> bool:
         steps = self.steps_to(self._arrivals.exposed_ns(pending.arrival))

@@ -4,7 +4,17 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from grabberd.acquisition import LedgerEntry, RingReader, Slot
+from grabberd.acquisition import (
+    UNCERTAIN,
+    LedgerEntry,
+    LedgerEvent,
+    Outcome,
+    Rebase,
+    RingReader,
+    Slot,
+    numbers_off,
+    too_high_by,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +56,48 @@ class Begin:
             return slot.n
         # What was before the oldest slot of the ring is not missing: the ring has never had it, or no longer.
         return max(number_at(slot, self.time_ns, self.period_ns), slot.first_n)
+
+
+class NumbersFromBegin:
+    """Tells by how many the numbers of a capture are off, as far as the stream has not told it.
+
+    A doubt about numbers may have begun before the capture, and an overrun of the ring takes what was told
+    with its fields. The next certain number is then compared with the time.
+
+    Args:
+        begin: Of the capture.
+    """
+
+    def __init__(self, begin: Begin) -> None:
+        self._begin = begin
+        self._certain: tuple[int, int] | None = None
+        self._is_followed = self._began_in_doubt = False
+        self._told = 0
+
+    def events(self, slot: Slot) -> tuple[LedgerEvent, ...]:
+        """The changes with a slot that is numbered from the capture's first field."""
+        if self._begin.time_ns is None:
+            return slot.rebases
+        if any(entry.outcome is Outcome.OVERRUN for entry in slot.lost_before):
+            self._is_followed = False
+        is_certain = not (slot.reason or "").startswith(UNCERTAIN)
+        events = slot.rebases
+        if not self._is_followed:
+            events = tuple(event for event in events if event.kind is not Rebase.NUMBERS)
+            if is_certain and (off := self._off(slot, self._begin.time_ns)):
+                events = (*events, numbers_off(slot.n, off))
+        self._told += sum(too_high_by(event) for event in events)
+        if is_certain:
+            self._certain, self._told, self._is_followed = (slot.n, slot.time_ns), 0, True
+        self._began_in_doubt |= not is_certain
+        return events
+
+    def _off(self, slot: Slot, begin_ns: int) -> int:
+        """Fields by which a certain number is too high, counted from the last certain one or the begin."""
+        if self._certain is None:
+            return number_at(slot, begin_ns, self._begin.period_ns) if self._began_in_doubt else 0
+        n, time_ns = self._certain
+        return slot.n - n - round((slot.time_ns - time_ns) / self._begin.period_ns) - self._told
 
 
 def number_at(slot: Slot, time_ns: int, period_ns: int) -> int:

@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 from grabberd.acquisition import Ledger, LedgerEntry, Outcome, RingReader, Slot, StreamInfo
 from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import RingOverrun
-from grabberd.service.capture.edges import Begin, cut, number_at
+from grabberd.service.capture.edges import Begin, NumbersFromBegin, cut, number_at
 
 T = TypeVar("T")
 GRACE_NS = 1_000_000_000
@@ -179,11 +179,13 @@ class Recorder:
         self._lossless = stream.waits_for_reader
         self._keeps_pace = stream.live and not stream.waits_for_reader
         self._begin = begin or Begin(None, self._period_ns)
+        self._numbers = NumbersFromBegin(self._begin)
         self._start_ns = self._newest_ns = clock.now_ns()
         self._newest: Slot | None = None
         self._end_ns: int | None = None
         self._at_end = False
         self._refused: tuple[LedgerEntry, ...] = ()
+        self._hearings = HEARINGS
         self._started = False
 
     def start(self, capture_id: str) -> None:
@@ -235,8 +237,9 @@ class Recorder:
         if end_n is not None and slot.n >= end_n:
             self._close_at(end_n, slot)
             return
-        self.ledger.events += slot.rebases
-        self._enter(slot._replace(lost_before=(*self._refused, *slot.lost_before)))
+        events = self._numbers.events(slot)
+        self.ledger.events += events
+        self._enter(slot._replace(lost_before=(*self._refused, *slot.lost_before), rebases=events))
         if slot.n + 1 == self._fields:
             self.stop("length reached")
 
@@ -271,7 +274,7 @@ class Recorder:
         slot = self.reader.take(TAKE_S)
         if slot is not None:
             self.take(slot)
-        elif self._is_over:
+        elif self._is_over and self._has_heard_enough():
             self._end_short(self._source.interruption or "nothing came")
 
     @property
@@ -284,6 +287,15 @@ class Recorder:
         if self._lossless:
             begin_ns, missing = self._newest_ns, self._fields - self.ledger.total
         return self._clock.now_ns() > begin_ns + missing * self._period_ns + GRACE_NS
+
+    def _has_heard_enough(self) -> bool:
+        """Waits for an explanation once more; True if there is one, or it has waited for long enough.
+
+        The threads of a program that was stopped go on in any order: what the driver's buffers have kept may
+        still be on its way.
+        """
+        self._hearings -= 1
+        return self._hearings < 0 or not self._keeps_pace or self._source.interruption is not None
 
     def _take_until_end(self) -> None:
         """Takes what was exposed before the stop: the last fields are on their way, or in doubt.

@@ -115,8 +115,10 @@ class FieldPipeline:
         Returns:
             The slots of the fields that were still in doubt, which are in the ring now.
         """
+        released = [] if self._numbering is None else self._release(self._numbering.interrupt(reason))
+        # Last: a capture that ends now takes what is in the ring, and then believes that nothing more comes.
         self.interruption = reason
-        return [] if self._numbering is None else self._release(self._numbering.interrupt(reason))
+        return released
 
     def take(
         self, grabbed: GrabbedField, signal: Signal, now_ns: int, standstill: Standstill | None = None
