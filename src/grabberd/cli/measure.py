@@ -12,6 +12,7 @@ from grabberd.cli.options import (
     given,
     print_result,
     progress_bar,
+    warn,
 )
 
 
@@ -38,5 +39,6 @@ def measure(
     made_with = {**read_documents(calibration, object_model), "settings": settings}
     with progress_bar("measuring") as progress:
         result = measure_file(progress, path=capture, made_with=made_with)
+    warn(f"{capture}: {one}" for one in result.warnings)
     words = f"run {result.run}, {result.points} points in {result.fields} fields"
-    print_result(result.model_dump(), f"{capture}: {words}", as_json=json)
+    print_result(result.model_dump(mode="json"), f"{capture}: {words}", as_json=json)
