@@ -179,6 +179,9 @@ class ObjectTarget(Document):
     z_mm: float
     row: int
     column: int
+    sigma_mm: float | None = Field(
+        None, description="Standard deviation of its nominal coordinates, where it is not that of all."
+    )
 
 
 class ObjectModelDocument(Document):

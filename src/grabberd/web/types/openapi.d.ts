@@ -3516,6 +3516,11 @@ export interface components {
             row: number;
             /** Column */
             column: number;
+            /**
+             * Sigma Mm
+             * @description Standard deviation of its nominal coordinates, where it is not that of all.
+             */
+            sigma_mm?: number | null;
         };
         /**
          * Order
