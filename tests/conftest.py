@@ -28,7 +28,7 @@ LONGEST = ("browser", "faults")
 
 SERVED = ("api", "cli", "service")
 """Rooms of whole services and their captures."""
-SUBJECT = ("cli/test_field_order.py",)
+SUBJECT = ("cli/test_field_order.py", "cli/test_reversed_fields.py")
 """Files in them whose subject is what moves from picture to picture."""
 
 

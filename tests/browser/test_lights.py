@@ -18,6 +18,7 @@ ALL = [
     "computer",
     "calibration",
     "rig",
+    "order",
     "disk",
     "records",
     "clock",

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from grabberd.field import BOTTOM, TOP, Field
-from grabberd.processes.field_order import Order, check
+from grabberd.processes.field_order import check
+from grabberd.reconstruction.accuracy.field_order import Order
 from grabberd_fake.options import FakeOptions
 from grabberd_fake.world import World
 

@@ -26,6 +26,17 @@ def test_a_file_becomes_arrays_sorted_by_target():
     assert (model.name, model.target_diameter_mm, model.sigma_mm, len(model)) == ("plate", 1.5, 0.0, 6)
 
 
+def test_a_target_may_have_a_sigma_of_its_own():
+    own = document()
+    own["sigma_mm"] = 0.3
+    assert ObjectModel.from_document(own).own_sigma_mm is None
+    own["targets"][2]["sigma_mm"] = 0.05
+    assert ObjectModel.from_document(own).target_sigma_mm.tolist() == [0.3, 0.3, 0.05, 0.3, 0.3, 0.3]
+    own["targets"][2]["sigma_mm"] = -1
+    with pytest.raises(InputError, match=r"targets\[2\].sigma_mm: is -1"):
+        ObjectModel.from_document(own)
+
+
 def test_neighbours_differ_by_one_row_or_one_column():
     model = ObjectModel.from_document(document())
     assert model.neighbours().tolist() == [[0, 1], [0, 3], [1, 2], [1, 4], [2, 5], [3, 4], [4, 5]]

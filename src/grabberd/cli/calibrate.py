@@ -183,10 +183,11 @@ def _calibrated(
 
 
 def _write(path: Path, text: str) -> None:
-    from grabberd.storage.disk import storage_errors  # noqa: PLC0415
+    from grabberd.storage.export.checked_file import write_checked  # noqa: PLC0415
+    from grabberd.storage.export.read_back import text_check  # noqa: PLC0415
 
-    with storage_errors(path), path.open("x", encoding="utf-8") as file:
-        file.write(text + "\n")
+    whole = text + "\n"
+    write_checked(path, [whole.encode()], text_check(whole))
 
 
 def _write_report(path: Path, document: dict[str, Any]) -> None:

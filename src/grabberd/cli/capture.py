@@ -15,6 +15,7 @@ from grabberd.cli.options import (
     group_file,
     load,
     print_json,
+    warn,
 )
 
 FIELD_S = 0.02
@@ -161,3 +162,13 @@ def _summarise(document: dict[str, Any], out: Path) -> None:
         if one["ended_because"] != "length reached":
             words += f"; {one['ended_because']}"
         typer.echo(f"{file}: {one['fields']} fields, {words}")
+        warn(f"{file}: {warning}" for warning in _warnings(one))
+
+
+def _warnings(document: dict[str, Any]) -> list[str]:
+    """Return what is wrong with the points of a capture; a daemon of an earlier version says nothing."""
+    from grabberd.documents.field_order import FieldOrderDocument  # noqa: PLC0415
+
+    found = document.get("field_order")
+    warning = FieldOrderDocument.model_validate(found).warning if found else None
+    return [warning] if warning else []

@@ -13,7 +13,8 @@ from grabberd.errors import DeviceRefused, StreamEnded, StreamFailed
 if TYPE_CHECKING:
     from grabberd.acquisition import Grabber, StreamInfo
     from grabberd.field import Field
-    from grabberd.processes.field_order import FieldOrderFinding, Order
+    from grabberd.processes.field_order import FieldOrderFinding
+    from grabberd.reconstruction.accuracy.field_order import Order
 
 WATCHED_S = 4.0
 """200 fields: several times the least that the check needs, with time to move, pause and move again."""
@@ -31,7 +32,7 @@ def check(config: Config, file: Path | None, name: str | None, json: bool) -> in
         DeviceError: the device cannot be opened, is in use, or delivers nothing.
         ConfigError: the device is not clear from the name.
     """
-    from grabberd.processes.field_order import Order  # noqa: PLC0415 - loads OpenCV
+    from grabberd.reconstruction.accuracy.field_order import Order  # noqa: PLC0415 - loads NumPy
 
     ((name, device),) = with_device(config, file, name).devices.items()
     info, finding = _watch(name, device)

@@ -1,7 +1,7 @@
 """`grabberd measure`: measures the fields of a recorded capture."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -9,10 +9,20 @@ from grabberd.cli.options import (
     IncludeDamagedOption,
     JsonOption,
     LineJitterOption,
+    check_absent,
+    check_folder,
     given,
     print_result,
     progress_bar,
+    warn,
 )
+
+ProposeOption = Annotated[
+    Path | None,
+    typer.Option(
+        help="Write an object file to this path, with misplaced targets where the capture shows them.",
+    ),
+]
 
 
 def measure(
@@ -22,11 +32,14 @@ def measure(
     method: Annotated[str | None, typer.Option(help="Location method; default: the capture's.")] = None,
     line_jitter: LineJitterOption = None,
     include_damaged: IncludeDamagedOption = False,
+    propose_object: ProposeOption = None,
     json: JsonOption = False,
 ) -> None:
     """Measure a capture with a calibration; the points are added to the file as a new run.
 
     Example: grabberd measure liner.grab --calibration rig.calibration.json --object liner.yaml
+
+    Example: grabberd measure a.grab --calibration rig.json --object liner.yaml --propose-object seen.yaml
     """
     from grabberd.service.jobs.measurement import measure_file  # noqa: PLC0415
     from grabberd.service.setup import read_documents, settings_of_capture  # noqa: PLC0415
@@ -36,7 +49,32 @@ def measure(
         settings = settings_of_capture(reader.meta.config)
     settings |= given(method=method, line_jitter_px=line_jitter, include_damaged=include_damaged or None)
     made_with = {**read_documents(calibration, object_model), "settings": settings}
+    if propose_object is not None:
+        check_folder(propose_object)
+        check_absent(propose_object)
     with progress_bar("measuring") as progress:
         result = measure_file(progress, path=capture, made_with=made_with)
+    document = result.model_dump(mode="json")
+    if propose_object is not None:
+        document["proposal"] = _proposed(capture, made_with, propose_object)
+    warn(f"{capture}: {one}" for one in result.warnings)
     words = f"run {result.run}, {result.points} points in {result.fields} fields"
-    print_result(result.model_dump(), f"{capture}: {words}", as_json=json)
+    lines = [f"{capture}: {words}"]
+    if propose_object is not None:
+        lines.append(f"{propose_object}: {document['proposal']['in_words']}")
+    print_result(document, "\n".join(lines), as_json=json)
+
+
+def _proposed(capture: Path, made_with: dict[str, Any], out: Path) -> dict[str, Any]:
+    """Write the proposed object file, and return what it changes."""
+    from grabberd.service.jobs.object_proposal import propose_object  # noqa: PLC0415
+
+    with progress_bar("comparing with the object model") as progress:
+        found = propose_object(progress, path=capture, made_with=made_with, out=out)
+    moved = [one._asdict() for one in found.moved]
+    return {
+        "file": str(out) if moved else None,
+        "in_words": found.in_words,
+        "fields": found.fields,
+        "moved": moved,
+    }

@@ -111,6 +111,7 @@ def _report(summary: "ReprocessSummary", out: Path, as_json: bool) -> None:
     made = f"{summary.fields} fields, {summary.points} points, {summary.fields_per_s:.0f} fields/s"
     typer.echo(f"{out}: {words}; {made}")
     warn(f"skipped: {one.capture} {one.reason}" for one in summary.left_out)
+    warn(f"{one.capture}: {one.reason}" for one in summary.warned)
     for capture, problem, hint in summary.refused:
         typer.echo(f"failed: {capture}: {problem}\n  hint: {hint}", err=True)
     if summary.interrupted:
@@ -120,6 +121,6 @@ def _report(summary: "ReprocessSummary", out: Path, as_json: bool) -> None:
 def _document(summary: "ReprocessSummary", out: Path) -> dict[str, Any]:
     lists = {
         name: [{**one._asdict(), "capture": str(one.capture)} for one in getattr(summary, name)]
-        for name in ("refused", "left_out")
+        for name in ("refused", "left_out", "warned")
     }
     return {"out": str(out), **asdict(summary), "fields_per_s": round(summary.fields_per_s, 1), **lists}

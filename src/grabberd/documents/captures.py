@@ -9,6 +9,7 @@ from grabberd.documents.calibrations import CalibrationDocument
 from grabberd.documents.devices import ObjectModelDocument
 from grabberd.documents.document import DescribedBy, Document, Next, with_examples
 from grabberd.documents.examples import CAPTURE, GROUP
+from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import CaptureState, JsonObject, Verdict
 
 
@@ -120,6 +121,11 @@ class CaptureDocument(Document):
         None,
         description="What its points tell about camera and mirrors: the worst verdict (fits, doubtful, "
         "moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing.",
+    )
+    field_order: FieldOrderDocument | None = Field(
+        None,
+        description="What the points of moving targets, measured during the capture, tell about the sequence "
+        "of its fields in time; null where none were measured.",
     )
 
     @property

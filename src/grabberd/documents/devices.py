@@ -8,6 +8,7 @@ from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import ActiveCalibration
 from grabberd.documents.document import Document
 from grabberd.documents.faults import FaultDocument
+from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import JsonObject, LackKind, Latency, ViewCounts
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.errors import Cause
@@ -143,6 +144,9 @@ class DeviceDocument(Document):
     armed_capture_id: str | None = Field(description="The capture that is waiting for its trigger.")
     group_id: str | None = Field(description="The group of that capture.")
     rig: RigDocument | None = Field(description="Null before the first second of measuring.")
+    field_order: FieldOrderDocument | None = Field(
+        description="Sequence of the fields in time, by the latest movement; null before the first seconds."
+    )
     live: LiveDocument | None
 
 
@@ -175,6 +179,9 @@ class ObjectTarget(Document):
     z_mm: float
     row: int
     column: int
+    sigma_mm: float | None = Field(
+        None, description="Standard deviation of its nominal coordinates, where it is not that of all."
+    )
 
 
 class ObjectModelDocument(Document):

@@ -7,6 +7,7 @@ from pydantic import Field
 from grabberd.documents.analyses import AnalysisRecord
 from grabberd.documents.calibration_reports import PixelAxes
 from grabberd.documents.document import Document
+from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.problems import JobProblem
 
 
@@ -28,6 +29,10 @@ class MeasurementResult(Document):
     run: int = Field(description="Number of the new run.")
     fields: int = Field(description="Number of fields measured.")
     points: int = Field(description="Number of points found.")
+    field_order: FieldOrderDocument | None = Field(
+        None, description="What the points tell about the sequence of the fields in time."
+    )
+    warnings: list[str] = Field(default_factory=list, description="Warnings for people, in sentences.")
 
 
 class AxesDocument(Document):

@@ -16,7 +16,6 @@ compared with the movement in the other half (an instrumental variable), which k
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import NamedTuple
 
 import cv2
@@ -24,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from grabberd.field import BOTTOM, TOP, Field
+from grabberd.reconstruction.accuracy.field_order import Order
 
 # Means over 4 x 2 pixels suppress noise and line jitter.
 _MEAN_COLUMNS, _MEAN_ROWS = 4, 2
@@ -38,16 +38,6 @@ _OVERLAP = 3
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.float32]
-
-
-class Order(StrEnum):
-    """Field order as the pictures show it."""
-
-    RIGHT = "right"
-    REVERSED = "reversed"
-    SAME_INSTANT = "same_instant"
-    NO_MOVEMENT = "no_movement"
-    UNCLEAR = "unclear"
 
 
 class Ratio(NamedTuple):

@@ -1,5 +1,6 @@
 """Object model: nominal positions of an object's targets, and their grid."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from grabberd.geometry import Reading
 
 _KEYS = ("name", "target_diameter_mm", "sigma_mm", "homologous", "targets")
 _TARGET_KEYS = ("id", "x_mm", "y_mm", "z_mm", "row", "column")
+_OWN_SIGMA = "sigma_mm"
 _HINT = "fix the file; every target needs its own id and its own grid position"
 
 
@@ -23,6 +25,7 @@ class _Target(NamedTuple):
     z_mm: float
     row: int
     column: int
+    sigma_mm: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,9 +39,11 @@ class ObjectModel:
         row: (N,) int32, row of the target grid; neighbours differ by one in row or column.
         column: (N,) int32, column of the target grid.
         target_diameter_mm: Diameter of the discs.
-        sigma_mm: Standard deviation of the nominal positions.
+        sigma_mm: Standard deviation of the nominal positions, in each coordinate.
         homologous: True if a target is the same material point in every field; False for a projected pattern,
             or if ids are reassigned.
+        own_sigma_mm: (N,) standard deviations of the targets that have one of their own, NaN for the others;
+            None if no target has.
     """
 
     name: str
@@ -49,6 +54,7 @@ class ObjectModel:
     target_diameter_mm: float
     sigma_mm: float
     homologous: bool = True
+    own_sigma_mm: NDArray[np.float64] | None = None
 
     def __len__(self) -> int:
         return len(self.target)
@@ -85,7 +91,15 @@ class ObjectModel:
             target_diameter_mm=diameter,
             sigma_mm=sigma,
             homologous=bool(homologous),
+            own_sigma_mm=None if np.isnan(columns[6]).all() else np.array(columns[6], np.float64),
         )
+
+    @property
+    def target_sigma_mm(self) -> NDArray[np.float64]:
+        """(N,) standard deviation of each nominal position: its own, or else that of all."""
+        if self.own_sigma_mm is None:
+            return np.full(len(self), self.sigma_mm)
+        return np.where(np.isnan(self.own_sigma_mm), self.sigma_mm, self.own_sigma_mm)
 
     def neighbours(self) -> NDArray[np.intp]:
         """(K, 2) indices of pairs of neighbours on the grid, each pair once, sorted.
@@ -114,7 +128,10 @@ def _target(reading: Reading, entry: object, where: str) -> _Target:
         reading.refuse(where, entry, f"a mapping of {', '.join(_TARGET_KEYS)}")
         return _Target(-1, 0.0, 0.0, 0.0, 0, 0)
     where += "."
-    reading.keys(where, entry, _TARGET_KEYS)
+    reading.keys(where, entry, (*_TARGET_KEYS, _OWN_SIGMA))
+    own_sigma_mm = reading.number(entry, _OWN_SIGMA, where) if _OWN_SIGMA in entry else math.nan
+    if own_sigma_mm < 0:
+        reading.refuse(where + _OWN_SIGMA, own_sigma_mm, "a number from 0")
     return _Target(
         reading.integer(entry, "id", where, least=0),
         reading.number(entry, "x_mm", where),
@@ -122,6 +139,7 @@ def _target(reading: Reading, entry: object, where: str) -> _Target:
         reading.number(entry, "z_mm", where),
         reading.integer(entry, "row", where),
         reading.integer(entry, "column", where),
+        own_sigma_mm,
     )
 
 

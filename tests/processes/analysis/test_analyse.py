@@ -121,9 +121,21 @@ def test_strain_counts_from_the_field_that_is_named() -> None:
         analysed(still(3), reference={"field": 7})
 
 
-def test_strain_from_a_phase_needs_a_pulsation() -> None:
-    with pytest.raises(InputError, match=r"phase 0\.4 of the mean cycle does not exist"):
-        analysed(still(3), reference={"phase": 0.4})
+def test_without_a_pulsation_strain_from_a_phase_is_left_out_and_the_rest_is_there() -> None:
+    found = analysed(still(3), reference={"phase": 0.4}, material=MATERIAL)
+    assert [state.strain for state in found.states] == [None] * 3
+    assert all(np.isfinite(state.curvature_per_m.value).all() for state in found.states)
+    assert any("phase 0.4 of the mean cycle does not exist" in problem for problem in found.problems)
+
+
+def test_without_a_pulsation_a_vacuum_whose_clock_it_would_give_is_left_out() -> None:
+    wave = {"rate_per_min": 60, "ratio": 0.6, "system_kpa": 42, "a_s": 0.1, "c_s": 0.1, "sigma_kpa": 0.5}
+    lag = {"opening_s": 0.004, "closing_s": -0.003, "sigma_s": 0.005, "near_s": 0.0}
+    vacuum = {"pulsation": wave, "liner": {"kpa": 42, "sigma_kpa": 0.5}, "lag": lag}
+    found = analysed(still(3), reference="nominal", material=MATERIAL, vacuum=vacuum, sought_kpa=1.0)
+    assert found.source is None
+    assert all(state.strain is not None for state in found.states)
+    assert any(problem.startswith("no pressure: vacuum.lag") for problem in found.problems)
 
 
 def test_a_hole_stays_a_hole() -> None:

@@ -1,10 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from grabberd.reconstruction import Smoothness
-from grabberd.reconstruction.correspondence.displacement_field import DisplacementField
+from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, field_of
 from reconstruction.liners import model, wall
 
 SMOOTHNESS = Smoothness(sigma_mm=3.0, reach_mm=30.0, noise_mm=0.15)
@@ -30,6 +32,19 @@ def test_it_expects_of_everybody_what_kriging_from_all_the_others_gives(seen):
         mean, sigma = regression(np.array(sorted(seen - {index})), index)
         assert np.allclose(expected.displacement_mm[index], mean, atol=1e-6)
         assert np.allclose(expected.sigma_mm[index], sigma, atol=1e-6)
+
+
+@pytest.mark.parametrize(("sigma_mm", "added_mm"), [(0.05, 0.0), (0.15, 0.0), (0.2, 0.132), (5.0, 0.156)])
+def test_nominal_places_known_worse_than_the_noise_widen_what_is_expected(sigma_mm, added_mm):
+    """Up to a share of the pitch, here of 6.5 mm; the σ of a single target counts whole."""
+    plain, seen = field_of(replace(MODEL, sigma_mm=0.0), SMOOTHNESS, 6.5), np.arange(108) > 0
+    wide = field_of(replace(MODEL, sigma_mm=sigma_mm), SMOOTHNESS, 6.5)
+    at_least = np.hypot(plain.expect(seen, TRUTH).sigma_mm[0], added_mm)
+    assert wide.expect(seen, TRUTH).sigma_mm[0] == pytest.approx(at_least, rel=0.15)
+    own = field_of(replace(MODEL, sigma_mm=0.0, own_sigma_mm=np.where(seen, np.nan, 1.0)), SMOOTHNESS, 6.5)
+    sigma = own.expect(seen, TRUTH).sigma_mm
+    assert sigma[0] == pytest.approx(np.hypot(plain.expect(seen, TRUTH).sigma_mm[0], np.sqrt(1 - 0.15**2)))
+    assert np.allclose(sigma[1:], plain.expect(seen, TRUTH).sigma_mm[1:])
 
 
 def test_when_nobody_is_seen_all_are_expected_at_their_nominal_places_with_the_prior_sigma():

@@ -27,9 +27,9 @@ SEEN = {
 
 
 def test_few_targets_are_one_field_and_many_are_parts():
-    assert isinstance(field_of(model(), SMOOTHNESS), DisplacementField)
+    assert isinstance(field_of(model(), SMOOTHNESS, 6.5), DisplacementField)
     assert len(MANY) > MOST_AT_ONCE
-    assert isinstance(field_of(MANY, SMOOTHNESS), TiledField)
+    assert isinstance(field_of(MANY, SMOOTHNESS, 6.5), TiledField)
 
 
 def test_every_target_is_in_one_part():

@@ -120,3 +120,10 @@ def test_one_thread_after_the_other_may_read_on(tmp_path):
         found = [next(fields).numbered.n for _ in range(30)]
         found += pool.submit(lambda: [one.numbered.n for one in fields]).result()
     assert found == list(range(120))
+
+
+def test_a_file_may_be_named_by_a_text(tmp_path):
+    path = write(tmp_path, slots(3))
+    with CaptureReader(str(path)) as reader:
+        assert reader.path == path
+        assert len(list(reader.received())) == 3

@@ -36,3 +36,19 @@ test("a folder that is gone is told by the light of the disk alone", () => {
   assert.equal(light([gone], disk).level, "good");
   assert.equal(light([gone, FAULT], disk).code, "settings_lost");
 });
+
+function order(field_order) {
+  const state = { devices: { cup: { ...DEVICE, field_order } }, faults: [], storage: { minutes_left: 100, cause_code: null, problem: null } };
+  const known = { state, device: "cup", connection: { online: true }, clockOffset_ms: 0 };
+  return judge(known, NO_LOSSES).find((one) => one.id === "order");
+}
+
+test("fields in the wrong sequence are bad, with reasons and remedies", () => {
+  for (const wrong of ["reversed", "same_instant"]) assert.deepEqual(order({ order: wrong }), { id: "order", level: "bad", word: wrong, cause: wrong });
+});
+
+test("what an object at rest does not tell is not known yet", () => {
+  assert.equal(order({ order: "right" }).level, "good");
+  assert.equal(order({ order: "no_movement" }).level, "idle");
+  assert.equal(order(null).word, "unknown");
+});

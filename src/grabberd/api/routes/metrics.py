@@ -17,6 +17,7 @@ from prometheus_client.registry import Collector
 from grabberd import __version__
 from grabberd.acquisition import LossCause, Outcome, Rebase, Signal
 from grabberd.documents.states import DeviceState, Rung
+from grabberd.reconstruction.accuracy.field_order import Order
 from grabberd.service.device.worker import BOUNDS_S
 from grabberd.service.faults.descriptors import exhaustion
 from grabberd.service.faults.fault_board import OWN_CAUSES
@@ -129,6 +130,9 @@ def _points(instruments: list[Instrument]) -> Iterator[Metric]:
     lives = [(one.name, live) for one in instruments if (live := one.worker.live) is not None]
     points = (((name,), len(live.measured.points)) for name, live in lives)
     yield _gauge("grabberd_live_points", "Points of the newest measured field.", ("device",), points)
+    fits = [(one.name, fit) for one in instruments if (fit := one.worker.field_order.fit) is not None]
+    verdicts = (((name, order), float(fit.order is order)) for name, fit in fits for order in Order)
+    yield _gauge("grabberd_field_order", "1 for what the points tell of it.", ("device", "order"), verdicts)
     yield _latency(instruments)
 
 

@@ -40,7 +40,7 @@ from grabberd.processes.analysis.inputs import AnalysisInputs, Reference
 from grabberd.processes.analysis.problems import Problems
 from grabberd.processes.analysis.question import Question
 from grabberd.processes.analysis.smoothings import Smoothings
-from grabberd.processes.analysis.vacuum_inputs import Vacuum, read_vacuum
+from grabberd.processes.analysis.vacuum_inputs import Vacuum, needs_pulsation, read_vacuum
 from grabberd.processes.analysis.wall_series import WallSeries
 from grabberd.processes.analysis.wall_state import WallState
 from grabberd.reconstruction import Points
@@ -153,6 +153,7 @@ class _Work:
         self._fields = tuple(captures[0])
         self._time_s = np.array([field.timed.time_s for field in captures[0]])
         self._problems = Problems([field.n for field in self._fields])
+        self._reference_state = inputs.reference
 
     def whole(self) -> Analysis:
         """Run every step, each after those whose results it needs."""
@@ -166,6 +167,8 @@ class _Work:
             else None
         )
         average = self._average(pulsation)
+        if homologous:
+            self._reference_state = self._existing(self._inputs.reference, average)
         vacuum = self._vacuum(pulsation) if homologous else None
         fields_points = [timed.points for timed in self._timed[0]]
         smoothings = Smoothings.of(self._grid, fields_points) if homologous else None
@@ -233,6 +236,12 @@ class _Work:
         return fields, [(k - count, state) for k, state in found if k >= count]
 
     def _vacuum(self, pulsation: Pulsation | None) -> Vacuum | None:
+        if pulsation is None and needs_pulsation(self._inputs.vacuum) and not self._inputs.empty:
+            self._problems.add(
+                "no pressure: vacuum.lag finds the clock of the vacuum from the pulsation, and none was "
+                "found; give vacuum.offset, or start_s of the pulsator, instead"
+            )
+            return None
         vacuum = read_vacuum(self._inputs.vacuum, pulsation, self._time_s)
         if vacuum and pulsation and vacuum.is_curve and vacuum.phases is None:
             self._problems.add("the vacuum's curve holds no whole cycle, so it has no ISO phases")
@@ -278,24 +287,33 @@ class _Work:
         inputs, grid = self._inputs, self._grid
         if smoothings is None:
             return Question(grid, inputs.heights_mm, inputs.plane, over=free_shape(grid))
-        if inputs.reference is None:
+        if self._reference_state is None:
             return Question(grid, inputs.heights_mm, inputs.plane, zones=inputs.zones)
-        reference, places = self._reference(inputs.reference, smoothings, average)
+        reference, places = self._reference(self._reference_state, smoothings, average)
         return Question(grid, inputs.heights_mm, inputs.plane, reference, places, inputs.zones)
 
     def _pressure(self, average: PhaseAverage | None) -> PressureModel | None:
         """Model of the pressure maps; None if one of its inputs is missing."""
-        inputs, grid = self._inputs, self._grid
-        if inputs.reference is None or not inputs.zones or inputs.sought_kpa is None:
+        inputs, grid, reference = self._inputs, self._grid, self._reference_state
+        if reference is None or not inputs.zones or inputs.sought_kpa is None:
             return None
         if inputs.zones[0].material.ends_mm is None or "pulsation" not in inputs.vacuum:
             return None
-        nominal = inputs.reference.kind == "nominal"
-        points = None if nominal else self._reference_points(inputs.reference, average)
+        points = None if reference.kind == "nominal" else self._reference_points(reference, average)
         sought_kpa, unseen = inputs.sought_kpa, inputs.unseen
         return self._problems.survived(
             lambda: PressureModel(grid, inputs.zones, points, sought_kpa, unseen, self._rig)
         )
+
+    def _existing(self, reference: Reference | None, average: PhaseAverage | None) -> Reference | None:
+        """The reference state; None, with a problem, if it is one of a mean cycle that does not exist."""
+        if reference is None or reference.kind != "phase" or average is not None or self._inputs.empty:
+            return reference
+        self._problems.add(
+            f"no strain, tension and pressure: the reference state {reference} does not exist "
+            f"({self._problems.latest}); choose a field, or the object model's nominal shape"
+        )
+        return None
 
     def _reference(
         self, reference: Reference, smoothings: Smoothings, average: PhaseAverage | None

@@ -87,6 +87,12 @@ def read_vacuum(document: Mapping[str, Any], pulsation: Pulsation | None, time_s
     )
 
 
+def needs_pulsation(document: Mapping[str, Any]) -> bool:
+    """True if the clock of the vacuum is to be found from the wall's pulsation."""
+    curve = "log" in document or _wave(document.get("pulsation")) is not None
+    return "lag" in document and "liner" in document and curve
+
+
 def _on_camera_clock(wave: PulsatorWave, clock: tuple[float, float] | None) -> PulsatorWave:
     """The wave with its start on the camera's clock."""
     start_s = clock[0] if clock else wave.start_s

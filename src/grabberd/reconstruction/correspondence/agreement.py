@@ -160,10 +160,10 @@ class Agreement:
     def __init__(self, model: ObjectModel, settings: CorrespondenceSettings) -> None:
         self.model = model
         self.settings = settings
-        self.field = field_of(model, settings.smoothness)
         self._neighbours = model.neighbours()
         self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
         self.pitch_mm = _median(self._apart_mm)
+        self.field = field_of(model, settings.smoothness, self.pitch_mm)
 
     @property
     def pairs(self) -> tuple[Indices, Array]:

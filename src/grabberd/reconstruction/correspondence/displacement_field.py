@@ -50,13 +50,18 @@ class Smoothness:
     noise_mm: float = 0.15
 
 
+NOMINAL_SHARE = 1 / 30
+"""Share of the pitch up to which the common σ of the nominal positions widens the gates; with more, false
+blobs are accepted in fast closures."""
+
+
 class Expected(NamedTuple):
     """Prediction of each target from the *other* seen targets, leaving out its own measurement.
 
     Attributes:
         displacement_mm: (M, 3) predicted displacements.
-        sigma_mm: (M,) their standard deviation in each coordinate, without the noise of the target's own
-            measurement.
+        sigma_mm: (M,) their standard deviation in each coordinate: that of the target's own nominal position
+            is in it as far as it exceeds the field's noise, the noise of its own measurement is not.
     """
 
     displacement_mm: Array
@@ -92,12 +97,25 @@ class DisplacementField:
     _kept: "dict[bytes, Say]" = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
-    def of(cls, nominal_mm: Array, smoothness: Smoothness, most_kept: int = _KEPT) -> "DisplacementField":
-        """Make the field of targets at nominal positions (M, 3)."""
+    def of(
+        cls,
+        nominal_mm: Array,
+        smoothness: Smoothness,
+        most_kept: int = _KEPT,
+        variance_mm2: Array | float = 0.0,
+    ) -> "DisplacementField":
+        """Make the field of targets at nominal positions (M, 3).
+
+        Args:
+            nominal_mm: (M, 3) the positions.
+            smoothness: Prior knowledge of the deformation.
+            most_kept: Number of sets of seen targets whose predictors are kept.
+            variance_mm2: (M,) variance of each position beyond the noise that `smoothness` has for all.
+        """
         apart = np.linalg.norm(nominal_mm[:, np.newaxis] - nominal_mm, axis=2) / smoothness.reach_mm
         scaled = np.sqrt(5.0) * apart
         covariance = smoothness.sigma_mm**2 * (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
-        covariance[np.diag_indices(len(nominal_mm))] += smoothness.noise_mm**2
+        covariance[np.diag_indices(len(nominal_mm))] += smoothness.noise_mm**2 + variance_mm2
         return cls(nominal_mm, np.linalg.inv(covariance), smoothness.noise_mm, most_kept)
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
@@ -167,14 +185,15 @@ class _Say(NamedTuple):
 class TiledField:
     """Field of an object of M targets, like `DisplacementField`, by parts."""
 
-    def __init__(self, nominal_mm: Array, smoothness: Smoothness) -> None:
+    def __init__(self, nominal_mm: Array, smoothness: Smoothness, variance_mm2: Array | float = 0.0) -> None:
         self.nominal_mm = nominal_mm
         self.noise_mm = smoothness.noise_mm
         targets = np.arange(len(nominal_mm))
         regions = _parted(nominal_mm, targets, -(-len(targets) // EVERYWHERE))
         everywhere = np.array([region[len(region) // 2] for region in regions])
         parts = _parted(nominal_mm, targets, PART)
-        self._parts = [_part(nominal_mm, np.sort(one), everywhere, smoothness) for one in parts]
+        variance_mm2 = np.broadcast_to(variance_mm2, len(targets))
+        self._parts = [_part(nominal_mm, np.sort(one), everywhere, smoothness, variance_mm2) for one in parts]
         self._last: _Say | None = None
 
     def expect(self, seen: NDArray[np.bool_], displacement_mm: Array) -> Expected:
@@ -199,11 +218,15 @@ class TiledField:
         return _Say(key, told, sigma_mm)
 
 
-def field_of(model: ObjectModel, smoothness: Smoothness) -> "DisplacementField | TiledField":
+def field_of(model: ObjectModel, smoothness: Smoothness, pitch_mm: float) -> "DisplacementField | TiledField":
     """Make the field of an object: as a whole for few targets, by parts for many."""
+    common_mm = min(model.sigma_mm, NOMINAL_SHARE * pitch_mm)
+    sigma_mm = np.full(len(model), common_mm) if model.own_sigma_mm is None else model.own_sigma_mm
+    sigma_mm = np.where(np.isnan(sigma_mm), common_mm, sigma_mm)
+    variance_mm2 = np.maximum(sigma_mm**2 - smoothness.noise_mm**2, 0.0)
     if len(model) <= MOST_AT_ONCE:
-        return DisplacementField.of(model.xyz_mm, smoothness)
-    return TiledField(model.xyz_mm, smoothness)
+        return DisplacementField.of(model.xyz_mm, smoothness, variance_mm2=variance_mm2)
+    return TiledField(model.xyz_mm, smoothness, variance_mm2)
 
 
 def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:
@@ -217,7 +240,9 @@ def _parted(nominal_mm: Array, targets: Indices, most: int) -> list[Indices]:
     return [part for half in halves for part in _parted(nominal_mm, half, most)]
 
 
-def _part(nominal_mm: Array, targets: Indices, everywhere: Indices, smoothness: Smoothness) -> _Part:
+def _part(
+    nominal_mm: Array, targets: Indices, everywhere: Indices, smoothness: Smoothness, variance_mm2: Array
+) -> _Part:
     own = nominal_mm[targets]
     beyond = nominal_mm - nominal_mm.clip(own.min(axis=0), own.max(axis=0))
     away = (beyond * beyond).sum(axis=1)
@@ -225,4 +250,5 @@ def _part(nominal_mm: Array, targets: Indices, everywhere: Indices, smoothness: 
     near = away.argsort(kind="stable")[:ROUND]
     others = np.setdiff1d(np.union1d(near, everywhere), targets)
     asked = np.concatenate([targets, others])
-    return _Part(asked, len(targets), DisplacementField.of(nominal_mm[asked], smoothness, most_kept=1))
+    field = DisplacementField.of(nominal_mm[asked], smoothness, 1, variance_mm2[asked])
+    return _Part(asked, len(targets), field)

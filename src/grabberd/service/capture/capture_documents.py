@@ -174,6 +174,7 @@ def _document(
         "pinned": False,
         "size_bytes": size_bytes,
         "rig": meta.extra.get("rig"),
+        "field_order": meta.extra.get("field_order"),
     }
     # Validated: the strings may be a file's own, so nothing is known of their types.
     return CaptureDocument.model_validate(known)

@@ -14,6 +14,7 @@ from grabberd.acquisition import Outcome, Policy
 from grabberd.acquisition.clock import UtcClock
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
+from grabberd.service.device.field_order_health import FieldOrderHealth
 from grabberd.service.device.field_pipeline import ARRIVALS, FieldPipeline
 from grabberd.service.device.rig_health import RigHealth
 
@@ -166,6 +167,7 @@ class Worker(threading.Thread):
         published: Notified with each of them.
         latency: Latency from a field's arrival until its points were published.
         rig: Health of the rig: camera and mirrors compared with their calibration.
+        field_order: Whether fields come in the sequence of time.
     """
 
     def __init__(
@@ -182,6 +184,7 @@ class Worker(threading.Thread):
         self.published = threading.Condition()
         self.latency = Latency()
         self.rig = RigHealth(name)
+        self.field_order = FieldOrderHealth(name)
         self._setup = setup
         self._pipeline = pipeline
         self._captures = captures
@@ -219,6 +222,7 @@ class Worker(threading.Thread):
         try:
             assert self._setup is not None, "a capture is measured only where there is a setup"
             self.rig.begin(self._setup, capture=True)
+            self.field_order.begin(self._setup, capture=True)
             with closing(self._fair_lock.one_by_one(recording.recorded())) as fields:
                 for measured in measure_fields(fields, self._setup):
                     recording.add(measured)
@@ -228,7 +232,7 @@ class Worker(threading.Thread):
             # Also after a fault: the writer seals the capture only once its points have ended.
             # The recording stays the device's last one: without this mark it would be measured again.
             self._done = recording
-            recording.measuring_ended(failure, self.rig.findings())
+            recording.measuring_ended(failure, {**self.rig.findings(), **self.field_order.findings()})
 
     def _measure_ring(self) -> None:
         setup = self._setup
@@ -236,6 +240,7 @@ class Worker(threading.Thread):
             self._stopping.wait(IDLE_S)
             return
         self.rig.begin(setup)
+        self.field_order.begin(setup)
         with closing(self._fair_lock.one_by_one(self._ring_fields(setup))) as fields:
             for measured in measure_fields(fields, setup):
                 self._publish(measured, 0)
@@ -265,6 +270,7 @@ class Worker(threading.Thread):
         arrived_ns = int(self._pipeline.arrived_ns[(measured.n + first_n) % ARRIVALS])
         self.latency.add(now_ns - arrived_ns)
         self.rig.see(measured)
+        self.field_order.see(measured)
 
 
 def _fits(setup: MeasureSetup, numbered: NumberedField) -> bool:

@@ -171,9 +171,10 @@ def write_page(folder: Path, document: JsonObject) -> Path:
 
 
 def _write(path: Path, text: str) -> Path:
-    with storage_errors(path), path.open("x", encoding="utf-8") as file:
-        file.write(text)
-    return path
+    from grabberd.storage.export.checked_file import write_checked
+    from grabberd.storage.export.read_back import text_check
+
+    return write_checked(path, [text.encode()], text_check(text))
 
 
 def _read(path: Path, run: int | None, single: bool) -> _Source:

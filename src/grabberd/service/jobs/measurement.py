@@ -7,10 +7,12 @@ from pathlib import Path
 
 from grabberd import __version__
 from grabberd.acquisition.clock import SystemClock, iso_utc
+from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import MeasurementError, NotReady
 from grabberd.processes.measure import MeasuredField, measure_fields
+from grabberd.reconstruction.accuracy.field_order import FieldOrderCheck
 from grabberd.reconstruction.points import Points
 from grabberd.service.jobs.progress import Progress, counted
 from grabberd.service.jobs.runner import JobSpec
@@ -50,23 +52,29 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
         raise NotReady("measuring needs a calibration and an object model", "name both in the configuration")
     setup = measure_setup(made_with, made_with["settings"])
     counts = Counter({"fields": 0, "points": 0})
+    order = FieldOrderCheck(setup.object_model.target)
     with CaptureReader(path) as reader:
         received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields = counted(received, reader.field_count, progress)
-        points = _counted_points(measure_fields(fields, setup), counts)
+        points = _counted_points(measure_fields(fields, setup), counts, order)
         created = iso_utc(SystemClock().utc_now())
         run = append_run(path, "measure", created, __version__, made_with, points)
-    return MeasurementResult(run=run, **counts)
+    found = FieldOrderDocument.of(order.finish())
+    warnings = [found.warning] if found.warning else []
+    return MeasurementResult(run=run, **counts, field_order=found, warnings=warnings)
 
 
-def _counted_points(measured: Iterable[MeasuredField], counts: Counter[str]) -> Iterator[tuple[int, Points]]:
-    """Yields each field's points and counts them.
+def _counted_points(
+    measured: Iterable[MeasuredField], counts: Counter[str], order: FieldOrderCheck
+) -> Iterator[tuple[int, Points]]:
+    """Yields each field's points, counts them, and adds them to the check of the field order.
 
     Raises:
         MeasurementError: There were none; raised at the end, when `append_run` can still drop the run.
     """
     for one in measured:
         counts.update(fields=1, points=len(one.points))
+        order.add(one.n, one.points)
         yield one.n, one.points
     if not counts["points"]:
         raise MeasurementError(

@@ -13,6 +13,7 @@ from grabberd.documents.devices import (
 from grabberd.documents.states import Rung
 from grabberd.service.calibrations.active_calibrations import ActiveCalibrations
 from grabberd.service.device.standstills import Standstills
+from grabberd.service.device.worker import Worker
 from grabberd.service.instrument import Instrument
 from grabberd.service.live.live_document import live_document
 from grabberd.service.readiness import lacks_of
@@ -51,13 +52,18 @@ def device_document(instrument: Instrument, active: ActiveCalibrations) -> Devic
         },
         calibration=active.document(instrument),
         lacks=[DeviceLackDocument(**one.model_dump(exclude={"device"})) for one in lacks_of(instrument)],
-        warnings=[*status.warnings, *active.warnings(instrument), *instrument.worker.rig.warnings],
+        warnings=[*status.warnings, *active.warnings(instrument), *_warnings(instrument.worker)],
         capture_id=running.id if running else None,
         armed_capture_id=armed.id if armed else None,
         group_id=capture.group.id if capture is not None and capture.group is not None else None,
         rig=instrument.worker.rig.document,
+        field_order=instrument.worker.field_order.document,
         live=live_document(instrument),
     )
+
+
+def _warnings(worker: Worker) -> tuple[str, ...]:
+    return *worker.rig.warnings, *worker.field_order.warnings
 
 
 def _computer(standstills: Standstills) -> ComputerDocument:

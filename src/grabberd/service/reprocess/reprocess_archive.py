@@ -74,6 +74,7 @@ class ReprocessSummary:
     seconds: float = 0.0
     refused: list[Refusal] = field(default_factory=list)
     left_out: list[Skipped] = field(default_factory=list)
+    warned: list[Skipped] = field(default_factory=list)
     interrupted: bool = False
 
     @property
@@ -187,6 +188,8 @@ class _Tally:
         self.summary.fields += known.fields
         self.summary.points += known.points
         self.summary.seconds = time.monotonic() - self._began_s
+        if known.warning:
+            self.summary.warned.append(Skipped(task.capture, known.warning))
         if known.state == "failed":
             self.summary.refused.append(Refusal(task.capture, known.problem, known.hint))
 

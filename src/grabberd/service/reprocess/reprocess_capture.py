@@ -10,10 +10,12 @@ from typing import Any, Literal, NamedTuple
 
 from grabberd import __version__
 from grabberd.config import RigConfig
+from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 from grabberd.processes.columns import Rows
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measured_groups
+from grabberd.reconstruction.accuracy.field_order import FieldOrderCheck
 from grabberd.service.setup import INCLUDE_DAMAGED, check_rig, measure_setup, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
@@ -67,7 +69,9 @@ class CaptureTask:
 
 
 class TaskResult(NamedTuple):
-    """Result of a task; `hopeless` marks a problem that every other task would have as well."""
+    """Result of a task; `hopeless` marks a problem that every other task would have as well;
+    `warning` says what is wrong with the points.
+    """
 
     state: Literal["measured", "unchanged", "failed"]
     fields: int = 0
@@ -75,6 +79,7 @@ class TaskResult(NamedTuple):
     problem: str = ""
     hint: str = ""
     hopeless: bool = False
+    warning: str = ""
 
 
 def reprocess_capture(task: CaptureTask) -> TaskResult:
@@ -96,15 +101,20 @@ def _measured(task: CaptureTask) -> TaskResult:
             return TaskResult("unchanged")
         setup = measure_setup(made_with, made_with["settings"])
         _check_rig(setup, reader)
-        groups = _rows(reader, setup, and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
+        order = FieldOrderCheck(setup.object_model.target)
+        groups = _rows(reader, setup, order, and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields, points = write_dataset_file(task.part, task.target, groups, about)
-    return TaskResult("measured", fields, points)
+    warning = FieldOrderDocument.of(order.finish()).warning or ""
+    return TaskResult("measured", fields, points, warning=warning)
 
 
-def _rows(reader: CaptureReader, setup: MeasureSetup, *, and_damaged: bool) -> Iterator[list[Rows]]:
+def _rows(
+    reader: CaptureReader, setup: MeasureSetup, order: FieldOrderCheck, *, and_damaged: bool
+) -> Iterator[list[Rows]]:
     first_ns = reader.first_time_ns or 0
 
     def rows(one: MeasuredField) -> Rows:
+        order.add(one.n, one.points)
         return rows_of(one.n, (one.time_ns - first_ns) / 1e9, moment_of(one.time_ns, reader.meta), one.points)
 
     for group in measured_groups(reader.received(and_damaged=and_damaged), setup):

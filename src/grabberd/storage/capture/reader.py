@@ -36,10 +36,10 @@ class CaptureReader:
         CaptureFileError: From any method: missing, no capture, damaged, or of a later version.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._connection = connect(path)
-        with reading_errors(path):
+    def __init__(self, path: Path | str) -> None:
+        self.path = Path(path)
+        self._connection = connect(self.path)
+        with reading_errors(self.path):
             self.meta = self._read_meta()
 
     def __enter__(self) -> Self:

@@ -9,12 +9,15 @@ from grabberd import __version__
 from grabberd.analysis import Grid
 from grabberd.errors import InputError
 from grabberd.processes.analysis.tables import AnalysisTables
+from grabberd.processes.columns import Table
 from grabberd.storage.disk import storage_errors
+from grabberd.storage.export.checked_file import checked_file, checked_path, write_checked
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.hdf5_file import ArrayGroup, check_hdf5, write_hdf5
 from grabberd.storage.export.meshes import Mesh, meshes
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet
 from grabberd.storage.export.ply_file import ply_head, ply_triangles, ply_vertices
+from grabberd.storage.export.read_back import csv_check, hdf5_check, parquet_check, ply_check, xml_check
 from grabberd.storage.export.vtu_file import pvd, vtu
 
 HDF5_NAME = "analysis.h5"
@@ -73,16 +76,24 @@ def write_csv(folder: Path, tables: AnalysisTables) -> list[Path]:
         StorageError: A file cannot be written, or exists already.
     """
     return [
-        _write(folder / f"{table.name}.csv", map(str.encode, csv_text(table.columns, table.parts())))
+        write_checked(
+            folder / f"{table.name}.csv",
+            map(str.encode, csv_text(table.columns, table.parts())),
+            csv_check(_names(table), table.__len__),
+        )
         for table in tables.values()
     ]
+
+
+def _names(table: Table) -> list[str]:
+    return [column.name for column in table.columns]
 
 
 def _parquet(folder: Path, analysis: _Analysis) -> list[Path]:
     about, paths = json.dumps(analysis.about, ensure_ascii=False), []
     for table in analysis.tables.values():
         path = folder / f"{table.name}.parquet"
-        with storage_errors(path), path.open("xb") as file:
+        with checked_file(path, parquet_check(_names(table), table.__len__)) as file:
             metadata = {"description": table.meaning, "grabberd": about}
             write_parquet(file, table.columns, [table.rows], metadata)
         paths.append(path)
@@ -91,17 +102,21 @@ def _parquet(folder: Path, analysis: _Analysis) -> list[Path]:
 
 def _hdf5(folder: Path, analysis: _Analysis) -> list[Path]:
     grid: ArrayGroup = (_GRID_MEANING, {name: getattr(analysis.grid, name) for name in _GRID})
-    return [write_hdf5(folder / HDF5_NAME, analysis.tables.values(), analysis.about, {"grid": grid})]
+    tables, path = analysis.tables.values(), folder / HDF5_NAME
+    with checked_path(path, hdf5_check(tables, ["grid"])) as part:
+        write_hdf5(part, tables, analysis.about, {"grid": grid})
+    return [path]
 
 
 def _vtu(folder: Path, analysis: _Analysis) -> list[Path]:
     """`vtu/` with a file for each field and phase, and both as series in time."""
     inner, series = _new_folder(folder / "vtu"), dict[str, list[tuple[float, str]]]()
     for mesh in meshes(analysis.tables, analysis.grid):
-        path = _write(inner / f"{mesh.name}.vtu", [vtu(mesh)])
+        elements = {"Piece": 1, "DataArray": 4 + len(mesh.columns)}
+        path = write_checked(inner / f"{mesh.name}.vtu", [vtu(mesh)], xml_check(elements))
         series.setdefault(mesh.series, []).append((mesh.time, path.name))
     for name, files in series.items():
-        _write(inner / f"{name}.pvd", [pvd(files)])
+        write_checked(inner / f"{name}.pvd", [pvd(files)], xml_check({"DataSet": len(files)}))
     return [inner]
 
 
@@ -109,7 +124,8 @@ def _ply(folder: Path, analysis: _Analysis) -> list[Path]:
     """`ply/` with a file for each field and phase."""
     inner = _new_folder(folder / "ply")
     for mesh in meshes(analysis.tables, analysis.grid):
-        _write(inner / f"{mesh.name}.ply", _ply_parts(mesh, analysis.about))
+        check = ply_check(mesh.__len__, len(mesh.triangles))
+        write_checked(inner / f"{mesh.name}.ply", _ply_parts(mesh, analysis.about), check)
     return [inner]
 
 
@@ -127,12 +143,6 @@ def _new_folder(folder: Path) -> Path:
     with storage_errors(folder):
         folder.mkdir()
     return folder
-
-
-def _write(path: Path, parts: Iterable[bytes]) -> Path:
-    with storage_errors(path), path.open("xb") as file:
-        file.writelines(parts)
-    return path
 
 
 _WRITERS: Mapping[str, Callable[[Path, _Analysis], list[Path]]] = {

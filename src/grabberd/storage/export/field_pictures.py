@@ -13,7 +13,9 @@ from grabberd.field import BOTTOM, TOP, PackedField, unpack
 from grabberd.storage.capture.reader import CaptureReader
 from grabberd.storage.capture.rows import RecordedField
 from grabberd.storage.disk import new_folder, storage_errors
+from grabberd.storage.export.checked_file import write_checked
 from grabberd.storage.export.ledger_file import write_ledger_file
+from grabberd.storage.export.read_back import png_check
 
 MANIFEST_COLUMNS = ("n", "time_ns", "sequence", "parity", "y0", "y_step", "outcome", "file")
 MANIFEST = "fields.csv"
@@ -86,7 +88,8 @@ def _write_picture(
 ) -> Iterator[tuple[object, ...]]:
     name = f"{what}-{picture[0].numbered.n:08d}.png"
     packed = [field.numbered.packed for field in picture]
-    (directory / name).write_bytes(_png(_weave(packed) if what == "frame" else unpack(packed[0]).luma))
+    luma = _weave(packed) if what == "frame" else unpack(packed[0]).luma
+    write_checked(directory / name, [_png(luma)], png_check(luma))
     for field in picture:
         n, time_ns, sequence, p = field.numbered
         yield (n, time_ns, sequence, p.parity, p.y0, p.y_step, str(field.outcome), name)

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from grabberd.acquisition import Ledger, cause_of_loss
 from grabberd.storage.capture.reader import CaptureReader
+from grabberd.storage.export.checked_file import checked_path
+from grabberd.storage.export.read_back import csv_check
 
 LEDGER = "ledger.csv"
 LEDGER_COLUMNS = ("first_n", "count", "outcome", "cause", "reason")
@@ -18,13 +20,16 @@ def write_ledger_file(reader: CaptureReader, directory: Path) -> None:
 
     Raises:
         CaptureFileError: The capture is damaged.
-        OSError: The file cannot be written.
+        StorageError: The file cannot be written, or is there already.
     """
-    ledger = reader.ledger
-    with (directory / LEDGER).open("w", newline="", encoding="utf-8") as file:
+    entries = sorted(_rows(reader.ledger))
+    with (
+        checked_path(directory / LEDGER, csv_check(LEDGER_COLUMNS, entries.__len__)) as part,
+        part.open("w", newline="", encoding="utf-8") as file,
+    ):
         rows = csv.writer(file)
         rows.writerow(LEDGER_COLUMNS)
-        rows.writerows(sorted(_rows(ledger)))
+        rows.writerows(entries)
 
 
 def _rows(ledger: Ledger) -> Iterator[tuple[int, int, str, str, str]]:

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from grabberd.errors import InputError, StorageError
 from grabberd.storage.disk import new_folder, storage_errors
+from grabberd.storage.export.checked_file import write_checked
+from grabberd.storage.export.read_back import png_check
 
 Picture = NDArray[np.uint8]
 
@@ -36,9 +38,7 @@ def write_pictures(directory: Path, pictures: Mapping[str, Picture]) -> list[Pat
     paths = []
     for name, picture in pictures.items():
         path = directory / f"{name}.png"
-        with storage_errors(path):
-            path.write_bytes(bytes(cv2.imencode(".png", picture)[1]))
-        paths.append(path)
+        paths.append(write_checked(path, [bytes(cv2.imencode(".png", picture)[1])], png_check(picture)))
     return paths
 
 

@@ -12,11 +12,13 @@ from grabberd.errors import NotFound
 from grabberd.processes.columns import joined
 from grabberd.storage.capture.reader import END, CaptureReader
 from grabberd.storage.disk import new_folder, storage_errors
+from grabberd.storage.export.checked_file import Check, checked_file
 from grabberd.storage.export.csv_file import csv_text
 from grabberd.storage.export.ledger_file import write_ledger_file
 from grabberd.storage.export.parquet_file import check_parquet, write_parquet
 from grabberd.storage.export.ply_file import ply_head, ply_vertex, ply_vertices
 from grabberd.storage.export.points_columns import CLOUD_COLUMNS, POINT_COLUMNS, rows_by_field
+from grabberd.storage.export.read_back import csv_check, parquet_check, ply_check
 
 FIELDS_A_GROUP = 500
 """Fields in a row group of Parquet, and so in memory at once: ten seconds of them."""
@@ -90,7 +92,8 @@ def export_csv(path: Path, directory: Path, run: int | None = None) -> int:
     """
     text = points_csv(path, run)
     rows = -1
-    with _new_file(path, directory, "points.csv") as file:
+    check = csv_check([column.name for column in POINT_COLUMNS], lambda: rows)
+    with _new_file(path, directory, "points.csv", check) as file:
         for part in text:
             file.write(part.encode())
             rows += part.count("\n")
@@ -103,10 +106,11 @@ def export_ply(path: Path, directory: Path, run: int | None = None, field: int |
     Raises:
         CaptureFileError, NotFound, StorageError: See `points_ply` and `export_csv`.
     """
-    parts = points_ply(path, run, field)
-    with _new_file(path, directory, "points.ply") as file:
+    parts, points = points_ply(path, run, field), 0
+    with _new_file(path, directory, "points.ply", ply_check(lambda: points)) as file:
         file.write(next(parts))
-        return sum(file.write(part) for part in parts) // ply_vertex(CLOUD_COLUMNS).itemsize
+        points = sum(file.write(part) for part in parts) // ply_vertex(CLOUD_COLUMNS).itemsize
+    return points
 
 
 def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
@@ -118,8 +122,11 @@ def export_parquet(path: Path, directory: Path, run: int | None = None) -> int:
     check_parquet()
     reader, number = open_run(path, run)
     reader.close()
-    with _new_file(path, directory, "points.parquet") as file:
-        return points_parquet(path, number, file)
+    points = 0
+    check = parquet_check([column.name for column in POINT_COLUMNS], lambda: points)
+    with _new_file(path, directory, "points.parquet", check) as file:
+        points = points_parquet(path, number, file)
+    return points
 
 
 def _csv(reader: CaptureReader, run: int) -> Generator[str, None, None]:
@@ -156,10 +163,10 @@ def _about(reader: CaptureReader, run: int) -> dict[str, Any]:
 
 
 @contextmanager
-def _new_file(capture: Path, directory: Path, name: str) -> Iterator[IO[bytes]]:
-    """A file in a new folder, beside the capture's ledger."""
+def _new_file(capture: Path, directory: Path, name: str, check: Check) -> Iterator[IO[bytes]]:
+    """A file in a new folder, beside the capture's ledger; it is read back by `check`."""
     new_folder(directory)
     with storage_errors(directory), CaptureReader(capture) as reader:
         write_ledger_file(reader, directory)
-        with (directory / name).open("wb") as file:
+        with checked_file(directory / name, check) as file:
             yield file

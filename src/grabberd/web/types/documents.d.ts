@@ -7,6 +7,7 @@ export type State = Answer<"get", "/state">;
 export type Device = State["devices"][string];
 export type Live = NonNullable<Device["live"]>;
 export type Rig = NonNullable<Device["rig"]>;
+export type FieldOrder = NonNullable<Device["field_order"]>;
 export type Storage = State["storage"];
 export type Views = Device["views"];
 export type Session = Answer<"get", "/session">;

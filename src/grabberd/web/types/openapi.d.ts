@@ -1955,6 +1955,8 @@ export interface components {
             size_bytes: number;
             /** @description What its points tell about camera and mirrors: the worst verdict (fits, doubtful, moved, unmatched) and the means of shift_px and ratio; null where the points tell nothing. */
             rig?: components["schemas"]["JsonObject"] | null;
+            /** @description What the points of moving targets, measured during the capture, tell about the sequence of its fields in time; null where none were measured. */
+            field_order?: components["schemas"]["FieldOrderDocument"] | null;
         };
         /**
          * CaptureGroup
@@ -2475,6 +2477,8 @@ export interface components {
             group_id: string | null;
             /** @description Null before the first second of measuring. */
             rig: components["schemas"]["RigDocument"] | null;
+            /** @description Sequence of the fields in time, by the latest movement; null before the first seconds. */
+            field_order: components["schemas"]["FieldOrderDocument"] | null;
             live: components["schemas"]["LiveDocument"] | null;
         };
         /**
@@ -2536,6 +2540,31 @@ export interface components {
             hint: string;
             /** Since Utc */
             since_utc: string;
+        };
+        /**
+         * FieldOrderDocument
+         * @description Order of the fields in time, as the points of moving targets show it.
+         */
+        FieldOrderDocument: {
+            /** @description 'same_instant': both fields of a frame were exposed at once; 'no_movement', 'unclear': the points tell nothing, or not yet. */
+            order: components["schemas"]["Order"];
+            /**
+             * Shift Fields
+             * @description Time by which each second field is displaced against its number, in fields: 0 in the right order, 0.5 for fields of one instant, 1 in reversed order.
+             */
+            shift_fields: number | null;
+            /** Sigma Fields */
+            sigma_fields: number | null;
+            /**
+             * Zigzag Mm
+             * @description Root mean square distance, over the moving targets, between the points of a field and the path through the fields around it that this causes.
+             */
+            zigzag_mm: number | null;
+            /**
+             * Fields
+             * @description Number of fields with movement that it was determined from.
+             */
+            fields: number;
         };
         /**
          * FieldPoints
@@ -3129,6 +3158,13 @@ export interface components {
              * @description Number of points found.
              */
             points: number;
+            /** @description What the points tell about the sequence of the fields in time. */
+            field_order?: components["schemas"]["FieldOrderDocument"] | null;
+            /**
+             * Warnings
+             * @description Warnings for people, in sentences.
+             */
+            warnings?: string[];
         };
         /**
          * MqttDocument
@@ -3480,7 +3516,18 @@ export interface components {
             row: number;
             /** Column */
             column: number;
+            /**
+             * Sigma Mm
+             * @description Standard deviation of its nominal coordinates, where it is not that of all.
+             */
+            sigma_mm?: number | null;
         };
+        /**
+         * Order
+         * @description Field order as pictures or points show it.
+         * @enum {string}
+         */
+        Order: "right" | "reversed" | "same_instant" | "no_movement" | "unclear";
         /**
          * Outcome
          * @description Outcome of a field.

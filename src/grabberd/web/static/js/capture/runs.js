@@ -5,7 +5,7 @@ import { createJob } from "../jobs/job.js";
 
 /** @import { Context } from "../core/context.js" */
 /** @import { PointSample } from "./sample.js" */
-/** @import { Capture, MadeWith, Rig, Run } from "types/documents" */
+/** @import { Capture, FieldOrder, MadeWith, Rig, Run } from "types/documents" */
 
 const SHOWN = 6;
 /** @type {Partial<Record<Rig["verdict"], [string, string]>>} level and symbol */
@@ -36,7 +36,7 @@ export function createRuns(context, again) {
     table.hidden = !capture.runs.length;
     measure.hidden = hint.hidden = capture.verdict === null || capture.state !== "sealed";
     fill(body, ...[...capture.runs].reverse().slice(0, SHOWN).map(row));
-    fill(findings, quality(sample), rig(/** @type {Rig | null | undefined} */ (capture.rig)));
+    fill(findings, quality(sample), rig(/** @type {Rig | null | undefined} */ (capture.rig)), order(capture.field_order));
   }
 
   /** @param {Run} run */
@@ -75,6 +75,13 @@ export function createRuns(context, again) {
     const [level, sign] = RIG[found.verdict] ?? ["idle", "unknown"];
     const apart = found.shift_px === null ? "" : ` ${t("capture.runs.shift", { px: format.number(found.shift_px, 2) })}`;
     return el("p", { class: `note is-${level}` }, symbol(sign), el("span", {}, `${t("lights.rig.title")}: ${t(`lights.rig.words.${found.verdict}`)}.`, apart));
+  }
+
+  /** Only what is wrong: a capture in which nothing moves has no order to see. @param {FieldOrder | null | undefined} found */
+  function order(found) {
+    if (found?.order !== "reversed" && found?.order !== "same_instant") return null;
+    const zigzag = ` ${t("capture.runs.zigzag", { mm: format.number(found.zigzag_mm ?? 0, 2) })}`;
+    return el("p", { class: "note is-bad" }, symbol("bad"), el("span", {}, `${t("lights.order.title")}: ${t(`lights.order.words.${found.order}`)}.`, zigzag));
   }
 
   async function submit() {

@@ -40,13 +40,14 @@ export function judge(known, history) {
     computer(device),
     calibration(device),
     rig(device),
+    order(device),
     disk(known.state.storage),
     records(known.state),
     clock(known),
   ];
 }
 
-const IDS = ["grabber", "signal", "rate", "lost", "ring", "computer", "calibration", "rig", "disk", "records", "clock"];
+const IDS = ["grabber", "signal", "rate", "lost", "ring", "computer", "calibration", "rig", "order", "disk", "records", "clock"];
 
 /** The daemon's own words about a problem, as far as it has any. @param {(string | null)[]} said */
 const knownOf = (said) => said.flatMap((one) => (one ? [one] : []));
@@ -127,6 +128,14 @@ function rig(device) {
   if (verdict === "unknown") return { id: "rig", level: "idle", word: "unknown" };
   const level = verdict === "doubtful" ? "warn" : "bad";
   return { id: "rig", level, word: verdict, cause: verdict };
+}
+
+/** What an object at rest cannot tell is not known yet. @param {Device} device @returns {Light} */
+function order(device) {
+  const found = device.field_order?.order ?? "unknown";
+  if (found === "right") return { id: "order", level: "good", word: found };
+  if (found === "reversed" || found === "same_instant") return { id: "order", level: "bad", word: found, cause: found };
+  return { id: "order", level: "idle", word: found };
 }
 
 /** @param {Storage} storage @returns {Light} */

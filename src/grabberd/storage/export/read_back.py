@@ -1,0 +1,179 @@
+"""Checks of written files by readers that share nothing with the writers."""
+
+import csv
+import itertools
+import json
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from html.parser import HTMLParser
+from pathlib import Path
+from xml.parsers import expat
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from grabberd.processes.columns import Table
+from grabberd.storage.export.checked_file import Check
+
+_VOID = frozenset(
+    {"area", "base", "br", "col", "embed", "hr", "img", "input", "link", "meta", "source", "wbr"}
+)
+_PLY_BYTES = {"int": 4, "float": 4, "double": 8}
+_FACE_BYTES = 13
+"""A triangle in PLY: the number of its corners in a byte, and three of four bytes."""
+
+
+def csv_check(columns: Sequence[str], rows: Callable[[], int]) -> Check:
+    """CSV with these columns; `rows` is asked for their number once all have been written."""
+
+    def check(path: Path) -> str | None:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = csv.reader(file)
+            if (head := next(lines, [])) != list(columns):
+                return f"its columns are {', '.join(head)}"
+            count = 0
+            for count, line in enumerate(lines, 1):  # noqa: B007 - the count is used after the loop
+                if len(line) != len(columns):
+                    return f"line {lines.line_num} has {len(line)} values of {len(columns)}"
+        return _counted(count, rows())
+
+    return check
+
+
+def parquet_check(columns: Sequence[str], rows: Callable[[], int]) -> Check:
+    """Parquet with these columns; every row group is read."""
+
+    def check(path: Path) -> str | None:
+        import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415 - optional, slow to import
+
+        with pq.ParquetFile(path) as file:
+            if file.schema_arrow.names != list(columns):
+                return f"its columns are {', '.join(file.schema_arrow.names)}"
+            return _counted(sum(batch.num_rows for batch in file.iter_batches()), rows())
+
+    return check
+
+
+def hdf5_check(tables: Iterable[Table], groups: Iterable[str]) -> Check:
+    """HDF5 with a group for each table, whose columns have its rows, and further groups."""
+
+    def check(path: Path) -> str | None:
+        import h5py  # type: ignore[import-untyped]  # noqa: PLC0415 - optional
+
+        with h5py.File(path, "r") as file:
+            for table in tables:
+                group = file[table.name]
+                if list(group) != [column.name for column in table.columns]:
+                    return f"the columns of {table.name} are {', '.join(group)}"
+                for column in table.columns:
+                    if wrong := _counted(len(group[column.name][()]), len(table.column(column.name))):
+                        return f"{table.name}, {column.name}: {wrong}"
+            return next((f"it lacks the group {name}" for name in groups if name not in file), None)
+
+    return check
+
+
+def ply_check(vertices: Callable[[], int], triangles: int = 0) -> Check:
+    """Binary PLY with so many vertices and triangles, as its head says and its size shows."""
+
+    def check(path: Path) -> str | None:
+        with path.open("rb") as file:
+            lines = itertools.takewhile(lambda line: line != b"end_header\n", file)
+            head = [line.decode("ascii").split() for line in lines]
+            size = path.stat().st_size - file.tell()
+        counts = {words[1]: int(words[2]) for words in head if words[0] == "element"}
+        each = sum(_PLY_BYTES[words[1]] for words in head if words[0] == "property" and words[1] != "list")
+        if wrong := _counted(counts.get("vertex", 0), vertices()) or _counted(
+            counts.get("face", 0), triangles
+        ):
+            return wrong
+        expected = vertices() * each + triangles * _FACE_BYTES
+        return None if size == expected else f"it has {size} bytes of data, expected {expected}"
+
+    return check
+
+
+def xml_check(elements: Mapping[str, int]) -> Check:
+    """Well-formed XML with so many elements of each of these names."""
+
+    def check(path: Path) -> str | None:
+        found = dict.fromkeys(elements, 0)
+
+        def count(name: str, _: dict[str, str]) -> None:
+            if name in found:
+                found[name] += 1
+
+        parser = expat.ParserCreate()
+        parser.StartElementHandler = count
+        try:
+            with path.open("rb") as file:
+                parser.ParseFile(file)
+        except expat.ExpatError as error:
+            return f"it is no XML ({error})"
+        return None if found == dict(elements) else f"it has {found}, expected {dict(elements)}"
+
+    return check
+
+
+def png_check(picture: NDArray[np.uint8]) -> Check:
+    """PNG of exactly these pixels."""
+
+    def check(path: Path) -> str | None:
+        read = cv2.imdecode(np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED)
+        if read is None:
+            return "it is no PNG"
+        same = read.shape == picture.shape and np.array_equal(read, picture)
+        return None if same else f"its picture of {read.shape} is another one"
+
+    return check
+
+
+def text_check(text: str) -> Check:
+    """The text itself; of HTML, that its elements close in order; of JSON, that it can be read."""
+
+    def check(path: Path) -> str | None:
+        if (found := path.read_bytes()) != text.encode():
+            return f"its {len(found)} bytes are others than the {len(text.encode())} expected"
+        if re.match(r"\s*<!doctype html", text, re.IGNORECASE):
+            return _Elements.problem(text)
+        if text.lstrip().startswith("{"):
+            json.loads(text)
+        return None
+
+    return check
+
+
+class _Elements(HTMLParser):
+    """Parses a page, noting the first element that does not close in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._open: list[str] = []
+        self._wrong: str | None = None
+
+    @classmethod
+    def problem(cls, page: str) -> str | None:
+        """The first element that does not close; None if all do."""
+        parser = cls()
+        parser.feed(page)
+        parser.close()
+        left = f"<{parser._open[-1]}> is not closed" if parser._open else None
+        return parser._wrong or left
+
+    def handle_starttag(self, tag: str, _: list[tuple[str, str | None]]) -> None:
+        if tag not in _VOID:
+            self._open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Nothing opens: elements of SVG close themselves."""
+
+    def handle_endtag(self, tag: str) -> None:
+        if self._open and self._open[-1] == tag:
+            self._open.pop()
+        else:
+            self._wrong = self._wrong or f"</{tag}> closes nothing at {self.getpos()}"
+
+
+def _counted(found: int, expected: int) -> str | None:
+    return None if found == expected else f"it has {found} rows, expected {expected}"

@@ -1,0 +1,140 @@
+"""Files that are read back before they get their names."""
+
+import csv
+
+import cv2
+import numpy as np
+import pytest
+
+from grabberd.errors import StorageError
+from grabberd.processes.columns import Column, Table
+from grabberd.storage.export.checked_file import checked_file, write_checked
+from grabberd.storage.export.csv_file import csv_text
+from grabberd.storage.export.hdf5_file import write_hdf5
+from grabberd.storage.export.parquet_file import write_parquet
+from grabberd.storage.export.ply_file import ply_head, ply_triangles, ply_vertices
+from grabberd.storage.export.read_back import (
+    csv_check,
+    hdf5_check,
+    parquet_check,
+    ply_check,
+    png_check,
+    text_check,
+    xml_check,
+)
+
+COLUMNS = (Column("n", "", "i4", "number"), Column("x_mm", "mm", "f8", "place"))
+TABLE = Table("points", "points", COLUMNS, {"n": np.arange(5, dtype=np.int32), "x_mm": np.linspace(0, 1, 5)})
+NAMES = ["n", "x_mm"]
+PICTURE = np.arange(600, dtype=np.uint8).reshape(20, 30)
+PAGE = "<!DOCTYPE html>\n<html><body><p>σ<br></p><svg><path d='M0'/></svg></body></html>"
+XML = b"<VTKFile><Piece/><DataArray/><DataArray/></VTKFile>"
+
+
+def five():
+    return 5
+
+
+def text():
+    return "".join(csv_text(COLUMNS, TABLE.parts(2))).encode()
+
+
+def parquet(path):
+    with path.open("wb") as file:
+        write_parquet(file, COLUMNS, [TABLE.rows], {})
+    return path.read_bytes()
+
+
+def hdf5(path):
+    return write_hdf5(path, [TABLE], {}, {"grid": ("", {"u": np.zeros(3)})}).read_bytes()
+
+
+def ply():
+    triangles = np.array([[0, 1, 2]])
+    return ply_head(COLUMNS, 5, ["σ"], 1) + ply_vertices(COLUMNS, TABLE.rows) + ply_triangles(triangles)
+
+
+def png():
+    return bytes(cv2.imencode(".png", PICTURE)[1])
+
+
+KINDS = {
+    "csv": (lambda _: text(), csv_check(NAMES, five)),
+    "parquet": (parquet, parquet_check(NAMES, five)),
+    "hdf5": (hdf5, hdf5_check([TABLE], ["grid"])),
+    "ply": (lambda _: ply(), ply_check(five, 1)),
+    "vtu": (lambda _: XML, xml_check({"Piece": 1, "DataArray": 2})),
+    "png": (lambda _: png(), png_check(PICTURE)),
+    "html": (lambda _: PAGE.encode(), text_check(PAGE)),
+}
+
+
+@pytest.fixture(params=KINDS)
+def kind(request, tmp_path):
+    """Content of a good file, and the check of it."""
+    make, check = KINDS[request.param]
+    return make(tmp_path / "source"), check
+
+
+def test_a_good_file_gets_its_name(kind, tmp_path):
+    content, check = kind
+    assert write_checked(tmp_path / "out", [content], check).read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    "spoil", [lambda one: one[: len(one) * 2 // 3], lambda _: b"", lambda _: b"\xff\0" * 99]
+)
+def test_a_file_that_reads_back_otherwise_is_named_and_leaves_nothing(kind, spoil, tmp_path):
+    content, check = kind
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    with pytest.raises(StorageError, match="out reads back other than it was written"):
+        write_checked(folder / "out", [spoil(content)], check)
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("content", "check", "said"),
+    [
+        (text(), csv_check(NAMES, lambda: 6), "5 rows, expected 6"),
+        (text(), csv_check(["n", "y_mm"], five), "columns are n, x_mm"),
+        (b"n,x_mm\r\n1\r\n", csv_check(NAMES, lambda: 1), "line 2 has 1 values of 2"),
+        (ply(), ply_check(lambda: 4, 1), "5 rows, expected 4"),
+        (ply(), ply_check(five, 2), "1 rows, expected 2"),
+        (XML, xml_check({"DataArray": 3}), "expected {'DataArray': 3}"),
+        (png(), png_check(PICTURE + 1), "another one"),
+        (b"<!doctype html><p><b></p>", text_check("<!doctype html><p><b></p>"), "</p> closes nothing"),
+        (b"<!doctype html><p>", text_check("<!doctype html><p>"), "<p> is not closed"),
+        (b"{1}", text_check("{1}"), "cannot be read"),
+    ],
+)
+def test_what_differs_is_said(content, check, said, tmp_path):
+    with pytest.raises(StorageError) as error:
+        write_checked(tmp_path / "out", [content], check)
+    assert said in error.value.message
+    assert error.value.hint
+
+
+def test_a_file_that_exists_stays_as_it_is(tmp_path):
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(StorageError, match="File exists"):
+        write_checked(tmp_path / "out", [text()], csv_check(NAMES, five))
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_a_writer_that_fails_leaves_nothing(tmp_path):
+    def parts():
+        yield b"half"
+        raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        write_checked(tmp_path / "out", parts(), csv_check(NAMES, five))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_file_has_its_name_only_once_it_is_whole(tmp_path):
+    with checked_file(tmp_path / "out", csv_check(NAMES, five)) as file:
+        file.write(text())
+        assert not (tmp_path / "out").exists()
+    with (tmp_path / "out").open(newline="") as read:
+        assert len(list(csv.reader(read))) == 6
