@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from grabberd.cli.coverage_table import print_coverage
 from grabberd.cli.options import (
     IncludeDamagedOption,
     JsonOption,
@@ -39,4 +40,6 @@ def measure(
     with progress_bar("measuring") as progress:
         result = measure_file(progress, path=capture, made_with=made_with)
     words = f"run {result.run}, {result.points} points in {result.fields} fields"
-    print_result(result.model_dump(), f"{capture}: {words}", as_json=json)
+    print_result(result.model_dump(mode="json"), f"{capture}: {words}", as_json=json)
+    if not json and result.coverage is not None:
+        print_coverage(result.coverage)

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.documents.analyses import AnalysisRecord
 from grabberd.documents.calibration_reports import PixelAxes
+from grabberd.documents.coverage import CoverageDocument
 from grabberd.documents.document import Document
 from grabberd.documents.problems import JobProblem
 
@@ -28,6 +29,7 @@ class MeasurementResult(Document):
     run: int = Field(description="Number of the new run.")
     fields: int = Field(description="Number of fields measured.")
     points: int = Field(description="Number of points found.")
+    coverage: CoverageDocument | None = Field(None, description="How well they were measured.")
 
 
 class AxesDocument(Document):

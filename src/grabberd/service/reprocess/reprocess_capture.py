@@ -14,6 +14,8 @@ from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 from grabberd.processes.columns import Rows
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measured_groups
+from grabberd.reconstruction import CoverageTally
+from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.service.setup import INCLUDE_DAMAGED, check_rig, measure_setup, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
@@ -96,18 +98,25 @@ def _measured(task: CaptureTask) -> TaskResult:
             return TaskResult("unchanged")
         setup = measure_setup(made_with, made_with["settings"])
         _check_rig(setup, reader)
-        groups = _rows(reader, setup, and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
-        fields, points = write_dataset_file(task.part, task.target, groups, about)
+        tally = CoverageTally.of(setup.calibration, setup.object_model)
+        groups = _rows(reader, setup, tally, and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
+
+        def found(fields: int) -> JsonObject:
+            return {"coverage": coverage_document(tally.result(), reader.missing_fields(fields))}
+
+        fields, points = write_dataset_file(task.part, task.target, groups, about, found)
     return TaskResult("measured", fields, points)
 
 
-def _rows(reader: CaptureReader, setup: MeasureSetup, *, and_damaged: bool) -> Iterator[list[Rows]]:
+def _rows(
+    reader: CaptureReader, setup: MeasureSetup, tally: CoverageTally, *, and_damaged: bool
+) -> Iterator[list[Rows]]:
     first_ns = reader.first_time_ns or 0
 
     def rows(one: MeasuredField) -> Rows:
         return rows_of(one.n, (one.time_ns - first_ns) / 1e9, moment_of(one.time_ns, reader.meta), one.points)
 
-    for group in measured_groups(reader.received(and_damaged=and_damaged), setup):
+    for group in measured_groups(reader.received(and_damaged=and_damaged), setup, tally):
         yield [rows(one) for one in group]
 
 

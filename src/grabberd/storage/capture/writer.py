@@ -20,6 +20,7 @@ from grabberd.storage.capture.schema import (
     SEALED,
     CaptureMeta,
     connect,
+    coverage_key,
     create,
     read_meta,
     sealed_path,
@@ -121,6 +122,7 @@ class CaptureWriter:
         ended_because: str,
         measuring_failure: str | None = None,
         findings: Mapping[str, Any] | None = None,
+        coverage: Mapping[int, Mapping[str, Any]] | None = None,
     ) -> Path:
         """Writes ledger and verdict, closes the file and gives it its final name.
 
@@ -132,6 +134,7 @@ class CaptureWriter:
             ended_because: Reason why the capture ended.
             measuring_failure: Reason why measuring failed, if it did.
             findings: Additions to the metadata's `extra`.
+            coverage: How well runs were measured, by their numbers.
 
         Raises:
             StorageError: Not even that is possible; the file stays as `.grab.part` and is sealed at the
@@ -148,7 +151,8 @@ class CaptureWriter:
             )
             verdict = {"state": SEALED, "complete": complete, "ended_because": ended_because}
             extra = with_rebases({**read_meta(self._connection).extra, **(findings or {})}, ledger.events)
-            write_meta(self._connection, {**verdict, "extra": extra})
+            covered = {coverage_key(run): document for run, document in (coverage or {}).items()}
+            write_meta(self._connection, {**verdict, "extra": extra, **covered})
             self._connection.execute("COMMIT")
             # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
             # finds a journal by the name of the database: so after the commit and before the renaming.
