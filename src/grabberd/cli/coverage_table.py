@@ -1,4 +1,4 @@
-"""How well a run was measured, for the terminal: the verdict, its reasons, and the worst targets."""
+"""Coverage of a run for the terminal: the verdict, its reasons, and the worst targets."""
 
 from typing import TYPE_CHECKING
 

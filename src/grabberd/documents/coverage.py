@@ -1,4 +1,4 @@
-"""How well a run was measured: its verdict, its targets, its fields."""
+"""Coverage of a run, which says how well it was measured: its verdict, its targets, its fields."""
 
 from typing import Literal
 
@@ -25,7 +25,7 @@ MissReason = TypeAliasType(
 
 
 class FindingDocument(Document):
-    """What speaks against a run, or that nothing does."""
+    """Statement about how well a run was measured, with the numbers that it rests on."""
 
     verdict: CoverageVerdict = Field(description="Verdict that it alone would lead to.")
     code: FindingCode
@@ -35,7 +35,7 @@ class FindingDocument(Document):
 
 
 class CoverageSummary(Document):
-    """How well a run was measured, in short."""
+    """Coverage of a run in short: how well it was measured."""
 
     verdict: CoverageVerdict
     in_words: str = Field(description="The gravest finding as a sentence.")
@@ -90,7 +90,7 @@ class FieldCoverage(Document):
 
 
 class CoverageDocument(CoverageSummary):
-    """How well a run was measured, target by target."""
+    """Coverage of a run, target by target."""
 
     targets: list[TargetCoverage]
     worst_fields: list[FieldCoverage] = Field(

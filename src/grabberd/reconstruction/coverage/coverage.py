@@ -1,4 +1,4 @@
-"""What was counted of a run: its targets, and its fields."""
+"""Coverage of a run: the counts of its targets and of its fields."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Which targets face the views, by the grid that they form: its normal at a target is the wall's."""
+"""Targets that face the views, by the grid that they form: its normal at a target is the wall's."""
 
 import math
 from collections.abc import Mapping

@@ -175,7 +175,7 @@ class CoverageTally:
                 misses[:, target] = some
 
     def _of_lost(self, number: list[int], correspondence: Correspondence) -> Miss:
-        """Why no target was identified in a field with these numbers of blobs in its left and right view."""
+        """Reason why no target was identified in a field with these numbers of blobs in its views."""
         few = max(_FEW * np.count_nonzero(self._nominal), 1.0)
         if dark := (number[0] < few) * Miss.NO_BLOB_LEFT + (number[1] < few) * Miss.NO_BLOB_RIGHT:
             return Miss(dark)

@@ -19,7 +19,7 @@ class CoverageVerdict(StrEnum):
 
 
 class FindingCode(StrEnum):
-    """What speaks against a run, or that nothing does."""
+    """Code of a finding: what speaks against a run, or that nothing does."""
 
     ALL_FOUND = "all_found"
     NO_FIELDS = "no_fields"

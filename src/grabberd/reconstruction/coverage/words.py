@@ -29,7 +29,12 @@ _OF_A_RUN = {
 
 
 def miss_in_words(miss: str, displaced_mm: float | None = None) -> str:
-    """Why a target was not found; `displaced_mm` from its place, if it certainly stands off it."""
+    """Reason why a target was not found.
+
+    Args:
+        miss: Key of the reason.
+        displaced_mm: Distance from its place, if it certainly stands off it.
+    """
     if miss == "off_place" and displaced_mm is not None:
         return f"it stands {displaced_mm:.1f} mm from its place in the object file"
     return _OF_A_FIELD.get(miss, miss)

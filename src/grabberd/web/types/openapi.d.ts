@@ -2379,7 +2379,7 @@ export interface components {
         };
         /**
          * CoverageDocument
-         * @description How well a run was measured, target by target.
+         * @description Coverage of a run, target by target.
          */
         CoverageDocument: {
             verdict: components["schemas"]["CoverageVerdict"];
@@ -2428,7 +2428,7 @@ export interface components {
         };
         /**
          * CoverageSummary
-         * @description How well a run was measured, in short.
+         * @description Coverage of a run in short: how well it was measured.
          */
         CoverageSummary: {
             verdict: components["schemas"]["CoverageVerdict"];
@@ -2693,13 +2693,13 @@ export interface components {
         };
         /**
          * FindingCode
-         * @description What speaks against a run, or that nothing does.
+         * @description Code of a finding: what speaks against a run, or that nothing does.
          * @enum {string}
          */
         FindingCode: "all_found" | "no_fields" | "nothing_expected" | "fields_missing" | "few_found" | "targets_missed" | "rays_do_not_meet";
         /**
          * FindingDocument
-         * @description What speaks against a run, or that nothing does.
+         * @description Statement about how well a run was measured, with the numbers that it rests on.
          */
         FindingDocument: {
             /** @description Verdict that it alone would lead to. */
