@@ -25,28 +25,25 @@ class Facing:
     def __init__(self, rig: Rig, model: ObjectModel) -> None:
         self._center_mm = rig.center_mm[:, :, 0]
         self._along, self._across = (_Slope.of(model, *step) for step in ((0, 1), (1, 0)))
-        # A row or a column alone has no normal.
-        self._known: Mask = np.logical_and(self._along.known, self._across.known)
         self._side = 1.0
-        cosines = self._cosines(model.xyz_mm)
-        self._side = -1.0 if np.nansum(np.sign(cosines)) < 0 else 1.0
+        toward, _ = self._toward(model.xyz_mm)
+        self._side = -1.0 if np.sign(toward).sum() < 0 else 1.0
 
     def both(self, xyz_mm: Array) -> Mask:
         """(M,) True for targets at these positions (M, 3) that face both views, or may do so."""
-        turned = (self._cosines(xyz_mm) >= _LEAST_COSINE) | ~self._known
-        facing: Mask = np.logical_and.reduce(turned, axis=0)
+        toward, length = self._toward(xyz_mm)
+        # A row or a column alone has no normal: both are 0, and its targets may face anywhere.
+        facing: Mask = np.logical_and.reduce(toward >= _LEAST_COSINE * length, axis=0)
         return facing
 
-    def _cosines(self, xyz_mm: Array) -> Array:
-        """(V, M) cosines of the angles between normals and lines of sight; NaN where there is none."""
+    def _toward(self, xyz_mm: Array) -> tuple[Array, Array]:
+        """(V, M) products of the normals and the lines of sight, and of the lengths of both."""
         along, across = self._along.at(xyz_mm), self._across.at(xyz_mm)
         # np.cross is several times slower.
         normal = along[:, [1, 2, 0]] * across[:, [2, 0, 1]] - along[:, [2, 0, 1]] * across[:, [1, 2, 0]]
         sight = self._center_mm[:, np.newaxis] - xyz_mm
-        length = np.sqrt((normal * normal).sum(axis=1) * (sight * sight).sum(axis=2))
-        with np.errstate(invalid="ignore", divide="ignore"):
-            cosines: Array = self._side * (sight * normal).sum(axis=2) / length
-        return cosines
+        length: Array = np.sqrt((normal * normal).sum(axis=1) * (sight * sight).sum(axis=2))
+        return self._side * (sight * normal).sum(axis=2), length
 
 
 class _Slope(NamedTuple):
@@ -57,13 +54,11 @@ class _Slope(NamedTuple):
 
     Attributes:
         target: (3, M) indices of three targets.
-        weight: (3, M) their weights.
-        known: (M,) False for targets without a neighbour.
+        weight: (3, M) their weights; 0 for targets without a neighbour.
     """
 
     target: NDArray[np.intp]
     weight: Array
-    known: Mask
 
     @classmethod
     def of(cls, model: ObjectModel, rows: int, columns: int) -> "_Slope":
@@ -71,7 +66,7 @@ class _Slope(NamedTuple):
         chosen = [_weighted(at, r, c, rows, columns) for r, c in at]
         target = np.array([one for one, _ in chosen], np.intp).T
         weight = np.array([one for _, one in chosen], np.float64).T
-        return cls(target, weight, np.logical_or.reduce(weight != 0.0, axis=0))
+        return cls(target, weight)
 
     def at(self, xyz_mm: Array) -> Array:
         """(M, 3) of targets at these positions."""

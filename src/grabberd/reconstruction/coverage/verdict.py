@@ -113,9 +113,9 @@ def _findings(coverage: Coverage, missing: int, limits: CoverageLimits) -> Itera
         yield Finding(CoverageVerdict.NOT, FindingCode.NOTHING_EXPECTED, {})
         return
     yield from _of_shares(coverage, limits)
-    yield from _of_fields(measured, missing, limits)
     yield from _of_rays(coverage, limits)
     yield from _of_targets(coverage, limits)
+    yield from _of_fields(measured, missing, limits)  # last: the ledger says it, too
 
 
 def _of_shares(coverage: Coverage, limits: CoverageLimits) -> Iterator[Finding]:
