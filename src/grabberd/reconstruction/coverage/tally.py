@@ -52,7 +52,7 @@ class CoverageTally:
         nominal_px = project_all(rig, model.xyz_mm).transpose(1, 2, 0)
         self._nominal = self._visible = self._facing.both(model.xyz_mm) & self._within(nominal_px, 0.0)
         self._batch = Batch(len(model))
-        self._last: tuple[Track, BothViews, Correspondence] | None = None
+        self._last: tuple[Track, Correspondence] | None = None
         self._lost: BothViews | None = None
         self._meet: bool | None = None
         self._counts = np.zeros(len(Miss) * len(model), np.int64)
@@ -83,11 +83,14 @@ class CoverageTally:
         self._points.append(len(residual_px))
         self._square_px2.append(float(np.vdot(residual_px, residual_px)))
         self._batch.add(track.sighting, points, blobs)
-        self._last = track, blobs, correspondence
+        # Not the blobs: memory that is kept for the next field is memory that it does not find in the cache.
+        self._last = track, correspondence
         if track.sighting is None:
             self._note_lost(blobs)
         if self._batch.length >= min(len(self._n) // 2 + 1, MOST_AT_ONCE):
-            self._count(*self._last)
+            self._count(track, correspondence)
+            if track.sighting is not None:
+                self._look(track.sighting, blobs, correspondence)
 
     def _note_lost(self, blobs: BothViews) -> None:
         """Keep the blobs of a field in which nothing was identified, if both views show any."""
@@ -129,7 +132,7 @@ class CoverageTally:
         misses[own, unseen] = 0
         return misses
 
-    def _count(self, track: Track, blobs: BothViews, correspondence: Correspondence) -> None:
+    def _count(self, track: Track, correspondence: Correspondence) -> None:
         misses, lost = self._batch.take()
         self._meet = None
         visible = self._nominal
@@ -152,8 +155,6 @@ class CoverageTally:
         field, target = np.nonzero(missed)
         of_target = misses[field, target] * len(self._model) + target
         self._counts += np.bincount(of_target, minlength=len(self._counts))
-        if track.sighting is not None:
-            self._look(track.sighting, missed[-1], blobs, correspondence)
 
     def _seen(self, track: Track, sighting: Sighting) -> Mask:
         """(M,) True for targets that both views see now, found or not."""
@@ -183,9 +184,9 @@ class CoverageTally:
             self._meet = correspondence.meeting_share(*self._lost) >= _MEET
         return Miss.NOT_IDENTIFIED if self._meet else Miss.RAYS_APART
 
-    def _look(
-        self, sighting: Sighting, missed: Mask, blobs: BothViews, correspondence: Correspondence
-    ) -> None:
+    def _look(self, sighting: Sighting, blobs: BothViews, correspondence: Correspondence) -> None:
+        assert sighting.misses is not None
+        missed = self._visible & (sighting.misses != Miss.FOUND)
         self._offsets.look(sighting, missed, blobs, correspondence)
         unmodelled_px = correspondence.settings.unmodelled_px
         located = sum(float(np.mean(view.sigma_px[:, 1] ** 2)) for view in blobs)
