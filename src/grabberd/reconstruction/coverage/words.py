@@ -51,17 +51,18 @@ def finding_in_words(code: str, values: Values, miss: str | None) -> str:
             f"{known['poor']:.0f} of {known['targets']:.0f} targets were often missed; target "
             f"{known['target']:.0f} was found in {_percent(known['share'])} of its fields: {reason}"
         )
-    return _SENTENCES[code].format_map(known)
+    shares = {name: _percent(known.get(name, 0.0)) for name in ("share", "apart")}
+    return _SENTENCES[code].format_map({**known, **shares})
 
 
 _SENTENCES = {
-    "all_found": "{share:.1%} of what both views should see was found",
+    "all_found": "{share} of what both views should see was found",
     "no_fields": "no field could be measured",
     "nothing_expected": "by calibration and object file no target lies in both views; do they belong "
     "together?",
     "fields_missing": "{missing:.0f} of {fields:.0f} fields could not be measured: lost, damaged or without "
     "a picture",
-    "rays_do_not_meet": "the rays of both views meet badly ({residual_sigma:.1f} σ, {apart:.1%} not at all): "
+    "rays_do_not_meet": "the rays of both views meet badly ({residual_sigma:.1f} σ, {apart} not at all): "
     "the calibration does not fit; check it",
 }
 

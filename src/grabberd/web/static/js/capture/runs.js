@@ -17,7 +17,7 @@ export function createRuns(context, again) {
   const { t, api, format, may } = context;
   const findings = el("div");
   const body = el("tbody");
-  const heads = ["run", "how", "well", "when", "calibration", "object"].map((name) => el("th", { scope: "col" }, t(`capture.runs.${name}`)));
+  const heads = ["run", "how", "when", "calibration", "object"].map((name) => el("th", { scope: "col" }, t(`capture.runs.${name}`)));
   const table = el("div", { class: "scroll" }, el("table", { class: "table" }, el("thead", {}, el("tr", {}, heads)), body));
   const none = el("p", { class: "muted" }, t("capture.runs.none"));
   const measure = el("button", { class: "button", type: "button", data: { do: "measure" }, on: { click: submit } }, symbol("measure"), t("capture.runs.again"));
@@ -48,7 +48,7 @@ export function createRuns(context, again) {
       fill(made, made_with?.calibration?.id ?? "–");
       fill(object, made_with?.object?.name ?? "–");
     });
-    return el("tr", {}, el("td", {}, run.run), el("td", {}, how(run)), el("td", {}, run.coverage ? t(`captures.measured.${run.coverage.verdict}`) : "–"), el("td", {}, format.moment(run.created_utc)), made, object);
+    return el("tr", {}, el("td", {}, run.run), el("td", {}, how(run), run.coverage && el("div", { class: "muted small" }, t(`captures.measured.${run.coverage.verdict}`))), el("td", {}, format.moment(run.created_utc)), made, object);
   }
 
   /** A run that is done does not change. @param {Run} run */
