@@ -72,7 +72,7 @@ def typed(*words: object) -> Ended:
 
 def test_a_capture_is_written_and_its_verdict_printed(capture: Path, config: Path, tmp_path: Path) -> None:
     result = run("capture", "--config", config, "--fields", 5, "--out", tmp_path / "five.grab")
-    assert result.output.strip().endswith("five.grab: 5 fields, complete")
+    assert "five.grab: 5 fields, complete\nmeasured " in result.output
     with CaptureReader(capture) as reader:
         assert reader.meta.labels == {"cow": "112"}
         assert reader.meta.id == "liner"
@@ -179,7 +179,19 @@ def test_measuring_adds_a_run(capture: Path) -> None:
         configs / "objects" / "liner.yaml",
     )
     result = run("measure", capture, *words, "--json")
-    assert json.loads(result.stdout)["run"] >= 2
+    document = json.loads(result.stdout)
+    assert document["run"] >= 2
+    coverage = document["coverage"]
+    assert coverage["fields"] == document["fields"]
+    assert sum(target["found"] for target in coverage["targets"]) == document["points"]
+
+
+def test_measuring_says_in_words_how_well(capture: Path) -> None:
+    configs = shipped_configs()
+    words = ("--calibration", configs / "fake.calibration.json", "--object", configs / "objects/liner.yaml")
+    lines = run("measure", capture, *words).output.splitlines()
+    said = next(i for i, line in enumerate(lines) if "points in" in line)
+    assert lines[said + 1].split(": ")[0] in {"measured well", "measured with gaps", "not measured"}
 
 
 def test_accuracy_is_printed_against_the_simulators_truth(capture: Path, tmp_path: Path) -> None:

@@ -87,8 +87,8 @@ def test_settings_without_an_edge_are_refused():
 
 @needs_kernel
 def test_arrays_that_are_too_short_are_refused():
-    world, some, indices = World(targets=5), np.zeros(3), np.zeros(15, np.int64)
-    assert KERNEL.near(world, some, some, *[some] * 6, 2.0, indices, np.zeros(160))[0] == REFUSED
+    world, some, indices = World(targets=5), np.zeros(3), np.zeros(20, np.int64)
+    assert KERNEL.near(world, some, some, *[some] * 6, 2.0, indices, np.zeros(180))[0] == REFUSED
     with pytest.raises(ValueError, match="do not belong together"):
         KERNEL.whole(some, some, some, some, np.zeros(9, np.bool_), 0, 9, np.zeros(45))
     with pytest.raises(ValueError, match="do not belong together"):

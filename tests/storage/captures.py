@@ -88,7 +88,7 @@ def ledger_of(taken):
     return ledger
 
 
-def write(directory, taken, *, measured=(), name="liner", **changes):
+def write(directory, taken, *, measured=(), name="liner", coverage=None, **changes):
     """A sealed capture."""
     writer = CaptureWriter.create(directory / f"{name}.grab.part", meta(**changes))
     if measured:
@@ -98,7 +98,7 @@ def write(directory, taken, *, measured=(), name="liner", **changes):
         writer.append_points(1, n, points(n))
     writer.commit()
     ledger = ledger_of(taken)
-    return writer.seal(ledger, complete=ledger.complete, ended_because="length reached")
+    return writer.seal(ledger, complete=ledger.complete, ended_because="length reached", coverage=coverage)
 
 
 def same_field(one, other):

@@ -12,6 +12,8 @@ import pytest
 from grabberd.config import shipped_configs
 from grabberd.errors import Cause
 from grabberd.processes.calibration import acceptance
+from grabberd.reconstruction.coverage.verdict import CoverageVerdict, FindingCode
+from grabberd.reconstruction.miss import Miss
 from grabberd.web.files import LANGUAGES, STATIC
 
 CALL = re.compile(r"""\bt[nl]?\(\s*(?P<quote>["'`])(?P<key>[a-z]\w*\.(?:(?!(?P=quote)).)+)(?P=quote)""")
@@ -88,6 +90,22 @@ def test_every_reason_of_an_acceptance_has_what_it_is_and_what_to_do(language: s
     known = catalogue(language)["calibration"]["acceptance"]
     assert sorted(known) == sorted(reason_codes())
     assert all(set(texts) == {"what", "do"} for texts in known.values())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_verdict_finding_and_miss_of_a_run_has_a_text(language: str) -> None:
+    known = catalogue(language)["captures"]
+    misses = {one.key for one in Miss if one is not Miss.FOUND}
+    assert set(known["measured"]) == set(CoverageVerdict)
+    assert set(known["finding"]) == set(FindingCode)
+    assert set(known["missAll"]) == misses
+    assert set(known["miss"]) == misses | {"displaced"}
+
+
+def test_the_reference_explains_every_finding_and_miss_of_a_run() -> None:
+    page = (shipped_configs().parent / "docs" / "reference" / "coverage.md").read_text("utf-8")
+    codes = [*FindingCode, *CoverageVerdict, *(one.key for one in Miss if one is not Miss.FOUND)]
+    assert [code for code in codes if f"`{code}`" not in page] == []
 
 
 def test_the_reference_explains_every_reason_of_an_acceptance() -> None:

@@ -7,6 +7,7 @@ import typer
 
 from grabberd.cli.options import (
     DEFAULT_URL,
+    VERDICTS,
     ConfigOption,
     JsonOption,
     TokenFileOption,
@@ -162,6 +163,8 @@ def _summarise(document: dict[str, Any], out: Path) -> None:
         if one["ended_because"] != "length reached":
             words += f"; {one['ended_because']}"
         typer.echo(f"{file}: {one['fields']} fields, {words}")
+        if (coverage := one.get("coverage")) is not None:
+            typer.echo(f"{VERDICTS[coverage['verdict']]}: {coverage['in_words']}")
         warn(f"{file}: {warning}" for warning in _warnings(one))
 
 

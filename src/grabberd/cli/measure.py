@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from grabberd.cli.coverage_table import print_coverage
 from grabberd.cli.options import (
     IncludeDamagedOption,
     JsonOption,
@@ -63,6 +64,8 @@ def measure(
     if propose_object is not None:
         lines.append(f"{propose_object}: {document['proposal']['in_words']}")
     print_result(document, "\n".join(lines), as_json=json)
+    if not json and result.coverage is not None:
+        print_coverage(result.coverage)
 
 
 def _proposed(capture: Path, made_with: dict[str, Any], out: Path) -> dict[str, Any]:

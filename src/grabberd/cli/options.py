@@ -42,6 +42,12 @@ IncludeDamagedOption = Annotated[
     ),
 ]
 DEFAULT_URL = "http://127.0.0.1:8050"
+VERDICTS = {
+    "measured_well": "measured well",
+    "measured_with_gaps": "measured with gaps",
+    "not_measured": "not measured",
+}
+"""Verdicts on how well a run was measured, in words."""
 
 console = Console()
 """Standard output, for results."""

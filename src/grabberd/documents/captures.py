@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.acquisition import LossCause, Outcome, Rebase
 from grabberd.documents.calibrations import CalibrationDocument
+from grabberd.documents.coverage import CoverageDocument, CoverageSummary
 from grabberd.documents.devices import ObjectModelDocument
 from grabberd.documents.document import DescribedBy, Document, Next, with_examples
 from grabberd.documents.examples import CAPTURE, GROUP
@@ -52,6 +53,11 @@ class RunDocument(Document):
     created_utc: str
     version: str
     state: str
+    coverage: CoverageSummary | None = Field(
+        None,
+        description="How well it was measured; null while it is being measured, and in files of earlier "
+        "versions.",
+    )
 
 
 class MadeWith(Document):
@@ -65,6 +71,9 @@ class MadeWith(Document):
 class WholeRunDocument(RunDocument):
     """A run with the documents that its points were measured with."""
 
+    coverage: CoverageDocument | None = Field(
+        None, description="How well it was measured, target by target; null as in `RunDocument`."
+    )
     made_with: MadeWith
 
 
@@ -113,6 +122,12 @@ class CaptureDocument(Document):
     )
     ledger: LedgerDocument
     runs: list[RunDocument]
+    coverage: CoverageSummary | None = Field(
+        None,
+        description="How well the newest run was measured, beside `verdict`, which is about the fields "
+        "alone; null while it records, where nothing was to be measured (no calibration or object model), "
+        "and in files of earlier versions.",
+    )
     labels: dict[str, str]
     note: str
     pinned: bool

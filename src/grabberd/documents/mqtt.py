@@ -6,6 +6,7 @@ from grabberd.documents.named_types import CaptureState, Verdict
 from grabberd.documents.states import DeviceState
 from grabberd.errors import Cause
 from grabberd.reconstruction.accuracy.drift_check import RigVerdict
+from grabberd.reconstruction.coverage.verdict import CoverageVerdict
 
 
 class OnlineMessage(Document):
@@ -51,6 +52,9 @@ class CaptureSummary(Document):
     device: str
     state: CaptureState
     verdict: Verdict | None
+    coverage_verdict: CoverageVerdict | None
+    coverage_in_words: str | None
+    share_found: float | None
     ended_because: str | None
     started_utc: str
     duration_s: float

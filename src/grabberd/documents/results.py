@@ -6,6 +6,7 @@ from pydantic import Field
 
 from grabberd.documents.analyses import AnalysisRecord
 from grabberd.documents.calibration_reports import PixelAxes
+from grabberd.documents.coverage import CoverageDocument
 from grabberd.documents.document import Document
 from grabberd.documents.field_order import FieldOrderDocument
 from grabberd.documents.problems import JobProblem
@@ -33,6 +34,7 @@ class MeasurementResult(Document):
         None, description="What the points tell about the sequence of the fields in time."
     )
     warnings: list[str] = Field(default_factory=list, description="Warnings for people, in sentences.")
+    coverage: CoverageDocument | None = Field(None, description="How well they were measured.")
 
 
 class AxesDocument(Document):

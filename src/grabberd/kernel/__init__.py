@@ -9,7 +9,7 @@ from typing import Any, Protocol, cast
 
 Buffer = Any
 """Anything with contiguous memory: an array, a ctypes structure, bytes."""
-LAYOUT = 3
+LAYOUT = 4
 """Version of functions and structures (module.c); a kernel with another one is left over from an older
 build."""
 DONE, NO_MEMORY, REFUSED, MORE_ROOM, NO_TABLE, NO_FULLNESS = range(6)

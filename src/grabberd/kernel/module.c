@@ -83,7 +83,7 @@ static Found found_in(Py_buffer *whole, Py_buffer *real, int64_t room) {
     return (Found){.target = index, .blob = {index + room, index + 2 * room}, .xyz_mm = number,
                    .covariance = number + 3 * room, .calibration = number + 12 * room, .image_px = number + 21 * room,
                    .residual_px = number + 25 * room, .displacement_mm = number + 26 * room,
-                   .variance_mm2 = number + 29 * room};
+                   .variance_mm2 = number + 29 * room, .miss = index + 3 * room, .predicted_px = number + 32 * room};
 }
 
 static bool are_blobs(const Py_buffer view[3], ViewBlobs *blobs) {
@@ -115,7 +115,7 @@ static PyObject *near_of(PyObject *self, PyObject *arguments) {
     const World *own = world.buf;
     if (is_sound(&world) && holds(&places, 3 * own->targets, sizeof(double)) &&
         holds(&sigma, own->targets, sizeof(double)) && are_blobs(view[0], blobs) && are_blobs(view[1], blobs + 1) &&
-        holds(&whole, 3 * own->targets, sizeof(int64_t)) && holds(&real, 32 * own->targets, sizeof(double))) {
+        holds(&whole, 4 * own->targets, sizeof(int64_t)) && holds(&real, 36 * own->targets, sizeof(double))) {
         Found found = found_in(&whole, &real, own->targets);
         Py_BEGIN_ALLOW_THREADS
         status = near(own, places.buf, sigma.buf, blobs, reach_px, &found, &count, &surprise);
@@ -218,7 +218,7 @@ static PyMethodDef FUNCTIONS[] = {{"locate", locate, METH_VARARGS, "Blobs of a p
                                   {NULL, NULL, 0, NULL}};
 
 /* Changed with every function and structure that Python sees (kernel.LAYOUT). */
-enum { LAYOUT = 3 };
+enum { LAYOUT = 4 };
 
 static int fill(PyObject *module) { return PyModule_AddIntConstant(module, "LAYOUT", LAYOUT); }
 

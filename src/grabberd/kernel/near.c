@@ -50,7 +50,10 @@ static int64_t meeting(const World *world, const ViewBlobs blobs[VIEWS], int64_t
         double located = left[0] * left[0] + left[1] * left[1] + (right[0] * right[0] + right[1] * right[1]);
         double blurring = 1.0 + 4.0 * (world->unmodelled_px * world->unmodelled_px) / located;
         double across = sqrt(left[1] * left[1] + right[1] * right[1]) * sqrt(blurring / 8.0);
-        if (!(found->residual_px[i] <= world->gate * across)) continue;
+        if (!(found->residual_px[i] <= world->gate * across)) {
+            found->miss[found->target[i]] = RAYS_APART;
+            continue;
+        }
         take_over(found, i, kept);
         for (int k = 0; k < 3; k++) {
             found->displacement_mm[3 * kept + k] = found->xyz_mm[3 * kept + k] - world->nominal_mm[3 * found->target[kept] + k];
@@ -76,17 +79,19 @@ static double surprise_of(const double *places_mm, const double *sigma_mm, int64
 int near(const World *world, const double *places_mm, const double *sigma_mm, const ViewBlobs blobs[VIEWS], double reach_px,
          Found *found, int64_t *count, double *surprise) {
     int64_t targets = world->targets, pairs = 0;
-    double *image_px = malloc((size_t)targets * 4 * sizeof *image_px), typical_px[2];
+    double *reach = malloc((size_t)targets * 2 * sizeof *reach), typical_px[2];
     int64_t *blob[VIEWS];
     for (int v = 0; v < VIEWS; v++) blob[v] = malloc((size_t)targets * sizeof *blob[v]);
-    int status = image_px && blob[0] && blob[1] ? DONE : NO_MEMORY;
+    int status = reach && blob[0] && blob[1] ? DONE : NO_MEMORY;
     for (int v = 0; v < VIEWS && status == DONE; v++) {
         typical_of(world, blobs + v, typical_px);
-        predict(world, v, places_mm, sigma_mm, typical_px, image_px, image_px + 2 * targets);
-        status = nearest(targets, image_px, image_px + 2 * targets, blobs + v, blob[v]);
+        double *image_px = found->predicted_px + 2 * targets * v;
+        predict(world, v, places_mm, sigma_mm, typical_px, image_px, reach);
+        status = nearest(targets, image_px, reach, blobs + v, blob[v]);
     }
     for (int64_t i = 0; i < targets && status == DONE; i++) {
-        if (blob[0][i] < 0 || blob[1][i] < 0) continue;
+        found->miss[i] = (blob[0][i] < 0) * NO_BLOB + (blob[1][i] < 0) * 2 * NO_BLOB;
+        if (found->miss[i]) continue;
         found->target[pairs] = i;
         for (int v = 0; v < VIEWS; v++) found->blob[v][pairs] = blob[v][i];
         pairs++;
@@ -96,7 +101,7 @@ int near(const World *world, const double *places_mm, const double *sigma_mm, co
         *count = meeting(world, blobs, pairs, found);
         *surprise = surprise_of(places_mm, sigma_mm, *count, found);
     }
-    free(image_px);
+    free(reach);
     for (int v = 0; v < VIEWS; v++) free(blob[v]);
     return status;
 }

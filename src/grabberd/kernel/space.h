@@ -4,6 +4,8 @@
 
 #include "kernel.h"
 
+/* As reconstruction.miss.Miss; where both views have no blob, both bits are set. */
+enum { NO_BLOB = 1, RAYS_APART = 4 };
 enum { VIEWS = 2, PARAMETERS = 18, MOST_ERRORS = 2 * PARAMETERS, FOUR = 4 };
 typedef double Four __attribute__((vector_size(32)));
 
@@ -44,6 +46,8 @@ typedef struct {
     int64_t *target, *blob[VIEWS];
     double *xyz_mm, *covariance, *calibration, *image_px, *residual_px; /* 3, 9, 9, 4, 1 each */
     double *displacement_mm, *variance_mm2;                             /* 3, 3 each */
+    int64_t *miss;                                                      /* of every target, as `Miss` */
+    double *predicted_px;                                               /* (VIEWS, targets, 2), of every target */
 } Found;
 
 /* Pictures and slopes of four points at once, of one view: coordinate; coordinate and X, Y, Z. */

@@ -15,6 +15,7 @@ from grabberd.geometry import Calibration, LocalField, Rig, View
 from grabberd.kernel import KERNEL
 from grabberd.measurement import Blobs, LocationSettings, measure
 from grabberd.reconstruction import (
+    CoverageTally,
     ImageNoise,
     ObjectModel,
     Points,
@@ -60,27 +61,32 @@ class MeasuredField(NamedTuple):
     points: Points
 
 
-def measure_fields(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[MeasuredField]:
+def measure_fields(
+    fields: Iterable[NumberedField], setup: MeasureSetup, tally: CoverageTally | None = None
+) -> Iterator[MeasuredField]:
     """Points of every field, in order; identities and velocities are carried from field to field.
 
-    Yields the result of each field before it takes the next, so the fields may be endless.
+    Yields the result of each field before it takes the next, so the fields may be endless. A `tally` counts
+    who was found in them.
     """
     step: _Step | None = None
     for numbered in fields:
         # Doubled and intact lines have different σ of their image coordinates: the tracker starts again.
         if step is None or step.y_step != numbered.packed.y_step:
-            step = _Step(setup, numbered.packed.y_step)
+            step = _Step(setup, numbered.packed.y_step, tally)
         yield step.measure(numbered)
 
 
-def measured_groups(fields: Iterable[NumberedField], setup: MeasureSetup) -> Iterator[list[MeasuredField]]:
+def measured_groups(
+    fields: Iterable[NumberedField], setup: MeasureSetup, tally: CoverageTally | None = None
+) -> Iterator[list[MeasuredField]]:
     """Measure every field, in groups that bound the memory in use; the results are those of `measure_fields`.
 
     Raises:
         CalibrationMismatch: a field's size differs from the calibration's.
         MeasurementError: there are no fields, or no points in any of them.
     """
-    measured = measure_fields(_fitting(fields, setup), setup)
+    measured = measure_fields(_fitting(fields, setup), setup, tally)
     count = points = 0
     while group := list(islice(measured, FIELDS_A_GROUP)):
         count += len(group)
@@ -138,9 +144,10 @@ class Locating:
 class _Step:
     """State carried from field to field."""
 
-    def __init__(self, setup: MeasureSetup, y_step: int) -> None:
+    def __init__(self, setup: MeasureSetup, y_step: int, tally: CoverageTally | None) -> None:
         self.y_step = y_step
         self._setup = setup
+        self._tally = tally
         rig = Rig.of(setup.calibration)
         self._locating = Locating.of(setup)
         noise = ImageNoise.of(rig, setup.object_model, setup.line_jitter_px, y_step)
@@ -155,6 +162,8 @@ class _Step:
         halves = zip(known.views, known.local_fields, strict=True)
         left, right = (whole_blobs(blobs, view, local_field) for view, local_field in halves)
         self._track, points = self._tracker.step(self._track, left, right, self._passed_s(numbered.time_ns))
+        if self._tally is not None:
+            self._tally.add(numbered.n, self._track, points, (left, right), self._tracker.correspondence)
         return MeasuredField(numbered.n, numbered.time_ns, blobs, points)
 
     def _passed_s(self, time_ns: int) -> float:

@@ -39,6 +39,8 @@ def test_captures_are_counted_by_their_verdict(captured: tuple[TestClient, str])
     client, _ = captured
     first = metrics(client)
     assert first["grabberd_captures_total", "simulated", "complete"] == 1
+    verdicts = ("measured_well", "measured_with_gaps", "not_measured")
+    assert sum(first["grabberd_captures_measured_total", "simulated", one] for one in verdicts) == 1
     assert first["grabberd_capture_running", "simulated"] == 0
     sealed(client, client.post("/api/v1/captures", json={"fields": 5}).json()["id"])
     assert metrics(client)["grabberd_captures_total", "simulated", "complete"] == 2

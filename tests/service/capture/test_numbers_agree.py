@@ -88,3 +88,7 @@ def test_live_numbers_are_those_of_the_file_and_of_measuring_again(
     assert all(in_stream.get(one.n + first_n, one.time_ns) == one.time_ns for one in in_the_file)
     again = measure_file(lambda _: None, path=path, made_with=made_with)
     assert of_run(path, again.run) == in_the_file
+    with CaptureReader(path) as reader:
+        first, second = reader.runs
+    assert first.coverage is not None
+    assert first.coverage == second.coverage

@@ -7,7 +7,7 @@ from contextlib import closing
 
 import pytest
 
-from grabberd.errors import NotFound, StorageError
+from grabberd.errors import CaptureFileError, NotFound, StorageError
 from grabberd.storage import CaptureReader, append_run
 from grabberd.storage.capture.schema import connect
 from storage.captures import MADE_WITH, ledger_of, points, slots, write
@@ -38,6 +38,31 @@ def test_another_run_is_appended_and_the_first_one_stays(tmp_path):
         assert [info.kind for info in reader.runs] == ["live", "measure"]
         assert next(reader.points(1))[1].xyz_mm.tobytes() == points(0).xyz_mm.tobytes()
         assert next(reader.points())[1].xyz_mm.tobytes() == points(50).xyz_mm.tobytes()
+
+
+def test_how_well_a_run_was_measured_is_asked_when_its_points_are_known_and_comes_back(tmp_path):
+    path = write(tmp_path, slots(4), measured=range(4))
+    taken = []
+    again = (taken.append(n) or (n, points(n)) for n in range(4))
+    append_run(path, "measure", "", "", {}, again, lambda: {"verdict": "measured_well", "fields": len(taken)})
+    with CaptureReader(path) as reader:
+        first, second = reader.runs
+    assert first.coverage is None
+    assert second.coverage == {"verdict": "measured_well", "fields": 4}
+
+
+def test_the_live_run_is_sealed_with_its_coverage(tmp_path):
+    path = write(tmp_path, slots(2), measured=range(2), coverage={1: {"verdict": "not_measured"}})
+    with CaptureReader(path) as reader:
+        (run,) = reader.runs
+        assert reader.meta.state == "sealed"
+    assert run.coverage == {"verdict": "not_measured"}
+
+
+def test_coverage_that_is_no_document_is_damage(tmp_path):
+    path = write(tmp_path, slots(2), measured=range(2), coverage={1: [1]})
+    with CaptureReader(path) as reader, pytest.raises(CaptureFileError, match="coverage of run 1"):
+        _ = reader.runs
 
 
 def test_a_run_that_fails_leaves_nothing(tmp_path):

@@ -18,6 +18,7 @@ from grabberd import __version__
 from grabberd.acquisition import LossCause, Outcome, Rebase, Signal
 from grabberd.documents.states import DeviceState, Rung
 from grabberd.reconstruction.accuracy.field_order import Order
+from grabberd.reconstruction.coverage.verdict import CoverageVerdict
 from grabberd.service.device.worker import BOUNDS_S
 from grabberd.service.faults.descriptors import exhaustion
 from grabberd.service.faults.fault_board import OWN_CAUSES
@@ -158,10 +159,14 @@ def _captures(instruments: list[Instrument], service: Service) -> Iterator[Metri
     ended = (
         ((one.name, v), one.captures.ended[v]) for one in instruments for v in ("complete", "incomplete")
     )
+    measured = (((one.name, v), one.captures.measured[v]) for one in instruments for v in CoverageVerdict)
     free = service.storage_document().free_bytes
     yield _gauge("grabberd_capture_running", "1 while a capture is recorded.", ("device",), running)
     yield _counter(
         "grabberd_captures", "Captures that have been sealed or given up.", ("device", "verdict"), ended
+    )
+    yield _counter(
+        "grabberd_captures_measured", "How well these were measured.", ("device", "verdict"), measured
     )
     yield _gauge("grabberd_disk_free_bytes", "Room for captures.", (), [] if free is None else [((), free)])
 

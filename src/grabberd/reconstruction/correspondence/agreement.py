@@ -76,15 +76,32 @@ def hypotheses(
         noise: Line jitter, and the scale at the object.
         settings: Greatest distance between rays, and of a target from its nominal position.
     """
-    line_mm = 0.5 * model.target_diameter_mm / noise.radius_lines
     # Every pair that meets: on a regular grid the rays alone leave only 16 of 108 pairs without a rival.
-    left, right = _pairs(rig, *blobs, settings.gate * line_mm)
+    left, right = _pairs(rig, *blobs, settings.gate * line_mm(model, noise))
     number = np.arange(len(left), dtype=np.int32)
     met = intersect(rig, number, blobs[0].select(left), blobs[1].select(right), noise)
     apart = met.xyz_mm - model.xyz_mm[:, np.newaxis]
     target, pair = np.nonzero((apart * apart).sum(axis=2) <= settings.farthest_mm**2)
     variance = np.diagonal(met.covariance_mm2, axis1=1, axis2=2)
     return Hypotheses(target, left[pair], right[pair], apart[target, pair], variance[pair])
+
+
+def line_mm(model: ObjectModel, noise: ImageNoise) -> float:
+    """Size of a frame line at the object."""
+    return 0.5 * model.target_diameter_mm / noise.radius_lines
+
+
+def meeting_share(rig: Rig, blobs: tuple[ViewBlobs, ViewBlobs], gate_mm: float) -> float:
+    """Share of the blobs of the view with fewer whose rays meet any of the other view.
+
+    Args:
+        rig: Left and right view.
+        blobs: Blobs of the left and the right view, with all their uncertainty in σ.
+        gate_mm: Greatest distance of two rays, per pixel of σ in y.
+    """
+    few = int(len(blobs[1]) < len(blobs[0]))
+    own = _pairs(rig, *blobs, gate_mm)[few]
+    return len(np.unique(own)) / max(len(blobs[few]), 1)
 
 
 def _pairs(rig: Rig, left: ViewBlobs, right: ViewBlobs, gate_mm: float) -> tuple[Indices, Indices]:
@@ -133,6 +150,8 @@ class Sighting:
         expected: Prediction of all targets of the model from them.
         settled: (M, 3) positions of all targets and (M,) standard deviations, if already computed.
         surprise: Root mean square distance from the predicted positions, in standard deviations; likewise.
+        misses: (M,) `Miss` of every target of the model; None if nothing was predicted.
+        predicted_px: (V, M, 2) predicted images of all targets, frame pixels; likewise.
     """
 
     points: Points
@@ -142,6 +161,8 @@ class Sighting:
     expected: Expected
     settled: tuple[Array, Array] | None = None
     surprise: float | None = None
+    misses: Indices | None = None
+    predicted_px: Array | None = None
 
     def __len__(self) -> int:
         return len(self.target)

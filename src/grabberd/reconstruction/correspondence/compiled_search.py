@@ -16,6 +16,7 @@ from grabberd.geometry import LocalField, Rig
 from grabberd.kernel import DONE, Kernel
 from grabberd.reconstruction.correspondence.agreement import Agreement, Sighting
 from grabberd.reconstruction.correspondence.displacement_field import DisplacementField, Expected
+from grabberd.reconstruction.miss import Miss
 from grabberd.reconstruction.points import Points
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
@@ -24,9 +25,9 @@ _WHOLE, _REAL, _ADDRESS = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
 _MOST_ERRORS = 36
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-_NUMBERS = 32
+_NUMBERS = 36
 """Numbers per target: position, covariance, calibration covariance, image, residual, displacement,
-variance."""
+variance, predicted images."""
 
 
 class _LocalField(ctypes.Structure):
@@ -135,8 +136,25 @@ class Nearby:
         Raises:
             MeasurementError: There is not enough memory.
         """
+        return self._agreeing(*self._met(places_mm, sigma_mm, left, right))
+
+    def meeting(
+        self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs
+    ) -> tuple[Indices, Array]:
+        """Find as `Correspondence.meeting`.
+
+        Raises:
+            MeasurementError: There is not enough memory.
+        """
+        found, _ = self._met(places_mm, sigma_mm, left, right)
+        return found.target, found.xyz_mm
+
+    def _met(
+        self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs
+    ) -> tuple["_Found", float]:
+        """Targets whose blobs' rays meet, and the surprise."""
         room = len(self._agreement.model)
-        index, number = np.empty((3, room), np.int64), np.empty(_NUMBERS * room)
+        index, number = np.empty((4, room), np.int64), np.empty(_NUMBERS * room)
         status, count, surprise = self._kernel.near(
             self._world,
             np.ascontiguousarray(places_mm),
@@ -152,7 +170,7 @@ class Nearby:
                 f"not enough memory for {len(left)} and {len(right)} blobs and {room} targets",
                 "free some memory, or add more",
             )
-        return self._agreeing(_Found.of(index, number, count, room), surprise)
+        return _Found.of(index, number, count, room), surprise
 
     def _agreeing(self, found: "_Found", surprise: float) -> Sighting:
         """Drop targets that the others contradict, the worst first (as `Agreement.consistent`)."""
@@ -164,6 +182,7 @@ class Nearby:
             worst = self._kernel.agree(self._world, weights, sigma_mm, *found.agreeing(), expected, settled)
             if worst < 0:
                 break
+            found.misses[found.target[worst]] = Miss.OFF_PLACE
             found, all_stay = found.without(worst), False
         settled_mm = settled[: 3 * count].reshape(count, 3), settled[9 * count :]
         return Sighting(
@@ -174,6 +193,8 @@ class Nearby:
             Expected(expected, sigma_mm),
             settled_mm,
             surprise if all_stay else None,
+            found.misses,
+            found.predicted_px,
         )
 
     def _say(self, found: "_Found", expected: Array) -> tuple[Array | bytes, Array]:
@@ -189,7 +210,7 @@ class Nearby:
 
 
 class _Found(NamedTuple):
-    """K targets, before they agree."""
+    """K targets, before they agree; and of all M of the model, their misses and predicted images."""
 
     target: Indices
     left: Indices
@@ -201,10 +222,12 @@ class _Found(NamedTuple):
     residual_px: Array
     displacement_mm: Array
     variance_mm2: Array
+    misses: Indices
+    predicted_px: Array
 
     @classmethod
     def of(cls, index: Indices, number: Array, count: int, room: int) -> "_Found":
-        target, left, right = index[:, :count]
+        target, left, right = index[:3, :count]
         return cls(
             target,
             left,
@@ -216,14 +239,16 @@ class _Found(NamedTuple):
             number[25 * room :][:count],
             number[26 * room :][: 3 * count].reshape(count, 3),
             number[29 * room :][: 3 * count].reshape(count, 3),
+            index[3],
+            number[32 * room :].reshape(2, room, 2),
         )
 
     def agreeing(self) -> tuple[Indices, Array, Array, Array]:
         return self.target, self.displacement_mm, self.variance_mm2, self.covariance_mm2
 
     def without(self, worst: int) -> "_Found":
-        fewer: Any = (np.delete(one, worst, axis=0) for one in self)
-        return _Found(*fewer)
+        fewer: Any = [np.delete(one, worst, axis=0) for one in self[:-2]]
+        return _Found._make([*fewer, self.misses, self.predicted_px])
 
     def points(self, ids: NDArray[np.int32]) -> Points:
         return Points(ids[self.target], *self[3:8])

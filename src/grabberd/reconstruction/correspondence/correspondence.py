@@ -19,11 +19,14 @@ from grabberd.reconstruction.correspondence.agreement import (
     Hypotheses,
     Sighting,
     hypotheses,
+    line_mm,
+    meeting_share,
 )
 from grabberd.reconstruction.correspondence.compiled_search import Nearby, takes
 from grabberd.reconstruction.correspondence.displacement_field import Expected
 from grabberd.reconstruction.correspondence.prediction import Prediction
 from grabberd.reconstruction.intersection import intersect
+from grabberd.reconstruction.miss import Miss
 from grabberd.reconstruction.object_model import ObjectModel
 from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
@@ -88,8 +91,39 @@ class Correspondence:
             return self._nearby.near(places_mm, sigma_mm, left, right)
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
+        misses = (of_left < 0) * int(Miss.NO_BLOB_LEFT) + (of_right < 0) * int(Miss.NO_BLOB_RIGHT)
+        target = np.flatnonzero(misses == Miss.FOUND)
+        found = self._sight(target, of_left[target], of_right[target], left, right, places_mm[target], misses)
+        return replace(found, misses=misses, predicted_px=predicted.image_px.transpose(1, 2, 0))
+
+    def meeting(
+        self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs
+    ) -> tuple[Indices, Array]:
+        """Find blobs near the expected positions whose rays meet, whether they agree with the others or not.
+
+        Args:
+            places_mm: (M, 3) expected position of every target of the model.
+            sigma_mm: (M,) its standard deviation in each coordinate.
+            left: Blobs of the left view.
+            right: Blobs of the right view.
+
+        Returns:
+            (K,) indices of their targets in the object model, and (K, 3) the points where the rays meet.
+        """
+        if self._nearby is not None:
+            return self._nearby.meeting(places_mm, sigma_mm, left, right)
+        predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
+        of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
-        return self._sight(target, of_left[target], of_right[target], left, right, places_mm[target])
+        left, right = left.select(of_left[target]), right.select(of_right[target])
+        points = intersect(self.rig, self.model.target[target], left, right, self.noise, places_mm[target])
+        meeting = points.residual_px <= self._across_px(left, right)
+        return target[meeting], points.xyz_mm[meeting]
+
+    def meeting_share(self, left: ViewBlobs, right: ViewBlobs) -> float:
+        """Share of the blobs of the view with fewer whose rays meet any of the other view."""
+        gate_mm = self.settings.gate * line_mm(self.model, self.noise)
+        return meeting_share(self.rig, (self._blurred(left), self._blurred(right)), gate_mm)
 
     def expected_places(self, expected: Expected) -> tuple[Array, Array]:
         """Expected positions (M, 3) in mm, and their standard deviations (M,)."""
@@ -107,19 +141,32 @@ class Correspondence:
         left: ViewBlobs,
         right: ViewBlobs,
         start_mm: Array | None = None,
+        misses: Indices | None = None,
     ) -> Sighting:
-        """Intersect targets, dropping those whose rays miss each other or that contradict the others."""
+        """Intersect targets, dropping those whose rays miss each other or that contradict the others.
+
+        The reasons are entered in `misses` (M,).
+        """
         left, right = left.select(of_left), right.select(of_right)
         points = intersect(self.rig, self.model.target[target], left, right, self.noise, start_mm)
         blurring = self._blurring(left, right)
-        # A parallax p leaves p/2 in either view, whose root mean square over four coordinates is p/√8.
-        across_px = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1]) * np.sqrt(blurring / 8.0)
-        meeting = np.flatnonzero(points.residual_px <= self.settings.gate * across_px)
+        meeting = np.flatnonzero(points.residual_px <= self._across_px(left, right))
         variance = np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis]
         displacement = points.xyz_mm - self.model.xyz_mm[target]
         known = Hypotheses(target, of_left, of_right, displacement, variance)
         chosen, expected = self.agreement.consistent(known, meeting)
+        if misses is not None:
+            misses[target] = Miss.RAYS_APART
+            misses[target[meeting]] = Miss.OFF_PLACE
+            misses[target[chosen]] = Miss.FOUND
         return Sighting(points.select(chosen), target[chosen], of_left[chosen], of_right[chosen], expected)
+
+    def _across_px(self, left: ViewBlobs, right: ViewBlobs) -> Array:
+        """(N,) greatest residual of N pairs whose rays meet."""
+        # A parallax p leaves p/2 in either view, whose root mean square over four coordinates is p/√8.
+        across_px = np.hypot(left.sigma_px[:, 1], right.sigma_px[:, 1])
+        greatest: Array = self.settings.gate * across_px * np.sqrt(self._blurring(left, right) / 8.0)
+        return greatest
 
     def _blurred(self, blobs: ViewBlobs) -> ViewBlobs:
         """Blobs with the unmodelled error included in their σ."""

@@ -39,6 +39,8 @@ class Track:
         unseen_s: (M,) time since a target was last seen; infinite if it never was.
         age_s: Time since the field of these positions and velocities; infinite if nothing has been tracked.
         found: Number of targets found in that field.
+        sighting: What was found in the field just measured, and why the rest was not; None if nothing was
+            found.
     """
 
     target: NDArray[np.int32]
@@ -49,6 +51,7 @@ class Track:
     unseen_s: Array
     age_s: float
     found: int
+    sighting: Sighting | None = None
 
     @classmethod
     def start(cls, model: ObjectModel) -> "Track":
@@ -134,7 +137,7 @@ class Tracker:
         sighting = self.correspondence.identify(left, right)
         if len(sighting) >= fewest:
             return self._begun(sighting, unseen_s), sighting.points
-        return replace(track, unseen_s=unseen_s, age_s=elapsed_s), Points.none()
+        return replace(track, unseen_s=unseen_s, age_s=elapsed_s, sighting=None), Points.none()
 
     def windows(self, track: Track, dt_s: float) -> Array | None:
         """Compute the search windows for blobs in the field `dt_s` after the last.
@@ -199,7 +202,9 @@ class Tracker:
     ) -> Track:
         seconds, found = unseen_s.copy(), len(sighting)
         seconds[sighting.target] = 0.0
-        return Track(self.model.target, *settled, velocity_mm_s, speed_sigma_mm_s, seconds, 0.0, found)
+        return Track(
+            self.model.target, *settled, velocity_mm_s, speed_sigma_mm_s, seconds, 0.0, found, sighting
+        )
 
     def _settled(self, sighting: Sighting) -> tuple[Array, Array]:
         """Positions (M, 3) of all targets, and their standard deviations (M,)."""

@@ -15,6 +15,7 @@ from grabberd.documents.captures import (
     WholeRunDocument,
 )
 from grabberd.service.capture.capture_request import ArmedCapture
+from grabberd.service.capture.coverage_documents import coverage_summary, whole_coverage
 from grabberd.service.capture.recording import Recording
 from grabberd.storage import CaptureMeta, CaptureReader, RunInfo
 from grabberd.storage.capture.schema import reading_errors
@@ -52,10 +53,11 @@ def whole_run(path: Path, run: int) -> WholeRunDocument:
         CaptureFileError: the file cannot be read.
         NotFound: there is no such run.
     """
-    with CaptureReader(path) as reader:
+    with CaptureReader(path) as reader, reading_errors(path):
         found = reader.run(run)
         made_with = {key: found.made_with.get(key) for key in MadeWith.model_fields}
-        return WholeRunDocument.model_validate({**_run(found), "made_with": made_with})
+        covered = whole_coverage(found.coverage)
+        return WholeRunDocument.model_validate({**_run(found), "coverage": covered, "made_with": made_with})
 
 
 def armed_document(armed: ArmedCapture) -> CaptureDocument:
@@ -152,6 +154,7 @@ def _document(
     size_bytes: int,
 ) -> CaptureDocument:
     """A capture by its metadata, ledger and runs, be they in memory or from its file."""
+    described = [run_document(run) for run in runs]
     trigger, group = meta.extra.get("trigger", {}), meta.extra.get("group")
     known = {
         "id": meta.id,
@@ -168,7 +171,8 @@ def _document(
         "lines": meta.lines,
         "fields": fields,
         "ledger": ledger_document(ledger, meta.rate_hz),
-        "runs": [run_document(run) for run in runs],
+        "runs": described,
+        "coverage": described[-1].coverage if described else None,
         "labels": meta.labels,
         "note": meta.note,
         "pinned": False,
@@ -181,7 +185,8 @@ def _document(
 
 
 def _run(run: RunInfo) -> dict[str, object]:
-    return {name: getattr(run, name) for name in RunDocument.model_fields}
+    known = {name: getattr(run, name) for name in RunDocument.model_fields}
+    return {**known, "coverage": coverage_summary(run.coverage)}
 
 
 def _first_field_s(meta: CaptureMeta, first_time_ns: int | None) -> float | None:

@@ -39,6 +39,7 @@ class DeviceCaptures:
         recording: The running or the last capture, or None.
         armed: The capture that waits for its trigger, or None.
         ended: Number of captures that are sealed or given up, by verdict.
+        measured: Number of those that were measured, by the verdict on how well.
     """
 
     setup: DeviceSetup
@@ -53,6 +54,7 @@ class DeviceCaptures:
     recording: Recording | None = field(init=False, default=None)
     armed: ArmedCapture | None = field(init=False, default=None)
     ended: Counter[str] = field(init=False, default_factory=Counter)
+    measured: Counter[str] = field(init=False, default_factory=Counter)
     _counting: threading.Lock = field(init=False, default_factory=threading.Lock)
 
     @property
@@ -99,6 +101,8 @@ class DeviceCaptures:
         """Counts a capture by its verdict, once that will not change any more."""
         with self._counting:  # a capture that is sealed later is counted by another thread
             self.ended[recording.verdict] += 1
+            if (measured := recording.coverage_verdict) is not None:
+                self.measured[measured] += 1
 
     @property
     def accepts(self) -> bool:

@@ -12,6 +12,8 @@ from grabberd.acquisition.clock import UtcClock
 from grabberd.errors import DeviceLost, GrabberdError, StorageError, StreamEnded
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField
+from grabberd.reconstruction import Coverage
+from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.service.capture.capture_request import NewCapture
 from grabberd.service.capture.disk_guard import DiskGuard
 from grabberd.service.capture.recorder import Recorder
@@ -78,6 +80,7 @@ class Recording:
         self.measuring_failure: str | None = None
         self.measured = measured
         self._findings: Mapping[str, Any] | None = None
+        self._coverage: Coverage | None = None
         self._writer = writer
         self._backlog = recorder.backlog
         self._ends_when_interrupted = ends_when_interrupted
@@ -196,6 +199,12 @@ class Recording:
         return "complete" if self.complete else "incomplete"
 
     @property
+    def coverage_verdict(self) -> str | None:
+        """Verdict on how well its live run was measured; None if it was not counted."""
+        covered = self._covered
+        return covered[LIVE_RUN]["verdict"] if covered else None
+
+    @property
     def has_room(self) -> bool:
         """True if a source that waits for its reader may deliver another field."""
         in_ring = self.recorder.reader.waiting
@@ -222,13 +231,20 @@ class Recording:
         """Queues one field's points; called by the worker, in the order of the fields."""
         self._results.put(measured)
 
-    def measuring_ended(self, failure: str | None = None, findings: Mapping[str, Any] | None = None) -> None:
+    def measuring_ended(
+        self,
+        failure: str | None = None,
+        findings: Mapping[str, Any] | None = None,
+        coverage: Coverage | None = None,
+    ) -> None:
         """Notes that the worker has measured the last field, or cannot go on.
 
         Args:
             failure: Why it cannot go on, or None.
             findings: Entries for the metadata, or None.
+            coverage: Coverage of the fields that it has measured, or None.
         """
+        self._coverage = coverage
         self.measuring_failure = failure
         self._findings = findings
         self._results.put(None)
@@ -333,4 +349,13 @@ class Recording:
             ended_because=because or "",
             measuring_failure=self.measuring_failure or self._cut_off,
             findings=self._findings,
+            coverage=self._covered,
         )
+
+    @property
+    def _covered(self) -> dict[int, dict[str, Any]] | None:
+        """Coverage of the live run as a document, if it has been counted."""
+        if self._coverage is None:
+            return None
+        missing = max(sum(self.recorder.ledger.counts().values()) - len(self._coverage.n), 0)
+        return {LIVE_RUN: coverage_document(self._coverage, missing)}

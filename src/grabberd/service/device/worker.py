@@ -14,6 +14,7 @@ from grabberd.acquisition import Outcome, Policy
 from grabberd.acquisition.clock import UtcClock
 from grabberd.field import NumberedField
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measure_fields
+from grabberd.reconstruction import Coverage, CoverageTally
 from grabberd.service.device.field_order_health import FieldOrderHealth
 from grabberd.service.device.field_pipeline import ARRIVALS, FieldPipeline
 from grabberd.service.device.rig_health import RigHealth
@@ -130,8 +131,10 @@ class MeasurableRecording(Protocol):
         """Takes one field's points."""
         ...
 
-    def measuring_ended(self, failure: str | None, findings: Mapping[str, Any] | None) -> None:
-        """Takes the end of its points, with the reason if they are incomplete, and metadata."""
+    def measuring_ended(
+        self, failure: str | None, findings: Mapping[str, Any] | None, coverage: Coverage | None
+    ) -> None:
+        """Takes the end of its points: the reason if they are incomplete, metadata, and the coverage."""
         ...
 
 
@@ -219,20 +222,24 @@ class Worker(threading.Thread):
 
     def _measure_capture(self, recording: MeasurableRecording) -> None:
         failure: str | None = "the program failed; the journal says how"
+        coverage: Coverage | None = None
         try:
             assert self._setup is not None, "a capture is measured only where there is a setup"
+            tally = CoverageTally.of(self._setup.calibration, self._setup.object_model)
             self.rig.begin(self._setup, capture=True)
             self.field_order.begin(self._setup, capture=True)
             with closing(self._fair_lock.one_by_one(recording.recorded())) as fields:
-                for measured in measure_fields(fields, self._setup):
+                for measured in measure_fields(fields, self._setup, tally):
                     recording.add(measured)
                     self._publish(measured, recording.first_n)
+            coverage = tally.result()
             failure = None
         finally:
             # Also after a fault: the writer seals the capture only once its points have ended.
             # The recording stays the device's last one: without this mark it would be measured again.
             self._done = recording
-            recording.measuring_ended(failure, {**self.rig.findings(), **self.field_order.findings()})
+            findings = {**self.rig.findings(), **self.field_order.findings()}
+            recording.measuring_ended(failure, findings, coverage)
 
     def _measure_ring(self) -> None:
         setup = self._setup

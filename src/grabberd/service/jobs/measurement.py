@@ -12,8 +12,11 @@ from grabberd.documents.named_types import JsonObject
 from grabberd.documents.results import MeasurementResult
 from grabberd.errors import MeasurementError, NotReady
 from grabberd.processes.measure import MeasuredField, measure_fields
+from grabberd.reconstruction import CoverageTally
 from grabberd.reconstruction.accuracy.field_order import FieldOrderCheck
+from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.reconstruction.points import Points
+from grabberd.service.capture.coverage_documents import whole_coverage
 from grabberd.service.jobs.progress import Progress, counted
 from grabberd.service.jobs.runner import JobSpec
 from grabberd.service.setup import INCLUDE_DAMAGED, measure_setup
@@ -56,12 +59,18 @@ def measure_file(progress: Progress, *, path: Path, made_with: JsonObject) -> Me
     with CaptureReader(path) as reader:
         received = reader.received(and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
         fields = counted(received, reader.field_count, progress)
-        points = _counted_points(measure_fields(fields, setup), counts, order)
+        tally = CoverageTally.of(setup.calibration, setup.object_model)
+        points = _counted_points(measure_fields(fields, setup, tally), counts, order)
         created = iso_utc(SystemClock().utc_now())
-        run = append_run(path, "measure", created, __version__, made_with, points)
+
+        def coverage() -> JsonObject:
+            return coverage_document(tally.result(), reader.missing_fields(counts["fields"]))
+
+        run = append_run(path, "measure", created, __version__, made_with, points, coverage)
+        covered = whole_coverage(reader.run(run).coverage)
     found = FieldOrderDocument.of(order.finish())
     warnings = [found.warning] if found.warning else []
-    return MeasurementResult(run=run, **counts, field_order=found, warnings=warnings)
+    return MeasurementResult(run=run, **counts, field_order=found, warnings=warnings, coverage=covered)
 
 
 def _counted_points(

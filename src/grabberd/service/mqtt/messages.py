@@ -109,13 +109,16 @@ def capture_summary(
         rate_hz: Fields per second.
         calibration_id: Calibration that its latest points were measured with; None without points.
     """
-    ledger = document.ledger
+    ledger, covered = document.ledger, document.coverage
     return CaptureSummary(
         capture_id=document.id,
         group_id=document.group.id if document.group else None,
         device=document.device,
         state=document.state,
         verdict=document.verdict,
+        coverage_verdict=covered.verdict if covered else None,
+        coverage_in_words=covered.in_words if covered else None,
+        share_found=covered.share if covered else None,
         ended_because=document.ended_because,
         started_utc=document.created_utc,
         duration_s=round(sum(ledger.counts.values()) / rate_hz, 3),

@@ -15,7 +15,9 @@ from grabberd.documents.named_types import JsonObject
 from grabberd.errors import CaptureFileError, GrabberdError, NotReady, StorageError
 from grabberd.processes.columns import Rows
 from grabberd.processes.measure import MeasuredField, MeasureSetup, measured_groups
+from grabberd.reconstruction import CoverageTally
 from grabberd.reconstruction.accuracy.field_order import FieldOrderCheck
+from grabberd.reconstruction.coverage.document import coverage_document
 from grabberd.service.setup import INCLUDE_DAMAGED, check_rig, measure_setup, settings_of_capture
 from grabberd.storage import CaptureReader
 from grabberd.storage.capture.content_digest import content_sha256, document_sha256
@@ -101,15 +103,26 @@ def _measured(task: CaptureTask) -> TaskResult:
             return TaskResult("unchanged")
         setup = measure_setup(made_with, made_with["settings"])
         _check_rig(setup, reader)
+        tally = CoverageTally.of(setup.calibration, setup.object_model)
         order = FieldOrderCheck(setup.object_model.target)
-        groups = _rows(reader, setup, order, and_damaged=made_with["settings"].get(INCLUDE_DAMAGED, False))
-        fields, points = write_dataset_file(task.part, task.target, groups, about)
+        include_damaged = made_with["settings"].get(INCLUDE_DAMAGED, False)
+        groups = _rows(reader, setup, tally, order, and_damaged=include_damaged)
+
+        def found(fields: int) -> JsonObject:
+            return {"coverage": coverage_document(tally.result(), reader.missing_fields(fields))}
+
+        fields, points = write_dataset_file(task.part, task.target, groups, about, found)
     warning = FieldOrderDocument.of(order.finish()).warning or ""
     return TaskResult("measured", fields, points, warning=warning)
 
 
 def _rows(
-    reader: CaptureReader, setup: MeasureSetup, order: FieldOrderCheck, *, and_damaged: bool
+    reader: CaptureReader,
+    setup: MeasureSetup,
+    tally: CoverageTally,
+    order: FieldOrderCheck,
+    *,
+    and_damaged: bool,
 ) -> Iterator[list[Rows]]:
     first_ns = reader.first_time_ns or 0
 
@@ -117,7 +130,7 @@ def _rows(
         order.add(one.n, one.points)
         return rows_of(one.n, (one.time_ns - first_ns) / 1e9, moment_of(one.time_ns, reader.meta), one.points)
 
-    for group in measured_groups(reader.received(and_damaged=and_damaged), setup):
+    for group in measured_groups(reader.received(and_damaged=and_damaged), setup, tally):
         yield [rows(one) for one in group]
 
 

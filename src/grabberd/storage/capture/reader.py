@@ -20,7 +20,15 @@ from grabberd.storage.capture.rows import (
     recorded_field,
     run_info,
 )
-from grabberd.storage.capture.schema import DAMAGE, CaptureMeta, connect, read_meta, reading_errors
+from grabberd.storage.capture.schema import (
+    DAMAGE,
+    CaptureMeta,
+    connect,
+    coverage_key,
+    read_coverage,
+    read_meta,
+    reading_errors,
+)
 
 FIELDS_AT_ONCE = 50
 """Fields read under one lock: a reader in the middle of a statement keeps the writer from committing, which
@@ -64,6 +72,10 @@ class CaptureReader:
         except DAMAGE as error:
             raise self._damaged("its ledger contradicts itself", error, "set the file aside") from error
 
+    def missing_fields(self, measured: int) -> int:
+        """Number of fields that should have come, but for those `measured`."""
+        return max(sum(self.ledger.counts().values()) - measured, 0)
+
     @property
     def field_count(self) -> int:
         """Number of fields in the file, damaged ones included."""
@@ -81,7 +93,8 @@ class CaptureReader:
         """All runs in order."""
         with reading_errors(self.path):
             rows = self._connection.execute("SELECT * FROM runs ORDER BY run").fetchall()
-            return [run_info(row) for row in rows]
+            coverage = read_coverage(self._connection)
+            return [run_info(row, coverage.get(coverage_key(row[0]))) for row in rows]
 
     def fields(self, first_n: int = 0, end_n: int | None = None) -> Iterator[RecordedField]:
         """The fields with first_n ≤ n < end_n in order, fifty at a time."""

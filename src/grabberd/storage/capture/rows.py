@@ -17,7 +17,10 @@ _LARGEST = 1 << 14
 
 
 class RunInfo(NamedTuple):
-    """A run without its points; `made_with` has the documents calibration, object and settings."""
+    """A run without its points; `made_with` has the documents calibration, object and settings.
+
+    `coverage` says how well it was measured; None for a run that was not counted, as in earlier versions.
+    """
 
     run: int
     kind: str
@@ -26,6 +29,7 @@ class RunInfo(NamedTuple):
     state: str
     reason: str | None
     made_with: dict[str, Any]
+    coverage: dict[str, Any] | None = None
 
 
 class RecordedField(NamedTuple):
@@ -71,8 +75,8 @@ def _check_numbers(cells: Mapping[str, Any]) -> None:
         raise ValueError(f"sequence is {cells['sequence']!r}")
 
 
-def run_info(row: tuple[Any, ...]) -> RunInfo:
-    """Decodes a row of the table `runs`.
+def run_info(row: tuple[Any, ...], coverage: str | None = None) -> RunInfo:
+    """Decodes a row of the table `runs`, and the run's coverage, a JSON document.
 
     Raises:
         ValueError: It is damaged.
@@ -84,7 +88,10 @@ def run_info(row: tuple[Any, ...]) -> RunInfo:
     run, kind, created_utc, version, state, reason = row[:6]
     if not (isinstance(run, int) and all(isinstance(text, str) for text in (kind, created_utc, version))):
         raise ValueError(f"run {run!r} of {created_utc!r} is a {kind!r} by {version!r}")
-    return RunInfo(run, kind, created_utc, version, state, reason, documents)
+    covered = None if coverage is None else json.loads(coverage)
+    if not isinstance(covered, dict | None):
+        raise ValueError(f"the coverage of run {run} is {covered!r}")
+    return RunInfo(run, kind, created_utc, version, state, reason, documents, covered)
 
 
 def ledger(

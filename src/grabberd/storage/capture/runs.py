@@ -5,7 +5,7 @@ import sqlite3
 import struct
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from itertools import islice
 from pathlib import Path
@@ -15,7 +15,7 @@ from grabberd.errors import StorageError
 from grabberd.reconstruction.points import Points
 from grabberd.storage.capture.codec import encode_points
 from grabberd.storage.capture.read_back import check_staged
-from grabberd.storage.capture.schema import connect
+from grabberd.storage.capture.schema import connect, coverage_key, write_meta
 from grabberd.storage.capture.writer import DONE, INSERT_POINTS, INSERT_RUN, run_row
 from grabberd.storage.disk import storage_errors
 
@@ -38,13 +38,15 @@ def append_run(
     version: str,
     made_with: Mapping[str, Any],
     points: Iterable[tuple[int, Points]],
+    coverage: Callable[[], Mapping[str, Any]] | None = None,
 ) -> int:
     """Adds a run to a sealed capture, whole or not at all; returns its number.
 
     `points` may be a generator that measures them: they first go into an unnamed temporary file beside the
     capture, which disappears with this call or with the program, and then into the capture batch by batch, so
     that few of them are in memory and readers never wait for long. The run itself is entered last. Until then
-    its points belong to no run, and the next call removes what a killed program left of them.
+    its points belong to no run, and the next call removes what a killed program left of them. `coverage`, how
+    well it was measured, is asked for when all points have been taken, and entered with the run.
 
     Raises:
         CaptureFileError: The file is no capture, or damaged.
@@ -67,6 +69,8 @@ def append_run(
             check_staged(path, connection, run, _rows(staged))
             with _transaction(connection):
                 connection.execute(INSERT_RUN, run_row(run, kind, created_utc, version, DONE, made_with))
+                if coverage is not None:
+                    write_meta(connection, {coverage_key(run): coverage()})
         except BaseException:
             with suppress(sqlite3.Error):
                 _remove_unfinished(connection)

@@ -231,6 +231,17 @@ def write_meta(connection: sqlite3.Connection, values: Mapping[str, Any]) -> Non
     connection.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", rows)
 
 
+def coverage_key(run: int) -> str:
+    """Key of a run's coverage in the table `meta`, where earlier versions ignore what they do not know."""
+    return f"coverage.{run}"
+
+
+def read_coverage(connection: sqlite3.Connection) -> dict[str, str]:
+    """The coverage of runs as JSON, by their keys."""
+    rows = connection.execute("SELECT key, value FROM meta WHERE key GLOB 'coverage.*'")
+    return dict(rows.fetchall())
+
+
 def read_meta(connection: sqlite3.Connection) -> CaptureMeta:
     """Reads the metadata of a file; a key newer than the file has its default.
 

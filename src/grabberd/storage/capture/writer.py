@@ -21,6 +21,7 @@ from grabberd.storage.capture.schema import (
     SEALED,
     CaptureMeta,
     connect,
+    coverage_key,
     create,
     read_meta,
     sealed_path,
@@ -130,6 +131,7 @@ class CaptureWriter:
         ended_because: str,
         measuring_failure: str | None = None,
         findings: Mapping[str, Any] | None = None,
+        coverage: Mapping[int, Mapping[str, Any]] | None = None,
     ) -> Path:
         """Writes ledger and verdict, closes the file, reads it back and gives it its final name.
 
@@ -141,6 +143,7 @@ class CaptureWriter:
             ended_because: Reason why the capture ended.
             measuring_failure: Reason why measuring failed, if it did.
             findings: Additions to the metadata's `extra`.
+            coverage: How well runs were measured, by their numbers.
 
         Raises:
             StorageError: Not even that is possible, or the file does not read back as it was written; it
@@ -158,7 +161,8 @@ class CaptureWriter:
             )
             verdict = {"state": SEALED, "complete": complete, "ended_because": ended_because}
             extra = with_rebases({**read_meta(self._connection).extra, **(findings or {})}, ledger.events)
-            write_meta(self._connection, {**verdict, "extra": extra})
+            covered = {coverage_key(run): document for run, document in (coverage or {}).items()}
+            write_meta(self._connection, {**verdict, "extra": extra, **covered})
             self._connection.execute("COMMIT")
             # A sealed capture is one file. SQLite changes the journal's mode only between transactions, and
             # finds a journal by the name of the database: so after the commit and before the renaming.

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,11 @@ KEY = "grabberd"
 
 
 def write_dataset_file(
-    part: Path, target: Path, groups: Iterable[Sequence[Rows]], about: Mapping[str, Any]
+    part: Path,
+    target: Path,
+    groups: Iterable[Sequence[Rows]],
+    about: Mapping[str, Any],
+    found: Callable[[int], Mapping[str, Any]] = lambda _: {},
 ) -> tuple[int, int]:
     """Writes a capture's points, and gives the file its name when all of them are on the disk.
 
@@ -26,6 +30,7 @@ def write_dataset_file(
         target: Final name; an existing file is replaced.
         groups: Rows of fields, some fields at a time; may be a generator that measures them.
         about: Capture, device, calibration, labels and further metadata.
+        found: Metadata known at the end, given the number of fields.
 
     Returns:
         Number of fields and of points.
@@ -48,7 +53,9 @@ def write_dataset_file(
                 writer.write_batch(batch)
                 _tell(part, fields := fields + len(group))
             points += batch.num_rows
-        writer.add_key_value_metadata({KEY: _text({**about, "fields": fields, "points": points})})
+        writer.add_key_value_metadata(
+            {KEY: _text({**about, **found(fields), "fields": fields, "points": points})}
+        )
         writer.close()
         _publish(own, target)
     _count_file(part).unlink(missing_ok=True)

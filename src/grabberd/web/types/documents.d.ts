@@ -23,6 +23,8 @@ type Ledger = Capture["ledger"];
 export type LedgerEntry = Ledger["entries"][number];
 export type LedgerEvent = Ledger["events"][number];
 export type Run = Capture["runs"][number];
+/** How well a run was measured. */
+export type Coverage = NonNullable<Capture["coverage"]>;
 type Points = Answer<"get", "/captures/{}/points">;
 export type FieldPoints = Points["fields"][number];
 export type NewestPoints = Answer<"get", "/devices/{}/points">;

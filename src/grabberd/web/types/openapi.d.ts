@@ -1943,6 +1943,8 @@ export interface components {
             ledger: components["schemas"]["LedgerDocument"];
             /** Runs */
             runs: components["schemas"]["RunDocument"][];
+            /** @description How well the newest run was measured, beside `verdict`, which is about the fields alone; null while it records, where nothing was to be measured (no calibration or object model), and in files of earlier versions. */
+            coverage?: components["schemas"]["CoverageSummary"] | null;
             /** Labels */
             labels: {
                 [key: string]: string;
@@ -2378,6 +2380,103 @@ export interface components {
             };
         };
         /**
+         * CoverageDocument
+         * @description Coverage of a run, target by target.
+         */
+        CoverageDocument: {
+            verdict: components["schemas"]["CoverageVerdict"];
+            /**
+             * In Words
+             * @description The gravest finding as a sentence.
+             */
+            in_words: string;
+            /**
+             * Findings
+             * @description The gravest first; never empty.
+             */
+            findings: components["schemas"]["FindingDocument"][];
+            /**
+             * Share
+             * @description Share found of all targets that both views should have seen, over all fields, 0 to 1; null if there were none.
+             */
+            share: number | null;
+            /**
+             * Fields
+             * @description Number of fields measured.
+             */
+            fields: number;
+            /**
+             * Missing Fields
+             * @description Number of fields that should have come and could not be measured: lost, damaged, without a signal.
+             */
+            missing_fields: number;
+            /**
+             * Residual Px
+             * @description Root mean square of all image residuals after intersection, frame pixels; null without points.
+             */
+            residual_px: number | null;
+            /**
+             * Residual Sigma
+             * @description The same in units of its expected standard deviation: about 1 or below if the rays meet as well as the blobs were located.
+             */
+            residual_sigma: number | null;
+            /** Targets */
+            targets: components["schemas"]["TargetCoverage"][];
+            /**
+             * Worst Fields
+             * @description The fields in which most targets were missed, at most twenty, in their order.
+             */
+            worst_fields: components["schemas"]["FieldCoverage"][];
+        };
+        /**
+         * CoverageSummary
+         * @description Coverage of a run in short: how well it was measured.
+         */
+        CoverageSummary: {
+            verdict: components["schemas"]["CoverageVerdict"];
+            /**
+             * In Words
+             * @description The gravest finding as a sentence.
+             */
+            in_words: string;
+            /**
+             * Findings
+             * @description The gravest first; never empty.
+             */
+            findings: components["schemas"]["FindingDocument"][];
+            /**
+             * Share
+             * @description Share found of all targets that both views should have seen, over all fields, 0 to 1; null if there were none.
+             */
+            share: number | null;
+            /**
+             * Fields
+             * @description Number of fields measured.
+             */
+            fields: number;
+            /**
+             * Missing Fields
+             * @description Number of fields that should have come and could not be measured: lost, damaged, without a signal.
+             */
+            missing_fields: number;
+            /**
+             * Residual Px
+             * @description Root mean square of all image residuals after intersection, frame pixels; null without points.
+             */
+            residual_px: number | null;
+            /**
+             * Residual Sigma
+             * @description The same in units of its expected standard deviation: about 1 or below if the rays meet as well as the blobs were located.
+             */
+            residual_sigma: number | null;
+        };
+        /**
+         * CoverageVerdict
+         * @description Verdict on a run.
+         * @enum {string}
+         */
+        CoverageVerdict: "measured_well" | "measured_with_gaps" | "not_measured";
+        /**
          * DeviceDocument
          * @description Present state of a device.
          */
@@ -2542,6 +2641,20 @@ export interface components {
             since_utc: string;
         };
         /**
+         * FieldCoverage
+         * @description A field in which targets were missed.
+         */
+        FieldCoverage: {
+            /** N */
+            n: number;
+            /** Expected */
+            expected: number;
+            /** Found */
+            found: number;
+            /** Residual Px */
+            residual_px: number | null;
+        };
+        /**
          * FieldOrderDocument
          * @description Order of the fields in time, as the points of moving targets show it.
          */
@@ -2606,6 +2719,32 @@ export interface components {
              * @description Time since the capture's first field.
              */
             time_s: number;
+        };
+        /**
+         * FindingCode
+         * @description Code of a finding: what speaks against a run, or that nothing does.
+         * @enum {string}
+         */
+        FindingCode: "all_found" | "no_fields" | "nothing_expected" | "fields_missing" | "few_found" | "targets_missed" | "rays_do_not_meet";
+        /**
+         * FindingDocument
+         * @description Statement about how well a run was measured, with the numbers that it rests on.
+         */
+        FindingDocument: {
+            /** @description Verdict that it alone would lead to. */
+            verdict: components["schemas"]["CoverageVerdict"];
+            code: components["schemas"]["FindingCode"];
+            /**
+             * Values
+             * @description The numbers that it rests on; shares from 0 to 1.
+             */
+            values: {
+                [key: string]: number | null;
+            };
+            /** @description Most frequent reason why targets were not found. */
+            miss: components["schemas"]["MissReason"] | null;
+            /** In Words */
+            in_words: string;
         };
         /**
          * FrameIdentification
@@ -3165,7 +3304,11 @@ export interface components {
              * @description Warnings for people, in sentences.
              */
             warnings?: string[];
+            /** @description How well they were measured. */
+            coverage?: components["schemas"]["CoverageDocument"] | null;
         };
+        /** @enum {string} */
+        MissReason: "no_blob_left" | "no_blob_right" | "no_blob" | "rays_apart" | "off_place" | "unconfirmed" | "not_identified" | "cut_off" | "unpredicted";
         /**
          * MqttDocument
          * @description Connection to the MQTT broker that receives device states and capture summaries.
@@ -3966,6 +4109,8 @@ export interface components {
             version: string;
             /** State */
             state: string;
+            /** @description How well it was measured; null while it is being measured, and in files of earlier versions. */
+            coverage?: components["schemas"]["CoverageSummary"] | null;
         };
         /**
          * Rung
@@ -4145,6 +4290,57 @@ export interface components {
             columns: components["schemas"]["ColumnDocument"][];
         };
         /**
+         * TargetCoverage
+         * @description A target in a run.
+         */
+        TargetCoverage: {
+            /** Target */
+            target: number;
+            /**
+             * Expected
+             * @description Number of fields in which both views should have seen it.
+             */
+            expected: number;
+            /**
+             * Found
+             * @description Number of those in which it was found.
+             */
+            found: number;
+            /**
+             * Misses
+             * @description The others, by the reason.
+             */
+            misses: {
+                [key: string]: number;
+            };
+            /** @description The most frequent one; null if it never was missed. */
+            reason: components["schemas"]["MissReason"] | null;
+            /**
+             * In Words
+             * @description The same as a sentence; empty if it never was missed.
+             */
+            in_words: string;
+            /**
+             * Offset X Mm
+             * @description Mean offset from where its neighbours put it, along X; found ones included. Null if it was not seen.
+             */
+            offset_x_mm: number | null;
+            /** Offset Y Mm */
+            offset_y_mm: number | null;
+            /** Offset Z Mm */
+            offset_z_mm: number | null;
+            /**
+             * Offset Sigma Mm
+             * @description Standard deviation of the mean offset, in space; null below two fields.
+             */
+            offset_sigma_mm: number | null;
+            /**
+             * Offset Fields
+             * @description Number of fields that the offset is from: a few a second.
+             */
+            offset_fields: number;
+        };
+        /**
          * TargetState
          * @description The targets of one field, or of one phase of the mean cycle.
          */
@@ -4320,6 +4516,8 @@ export interface components {
             version: string;
             /** State */
             state: string;
+            /** @description How well it was measured, target by target; null as in `RunDocument`. */
+            coverage?: components["schemas"]["CoverageDocument"] | null;
             made_with: components["schemas"]["MadeWith"];
         };
         /**

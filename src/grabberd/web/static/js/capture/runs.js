@@ -1,4 +1,5 @@
 // The runs of a capture, the calibrations they were made with, and re-measuring.
+import { findingIn } from "../captures/words.js";
 import { newKey, statusOf } from "../core/api.js";
 import { el, fill, symbol } from "../core/dom.js";
 import { createJob } from "../jobs/job.js";
@@ -36,7 +37,7 @@ export function createRuns(context, again) {
     table.hidden = !capture.runs.length;
     measure.hidden = hint.hidden = capture.verdict === null || capture.state !== "sealed";
     fill(body, ...[...capture.runs].reverse().slice(0, SHOWN).map(row));
-    fill(findings, quality(sample), rig(/** @type {Rig | null | undefined} */ (capture.rig)), order(capture.field_order));
+    fill(findings, quality(sample), coverage(capture), rig(/** @type {Rig | null | undefined} */ (capture.rig)), order(capture.field_order));
   }
 
   /** @param {Run} run */
@@ -47,7 +48,7 @@ export function createRuns(context, again) {
       fill(made, made_with?.calibration?.id ?? "–");
       fill(object, made_with?.object?.name ?? "–");
     });
-    return el("tr", {}, el("td", {}, run.run), el("td", {}, how(run)), el("td", {}, format.moment(run.created_utc)), made, object);
+    return el("tr", {}, el("td", {}, run.run), el("td", {}, how(run), run.coverage && el("div", { class: "muted small" }, t(`captures.measured.${run.coverage.verdict}`))), el("td", {}, format.moment(run.created_utc)), made, object);
   }
 
   /** A run that is done does not change. @param {Run} run */
@@ -67,6 +68,13 @@ export function createRuns(context, again) {
   function quality(sample) {
     if (!sample?.points) return null;
     return el("p", {}, t("capture.runs.quality", { targets: format.number(sample.targets, 0), residual: format.number(sample.residual_px, 3), sigma: format.number(sample.sigma_mm, 3) }));
+  }
+
+  /** What is to be said of how well it was measured. @param {Capture} capture */
+  function coverage({ coverage: known }) {
+    if (!known || known.verdict === "measured_well") return null;
+    const words = known.findings.map((finding) => el("li", {}, findingIn(context, finding)));
+    return el("div", { class: `note is-${known.verdict === "not_measured" ? "bad" : "warn"}` }, symbol("warn"), el("div", {}, t(`captures.measured.${known.verdict}`), el("ul", {}, words)));
   }
 
   /** @param {Rig | null | undefined} found */

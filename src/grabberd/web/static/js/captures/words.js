@@ -2,7 +2,7 @@
 import { el, symbol } from "../core/dom.js";
 
 /** @import { Context } from "../core/context.js" */
-/** @import { Capture, LedgerEntry, LedgerEvent } from "types/documents" */
+/** @import { Capture, Coverage, LedgerEntry, LedgerEvent } from "types/documents" */
 
 /** Nominal time from one field to the next, which a ledger counts by. */
 export const FIELD_S = 0.02;
@@ -28,6 +28,30 @@ export function badge({ t }, capture) {
   const verdict = verdictOf(capture);
   const [level, sign] = LOOKS[verdict] ?? ["idle", "unknown"];
   return el("span", { class: `badge is-${level}`, data: { verdict } }, symbol(sign), t(`captures.verdict.${verdict}`));
+}
+
+/** Level and symbol. @type {Record<Coverage["verdict"], [string, string]>} */
+const MEASURED = { measured_well: ["good", "ok"], measured_with_gaps: ["warn", "warn"], not_measured: ["bad", "bad"] };
+
+/** How well it was measured; nothing where nothing was to be. @param {Context} context @param {Coverage | null | undefined} coverage */
+export function measuredBadge({ t }, coverage) {
+  if (!coverage) return null;
+  const [level, sign] = MEASURED[coverage.verdict];
+  return el("span", { class: `badge is-${level}`, data: { measured: coverage.verdict } }, symbol(sign), t(`captures.measured.${coverage.verdict}`));
+}
+
+/** A finding as a sentence. @param {Context} context @param {Coverage["findings"][number]} finding */
+export function findingIn({ t, texts, format }, { code, values, miss, in_words }) {
+  if (!texts.has(`captures.finding.${code}`)) return in_words;
+  const percent = (/** @type {number | null | undefined} */ share) => format.number(Math.floor(100 * (share ?? 0)), 0);
+  const whole = (/** @type {number | null | undefined} */ count) => format.number(count ?? 0, 0);
+  const target = code === "targets_missed";
+  const displaced = target && miss === "off_place" && values.displaced_mm ? t("captures.miss.displaced", { mm: format.number(values.displaced_mm, 1) }) : "";
+  return t(`captures.finding.${code}`, {
+    share: percent(values.share), apart: percent(values.apart), sigma: format.number(values.residual_sigma ?? null, 1),
+    missing: whole(values.missing), fields: whole(values.fields), poor: whole(values.poor), targets: whole(values.targets),
+    target: whole(values.target), why: displaced || t(`captures.${target ? "miss" : "missAll"}.${miss}`),
+  });
 }
 
 /** Its labels: "Cow 112 · Front left · new". @param {Context} context @param {Pick<Capture, "labels">} capture */

@@ -1,5 +1,5 @@
 // Two captures side by side, in facts.
-import { badge, labelsIn, ledgerIn, lengthIn } from "../captures/words.js";
+import { badge, labelsIn, ledgerIn, lengthIn, measuredBadge } from "../captures/words.js";
 import { el } from "../core/dom.js";
 import { strokeOf } from "./course.js";
 
@@ -20,6 +20,7 @@ export function createFacts(context, sides, courses) {
   const rows = {
     labels: ({ capture }) => labelsIn(context, capture) || "–",
     verdict: ({ capture }) => badge(context, capture),
+    measured: ({ capture }) => measuredBadge(context, capture.coverage) ?? "–",
     losses: ({ capture }) => ledgerIn(context, capture),
     length: ({ capture }) => lengthIn(context, capture),
     stroke: (_, i) => measured(strokeOf(courses[i]), 2, "mm"),

@@ -1,6 +1,6 @@
 // The capture that runs, second by second, or how the last one ended.
 import { el, fill, symbol } from "../core/dom.js";
-import { ledgerIn } from "../captures/words.js";
+import { ledgerIn, measuredBadge } from "../captures/words.js";
 import { deviceOf } from "../core/store.js";
 
 /** @import { Context } from "../core/context.js" */
@@ -54,7 +54,7 @@ function words(context, capture) {
   const title = capture.state === "recording" ? `${capture.id} ${t("operate.last.running")}` : t("operate.last.title");
   const open = el("a", { class: "button", href: `#captures/${capture.id}` }, t("operate.last.open"));
   return [
-    el("div", { class: "row between" }, el("h2", {}, title), verdict(context, capture)),
+    el("div", { class: "row between" }, el("h2", {}, title), el("span", { class: "row" }, verdict(context, capture), measuredBadge(context, capture.coverage))),
     el("div", { class: "row between" },
       el("p", { class: "last-facts" }, el("span", {}, format.moment(capture.created_utc)), " · ", context.tn("operate.last.fields", capture.fields), said(context, capture)),
       capture.verdict && open),
