@@ -88,7 +88,7 @@ class TrackingSettings:
     longest_gap_s: float = 0.07
     least_share: float = 0.35
     surprise: float = 0.8
-    firm: float = 0.06
+    firm: float = 0.1
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
 
@@ -166,7 +166,7 @@ class Tracker:
         places_mm, sigma_mm = self._moved(track, elapsed_s)
         sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
         if _surprise(sighting, places_mm, sigma_mm) > self.settings.surprise:
-            return self.correspondence.identify(left, right)
+            return _better(sighting, self.correspondence.identify(left, right))
         vague_mm = _VAGUE * self.correspondence.agreement.pitch_mm
         if track.speed_sigma_mm_s * elapsed_s <= vague_mm or not len(sighting):
             return sighting
@@ -220,6 +220,16 @@ class Tracker:
         depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
         sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)
         return sigma
+
+
+def _better(followed: Sighting, identified: Sighting) -> Sighting:
+    """The larger sighting if both agree about blobs; otherwise the identified one, which needed no prediction."""
+    both, ours, theirs = np.intersect1d(
+        followed.target, identified.target, assume_unique=True, return_indices=True
+    )
+    same = (followed.left[ours] == identified.left[theirs]) & (followed.right[ours] == identified.right[theirs])
+    agree = len(both) > 0 and bool(same.all())
+    return followed if agree and len(followed) > len(identified) else identified
 
 
 def _surprise(sighting: Sighting, places_mm: Array, sigma_mm: Array) -> float:
