@@ -23,6 +23,8 @@ _UNKNOWN_PX = 0.5
 """Standard deviation of a blob before it has been located."""
 _VAGUE = 0.1
 """Share of the pitch beyond which the uncertainty of a target's movement makes a prediction vague."""
+_OTHERWISE = 0.5
+"""Share of `TrackingSettings.astray_mm` beyond which the targets' own prediction replaces that of the track."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,8 +78,8 @@ class TrackingSettings:
         longest_gap_s: Time without a followed field after which targets are identified anew.
         least_share: Targets are also identified anew if fewer are found than this share of those before, or
             of the blobs.
-        surprise: Likewise, keeping their velocities, if the root mean square of their distances from the
-            predicted positions exceeds this many standard deviations, as for a wall that stops abruptly.
+        astray_mm: Likewise, keeping their velocities, if the root mean square of their distances from the
+            predicted positions exceeds this, as for a wall that stops abruptly.
         firm: A target not seen recently is reported at once only if the others predict it better than this
             share of the targets' pitch; otherwise when it is seen a second time.
         correspondence: Gates, and the object's deformation.
@@ -87,7 +89,7 @@ class TrackingSettings:
     acceleration_mm_s2: float = 1250.0
     longest_gap_s: float = 0.07
     least_share: float = 0.35
-    surprise: float = 0.8
+    astray_mm: float = 0.4
     firm: float = 0.1
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
@@ -160,17 +162,23 @@ class Tracker:
         return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
 
     def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
-        """Search where the targets have moved to; if that is vague, again where those found predict the
-        rest.
+        """Search where the targets have moved to; again where those found predict the rest, if that was vague
+        or they have moved otherwise; and without any prediction if they have moved quite otherwise.
         """
         places_mm, sigma_mm = self._moved(track, elapsed_s)
         sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
-        if _surprise(sighting, places_mm, sigma_mm) > self.settings.surprise:
-            return _better(sighting, self.correspondence.identify(left, right))
-        vague_mm = _VAGUE * self.correspondence.agreement.pitch_mm
-        if track.speed_sigma_mm_s * elapsed_s <= vague_mm or not len(sighting):
+        if not len(sighting):
             return sighting
-        return self.correspondence.near(*self.correspondence.expected_places(sighting.expected), left, right)
+        vague_mm = track.speed_sigma_mm_s * elapsed_s
+        astray_mm = _surprise(sighting, places_mm, sigma_mm) * vague_mm
+        is_vague = vague_mm > _VAGUE * self.correspondence.agreement.pitch_mm
+        if is_vague or astray_mm > _OTHERWISE * self.settings.astray_mm:
+            sighting = self.correspondence.near(
+                *self.correspondence.expected_places(sighting.expected), left, right
+            )
+        if astray_mm > self.settings.astray_mm:
+            return _better(sighting, self.correspondence.identify(left, right))
+        return sighting
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
