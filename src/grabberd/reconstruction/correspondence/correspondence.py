@@ -39,7 +39,8 @@ class Correspondence:
         model: The object.
         noise: Line jitter, and the scale at the object.
         settings: Limits of acceptance.
-        agreement: Judge of hypotheses.
+        agreement: Judge of hypotheses where nothing else tells targets apart.
+        following: Judge of hypotheses near positions predicted from earlier fields.
     """
 
     def __init__(
@@ -55,7 +56,12 @@ class Correspondence:
         self.noise = noise
         self.settings = settings or CorrespondenceSettings()
         self.agreement = Agreement(model, self.settings)
-        self._nearby = Nearby(kernel, rig, self.agreement, noise) if kernel and takes(rig) else None
+        self.following = Agreement(model, self.settings, self.settings.following)
+        self._nearby: dict[Agreement, Nearby] = {}
+        if kernel and takes(rig):
+            self._nearby = {
+                judge: Nearby(kernel, rig, judge, noise) for judge in (self.agreement, self.following)
+            }
 
     def identify(self, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """Identify the targets seen in both views, independently of earlier fields.
@@ -71,9 +77,9 @@ class Correspondence:
         known = hypotheses(self.rig, self.model, blurred, self.noise, self.settings)
         grown = self.agreement.largest(known)
         if not len(grown):
-            return self._sight(grown, grown, grown, left, right)
+            return self._sight(self.agreement, grown, grown, grown, left, right)
         _, expected = self.agreement.consistent(known, grown)
-        return self.near(*self.expected_places(expected), left, right)
+        return self._near(self.agreement, *self.expected_places(expected), left, right)
 
     def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """Find the targets seen in both views near their expected positions.
@@ -84,12 +90,19 @@ class Correspondence:
             left: Blobs of the left view, targets and others, in any order.
             right: Blobs of the right view.
         """
-        if self._nearby is not None:
-            return self._nearby.near(places_mm, sigma_mm, left, right)
+        return self._near(self.following, places_mm, sigma_mm, left, right)
+
+    def _near(
+        self, judge: Agreement, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs
+    ) -> Sighting:
+        if judge in self._nearby:
+            return self._nearby[judge].near(places_mm, sigma_mm, left, right)
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
-        return self._sight(target, of_left[target], of_right[target], left, right, places_mm[target])
+        return self._sight(
+            judge, target, of_left[target], of_right[target], left, right, places_mm[target]
+        )
 
     def expected_places(self, expected: Expected) -> tuple[Array, Array]:
         """Expected positions (M, 3) in mm, and their standard deviations (M,)."""
@@ -101,6 +114,7 @@ class Correspondence:
 
     def _sight(
         self,
+        judge: Agreement,
         target: Indices,
         of_left: Indices,
         of_right: Indices,
@@ -118,7 +132,7 @@ class Correspondence:
         variance = np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis]
         displacement = points.xyz_mm - self.model.xyz_mm[target]
         known = Hypotheses(target, of_left, of_right, displacement, variance)
-        chosen, expected = self.agreement.consistent(known, meeting)
+        chosen, expected = judge.consistent(known, meeting)
         return Sighting(points.select(chosen), target[chosen], of_left[chosen], of_right[chosen], expected)
 
     def _blurred(self, blobs: ViewBlobs) -> ViewBlobs:

@@ -45,8 +45,8 @@ class Smoothness:
         noise_mm: Standard deviation of a measured displacement around the smooth field.
     """
 
-    sigma_mm: float = 5.0
-    reach_mm: float = 25.0
+    sigma_mm: float = 3.0
+    reach_mm: float = 30.0
     noise_mm: float = 0.15
 
 

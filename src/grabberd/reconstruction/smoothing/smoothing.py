@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from grabberd.errors import MeasurementError
 from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.smoothing.error_shares import ErrorShares, rest_fields
+from grabberd.reconstruction.smoothing.manoeuvres import manoeuvres
 from grabberd.reconstruction.smoothing.kalman_chains import (
     Chains,
     SmoothedChains,
@@ -67,7 +68,8 @@ class Smoothed:
         velocity_mm_s: (F, T, 3).
         measured: (F, T) True where a measured point was used; elsewhere the motion model bridges a gap.
         left_out: (F, T) True for points that contradict the others.
-        acceleration_mm_s2: (F,) acceleration used, field by field.
+        acceleration_mm_s2: (F,) acceleration used since the previous field, root mean square over all targets and
+            axes.
         shares: Error shares used.
     """
 
@@ -97,11 +99,11 @@ def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Sm
             "check threshold, calibration and object model: nothing was found",
         )
     rest = rest_fields(series)
-    acceleration = _acceleration(series, rest, settings)
+    acceleration = _acceleration(series, settings)
     shares = settings.shares or ErrorShares.of(series, rest, settings.bits)
     left_out = np.zeros(series.seen.shape, np.bool_)
     for _ in range(_ROUNDS):
-        result = _smooth(series.without(left_out), acceleration, shares, settings.forgets_px)
+        result = _smooth(series.without(left_out), acceleration, shares, settings)
         contradicted = _contradicted(series, result.series, settings.gate) & ~left_out
         if not contradicted.any():
             break
@@ -109,7 +111,9 @@ def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Sm
     return replace(result, left_out=left_out)
 
 
-def _smooth(series: PointSeries, acceleration: Array, shares: ErrorShares, forgets_px: float) -> Smoothed:
+def _smooth(
+    series: PointSeries, acceleration: Array, shares: ErrorShares, settings: SmoothingSettings
+) -> Smoothed:
     """Smooth once as if all errors were white, to learn how the targets move; then with locked errors."""
     chains = _chains(series, acceleration)
     moved_px = _moved_px(series, smoothed_chains(chains).value_mm)
@@ -121,8 +125,12 @@ def _smooth(series: PointSeries, acceleration: Array, shares: ErrorShares, forge
         white_mm2=np.tile(shares.white, targets) * chains.white_mm2,
         common_mm=np.sqrt(np.tile(shares.common, targets)) * sigma,
         opposite_mm=sign * np.sqrt(np.tile(shares.opposite, targets)) * sigma,
-        keeps=np.repeat(np.exp(-moved_px / forgets_px), 3, axis=1),
+        keeps=np.repeat(np.exp(-moved_px / settings.forgets_px), 3, axis=1),
     )
+    if settings.acceleration_mm_s2 is None and acceleration.any():
+        # Once more: of errors that stay with the position, less is movement than if they were white.
+        acceleration = manoeuvres(divided)
+        divided = replace(divided, acceleration_mm_s2=acceleration)
     return _result(series, smoothed_chains(divided), acceleration, shares)
 
 
@@ -138,41 +146,19 @@ def _chains(series: PointSeries, acceleration: Array) -> Chains:
         opposite_mm=nothing,
         keeps=np.ones_like(nothing),
         elapsed_s=np.diff(series.time_s, prepend=series.time_s[0]),
-        acceleration_mm_s2=acceleration,
+        acceleration_mm_s2=acceleration.reshape(len(series.n), -1),
     )
 
 
-def _acceleration(series: PointSeries, rest: Mask, settings: SmoothingSettings) -> Array:
-    """(F,) acceleration as given, or most likely: one for all fields, then separately for rest and
-    movement.
-    """
+def _acceleration(series: PointSeries, settings: SmoothingSettings) -> Array:
+    """(F, B) acceleration as given, or as the points show it; none, if standing still explains them as well."""
+    still = _chains(series, np.full((len(series.n), 1), REST))
     if settings.acceleration_mm_s2 is not None:
-        return np.full(len(series.n), settings.acceleration_mm_s2)
-    some, at_rest = _some(series, rest)
-    everywhere = np.ones_like(at_rest)
-    overall = _likeliest(some, everywhere, ACCELERATIONS_MM_S2, REST)
-    if overall == REST:
-        return np.zeros(len(rest))
-    slower = [each for each in ACCELERATIONS_MM_S2 if REST < each <= overall]
-    slow = _likeliest(some, at_rest, slower, overall)
-    faster = [each for each in ACCELERATIONS_MM_S2 if each >= overall]
-    return np.where(rest, slow, _likeliest(some, ~at_rest, faster, slow))
-
-
-def _likeliest(series: PointSeries, where: Mask, tried: Sequence[float], elsewhere: float) -> float:
-    """Most likely of the accelerations tried in some fields, with another one elsewhere."""
-    chains = [_chains(series, np.where(where, one, elsewhere)) for one in tried]
-    return tried[int(np.argmax([likelihood(each).sum() for each in chains]))]
-
-
-def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
-    """Some targets, in the fields around the first movement."""
-    fields, targets = _CHOSEN_ON
-    first = int(np.clip(rest.argmin() - fields // 2, 0, max(len(rest) - fields, 0)))
-    count = len(series.target)
-    chosen = np.linspace(0, count - 1, min(targets, count)).astype(np.intp)
-    span = slice(first, first + fields)
-    return series.part(span, chosen), rest[span]
+        return still.acceleration_mm_s2 + settings.acceleration_mm_s2
+    moving = replace(still, acceleration_mm_s2=manoeuvres(still))
+    # Every interval's acceleration is a parameter more (Akaike).
+    gain = likelihood(moving).sum() - likelihood(still).sum()
+    return moving.acceleration_mm_s2 if gain > len(series.n) else still.acceleration_mm_s2
 
 
 def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
@@ -205,7 +191,8 @@ def _result(
         + outside[..., np.newaxis],
     )
     rate = chains.rate_mm_s.reshape(shape) + outside
-    return Smoothed(smoothed, rate, seen, np.zeros_like(seen), acceleration, shares)
+    used = np.sqrt((acceleration.reshape(len(seen), -1) ** 2).mean(axis=1))
+    return Smoothed(smoothed, rate, seen, np.zeros_like(seen), used, shares)
 
 
 def _nearest_seen(seen: Mask) -> NDArray[np.intp]:
