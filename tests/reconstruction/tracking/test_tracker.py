@@ -101,9 +101,21 @@ def test_a_wall_that_stops_at_once_is_identified_anew_and_keeps_its_velocity():
 
 
 def test_velocities_are_those_of_the_wall():
-    *_, (_, _, track) = follow(pulsation(8, noise=0.1, missing=0.0, false=0.0))
+    *_, (_, _, before), (_, _, track) = follow(pulsation(8, noise=0.1, missing=0.0, false=0.0))
     true = (wall(deflection_mm(7))[0] - wall(deflection_mm(6))[0]) / FIELD_S
-    assert np.abs(track.velocity_mm_s - true)[track.unseen_s == 0].max() < 5.0
+    seen_twice = (before.unseen_s == 0) & (track.unseen_s == 0)
+    assert np.abs(track.velocity_mm_s - true)[seen_twice].max() < 5.0
+
+
+def test_a_target_that_is_found_again_moves_as_the_others_do():
+    scenes = pulsation(4, noise=0.1, missing=0.0, false=0.0)[:1] * 4
+    hidden = scenes[0].left.select(~np.isin(scenes[0].left_is, [50, 56]))
+    track = follow(scenes[:2])[-1][2]
+    track, _ = TRACKER.step(track, hidden, scenes[0].right, FIELD_S)
+    assert (track.unseen_s[[50, 56]] > 0).all()
+    track, _ = TRACKER.step(track, scenes[0].left, scenes[0].right, FIELD_S)
+    assert (track.unseen_s[[50, 56]] == 0).all()
+    assert np.abs(track.velocity_mm_s[[50, 56]]).max() < 0.5
 
 
 def test_targets_that_vanish_come_back_under_their_ids():
@@ -195,7 +207,7 @@ def test_the_next_fields_blobs_lie_in_the_windows():
 
 def test_windows_cover_a_small_part_of_the_picture():
     x0, y0, x1, y1 = TRACKER.windows(follow(pulsation(3, seed=13))[-1][2], FIELD_S).T
-    assert ((x1 - x0) * (y1 - y0)).sum() < 0.2 * 720 * 576
+    assert ((x1 - x0) * (y1 - y0)).sum() < 0.3 * 720 * 576
 
 
 def test_a_step_changes_nothing_of_the_track_before():

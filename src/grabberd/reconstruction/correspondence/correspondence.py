@@ -79,7 +79,9 @@ class Correspondence:
         if not len(grown):
             return self._sight(self.agreement, grown, grown, grown, left, right)
         _, expected = self.agreement.consistent(known, grown)
-        return self._near(self.agreement, *self.expected_places(expected), left, right)
+        sighting = self._near(self.agreement, *self.expected_places(expected), left, right)
+        # What is cautious about telling targets apart would be rash about where to look for the others.
+        return replace(sighting, expected=self._foreseen(sighting), settled=None)
 
     def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """Find the targets seen in both views near their expected positions.
@@ -92,6 +94,14 @@ class Correspondence:
         """
         return self._near(self.following, places_mm, sigma_mm, left, right)
 
+    def _foreseen(self, sighting: Sighting) -> Expected:
+        """Prediction of all targets from those of a sighting, for the next field."""
+        seen = np.zeros(len(self.model), np.bool_)
+        displacement_mm = np.zeros_like(self.model.xyz_mm)
+        seen[sighting.target] = True
+        displacement_mm[sighting.target] = sighting.points.xyz_mm - self.model.xyz_mm[sighting.target]
+        return self.following.field.expect(seen, displacement_mm)
+
     def _near(
         self, judge: Agreement, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs
     ) -> Sighting:
@@ -100,9 +110,7 @@ class Correspondence:
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
-        return self._sight(
-            judge, target, of_left[target], of_right[target], left, right, places_mm[target]
-        )
+        return self._sight(judge, target, of_left[target], of_right[target], left, right, places_mm[target])
 
     def expected_places(self, expected: Expected) -> tuple[Array, Array]:
         """Expected positions (M, 3) in mm, and their standard deviations (M,)."""

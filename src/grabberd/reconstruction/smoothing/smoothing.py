@@ -1,7 +1,7 @@
 """Smoothing of points over time, target by target: a motion model, and errors that are not all white.
 
-The motion is a constant velocity disturbed by white acceleration, whose size is chosen by likelihood,
-separately for fields in which the object rests and moves; standing still is the limit. The errors have a
+The motion is a constant velocity disturbed by white acceleration, whose size is found anew for every interval
+between two fields (`manoeuvres`); standing still is the limit. The errors have a
 white part and two parts locked to the target's position between the pixels (`ErrorShares`): those are states
 of their own, a Gauss–Markov process that forgets as the image moves, so that an object at rest does not
 average them. The calibration's covariance is common to all fields and is passed on unchanged.
@@ -10,7 +10,6 @@ X, Y and Z are filtered separately: Kalman forward, and backward after Bryson an
 inverse covariance and therefore works without any motion noise.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,24 +18,20 @@ from numpy.typing import NDArray
 from grabberd.errors import MeasurementError
 from grabberd.reconstruction.point_series import PointSeries
 from grabberd.reconstruction.smoothing.error_shares import ErrorShares, rest_fields
-from grabberd.reconstruction.smoothing.manoeuvres import manoeuvres
 from grabberd.reconstruction.smoothing.kalman_chains import (
     Chains,
     SmoothedChains,
     likelihood,
     smoothed_chains,
 )
+from grabberd.reconstruction.smoothing.manoeuvres import manoeuvres
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 REST = 0.0
 """Zero acceleration: the object stands still."""
-ACCELERATIONS_MM_S2 = (REST, 5.0, 20.0, 80.0, 320.0, 1280.0, 5120.0)
-"""Candidates for the likelihood to choose from."""
 _ROUNDS = 4
-_CHOSEN_ON = (600, 25)
-"""Numbers of fields and targets on which the acceleration is chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +40,8 @@ class SmoothingSettings:
 
     Attributes:
         bits: Bits per pixel of the fields that the points come from: with few, less of the error is white.
-        acceleration_mm_s2: Standard deviation of the acceleration, drawn anew every 20 ms; None chooses it by
-            likelihood; `REST` if the object stands still.
+        acceleration_mm_s2: Standard deviation of the acceleration, drawn anew every 20 ms; None finds it for
+            every interval; `REST` if the object stands still.
         shares: White and locked parts of the errors; None estimates them from the points.
         forgets_px: Image movement over which a locked error falls to 1/e.
         gate: Deviation in standard deviations beyond which a point is left out.

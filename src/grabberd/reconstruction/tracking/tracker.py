@@ -23,6 +23,7 @@ _UNKNOWN_PX = 0.5
 """Standard deviation of a blob before it has been located."""
 _VAGUE = 0.1
 """Share of the pitch beyond which the uncertainty of a target's movement makes a prediction vague."""
+_CLEARLY = 1.05
 _OTHERWISE = 0.5
 """Share of `TrackingSettings.astray_mm` beyond which the targets' own prediction replaces that of the track."""
 
@@ -194,6 +195,11 @@ class Tracker:
     def _continued(self, track: Track, sighting: Sighting, unseen_s: Array, elapsed_s: float) -> Track:
         settled = self._settled(sighting)
         velocity_mm_s = (settled[0] - track.xyz_mm) / elapsed_s
+        before, now = track.unseen_s == 0.0, np.zeros(len(self.model), np.bool_)
+        now[sighting.target] = True
+        if (changed := before ^ now).any() and (same := before & now).any():
+            # From a predicted place to a measured one is no movement, and would lose the target again.
+            velocity_mm_s[changed] = velocity_mm_s[same].mean(axis=0)
         speed_sigma_mm_s = self.settings.acceleration_mm_s2 * elapsed_s
         return self._after(sighting, settled, unseen_s, velocity_mm_s, speed_sigma_mm_s)
 
@@ -231,13 +237,17 @@ class Tracker:
 
 
 def _better(followed: Sighting, identified: Sighting) -> Sighting:
-    """The larger sighting if both agree about blobs; otherwise the identified one, which needed no prediction."""
+    """Choose the followed sighting if it agrees with the identified one about blobs and is clearly larger.
+
+    Few more would rather be false: the identified one needed no prediction.
+    """
     both, ours, theirs = np.intersect1d(
         followed.target, identified.target, assume_unique=True, return_indices=True
     )
-    same = (followed.left[ours] == identified.left[theirs]) & (followed.right[ours] == identified.right[theirs])
+    same = followed.left[ours] == identified.left[theirs]
+    same &= followed.right[ours] == identified.right[theirs]
     agree = len(both) > 0 and bool(same.all())
-    return followed if agree and len(followed) > len(identified) else identified
+    return followed if agree and len(followed) > _CLEARLY * len(identified) else identified
 
 
 def _surprise(sighting: Sighting, places_mm: Array, sigma_mm: Array) -> float:
