@@ -41,8 +41,8 @@ def table() -> str:
     """Found, wrong, and the error of single fields and smoothed ones, by closing time, stroke and bits."""
     about = (
         f"{len(SEEDS)} seeds each: rig, noise, law of time, shape (the ellipse and solved walls), when it "
-        "closes, exposure 1 or 4 ms; 2.5 s each, ideal mirrors, the exact calibration. Lost: 5 to 30 % of the "
-        "fields, by seed. RMSE in mm (χ², mean over the seeds)."
+        "closes, exposure 1 or 4 ms; 2.5 s each, ideal mirrors, the exact calibration. Lost: 5 to 30 % of "
+        "the fields, by seed. RMSE in mm (χ², mean over the seeds)."
     )
     columns = "found of what both views see", "wrong", "single fields", "smoothed", "worse"
     head = f"| closes in, stroke, field | {' | '.join(columns)} |"

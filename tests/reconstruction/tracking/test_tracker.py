@@ -233,3 +233,23 @@ def test_a_left_handed_rig_is_tracked_alike():
         real = identities(seen, points)
         assert ((real == points.target[:, np.newaxis] - 1) | (real == -1)).all()
         assert track.found >= 0.95 * len(seen.visible)
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.2])
+@pytest.mark.parametrize("stroke_mm", [5.0, 8.0, 10.0])
+@pytest.mark.parametrize("seconds", [0.02, 0.04, 0.09, 0.15])
+def test_closures_are_followed_and_no_target_takes_anothers_place(seconds, stroke_mm, lost):
+    rng = np.random.default_rng((round(1000 * seconds), round(stroke_mm)))
+    track, before_s, visible, right = TRACKER.start(), -np.inf, 0, 0
+    for field in range(60):
+        time_s = field * FIELD_S
+        part = np.clip((time_s % 0.61 - 0.113) / seconds, 0, 1) - np.clip(
+            (time_s % 0.61 - 0.37) / seconds, 0, 1
+        )
+        seen = see(*wall(round(stroke_mm * part, 2)), rng, noise=0.5, missing=0.0, false=0.0)
+        if rng.random() < lost:
+            continue
+        track, points = TRACKER.step(track, seen.left, seen.right, time_s - before_s)
+        assert (identities(seen, points) == points.target[:, np.newaxis] - 1).all()
+        before_s, visible, right = time_s, visible + len(seen.visible), right + len(points)
+    assert right >= 0.995 * visible

@@ -110,8 +110,8 @@ class CorrespondenceSettings:
         unmodelled_px: σ of picture errors that the calibration does not describe (local errors of the
             mirrors).
         smoothness: Smoothness of the object's deformation, as assumed where it alone tells targets apart.
-        following: The same, as assumed near positions predicted from earlier fields. The outermost columns of a
-            closed liner move otherwise than their neighbours tell; here that excludes no target.
+        following: The same, as assumed near positions predicted from earlier fields. The outermost columns of
+            a closed liner move otherwise than their neighbours tell; here that excludes no target.
     """
 
     farthest_mm: float = 9.0

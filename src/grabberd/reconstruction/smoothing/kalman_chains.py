@@ -69,7 +69,7 @@ class SmoothedChains(NamedTuple):
         rate_mm_s: Rates.
         accelerated: Square of the acceleration that the measurements show since the previous one, in units of
             its assumed variance.
-        freedom: Degrees of freedom with which they show it, 0 to 2: its expectation, if that variance is right.
+        freedom: Degrees of freedom with which they show it, 0 to 2: its expectation if that is right.
     """
 
     value_mm: Array

@@ -1,7 +1,7 @@
 """Manoeuvres: the acceleration of every target between two fields, as its points show it.
 
-A liner rests for most of a pulsation and closes within one to eight fields. No single acceleration suits both:
-one suited to rest lags behind a closure, and contradicts points that are right; one suited to a closure
+A liner rests for most of a pulsation and closes within one to eight fields. No single acceleration suits
+both: one suited to rest lags behind a closure, and contradicts points that are right; one suited to a closure
 averages nothing. Here every interval between two fields has an acceleration of its own, common to all targets
 because they move together, times a factor for each chain because they do not move equally far.
 
@@ -53,5 +53,5 @@ def manoeuvres(chains: Chains) -> Array:
 def _updated(variance: Array, shown: Array, freedom: Array, prior: float, axis: int) -> Array:
     shown, freedom = (each.sum(axis=axis).reshape(variance.shape) for each in (shown, freedom))
     ratio = (shown + _PRIOR * prior / variance) / (freedom + _PRIOR)
-    # The fixed point is approached slowly from above, where rest shows hardly any acceleration: in double steps.
+    # Rest shows hardly any acceleration, so the fixed point is approached slowly from above: in double steps.
     return variance * np.where(ratio < 1.0, ratio * ratio, ratio)

@@ -63,8 +63,8 @@ class Smoothed:
         velocity_mm_s: (F, T, 3).
         measured: (F, T) True where a measured point was used; elsewhere the motion model bridges a gap.
         left_out: (F, T) True for points that contradict the others.
-        acceleration_mm_s2: (F,) acceleration used since the previous field, root mean square over all targets and
-            axes.
+        acceleration_mm_s2: (F,) acceleration used since the previous field, root mean square over all
+            targets and axes.
         shares: Error shares used.
     """
 
@@ -146,7 +146,7 @@ def _chains(series: PointSeries, acceleration: Array) -> Chains:
 
 
 def _acceleration(series: PointSeries, settings: SmoothingSettings) -> Array:
-    """(F, B) acceleration as given, or as the points show it; none, if standing still explains them as well."""
+    """(F, B) acceleration as given, or as shown; none, if standing still explains the points as well."""
     still = _chains(series, np.full((len(series.n), 1), REST))
     if settings.acceleration_mm_s2 is not None:
         return still.acceleration_mm_s2 + settings.acceleration_mm_s2

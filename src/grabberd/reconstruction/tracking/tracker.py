@@ -24,8 +24,9 @@ _UNKNOWN_PX = 0.5
 _VAGUE = 0.1
 """Share of the pitch beyond which the uncertainty of a target's movement makes a prediction vague."""
 _CLEARLY = 1.05
+"""Ratio of numbers of targets beyond which a followed sighting is preferred to an identified one."""
 _OTHERWISE = 0.5
-"""Share of `TrackingSettings.astray_mm` beyond which the targets' own prediction replaces that of the track."""
+"""Share of `TrackingSettings.astray_mm` beyond which targets found predict the rest instead of the track."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
