@@ -12,6 +12,7 @@ from tests.bench import (
     analysis,
     averaging,
     calibrated,
+    closures,
     content,
     content_found,
     core,
@@ -42,6 +43,7 @@ PARTS: Mapping[str, Mapping[str, Callable[[], str]]] = {
     "accuracy": {"Accuracy against the simulator's truth, mm, RMSE of single fields": accuracy.table},
     "averaging": {"Static fields averaged: leaning discs, uneven mirrors": averaging.table},
     "calibrated": {"Calibrated, then measured: XYZ RMSE in mm (error / σ given)": calibrated.table},
+    "closures": {"Closures of 20 to 150 ms, against the simulator's truth": closures.table},
     "adjustment": {"The bundle adjustment beside scipy.optimize.least_squares": adjustment.table},
     "analysis": {"From points to tension, against the simulated ellipse's truth": analysis.table},
     "content": {

@@ -1,7 +1,4 @@
-from dataclasses import replace
-
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -57,31 +54,6 @@ def test_without_blobs_nobody_gets_one():
 def test_a_target_behind_the_cameras_gets_none():
     behind = np.vstack([PLACES, [0.0, 0.0, 500.0]])
     assert predict(places=behind).nearest(0, images()).tolist() == [0, 1, 2, -1]
-
-
-def test_windows_hold_all_places_within_reach_in_both_views():
-    windows = predict().windows(RIG.views)
-    assert windows.shape == (6, 4)
-    middles = (windows[:, :2] + windows[:, 2:]) / 2
-    assert np.allclose(middles, np.vstack([images(0), images(1)]))
-    assert np.allclose(windows[:3, 2] - windows[:3, 0], 2 * predict().reach_px[0, 0])
-
-
-@pytest.mark.parametrize(("y_mm", "in_left", "in_right"), [(-40.0, 1, 0), (0.0, 1, 1), (40.0, 0, 1)])
-def test_a_target_has_no_window_in_a_view_whose_half_it_lies_outside_of(y_mm, in_left, in_right):
-    left, right = calibration().views
-    narrow = replace(left, end_column=200), replace(right, first_column=520)
-    x0, _, x1, _ = predict(places=np.array([[0.0, y_mm, 0.0]])).windows(narrow).T
-    assert ((x0 >= -0.5) & (x1 <= 199.5)).sum() == in_left
-    assert ((x0 >= 519.5) & (x1 <= 719.5)).sum() == in_right
-    assert len(x0) == in_left + in_right
-
-
-def test_a_window_ends_where_the_half_does():
-    left, right = calibration().views
-    x0, _, x1, _ = predict(places=np.zeros((1, 3))).windows((replace(left, end_column=182), right)).T
-    assert x1[0] == 181.5
-    assert x0[0] < 181.0
 
 
 @given(st.integers(0, 2**31), st.integers(1, 60), st.integers(1, 60), st.sampled_from([0.5, 8.0, 60.0, 1e4]))

@@ -25,7 +25,7 @@ def chains(acceleration=300.0, seed=0, missing=0.2):
         opposite_mm=sign * rng.uniform(0.2, 0.6, (FIELDS, COUNT)),
         keeps=rng.uniform(0.0, 1.0, (FIELDS, COUNT)),
         elapsed_s=elapsed,
-        acceleration_mm_s2=np.full(FIELDS, acceleration),
+        acceleration_mm_s2=np.full((FIELDS, 1), acceleration),
     )
 
 
@@ -39,7 +39,7 @@ def dense(known, chain):
         keeps = known.keeps[k, chain]
         step = np.diag([1.0, 1.0, keeps, keeps])
         step[0, 1] = t
-        disturbed = known.acceleration_mm_s2[k] ** 2 * 0.02
+        disturbed = known.acceleration_mm_s2[k, 0] ** 2 * 0.02
         added = np.zeros((4, 4))
         added[:2, :2] = disturbed * np.array([[t**3 / 3, t**2 / 2], [t**2 / 2, t]])
         added[2, 2] = added[3, 3] = 1 - keeps**2

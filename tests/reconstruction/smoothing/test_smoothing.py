@@ -92,7 +92,8 @@ def test_velocities_are_those_of_the_object():
 
 
 def test_at_rest_it_is_surer_than_in_movement():
-    variance = np.diagonal(smooth(noisy(pulsation())).series.covariance_mm2, axis1=2, axis2=3)[..., 2]
+    result = smooth(noisy(pulsation(), white=1.0), SmoothingSettings(bits=8))
+    variance = np.diagonal(result.series.covariance_mm2, axis1=2, axis2=3)[..., 2]
     assert np.sqrt(variance[17:19].mean() / variance[25:30].mean()) > 1.3
 
 
@@ -161,7 +162,32 @@ def test_without_points_there_is_nothing_to_smooth():
 
 
 def test_a_capture_of_a_minute_is_smoothed_as_well_as_one_of_two_seconds():
-    true = pulsation(3000, 4)
+    true = pulsation(3000, 12)
     result = smooth(noisy(true))
     assert result.measured.all()
     assert 0.8 < sigma_ratio(result, true) < 1.25
+
+
+def closing_in(fields, count=100, targets=60):
+    """(F, T, 3): rest, then eight millimetres within so many fields at one speed, and stopped dead."""
+    share = np.clip((np.arange(count) - 40.3) / fields, 0, 1)
+    depth = np.linspace(0.0, 8.0, targets)[:, np.newaxis]
+    return grid(targets) + share[:, np.newaxis, np.newaxis] * depth * np.array([0.05, 0.2, -1.0])
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.3])
+@pytest.mark.parametrize("fields", [1, 2, 4.5, 7.5])
+def test_a_closure_is_smoothed_to_less_than_the_error_of_single_fields(fields, lost):
+    true = closing_in(fields)
+    series = noisy(true, white=1.0)
+    kept = np.random.default_rng(3).random(len(true)) >= lost
+    series = type(series)(
+        *(getattr(series, name)[kept] if name != "target" else series.target for name in series.__slots__)
+    )
+    result, true = smooth(series, SmoothingSettings(bits=8)), true[kept]
+    single = np.sqrt(((series.xyz_mm - true) ** 2).mean())
+    assert np.sqrt((error_of(result, true) ** 2).mean()) < 0.7 * single
+    assert 0.75 < sigma_ratio(result, true) < 1.1
+    closing = np.abs(series.n - 40.3) < fields + 1
+    assert np.sqrt(((result.series.xyz_mm - true)[closing] ** 2).mean()) < 1.05 * single
+    assert not result.left_out.any()

@@ -60,7 +60,10 @@ def test_the_live_run_is_sealed_with_its_coverage(tmp_path):
 
 
 def test_coverage_that_is_no_document_is_damage(tmp_path):
-    path = write(tmp_path, slots(2), measured=range(2), coverage={1: [1]})
+    path = write(tmp_path, slots(2), measured=range(2), coverage={1: {"verdict": "measured_well"}})
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("UPDATE meta SET value = '[1]' WHERE key = 'coverage.1'")
+        connection.commit()
     with CaptureReader(path) as reader, pytest.raises(CaptureFileError, match="coverage of run 1"):
         _ = reader.runs
 

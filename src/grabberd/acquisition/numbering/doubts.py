@@ -12,7 +12,7 @@ late come in a burst, or ever earlier."""
 
 
 class Evidence(NamedTuple):
-    """What is known of a field's number, besides how it was numbered.
+    """Evidence about a field's number, besides how it was numbered.
 
     Attributes:
         uncertain_by: Doubt about this field alone.

@@ -126,7 +126,9 @@ class CorrespondenceSettings:
         stretch: Greatest relative change of the distance between neighbours.
         unmodelled_px: σ of picture errors that the calibration does not describe (local errors of the
             mirrors).
-        smoothness: Smoothness of the object's deformation.
+        smoothness: Smoothness of the object's deformation, as assumed where it alone tells targets apart.
+        following: The same, as assumed near positions predicted from earlier fields. The outermost columns of
+            a closed liner move otherwise than their neighbours tell; here that excludes no target.
     """
 
     farthest_mm: float = 9.0
@@ -136,6 +138,7 @@ class CorrespondenceSettings:
     stretch: float = 0.35
     unmodelled_px: float = 0.1
     smoothness: Smoothness = field(default_factory=Smoothness)
+    following: Smoothness = field(default_factory=lambda: Smoothness(sigma_mm=5.0, reach_mm=25.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,13 +181,15 @@ class Agreement:
         pitch_mm: Median distance of neighbours; infinite if there are none.
     """
 
-    def __init__(self, model: ObjectModel, settings: CorrespondenceSettings) -> None:
+    def __init__(
+        self, model: ObjectModel, settings: CorrespondenceSettings, smoothness: Smoothness | None = None
+    ) -> None:
         self.model = model
         self.settings = settings
         self._neighbours = model.neighbours()
         self._apart_mm = _lengths(model.xyz_mm, self._neighbours)
         self.pitch_mm = _median(self._apart_mm)
-        self.field = field_of(model, settings.smoothness, self.pitch_mm)
+        self.field = field_of(model, smoothness or settings.smoothness, self.pitch_mm)
 
     @property
     def pairs(self) -> tuple[Indices, Array]:

@@ -42,7 +42,8 @@ class Correspondence:
         model: The object.
         noise: Line jitter, and the scale at the object.
         settings: Limits of acceptance.
-        agreement: Judge of hypotheses.
+        agreement: Judge of hypotheses where nothing else tells targets apart.
+        following: Judge of hypotheses near positions predicted from earlier fields.
     """
 
     def __init__(
@@ -58,7 +59,12 @@ class Correspondence:
         self.noise = noise
         self.settings = settings or CorrespondenceSettings()
         self.agreement = Agreement(model, self.settings)
-        self._nearby = Nearby(kernel, rig, self.agreement, noise) if kernel and takes(rig) else None
+        self.following = Agreement(model, self.settings, self.settings.following)
+        self._nearby: dict[Agreement, Nearby] = {}
+        if kernel and takes(rig):
+            self._nearby = {
+                judge: Nearby(kernel, rig, judge, noise) for judge in (self.agreement, self.following)
+            }
 
     def identify(self, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """Identify the targets seen in both views, independently of earlier fields.
@@ -74,9 +80,11 @@ class Correspondence:
         known = hypotheses(self.rig, self.model, blurred, self.noise, self.settings)
         grown = self.agreement.largest(known)
         if not len(grown):
-            return self._sight(grown, grown, grown, left, right)
+            return self._sight(self.agreement, grown, grown, grown, left, right)
         _, expected = self.agreement.consistent(known, grown)
-        return self.near(*self.expected_places(expected), left, right)
+        sighting = self._near(self.agreement, *self.expected_places(expected), left, right)
+        # What is cautious about telling targets apart would be rash about where to look for the others.
+        return replace(sighting, expected=self._foreseen(sighting), settled=None)
 
     def near(self, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs) -> Sighting:
         """Find the targets seen in both views near their expected positions.
@@ -87,13 +95,28 @@ class Correspondence:
             left: Blobs of the left view, targets and others, in any order.
             right: Blobs of the right view.
         """
-        if self._nearby is not None:
-            return self._nearby.near(places_mm, sigma_mm, left, right)
+        return self._near(self.following, places_mm, sigma_mm, left, right)
+
+    def _foreseen(self, sighting: Sighting) -> Expected:
+        """Prediction of all targets from those of a sighting, for the next field."""
+        seen = np.zeros(len(self.model), np.bool_)
+        displacement_mm = np.zeros_like(self.model.xyz_mm)
+        seen[sighting.target] = True
+        displacement_mm[sighting.target] = sighting.points.xyz_mm - self.model.xyz_mm[sighting.target]
+        return self.following.field.expect(seen, displacement_mm)
+
+    def _near(
+        self, judge: Agreement, places_mm: Array, sigma_mm: Array, left: ViewBlobs, right: ViewBlobs
+    ) -> Sighting:
+        if judge in self._nearby:
+            return self._nearby[judge].near(places_mm, sigma_mm, left, right)
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         misses = (of_left < 0) * int(Miss.NO_BLOB_LEFT) + (of_right < 0) * int(Miss.NO_BLOB_RIGHT)
         target = np.flatnonzero(misses == Miss.FOUND)
-        found = self._sight(target, of_left[target], of_right[target], left, right, places_mm[target], misses)
+        found = self._sight(
+            judge, target, of_left[target], of_right[target], left, right, places_mm[target], misses
+        )
         return replace(found, misses=misses, predicted_px=predicted.image_px.transpose(1, 2, 0))
 
     def meeting(
@@ -110,8 +133,8 @@ class Correspondence:
         Returns:
             (K,) indices of their targets in the object model, and (K, 3) the points where the rays meet.
         """
-        if self._nearby is not None:
-            return self._nearby.meeting(places_mm, sigma_mm, left, right)
+        if self.following in self._nearby:
+            return self._nearby[self.following].meeting(places_mm, sigma_mm, left, right)
         predicted = self.predict(places_mm, sigma_mm, self._typical_px(left, right))
         of_left, of_right = (predicted.nearest(i, view.xy_px) for i, view in enumerate((left, right)))
         target = np.flatnonzero((of_left >= 0) & (of_right >= 0))
@@ -135,6 +158,7 @@ class Correspondence:
 
     def _sight(
         self,
+        judge: Agreement,
         target: Indices,
         of_left: Indices,
         of_right: Indices,
@@ -154,7 +178,7 @@ class Correspondence:
         variance = np.diagonal(points.covariance_mm2, axis1=1, axis2=2) * blurring[:, np.newaxis]
         displacement = points.xyz_mm - self.model.xyz_mm[target]
         known = Hypotheses(target, of_left, of_right, displacement, variance)
-        chosen, expected = self.agreement.consistent(known, meeting)
+        chosen, expected = judge.consistent(known, meeting)
         if misses is not None:
             misses[target] = Miss.RAYS_APART
             misses[target[meeting]] = Miss.OFF_PLACE

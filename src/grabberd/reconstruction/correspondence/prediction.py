@@ -1,12 +1,11 @@
 """Prediction of target images in the next field, and assignment of the blobs near them."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from grabberd.geometry import Rig, View, linearise
+from grabberd.geometry import Rig, linearise
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -61,18 +60,6 @@ class Prediction:
         return (_of_all if image.shape[1] * len(xy_px) <= FEW_PAIRS else _of_those_beside)(
             image, reach, xy_px.T
         )
-
-    def windows(self, views: Sequence[View]) -> Array:
-        """(K, 4) windows x0, y0, x1, y1 in frame pixels that cover all positions within reach in a view's
-        half.
-        """
-        # Infinite edges stay infinite, and clipping leaves such a window empty.
-        low, high = self.image_px - self.reach_px, self.image_px + self.reach_px
-        boxes = np.concatenate([low, high]).transpose(1, 2, 0)
-        for view, of_view in zip(views, boxes, strict=True):
-            np.clip(of_view[:, ::2], view.first_column - 0.5, view.end_column - 0.5, out=of_view[:, ::2])
-        flat = boxes.reshape(-1, 4)
-        return flat[flat[:, 0] < flat[:, 2]]
 
 
 def _of_all(image: Array, reach: Array, blobs: Array) -> Indices:

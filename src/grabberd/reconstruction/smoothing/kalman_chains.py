@@ -35,8 +35,8 @@ class Chains:
             parity's sign.
         keeps: (F, B) correlation of the locked errors with those of the previous measurement, 0 to 1.
         elapsed_s: (F,) time since the previous measurement; 0 for the first.
-        acceleration_mm_s2: (F,) standard deviation of the acceleration since the previous measurement, drawn
-            anew every 20 ms; 0 everywhere means rest.
+        acceleration_mm_s2: (F, B) or (F, 1) standard deviation of the acceleration since the previous
+            measurement, drawn anew every 20 ms; 0 everywhere means rest.
     """
 
     value_mm: Array
@@ -56,15 +56,27 @@ class Chains:
             common_mm=self.common_mm[:, chosen],
             opposite_mm=self.opposite_mm[:, chosen],
             keeps=self.keeps[:, chosen],
+            acceleration_mm_s2=np.broadcast_to(self.acceleration_mm_s2, self.value_mm.shape)[:, chosen],
         )
 
 
 class SmoothedChains(NamedTuple):
-    """(F, B) positions, their variances, and rates."""
+    """(F, B) positions, their variances, and rates; and what the measurements say about the acceleration.
+
+    Attributes:
+        value_mm: Positions.
+        variance_mm2: Their variances.
+        rate_mm_s: Rates.
+        accelerated: Square of the acceleration that the measurements show since the previous one, in units of
+            its assumed variance.
+        freedom: Degrees of freedom with which they show it, 0 to 2: its expectation if that is right.
+    """
 
     value_mm: Array
     variance_mm2: Array
     rate_mm_s: Array
+    accelerated: Array
+    freedom: Array
 
 
 class _Step(NamedTuple):
@@ -156,13 +168,18 @@ def _predicted(chains: Chains, k: int, state: Array, covariance: Array) -> tuple
     covariance[:, 2:] *= keeps
     covariance[2, 2] += 1.0 - keeps * keeps
     covariance[3, 3] += 1.0 - keeps * keeps
-    # White acceleration, integrated over the elapsed time to velocity and position.
-    disturbed = chains.acceleration_mm_s2[k] ** 2 * _ACCELERATES_EVERY_S
-    covariance[0, 0] += disturbed * elapsed**3 / 3.0
-    covariance[0, 1] += disturbed * elapsed**2 / 2.0
-    covariance[1, 0] += disturbed * elapsed**2 / 2.0
-    covariance[1, 1] += disturbed * elapsed
+    covariance[:2, :2] += _noise(chains, k)
     return state, covariance
+
+
+def _noise(chains: Chains, k: int) -> Array:
+    """(2, 2, B) covariance of white acceleration, integrated over the time before measurement k to position
+    and rate.
+    """
+    elapsed = chains.elapsed_s[k]
+    each = elapsed * np.array([[elapsed**2 / 3.0, elapsed / 2.0], [elapsed / 2.0, 1.0]])
+    noise: Array = each[..., np.newaxis] * chains.acceleration_mm_s2[k] ** 2 * _ACCELERATES_EVERY_S
+    return noise
 
 
 def _backward(chains: Chains, steps: list[_Step]) -> SmoothedChains:
@@ -170,7 +187,7 @@ def _backward(chains: Chains, steps: list[_Step]) -> SmoothedChains:
     information.
     """
     shape = chains.value_mm.shape
-    value, variance, rate = (np.empty(shape) for _ in range(3))
+    value, variance, rate, accelerated, freedom = (np.empty(shape) for _ in range(5))
     gradient = np.zeros((_STATES, shape[1]))
     information = np.zeros((_STATES, _STATES, shape[1]))
     for k in range(shape[0] - 1, -1, -1):
@@ -179,12 +196,19 @@ def _backward(chains: Chains, steps: list[_Step]) -> SmoothedChains:
         first = step.covariance[0]
         value[k], rate[k] = state[0], state[1]
         variance[k] = first[0] - np.einsum("ib,ijb,jb->b", first, information, first)
-        gradient, information = _before(chains, k, step, gradient, information)
-    return SmoothedChains(value, variance, rate)
+        gradient, information = _over_measurement(chains, k, step, gradient, information)
+        noise = _noise(chains, k)
+        pull = gradient[:2]
+        accelerated[k] = np.einsum("ib,ijb,jb->b", pull, noise, pull)
+        freedom[k] = np.einsum("ijb,jib->b", noise, information[:2, :2])
+        gradient, information = _over_time(chains, k, gradient, information)
+    return SmoothedChains(value, variance, rate, accelerated, freedom)
 
 
-def _before(chains: Chains, k: int, step: _Step, gradient: Array, information: Array) -> tuple[Array, Array]:
-    """Carry gradient and information back over measurement k and the time before it."""
+def _over_measurement(
+    chains: Chains, k: int, step: _Step, gradient: Array, information: Array
+) -> tuple[Array, Array]:
+    """Carry gradient and information back over measurement k."""
     carried = np.einsum("ijb,jb->ib", information, step.gain)
     pull = (step.gain * gradient).sum(axis=0) + step.surprise * step.weight
     certainty = (step.gain * carried).sum(axis=0) + step.weight
@@ -193,6 +217,11 @@ def _before(chains: Chains, k: int, step: _Step, gradient: Array, information: A
     mixed = seen[:, np.newaxis] * carried
     gradient = gradient - seen * pull
     information = information - mixed - mixed.swapaxes(0, 1) + certainty * seen[:, np.newaxis] * seen
+    return gradient, information
+
+
+def _over_time(chains: Chains, k: int, gradient: Array, information: Array) -> tuple[Array, Array]:
+    """Carry gradient and information back over the time before measurement k; changes the arrays."""
     elapsed, keeps = chains.elapsed_s[k], chains.keeps[k]
     gradient[1] += elapsed * gradient[0]
     gradient[2:] *= keeps

@@ -1,7 +1,7 @@
 """Smoothing of points over time, target by target: a motion model, and errors that are not all white.
 
-The motion is a constant velocity disturbed by white acceleration, whose size is chosen by likelihood,
-separately for fields in which the object rests and moves; standing still is the limit. The errors have a
+The motion is a constant velocity disturbed by white acceleration, whose size is found anew for every interval
+between two fields (`manoeuvres`); standing still is the limit. The errors have a
 white part and two parts locked to the target's position between the pixels (`ErrorShares`): those are states
 of their own, a Gauss–Markov process that forgets as the image moves, so that an object at rest does not
 average them. The calibration's covariance is common to all fields and is passed on unchanged.
@@ -10,7 +10,6 @@ X, Y and Z are filtered separately: Kalman forward, and backward after Bryson an
 inverse covariance and therefore works without any motion noise.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,17 +24,14 @@ from grabberd.reconstruction.smoothing.kalman_chains import (
     likelihood,
     smoothed_chains,
 )
+from grabberd.reconstruction.smoothing.manoeuvres import manoeuvres
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 REST = 0.0
 """Zero acceleration: the object stands still."""
-ACCELERATIONS_MM_S2 = (REST, 5.0, 20.0, 80.0, 320.0, 1280.0, 5120.0)
-"""Candidates for the likelihood to choose from."""
 _ROUNDS = 4
-_CHOSEN_ON = (600, 25)
-"""Numbers of fields and targets on which the acceleration is chosen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +40,8 @@ class SmoothingSettings:
 
     Attributes:
         bits: Bits per pixel of the fields that the points come from: with few, less of the error is white.
-        acceleration_mm_s2: Standard deviation of the acceleration, drawn anew every 20 ms; None chooses it by
-            likelihood; `REST` if the object stands still.
+        acceleration_mm_s2: Standard deviation of the acceleration, drawn anew every 20 ms; None finds it for
+            every interval; `REST` if the object stands still.
         shares: White and locked parts of the errors; None estimates them from the points.
         forgets_px: Image movement over which a locked error falls to 1/e.
         gate: Deviation in standard deviations beyond which a point is left out.
@@ -67,7 +63,8 @@ class Smoothed:
         velocity_mm_s: (F, T, 3).
         measured: (F, T) True where a measured point was used; elsewhere the motion model bridges a gap.
         left_out: (F, T) True for points that contradict the others.
-        acceleration_mm_s2: (F,) acceleration used, field by field.
+        acceleration_mm_s2: (F,) acceleration used since the previous field, root mean square over all
+            targets and axes.
         shares: Error shares used.
     """
 
@@ -97,11 +94,11 @@ def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Sm
             "check threshold, calibration and object model: nothing was found",
         )
     rest = rest_fields(series)
-    acceleration = _acceleration(series, rest, settings)
+    acceleration = _acceleration(series, settings)
     shares = settings.shares or ErrorShares.of(series, rest, settings.bits)
     left_out = np.zeros(series.seen.shape, np.bool_)
     for _ in range(_ROUNDS):
-        result = _smooth(series.without(left_out), acceleration, shares, settings.forgets_px)
+        result = _smooth(series.without(left_out), acceleration, shares, settings)
         contradicted = _contradicted(series, result.series, settings.gate) & ~left_out
         if not contradicted.any():
             break
@@ -109,7 +106,9 @@ def smooth(series: PointSeries, settings: SmoothingSettings | None = None) -> Sm
     return replace(result, left_out=left_out)
 
 
-def _smooth(series: PointSeries, acceleration: Array, shares: ErrorShares, forgets_px: float) -> Smoothed:
+def _smooth(
+    series: PointSeries, acceleration: Array, shares: ErrorShares, settings: SmoothingSettings
+) -> Smoothed:
     """Smooth once as if all errors were white, to learn how the targets move; then with locked errors."""
     chains = _chains(series, acceleration)
     moved_px = _moved_px(series, smoothed_chains(chains).value_mm)
@@ -121,8 +120,12 @@ def _smooth(series: PointSeries, acceleration: Array, shares: ErrorShares, forge
         white_mm2=np.tile(shares.white, targets) * chains.white_mm2,
         common_mm=np.sqrt(np.tile(shares.common, targets)) * sigma,
         opposite_mm=sign * np.sqrt(np.tile(shares.opposite, targets)) * sigma,
-        keeps=np.repeat(np.exp(-moved_px / forgets_px), 3, axis=1),
+        keeps=np.repeat(np.exp(-moved_px / settings.forgets_px), 3, axis=1),
     )
+    if settings.acceleration_mm_s2 is None and acceleration.any():
+        # Once more: of errors that stay with the position, less is movement than if they were white.
+        acceleration = manoeuvres(divided)
+        divided = replace(divided, acceleration_mm_s2=acceleration)
     return _result(series, smoothed_chains(divided), acceleration, shares)
 
 
@@ -138,41 +141,19 @@ def _chains(series: PointSeries, acceleration: Array) -> Chains:
         opposite_mm=nothing,
         keeps=np.ones_like(nothing),
         elapsed_s=np.diff(series.time_s, prepend=series.time_s[0]),
-        acceleration_mm_s2=acceleration,
+        acceleration_mm_s2=acceleration.reshape(len(series.n), -1),
     )
 
 
-def _acceleration(series: PointSeries, rest: Mask, settings: SmoothingSettings) -> Array:
-    """(F,) acceleration as given, or most likely: one for all fields, then separately for rest and
-    movement.
-    """
+def _acceleration(series: PointSeries, settings: SmoothingSettings) -> Array:
+    """(F, B) acceleration as given, or as shown; none, if standing still explains the points as well."""
+    still = _chains(series, np.full((len(series.n), 1), REST))
     if settings.acceleration_mm_s2 is not None:
-        return np.full(len(series.n), settings.acceleration_mm_s2)
-    some, at_rest = _some(series, rest)
-    everywhere = np.ones_like(at_rest)
-    overall = _likeliest(some, everywhere, ACCELERATIONS_MM_S2, REST)
-    if overall == REST:
-        return np.zeros(len(rest))
-    slower = [each for each in ACCELERATIONS_MM_S2 if REST < each <= overall]
-    slow = _likeliest(some, at_rest, slower, overall)
-    faster = [each for each in ACCELERATIONS_MM_S2 if each >= overall]
-    return np.where(rest, slow, _likeliest(some, ~at_rest, faster, slow))
-
-
-def _likeliest(series: PointSeries, where: Mask, tried: Sequence[float], elsewhere: float) -> float:
-    """Most likely of the accelerations tried in some fields, with another one elsewhere."""
-    chains = [_chains(series, np.where(where, one, elsewhere)) for one in tried]
-    return tried[int(np.argmax([likelihood(each).sum() for each in chains]))]
-
-
-def _some(series: PointSeries, rest: Mask) -> tuple[PointSeries, Mask]:
-    """Some targets, in the fields around the first movement."""
-    fields, targets = _CHOSEN_ON
-    first = int(np.clip(rest.argmin() - fields // 2, 0, max(len(rest) - fields, 0)))
-    count = len(series.target)
-    chosen = np.linspace(0, count - 1, min(targets, count)).astype(np.intp)
-    span = slice(first, first + fields)
-    return series.part(span, chosen), rest[span]
+        return still.acceleration_mm_s2 + settings.acceleration_mm_s2
+    moving = replace(still, acceleration_mm_s2=manoeuvres(still))
+    # Every interval's acceleration is a parameter more (Akaike).
+    gain = likelihood(moving).sum() - likelihood(still).sum()
+    return moving.acceleration_mm_s2 if gain > len(series.n) else still.acceleration_mm_s2
 
 
 def _moved_px(series: PointSeries, flat_mm: Array) -> Array:
@@ -205,7 +186,8 @@ def _result(
         + outside[..., np.newaxis],
     )
     rate = chains.rate_mm_s.reshape(shape) + outside
-    return Smoothed(smoothed, rate, seen, np.zeros_like(seen), acceleration, shares)
+    used = np.sqrt((acceleration.reshape(len(seen), -1) ** 2).mean(axis=1))
+    return Smoothed(smoothed, rate, seen, np.zeros_like(seen), used, shares)
 
 
 def _nearest_seen(seen: Mask) -> NDArray[np.intp]:

@@ -19,10 +19,12 @@ from grabberd.reconstruction.view_blobs import ImageNoise, ViewBlobs
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-_UNKNOWN_PX = 0.5
-"""Standard deviation of a blob before it has been located."""
 _VAGUE = 0.1
 """Share of the pitch beyond which the uncertainty of a target's movement makes a prediction vague."""
+_CLEARLY = 1.05
+"""Ratio of numbers of targets beyond which a followed sighting is preferred to an identified one."""
+_OTHERWISE = 0.5
+"""Share of `TrackingSettings.astray_mm` beyond which targets found predict the rest instead of the track."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,8 +81,8 @@ class TrackingSettings:
         longest_gap_s: Time without a followed field after which targets are identified anew.
         least_share: Targets are also identified anew if fewer are found than this share of those before, or
             of the blobs.
-        surprise: Likewise, keeping their velocities, if the root mean square of their distances from the
-            predicted positions exceeds this many standard deviations, as for a wall that stops abruptly.
+        astray_mm: Likewise, keeping their velocities, if the root mean square of their distances from the
+            predicted positions exceeds this, as for a wall that stops abruptly.
         firm: A target not seen recently is reported at once only if the others predict it better than this
             share of the targets' pitch; otherwise when it is seen a second time.
         correspondence: Gates, and the object's deformation.
@@ -90,8 +92,8 @@ class TrackingSettings:
     acceleration_mm_s2: float = 1250.0
     longest_gap_s: float = 0.07
     least_share: float = 0.35
-    surprise: float = 0.8
-    firm: float = 0.06
+    astray_mm: float = 0.4
+    firm: float = 0.1
     correspondence: CorrespondenceSettings = field(default_factory=CorrespondenceSettings)
 
 
@@ -139,20 +141,6 @@ class Tracker:
             return self._begun(sighting, unseen_s), sighting.points
         return replace(track, unseen_s=unseen_s, age_s=elapsed_s, sighting=None), Points.none()
 
-    def windows(self, track: Track, dt_s: float) -> Array | None:
-        """Compute the search windows for blobs in the field `dt_s` after the last.
-
-        Returns:
-            (K, 4) float64 x0, y0, x1, y1 in frame pixels: possible positions of a blob's centre, for all
-            targets that may lie in the left view's half, then in the right's; None if nothing is tracked and
-            a target may be anywhere.
-        """
-        elapsed_s = track.age_s + dt_s
-        if elapsed_s > self.settings.longest_gap_s:
-            return None
-        predicted = self.correspondence.predict(*self._moved(track, elapsed_s), _UNKNOWN_PX)
-        return predicted.windows(self.rig.views)
-
     def _believed(self, track: Track, sighting: Sighting) -> Mask:
         """(K,) True for points to report: seen recently, or well predicted by the others.
 
@@ -163,17 +151,23 @@ class Tracker:
         return lately | (sighting.expected.sigma_mm[sighting.target] <= firm_mm)
 
     def _follow(self, track: Track, left: ViewBlobs, right: ViewBlobs, elapsed_s: float) -> Sighting:
-        """Search where the targets have moved to; if that is vague, again where those found predict the
-        rest.
+        """Search where the targets have moved to; again where those found predict the rest, if that was vague
+        or they have moved otherwise; and without any prediction if they have moved quite otherwise.
         """
         places_mm, sigma_mm = self._moved(track, elapsed_s)
         sighting = self.correspondence.near(places_mm, sigma_mm, left, right)
-        if _surprise(sighting, places_mm, sigma_mm) > self.settings.surprise:
-            return self.correspondence.identify(left, right)
-        vague_mm = _VAGUE * self.correspondence.agreement.pitch_mm
-        if track.speed_sigma_mm_s * elapsed_s <= vague_mm or not len(sighting):
+        if not len(sighting):
             return sighting
-        return self.correspondence.near(*self.correspondence.expected_places(sighting.expected), left, right)
+        vague_mm = track.speed_sigma_mm_s * elapsed_s
+        astray_mm = _surprise(sighting, places_mm, sigma_mm) * vague_mm
+        is_vague = vague_mm > _VAGUE * self.correspondence.agreement.pitch_mm
+        if is_vague or astray_mm > _OTHERWISE * self.settings.astray_mm:
+            sighting = self.correspondence.near(
+                *self.correspondence.expected_places(sighting.expected), left, right
+            )
+        if astray_mm > self.settings.astray_mm:
+            return _better(sighting, self.correspondence.identify(left, right))
+        return sighting
 
     def _moved(self, track: Track, elapsed_s: float) -> tuple[Array, Array]:
         """Positions (M, 3) in mm after that time, and their standard deviations (M,)."""
@@ -189,6 +183,11 @@ class Tracker:
     def _continued(self, track: Track, sighting: Sighting, unseen_s: Array, elapsed_s: float) -> Track:
         settled = self._settled(sighting)
         velocity_mm_s = (settled[0] - track.xyz_mm) / elapsed_s
+        before, now = track.unseen_s == 0.0, np.zeros(len(self.model), np.bool_)
+        now[sighting.target] = True
+        if (changed := before ^ now).any() and (same := before & now).any():
+            # From a predicted place to a measured one is no movement, and would lose the target again.
+            velocity_mm_s[changed] = velocity_mm_s[same].mean(axis=0)
         speed_sigma_mm_s = self.settings.acceleration_mm_s2 * elapsed_s
         return self._after(sighting, settled, unseen_s, velocity_mm_s, speed_sigma_mm_s)
 
@@ -225,6 +224,20 @@ class Tracker:
         depth = np.sqrt(np.diagonal(sighting.points.covariance_mm2, axis1=1, axis2=2).max(axis=1))
         sigma[sighting.target] = np.minimum(sigma[sighting.target], depth)
         return sigma
+
+
+def _better(followed: Sighting, identified: Sighting) -> Sighting:
+    """Choose the followed sighting if it agrees with the identified one about blobs and is clearly larger.
+
+    Few more would rather be false: the identified one needed no prediction.
+    """
+    both, ours, theirs = np.intersect1d(
+        followed.target, identified.target, assume_unique=True, return_indices=True
+    )
+    same = followed.left[ours] == identified.left[theirs]
+    same &= followed.right[ours] == identified.right[theirs]
+    agree = len(both) > 0 and bool(same.all())
+    return followed if agree and len(followed) > _CLEARLY * len(identified) else identified
 
 
 def _surprise(sighting: Sighting, places_mm: Array, sigma_mm: Array) -> float:
