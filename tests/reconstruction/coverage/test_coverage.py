@@ -147,7 +147,7 @@ def displaced(by_mm):
     return replace(MODEL, xyz_mm=xyz_mm)
 
 
-@pytest.mark.parametrize("by_mm", [(0.9, 0.0, 0.0), (0.0, 1.6, 0.0)])
+@pytest.mark.parametrize("by_mm", [(1.5, 0.0, 0.0), (0.0, 1.6, 0.0)])
 def test_a_target_off_its_place_in_the_object_file_is_told_with_its_distance(by_mm):
     coverage = covered(object_model=displaced(by_mm))
     assert coverage.chief_miss[MIDDLE] == Miss.OFF_PLACE
